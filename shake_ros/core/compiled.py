@@ -1,0 +1,64 @@
+"""The one `njit` of the package, with a cache that cannot go stale.
+
+numba keys its cache by the file of the function alone and does not notice an edit in a file that the
+function calls into. Here the cache folder's name carries a hash of every source file of the package and of
+the versions of numba, llvmlite, numpy and Python: any edit starts a fresh folder, an unchanged package
+starts warm in about a second.
+
+`error_model="numpy"` (division by zero gives inf, as on the hardware) and no `fastmath`: NaN must stay NaN,
+and a result must not depend on how a compiler reassociates a sum.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import platform
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+PACKAGE = Path(__file__).resolve().parent.parent
+KEPT_CACHES = 3
+
+
+def source_hash(package: Path = PACKAGE) -> str:
+    """Hash of the package's sources and of the versions that compiled code depends on, 16 hex digits."""
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        digest.update(str(path.relative_to(package)).encode())
+        digest.update(path.read_bytes())
+    from importlib.metadata import version
+
+    digest.update(
+        f"{sys.version}{platform.machine()}{version('numba')}{version('llvmlite')}{version('numpy')}".encode()
+    )
+    return digest.hexdigest()[:16]
+
+
+def _cache_folder() -> str:
+    """Folder for compiled code; the oldest of earlier ones are removed, a read-only home falls back to /tmp."""
+    home = Path(os.environ.get("XDG_CACHE_HOME", "") or Path.home() / ".cache")
+    for root in (home / "shake_ros", Path(tempfile.gettempdir()) / f"shake_ros-{os.getuid()}"):
+        folder = root / f"compiled-{source_hash()}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            os.utime(folder)
+        except OSError:
+            continue
+        others = sorted(root.glob("compiled-*"), key=lambda p: p.stat().st_mtime if p.exists() else 0.0)
+        for old in others[:-KEPT_CACHES]:
+            shutil.rmtree(old, ignore_errors=True)
+        return str(folder)
+    return tempfile.mkdtemp(prefix="shake_ros-")
+
+
+if "NUMBA_CACHE_DIR" not in os.environ:
+    os.environ["NUMBA_CACHE_DIR"] = _cache_folder()
+
+import numba  # noqa: E402  (reads its cache folder at import)
+
+njit: Any = functools.partial(numba.njit, cache=True, nogil=True, error_model="numpy")

@@ -1,0 +1,147 @@
+"""Physical quantities as dataclass fields: name, unit, meaning, bounds; and the error types of the package.
+
+Every parameter of every law, effect, controller, observer, reference and node is a field made by `quantity`
+(a number) or `choice` (a name) in a frozen dataclass derived from `Parameters`. The same field gives the
+check of a YAML file, the ROS parameter with its range and description, and the column of a report.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, dataclass
+from typing import Any, TypeVar
+
+P = TypeVar("P", bound="Parameters")
+
+
+class ShakeError(ValueError):
+    """Wrong input from outside: one line that names what and where. A command that meets it exits with 2."""
+
+
+class OutOfBounds(ShakeError):
+    """A quantity outside its bounds, or not a finite number."""
+
+
+class UnknownName(ShakeError):
+    """A name that is not known; the message lists the known ones and the nearest."""
+
+
+def unknown_name(kind: str, name: object, known: Iterable[str], where: str = "") -> UnknownName:
+    """The error for `name`, which is not among `known`.
+
+    >>> print(unknown_name("effect", "soft_zon", ["soft_zone", "dead_volume"]))
+    unknown effect 'soft_zon' (did you mean 'soft_zone'?); known: dead_volume, soft_zone
+    """
+    names = sorted(known)
+    near = difflib.get_close_matches(str(name), names, n=1)
+    hint = f" (did you mean '{near[0]}'?)" if near else ""
+    place = f"{where}: " if where else ""
+    return UnknownName(f"{place}unknown {kind} '{name}'{hint}; known: {', '.join(names)}")
+
+
+def quantity(
+    unit: str,
+    meaning: str,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    live: bool = False,
+    default: Any = MISSING,
+) -> Any:
+    """A number in a `Parameters` dataclass.
+
+    Parameters
+    ----------
+    unit : SI unit, "-" for a pure number.
+    meaning : what it is, in a few words.
+    low, high : inclusive bounds.
+    live : whether a node lets it be changed while running.
+    default : only for what is neutral (an effect's absence, a switch); physical numbers live in config/.
+    """
+    return dataclasses.field(
+        default=default, metadata={"unit": unit, "meaning": meaning, "low": low, "high": high, "live": live}
+    )
+
+
+def choice(meaning: str, names: Iterable[str] = (), *, live: bool = False, default: Any = MISSING) -> Any:
+    """A name in a `Parameters` dataclass; `names` lists what is allowed, empty for any text."""
+    return dataclasses.field(
+        default=default, metadata={"unit": "", "meaning": meaning, "names": tuple(names), "live": live}
+    )
+
+
+def check(name: str, value: Any, metadata: Mapping[str, Any], kind: type) -> Any:
+    """`value` converted to `kind` after its bounds are checked; raises OutOfBounds or UnknownName.
+
+    >>> check("damping", 0.7, {"low": 0.0, "high": 2.0, "unit": "-"}, float)
+    0.7
+    """
+    if kind is str:
+        names = metadata.get("names", ())
+        if not isinstance(value, str):
+            raise OutOfBounds(f"{name} = {value!r} is not a text")
+        if names and value not in names:
+            raise unknown_name(name, value, names)
+        return value
+    if kind is bool:
+        if not isinstance(value, bool):
+            raise OutOfBounds(f"{name} = {value!r} is not true or false")
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise OutOfBounds(f"{name} = {value!r} is not a finite number")
+    low, high = metadata.get("low", -math.inf), metadata.get("high", math.inf)
+    if not low <= value <= high:
+        unit = metadata.get("unit", "-")
+        suffix = "" if unit in ("", "-") else f" {unit}"
+        raise OutOfBounds(f"{name} = {value:g} is outside {low:g} … {high:g}{suffix}")
+    if kind is int and float(value) != int(value):
+        raise OutOfBounds(f"{name} = {value!r} is not a whole number")
+    return kind(value)
+
+
+KINDS: dict[str, type] = {"float": float, "int": int, "bool": bool, "str": str}
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Base of every parameter set: checks each field against its bounds when built."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            kind = KINDS.get(str(field.type))
+            if kind is not None:
+                value = check(field.name, getattr(self, field.name), field.metadata, kind)
+                object.__setattr__(self, field.name, value)
+
+    @classmethod
+    def from_mapping(cls: type[P], mapping: Mapping[str, Any], where: str) -> P:
+        """Build from a YAML mapping; unknown and missing keys are errors that list what is known."""
+        if not isinstance(mapping, Mapping):
+            raise ShakeError(f"{where}: expected a mapping of names to values, got {type(mapping).__name__}")
+        fields = {f.name: f for f in dataclasses.fields(cls)}
+        for key in mapping:
+            if key not in fields:
+                raise unknown_name("parameter", key, fields, where)
+        missing = [n for n, f in fields.items() if f.default is MISSING and n not in mapping]
+        if missing:
+            raise ShakeError(f"{where}: missing {', '.join(missing)}")
+        try:
+            return cls(**mapping)
+        except ShakeError as error:
+            raise type(error)(f"{where}: {error}") from None
+
+    def replace(self: P, **changes: Any) -> P:
+        """A copy with some fields changed, checked again; an unknown name is an error."""
+        names = [f.name for f in dataclasses.fields(self)]
+        for key in changes:
+            if key not in names:
+                raise unknown_name("parameter", key, names)
+        return dataclasses.replace(self, **changes)
+
+
+def describe(cls: type[Parameters]) -> dict[str, Mapping[str, Any]]:
+    """Metadata (unit, meaning, low, high, live) of each field by name."""
+    return {f.name: f.metadata for f in dataclasses.fields(cls)}
