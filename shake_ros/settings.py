@@ -1,0 +1,101 @@
+"""config/*.yaml → dataclasses, strict: unknown, missing and doubled keys are errors that name the file."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
+
+P = TypeVar("P", bound=Parameters)
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """A YAML loader that refuses a key given twice and reads 1e5 as a number."""
+
+
+def _strict_mapping(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
+    seen: dict[Any, Any] = {}
+    for key_node, value_node in node.value:
+        key = loader.construct_object(key_node, deep=True)  # type: ignore[no-untyped-call]
+        if isinstance(key, list | dict):
+            raise yaml.constructor.ConstructorError(None, None, "a key is not a plain name", key_node.start_mark)
+        if key in seen:
+            raise yaml.constructor.ConstructorError(None, None, f"key '{key}' twice", key_node.start_mark)
+        seen[key] = loader.construct_object(value_node, deep=True)  # type: ignore[no-untyped-call]
+    return seen
+
+
+def _number(loader: _StrictLoader, node: yaml.ScalarNode) -> float:
+    return float(loader.construct_scalar(node).replace("_", ""))
+
+
+_StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _strict_mapping)
+_StrictLoader.add_constructor("!float", _number)
+_StrictLoader.add_implicit_resolver(  # YAML 1.1 takes 1e5 and 1.0e5 for text
+    "!float", re.compile(r"^[-+]?(?:\d[\d_]*\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+0123456789.")
+)
+
+
+def config_folder() -> Path:
+    """The folder config/: beside the package in a source tree, else share/shake_ros/config where it was installed."""
+    package = Path(__file__).resolve().parent
+    beside = package.parent / "config"
+    if beside.is_dir():
+        return beside
+    for root in (Path(sys.prefix), *package.parents):
+        installed = root / "share" / "shake_ros" / "config"
+        if installed.is_dir():
+            return installed
+    raise ShakeError(f"config folder not found: neither {beside} nor share/shake_ros/config under {sys.prefix}")
+
+
+def read_yaml(path: Path) -> Any:
+    """The content of a YAML file; one clear line where it is absent, unreadable or malformed."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ShakeError(f"{path}: cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise ShakeError(f"{path}: is not UTF-8 text") from None
+    try:
+        return yaml.load(text, Loader=_StrictLoader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        line = " ".join(str(error).split())
+        raise ShakeError(f"{path}: not valid YAML: {line[:300]}") from None
+
+
+def find(kind: str, name: str) -> Path:
+    """Path of configuration `name` of a kind (table, controller, observer, reference): a known name or a file.
+
+    Raises UnknownName, listing the known names, where it is neither.
+    """
+    if name.endswith((".yaml", ".yml")) or "/" in name:
+        return Path(name).expanduser()
+    folder = config_folder() / kind
+    path = folder / f"{name}.yaml"
+    if not path.is_file():
+        raise unknown_name(kind, name, (p.stem for p in folder.glob("*.yaml")))
+    return path
+
+
+def load_variant(kind: str, name: str, family: Mapping[str, type[P]]) -> tuple[str, P]:
+    """Read config/<kind>/<name>.yaml, whose key `kind` picks the class in a family's table.
+
+    Returns
+    -------
+    (family name, parameters)
+    """
+    path = find(kind, name)
+    content = read_yaml(path)
+    if not isinstance(content, dict) or "kind" not in content:
+        raise ShakeError(f"{path}: missing key 'kind' (one of {', '.join(sorted(family))})")
+    chosen = content.pop("kind")
+    if chosen not in family:
+        raise unknown_name(kind, chosen, family, str(path))
+    return chosen, family[chosen].from_mapping(content, str(path))
