@@ -1,0 +1,1 @@
+"""The nodes: the only folder that imports rclpy or message packages."""

@@ -1,0 +1,112 @@
+"""Every topic and service: name, type and quality of service. One page per topic stands in msg_docs/.
+
+All names but `/clock` and `/diagnostics` are relative; the nodes' default namespace is `NAMESPACE`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import FluidPressure, Imu, JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+NAMESPACE = "/shake"
+TABLE_JOINT = "table"
+VALVE_JOINT = "servo_valve"
+
+# Lock-step: nothing may be lost, whatever the order of discovery and the speed of the machine. Both sides keep
+# everything, so a slow reader holds the writer back; transient local serves the reader that is matched late.
+LOCKSTEP_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_ALL,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+# Real time: no reader may hold a writer back. A reader that falls more than a second behind loses samples,
+# which shows as a gap in the stamps.
+REALTIME_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1000,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+# A recorder or player in real time takes everything that a writer still has.
+REALTIME_RECORDER_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_ALL,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+EVENT_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic: its name, message type and whether it carries one message a sample (else: now and then)."""
+
+    name: str
+    type: Any
+    sampled: bool = True
+
+    def qos(self, lockstep: bool) -> QoSProfile:
+        """Quality of service of writers and readers in lock-step or in real time."""
+        if not self.sampled:
+            return EVENT_QOS
+        return LOCKSTEP_QOS if lockstep else REALTIME_QOS
+
+
+JOINT_STATES = Topic("joint_states", JointState)
+IMU = Topic("imu", Imu)
+PRESSURE_A = Topic("pressure_a", FluidPressure)
+PRESSURE_B = Topic("pressure_b", FluidPressure)
+PRESSURE_SUPPLY = Topic("pressure_supply", FluidPressure)
+VALVE_COMMAND = Topic("valve_command", JointState)
+REFERENCE = Topic("reference", JointTrajectory)
+ESTIMATE = Topic("estimate", JointTrajectory)
+TRUTH = Topic("truth", JointTrajectory)
+THD = Topic("thd", DiagnosticArray, sampled=False)
+HARMONICS = Topic("harmonics", Float64MultiArray, sampled=False)
+DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, sampled=False)
+CLOCK = Topic("/clock", Clock, sampled=False)
+
+TOPICS: dict[str, Topic] = {
+    topic.name: topic
+    for topic in (
+        JOINT_STATES,
+        IMU,
+        PRESSURE_A,
+        PRESSURE_B,
+        PRESSURE_SUPPLY,
+        VALVE_COMMAND,
+        REFERENCE,
+        ESTIMATE,
+        TRUTH,
+        THD,
+        HARMONICS,
+        DIAGNOSTICS,
+        CLOCK,
+    )
+}
+
+
+@dataclass(frozen=True)
+class Service:
+    """A service: its name and type."""
+
+    name: str
+    type: Any
+
+
+ENABLE = Service("enable", SetBool)
+STOP = Service("stop", Trigger)
+RESET = Service("reset", Trigger)
+SERVICES: dict[str, Service] = {service.name: service for service in (ENABLE, STOP, RESET)}
