@@ -1,0 +1,46 @@
+"""What every control law shares: its limit, its start, its model feedforward, and the saturation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from shake_ros.core.compiled import njit
+from shake_ros.core.quantities import Parameters, choice, quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawParameters(Parameters):
+    """Fields of every controller.
+
+    `model` names the table configuration whose virtual copy makes the feedforward (`virtual_table`); empty for the
+    law's own feedforward from the reference.
+    """
+
+    limit: float = quantity("-", "largest magnitude of the command", low=0.0, high=1.0)
+    start_time: float = quantity("s", "time constant of the start without a bump, 0 for none", low=0.0, high=10.0)
+    model: str = choice("table configuration for the model feedforward, empty for none", default="")
+    model_bandwidth: float = quantity("rad/s", "bandwidth of the feedback on the virtual table", low=1.0, high=2000.0)
+
+
+@njit
+def saturate(command, limit):  # type: ignore[no-untyped-def]
+    """The command within ±limit; NaN stays NaN.
+
+    >>> float(saturate(1.4, 0.9)), float(saturate(-0.2, 0.9))
+    (0.9, -0.2)
+    """
+    if command > limit:
+        return limit
+    if command < -limit:
+        return -limit
+    return command
+
+
+@njit
+def winds_up(command, limit, push):  # type: ignore[no-untyped-def]
+    """Whether an integrator that pushes the command by `push` must stop: saturated, and pushing further.
+
+    >>> bool(winds_up(1.2, 1.0, 0.1)), bool(winds_up(1.2, 1.0, -0.1)), bool(winds_up(0.5, 1.0, 0.1))
+    (True, False, False)
+    """
+    return abs(command) > limit and command * push > 0.0

@@ -1,0 +1,82 @@
+"""Linear observer with a disturbance state.
+
+The reduced model (6.36), advanced exactly, with d in its third line as a fourth state that wanders; the gain is the
+steady state of the Kalman filter for the stated position noise and the stated unrest of jerk and disturbance.
+The disturbance takes up what the reduced model lacks (null shift, friction, load, drift), so velocity and
+acceleration are estimated without a steady error. Not in the thesis, where (6.38) is the only observer.
+
+Verified against: the time-varying Riccati recursion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from shake_ros.core.compiled import njit
+from shake_ros.core.plant import reduced
+from shake_ros.core.plant.reduced import ReducedParameters, transition
+from shake_ros.core.quantities import quantity
+
+STATES = 4
+
+
+@dataclass(frozen=True)
+class LinearObserver(ReducedParameters):
+    """The reduced model's β and the noise levels that set the gain."""
+
+    position_noise: float = quantity("m", "standard deviation of a position sample, quantisation included", low=1e-9)
+    jerk_noise: float = quantity("m/s^2.5", "density of the white jerk that the model lacks", low=1e-9)
+    disturbance_noise: float = quantity("m/s^3.5", "density of the disturbance's random walk", low=1e-9)
+
+
+def extended_transition(parameters: LinearObserver, sample_time: float) -> NDArray[np.float64]:
+    """(4, 4) transition of (z_1, z_2, z_3, d) over one sample at u = 0."""
+    phi, gamma = transition(reduced.pack(parameters), 0.0, sample_time)
+    matrix = np.eye(4)
+    matrix[:3, :3] = phi
+    matrix[:3, 3] = gamma
+    return matrix
+
+
+def kalman_gain(parameters: LinearObserver, sample_time: float) -> NDArray[np.float64]:
+    """(4,) steady gain on the position innovation."""
+    matrix = extended_transition(parameters, sample_time)
+    unrest = np.diag([0.0, 0.0, parameters.jerk_noise**2, parameters.disturbance_noise**2]) * sample_time
+    noise = parameters.position_noise**2
+    output = np.array([[1.0, 0.0, 0.0, 0.0]])
+    scale = np.diag([1e-5, 1e-3, 1e-1, 1e1])  # orders of magnitude of the states, for the solver's sake
+    back = np.linalg.inv(scale)
+    covariance = scale @ solve_discrete_are(
+        (back @ matrix @ scale).T, (output @ scale).T, back @ unrest @ back, np.array([[noise]])
+    ) @ scale  # fmt: skip
+    gain: NDArray[np.float64] = covariance[:, 0] / (covariance[0, 0] + noise)
+    return gain
+
+
+def pack(parameters: LinearObserver, sample_time: float) -> NDArray[np.float64]:
+    """β and the four gains as an array (9,)."""
+    return np.concatenate([reduced.pack(parameters), kalman_gain(parameters, sample_time)])
+
+
+def initial_state(position: float) -> NDArray[np.float64]:
+    """At rest at a position [m], no disturbance."""
+    return np.array([position, 0.0, 0.0, 0.0])
+
+
+@njit
+def step(state, parameters, position, command, dt):  # type: ignore[no-untyped-def]
+    """One sample; arguments and results as in `sliding_mode.step`, with a (4,) state."""
+    phi, gamma = transition(parameters, abs(command), dt)
+    jerk = parameters[2] * command + state[3]
+    following = np.empty(4)
+    for i in range(3):
+        following[i] = phi[i, 0] * state[0] + phi[i, 1] * state[1] + phi[i, 2] * state[2] + gamma[i] * jerk
+    following[3] = state[3]
+    innovation = position - following[0]
+    for i in range(4):
+        following[i] += parameters[5 + i] * innovation
+    return following, following[:3].copy()
