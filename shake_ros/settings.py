@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import yaml
 
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
 
 P = TypeVar("P", bound=Parameters)
@@ -99,3 +100,17 @@ def load_variant(kind: str, name: str, family: Mapping[str, type[P]]) -> tuple[s
     if chosen not in family:
         raise unknown_name(kind, chosen, family, str(path))
     return chosen, family[chosen].from_mapping(content, str(path))
+
+
+def load_table(name: str) -> TableParameters:
+    """The table of config/table/<name>.yaml, or of a YAML file given by path."""
+    path = find("table", name)
+    return TableParameters.from_mapping(read_yaml(path), str(path))
+
+
+def save_table(path: Path, table: TableParameters, comment: str) -> None:
+    """Write a table as YAML with a comment on top; an existing file is an error."""
+    if path.exists():
+        raise ShakeError(f"{path}: exists already")
+    lines = "".join(f"# {line}\n" for line in comment.splitlines())
+    path.write_text(lines + yaml.safe_dump(table.to_mapping(), sort_keys=False), encoding="utf-8")

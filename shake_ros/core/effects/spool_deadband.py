@@ -1,0 +1,35 @@
+"""A dead band of the spool: worn or overlapped lands let no flow through until the spool has moved `width`.
+
+    x_e = sign(x_s) max(|x_s| − w, 0)
+
+Absent at w = 0. Merritt, Hydraulic Control Systems, chapter 5 (overlapped spool).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from shake_ros.core.compiled import njit
+from shake_ros.core.effects.effect import Effect
+from shake_ros.core.quantities import quantity
+
+
+@dataclass(frozen=True)
+class SpoolDeadband(Effect):
+    """Dead band of the spool about its null."""
+
+    place: ClassVar[str] = "valve"
+    depends_on: ClassVar[tuple[str, ...]] = ("valve_opening",)
+
+    width: float = quantity("-", "spool travel without flow on each side of null", low=0.0, high=0.3, default=0.0)
+
+
+@njit
+def effective_spool(spool, width):
+    """Spool position that the ports see [-]."""
+    if spool > width:
+        return spool - width
+    if spool < -width:
+        return spool + width
+    return 0.0

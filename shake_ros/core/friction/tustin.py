@@ -1,0 +1,46 @@
+"""Tustin's friction: an exponential fall from break-away to Coulomb level plus a viscous part, (3.34), (6.10).
+
+    F(v) = (θ_1 + θ_2 exp(−θ_3 |v|)) sign(v) + θ_4 v
+
+θ_1 is the Coulomb level, θ_1 + θ_2 the break-away level, θ_3 the inverse Stribeck velocity. At v = 0 the sign is
+a smooth step tanh(v/v_t) over the transition velocity v_t, which is far below the velocities of a test; the table
+creeps instead of sticking below it. Source: thesis (3.34), (6.10), (6.15). Verified against the closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from shake_ros.core.compiled import njit
+from shake_ros.core.quantities import Parameters, quantity
+
+
+@dataclass(frozen=True)
+class Tustin(Parameters):
+    """Parameters of (3.34)."""
+
+    coulomb_level: float = quantity("N", "Coulomb friction force θ_1", low=0.0, high=1e5, live=True)
+    stribeck_rise: float = quantity("N", "break-away force above the Coulomb level θ_2", low=0.0, high=1e5, live=True)
+    stribeck_decay: float = quantity("s/m", "inverse Stribeck velocity θ_3", low=0.0, high=1e4, live=True)
+    viscous: float = quantity("N*s/m", "viscous coefficient θ_4", low=0.0, high=1e6, live=True)
+    transition_velocity: float = quantity("m/s", "width of the smooth sign at rest", low=1e-6, high=0.1)
+
+
+@njit
+def level(speed, theta_1, theta_2, theta_3):
+    """Dry friction force at |v| > 0 (3.34) [N]."""
+    return theta_1 + theta_2 * math.exp(-theta_3 * abs(speed))
+
+
+@njit
+def direction(velocity, transition_velocity):
+    """Smooth sign(v) [-]."""
+    return math.tanh(velocity / transition_velocity)
+
+
+@njit
+def force(velocity, theta_1, theta_2, theta_3, theta_4, transition_velocity):
+    """Friction force (3.34), of the sign of v [N]."""
+    dry = level(velocity, theta_1, theta_2, theta_3) * direction(velocity, transition_velocity)
+    return dry + theta_4 * velocity

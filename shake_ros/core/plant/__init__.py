@@ -1,0 +1,1 @@
+"""The shaking table: parameters, states, the one right-hand side, sensors, integration."""

@@ -1,0 +1,215 @@
+"""Integration of the table: embedded Runge–Kutta 5(4) of Dormand and Prince with error control, one sample at a time.
+
+Between two sampling instants the command is held (zero-order hold); within a sample the step adapts to the
+tolerance and never crosses the sample's end or the instant at which a delayed command arrives. The equation is
+non-stiff by construction (the play is exact, the pre-sliding law is a function of displacement, sroot is laminar near
+zero), so an explicit method of high order is the fastest that holds 0.1 %. Verified against Radau at rtol 1e-9.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from shake_ros.core.compiled import njit
+from shake_ros.core.effects.presliding_friction import deflection
+from shake_ros.core.plant.right_hand_side import active_states, right_hand_side
+from shake_ros.core.plant.states import (
+    BRISTLE,
+    CONTINUOUS,
+    HELD_COMMAND,
+    LAGGED_ACCELERATION,
+    LAGGED_POSITION,
+    POSITION,
+    PRESSURE_A,
+    PRESSURE_B,
+    PRESSURE_SUPPLY,
+    SPOOL,
+    SPOOL_RATE,
+    STEP_SIZE,
+    VELOCITY,
+)
+from shake_ros.core.valve.simplified import play
+
+STAGES = 7
+SMALLEST_STEP = 1e-7  # [s] below it the step is taken whatever its error, so that nothing can hang
+# Error scale of each continuous state: absolute part in its unit, at tolerance 1.
+ABSOLUTE = np.array([1e-2, 0.2, 1e6, 1e6, 0.2, 200.0, 1e6, 1.0, 1e-2, 0.2, 1e-3, 0.2, 1e-2, 0.2, 5.0, 1e-2])
+OUTPUTS = 7  # columns of `simulate`: position, velocity, acceleration, P_A, P_B, P_s, spool
+
+
+@njit
+def _stage(p, y, k, weights, count, h, wanted, x_start, bristle, force, n, stage, out):
+    """State y + h Σ weights·k over `count` stages into `stage`, its rates into `out`; returns the acceleration."""
+    for i in range(n):
+        s = 0.0
+        for j in range(count):
+            s += weights[j] * k[j, i]
+        stage[i] = y[i] + h * s
+    return right_hand_side(p, stage, wanted, x_start, bristle, force, n, out)
+
+
+A2 = (1.0 / 5.0,)
+A3 = (3.0 / 40.0, 9.0 / 40.0)
+A4 = (44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0)
+A5 = (19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0)
+A6 = (9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0)
+A7 = (35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0)
+E1, E3, E4 = 71.0 / 57600.0, -71.0 / 16695.0, 71.0 / 1920.0  # fifth minus fourth order
+E5, E6, E7 = -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0
+
+
+@njit
+def dormand_prince(p, y, k, h, wanted, x_start, bristle, force, n, stage, absolute, tolerance):
+    """One trial step of size h from y with first-stage rates k[0]; result in `stage`, its rates in k[6].
+
+    Returns
+    -------
+    (error relative to the tolerance [-], acceleration at the end [m/s²])
+    """
+    _stage(p, y, k, A2, 1, h, wanted, x_start, bristle, force, n, stage, k[1])
+    _stage(p, y, k, A3, 2, h, wanted, x_start, bristle, force, n, stage, k[2])
+    _stage(p, y, k, A4, 3, h, wanted, x_start, bristle, force, n, stage, k[3])
+    _stage(p, y, k, A5, 4, h, wanted, x_start, bristle, force, n, stage, k[4])
+    _stage(p, y, k, A6, 5, h, wanted, x_start, bristle, force, n, stage, k[5])
+    acceleration = _stage(p, y, k, A7, 6, h, wanted, x_start, bristle, force, n, stage, k[6])
+    worst = 0.0
+    for i in range(n):
+        slip = E1 * k[0, i] + E3 * k[2, i] + E4 * k[3, i] + E5 * k[4, i] + E6 * k[5, i] + E7 * k[6, i]
+        error = abs(h * slip) / (absolute[i] + abs(y[i]))
+        if not error <= worst:  # also true for NaN
+            worst = error
+    return worst / tolerance, acceleration
+
+
+@njit
+def spool_command(p, y, u):
+    """Wanted spool position: gain and null shift, then the play of the hysteresis (3.19); updates the held command."""
+    wanted = p.valve_gain * (u + p.valve_null_shift_offset)
+    wanted = min(max(wanted, -1.0), 1.0)
+    y[HELD_COMMAND] = play(y[HELD_COMMAND], wanted, p.valve_hysteresis + p.spool_hysteresis_width)
+    return y[HELD_COMMAND]
+
+
+@njit
+def hold(p, y, u, force, duration, n, k, stage, absolute, tolerance):
+    """Integrate y in place over `duration` under a held command; returns the acceleration at its end [m/s²]."""
+    wanted = spool_command(p, y, u)
+    h = min(max(y[STEP_SIZE], SMALLEST_STEP), duration)
+    done = 0.0
+    x_start = y[POSITION]
+    acceleration = right_hand_side(p, y, wanted, x_start, y[BRISTLE], force, n, k[0])
+    while done < duration:
+        rest = duration - done
+        last = h >= rest * 0.999
+        step = rest if last else h
+        error, a_end = dormand_prince(p, y, k, step, wanted, x_start, y[BRISTLE], force, n, stage, absolute, tolerance)
+        if not error <= 1.0 and step > SMALLEST_STEP:
+            shrink = 0.9 * error**-0.2 if error < 1e9 else 0.1
+            h = step * max(shrink, 0.1)
+            continue
+        if p.presliding_friction_distance > 0.0:
+            rod = stage[POSITION] - x_start
+            y[BRISTLE] = deflection(y[BRISTLE], rod, p.presliding_friction_distance)
+        for i in range(n):
+            y[i] = stage[i]
+            k[0, i] = k[STAGES - 1, i]
+        if abs(y[SPOOL]) > 1.0:
+            y[SPOOL] = min(max(y[SPOOL], -1.0), 1.0)
+            y[SPOOL_RATE] = 0.0
+            right_hand_side(p, y, wanted, y[POSITION], y[BRISTLE], force, n, k[0])
+        x_start = y[POSITION]
+        acceleration = a_end
+        done = duration if last else done + step
+        grow = 0.9 * error**-0.2 if error > 1e-6 else 5.0
+        proposed = step * min(max(grow, 0.2), 5.0)
+        h = max(proposed, h) if last and step < h else proposed
+    y[STEP_SIZE] = h
+    return acceleration
+
+
+@njit
+def accelerometer(p, y, acceleration):
+    """What the accelerometer's output is before noise: lag, scale, bias [m/s²]."""
+    a = y[LAGGED_ACCELERATION] if p.accelerometer_lag_time_constant > 0.0 else acceleration
+    return (1.0 + p.accelerometer_scale_error) * a + p.accelerometer_bias_bias
+
+
+@njit
+def position_sensor(p, y):
+    """What the position transducer's output is before noise [m]."""
+    return y[LAGGED_POSITION] if p.position_sensor_lag_time_constant > 0.0 else y[POSITION]
+
+
+@njit
+def delayed(commands, k, delay_samples):
+    """Commands that act at the start and at the end of sample k, and the fraction of the sample for the first.
+
+    A command u_k stamped t_k acts from t_k + T; before the first command arrives the first one is taken as standing.
+    """
+    whole = int(math.floor(delay_samples))
+    fraction = delay_samples - whole
+    late = commands[max(k - whole - 1, 0)]
+    timely = commands[max(k - whole, 0)]
+    return late, timely, fraction
+
+
+@njit
+def advance_sample(p, y, late, timely, fraction, force, dt, k, stage, absolute, tolerance):
+    """Integrate one sample in place: `late` acts for its first `fraction`, `timely` for the rest."""
+    n = active_states(p)
+    acceleration = 0.0
+    if fraction > 1e-9:
+        acceleration = hold(p, y, late, force, fraction * dt, n, k, stage, absolute, tolerance)
+    if fraction < 1.0:
+        acceleration = hold(p, y, timely, force, (1.0 - fraction) * dt, n, k, stage, absolute, tolerance)
+    return acceleration
+
+
+@njit
+def outputs(p, y, acceleration, row):
+    """Measured channels and inner states of one instant into `row`, shape (OUTPUTS,)."""
+    row[0] = position_sensor(p, y)
+    row[1] = y[VELOCITY]
+    row[2] = accelerometer(p, y, acceleration)
+    row[3] = y[PRESSURE_A]
+    row[4] = y[PRESSURE_B]
+    row[5] = y[PRESSURE_SUPPLY] if p.supply_droop_resistance != 0.0 else p.supply_supply_pressure
+    row[6] = y[SPOOL]
+
+
+@njit
+def acceleration_now(p, y, rates):
+    """Absolute acceleration of the table at state y without external force [m/s²]."""
+    return right_hand_side(p, y, y[HELD_COMMAND], y[POSITION], y[BRISTLE], 0.0, active_states(p), rates)
+
+
+@njit
+def simulate(p, commands, forces, track, y0, dt, tolerance, out):
+    """Free-running simulation under recorded commands.
+
+    Parameters
+    ----------
+    p : parameter record. commands : shape (n,) [-]. forces : external force, shape (n,) or (0,) [N].
+    track : measured position, shape (n,) or (0,) [m]: where given, the position is set to it at every sample, so that
+        volumes and position-dependent effects see the true place though a free run would drift off the stroke.
+    y0 : state at the first sample, shape (STATES,). dt : [s]. tolerance : relative local error of a step.
+    out : result, shape (n, OUTPUTS), row k is the instant t_k, before command k acts.
+    """
+    y = y0.copy()
+    k = np.zeros((STAGES, CONTINUOUS))
+    stage = np.zeros(CONTINUOUS)
+    absolute = ABSOLUTE.copy()
+    delay = p.command_delay_delay / dt
+    following = track.shape[0] > 0
+    acceleration = acceleration_now(p, y, stage)
+    for i in range(commands.shape[0]):
+        if following:
+            shift = track[i] - y[POSITION]
+            y[POSITION] = track[i]
+            y[LAGGED_POSITION] += shift
+        outputs(p, y, acceleration, out[i])
+        force = forces[i] if forces.shape[0] > 0 else 0.0
+        late, timely, fraction = delayed(commands, i, delay)
+        acceleration = advance_sample(p, y, late, timely, fraction, force, dt, k, stage, absolute, tolerance)

@@ -1,0 +1,241 @@
+"""The one right-hand side of the table: (6.3)–(6.15) with every effect at its place.
+
+Each effect has a parameter value at which it is absent, so the declared model and every extension are this same
+compiled function with other numbers. `p` is one record of plant/parameters.py.
+"""
+
+from __future__ import annotations
+
+from shake_ros.core.bulk_modulus.ifas import bulk_modulus
+from shake_ros.core.compiled import njit
+from shake_ros.core.effects.asymmetric_flow_gain import flow_factor
+from shake_ros.core.effects.base_flexibility import base_acceleration
+from shake_ros.core.effects.coupling_backlash import contact_force
+from shake_ros.core.effects.film_friction import film_rate
+from shake_ros.core.effects.position_dependent_friction import dry_level
+from shake_ros.core.effects.presliding_friction import deflection
+from shake_ros.core.effects.soft_zone import factor as soft_zone_factor
+from shake_ros.core.effects.specimen_resonance import spring_force
+from shake_ros.core.effects.spool_deadband import effective_spool
+from shake_ros.core.effects.supply_droop import pressure_rate
+from shake_ros.core.friction.tustin import direction, level
+from shake_ros.core.plant.states import (
+    BASE,
+    BASE_RATE,
+    CONTINUOUS,
+    DECLARED,
+    FILM,
+    LAGGED_ACCELERATION,
+    LAGGED_POSITION,
+    POSITION,
+    PRESSURE_A,
+    PRESSURE_B,
+    PRESSURE_SUPPLY,
+    ROD,
+    ROD_RATE,
+    SPECIMEN,
+    SPECIMEN_RATE,
+    SPOOL,
+    SPOOL_RATE,
+    VELOCITY,
+)
+from shake_ros.core.valve.ports import opening, sroot
+from shake_ros.core.valve.simplified import spool_acceleration
+
+
+@njit
+def active_states(p):
+    """Number of leading states that these parameters set in motion."""
+    if (
+        p.supply_droop_resistance != 0.0
+        or p.film_friction_relief != 0.0
+        or p.specimen_resonance_mass != 0.0
+        or p.coupling_backlash_gap != 0.0
+        or p.base_flexibility_compliance != 0.0
+        or p.accelerometer_lag_time_constant != 0.0
+        or p.position_sensor_lag_time_constant != 0.0
+    ):
+        return CONTINUOUS
+    return DECLARED
+
+
+@njit
+def port_flows(p, spool, pressure_a, pressure_b, pressure_supply):
+    """Flow into A, out of B, and drawn from the supply (3.17), (6.12) [m³/s]."""
+    x_e = effective_spool(spool, p.spool_deadband_width)
+    c_v = p.valve_flow_coefficient * flow_factor(spool, p.asymmetric_flow_gain_asymmetry)
+    delta = p.valve_laminar_pressure
+    p_t = p.supply_tank_pressure + p.tank_back_pressure_pressure
+    plus = c_v * opening(x_e, p.valve_underlap)
+    minus = c_v * opening(-x_e, p.valve_underlap)
+    a_from_supply = plus * sroot(pressure_supply - pressure_a, delta) if plus > 0.0 else 0.0
+    a_to_tank = minus * sroot(pressure_a - p_t, delta) if minus > 0.0 else 0.0
+    b_to_tank = plus * sroot(pressure_b - p_t, delta) if plus > 0.0 else 0.0
+    b_from_supply = minus * sroot(pressure_supply - pressure_b, delta) if minus > 0.0 else 0.0
+    return a_from_supply - a_to_tank, b_to_tank - b_from_supply, a_from_supply + b_from_supply
+
+
+@njit
+def friction_force(p, velocity, position, displacement, bristle, film):
+    """Friction on the piston: Tustin (6.10) with the effects on its dry part [N]."""
+    dry = level(velocity, p.friction_coulomb_level, p.friction_stribeck_rise, p.friction_stribeck_decay)
+    dry = dry_level(dry, position, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature)
+    if p.presliding_friction_distance > 0.0:
+        sign = deflection(bristle, displacement, p.presliding_friction_distance)
+    else:
+        sign = direction(velocity, p.friction_transition_velocity)
+    dry *= 1.0 + p.friction_asymmetry_asymmetry * sign
+    dry *= 1.0 - p.film_friction_relief * film
+    return dry * sign + (p.friction_viscous + p.quadratic_drag_coefficient * abs(velocity)) * velocity
+
+
+@njit
+def end_stop_force(p, position, velocity):
+    """Force of the end stops at ±stroke/2; they push only [N]."""
+    over = abs(position) - 0.5 * p.body_stroke
+    if over <= 0.0:
+        return 0.0
+    outward = velocity if position > 0.0 else -velocity
+    push = max(p.body_end_stop_stiffness * over + p.body_end_stop_damping * outward, 0.0)
+    return -push if position > 0.0 else push
+
+
+@njit
+def pressure_rates(p, y, piston, piston_velocity, rates):
+    """Ṗ_A and Ṗ_B (6.5), (6.6), (6.11) into `rates`; returns the flow drawn from the supply [m³/s]."""
+    p_a, p_b = y[PRESSURE_A], y[PRESSURE_B]
+    p_s = y[PRESSURE_SUPPLY] if p.supply_droop_resistance != 0.0 else p.supply_supply_pressure
+    q_a, q_b, q_s = port_flows(p, y[SPOOL], p_a, p_b, p_s)
+    e_0, p_0, m = p.bulk_modulus_modulus, p.bulk_modulus_reference_pressure, p.pressure_dependent_bulk_modulus_slope
+    alpha, kappa = p.entrained_air_fraction, p.entrained_air_polytropic_exponent
+    if m != 0.0 or alpha != 0.0:
+        e_a = bulk_modulus(p_a, e_0, m, alpha, kappa, p_0)
+        e_b = bulk_modulus(p_b, e_0, m, alpha, kappa, p_0)
+    else:
+        e_a = e_b = e_0
+    if p.soft_zone_depth != 0.0:
+        h = soft_zone_factor(p_a - p_b, p.soft_zone_depth, p.soft_zone_threshold, p.soft_zone_sharpness)
+        e_a *= h  # (6.18)
+        e_b *= h  # (6.19)
+    half = 0.5 * p.body_cylinder_volume
+    smallest = 0.02 * half  # the end stops keep the piston off the covers
+    v_a = max(half + p.body_piston_area * piston, smallest) + p.dead_volume_volume  # (6.11), (3.24)
+    v_b = max(half - p.body_piston_area * piston, smallest) + p.dead_volume_volume
+    across = p.leakage_internal * (p_a - p_b)  # (3.25)
+    if p.turbulent_leakage_coefficient != 0.0:
+        across += p.turbulent_leakage_coefficient * sroot(p_a - p_b, p.valve_laminar_pressure)
+    swept = p.body_piston_area * piston_velocity
+    rates[PRESSURE_A] = e_a / v_a * (q_a - p.leakage_external * p_a - across - swept)  # (6.5)
+    rates[PRESSURE_B] = e_b / v_b * (-q_b - p.leakage_external * p_b + across + swept)  # (6.6)
+    return q_s
+
+
+@njit
+def right_hand_side(p, y, wanted, x_start, bristle, external_force, n, rates):
+    """Rates of the first `n` states, into `rates`.
+
+    Parameters
+    ----------
+    p : parameter record. y : states, shape (≥ n,). wanted : spool command behind play, gain and null shift [-].
+    x_start, bristle : piston position [m] and pre-sliding deflection [-] at the start of the step.
+    external_force : along +x [N]. n : DECLARED or CONTINUOUS. rates : output, shape (≥ n,).
+
+    Returns
+    -------
+    Absolute acceleration of the table, what an ideal accelerometer reads [m/s²].
+    """
+    x, v = y[POSITION], y[VELOCITY]
+    omega_v = p.valve_natural_frequency * (1.0 - p.slow_valve_slowdown)
+    limit = p.valve_rate_limit
+    rates[SPOOL] = min(max(y[SPOOL_RATE], -limit), limit)
+    rates[SPOOL_RATE] = spool_acceleration(y[SPOOL], y[SPOOL_RATE], wanted, omega_v, p.valve_damping)  # (3.19)
+
+    split = n > DECLARED and p.coupling_backlash_gap > 0.0
+    piston = x + y[ROD] if split else x
+    piston_velocity = v + y[ROD_RATE] if split else v
+    q_s = pressure_rates(p, y, piston, piston_velocity, rates)
+
+    film = y[FILM] if n > DECLARED else 0.0
+    friction = friction_force(p, piston_velocity, piston, piston - x_start, bristle, film)
+    pressure_force = p.body_piston_area * (y[PRESSURE_A] - y[PRESSURE_B])
+    on_table = external_force + p.constant_force_force - p.stiffness_to_ground_stiffness * x
+    on_rod = pressure_force - friction + end_stop_force(p, piston, piston_velocity)
+    mass = p.body_table_mass + p.body_specimen_mass + p.payload_error_mass  # (6.9)
+    rates[POSITION] = v  # (6.3)
+    if n == DECLARED:
+        rates[VELOCITY] = (on_rod + on_table) / mass  # (6.4)
+        return rates[VELOCITY]
+
+    if p.specimen_resonance_mass > 0.0:
+        on_table += spring_force(
+            y[SPECIMEN],
+            y[SPECIMEN_RATE],
+            p.specimen_resonance_mass,
+            p.specimen_resonance_frequency,
+            p.specimen_resonance_damping,
+        )
+        mass = max(mass - p.specimen_resonance_mass, 0.02 * mass)
+    return extended_rates(p, y, q_s, on_rod, on_table, mass, split, rates)
+
+
+@njit
+def extended_rates(p, y, q_s, on_rod, on_table, mass, split, rates):
+    """Rates of the velocity and of the states that only effects have; returns the absolute acceleration [m/s²]."""
+    base_acc = 0.0
+    base = p.base_flexibility_compliance > 0.0
+    if base:
+        base_acc = base_acceleration(
+            y[BASE],
+            y[BASE_RATE],
+            on_rod,
+            p.base_flexibility_compliance,
+            p.base_flexibility_frequency,
+            p.base_flexibility_damping,
+        )
+    if split:
+        m_r = min(p.coupling_backlash_rod_mass, 0.5 * mass)
+        contact = contact_force(
+            y[ROD],
+            y[ROD_RATE],
+            p.coupling_backlash_gap,
+            p.coupling_backlash_stiffness,
+            m_r,
+            p.coupling_backlash_damping,
+        )
+        acceleration = (contact + on_table) / (mass - m_r)
+        rates[ROD] = y[ROD_RATE]
+        rates[ROD_RATE] = (on_rod - contact) / m_r - acceleration
+    else:
+        acceleration = (on_rod + on_table) / mass
+        rates[ROD] = 0.0
+        rates[ROD_RATE] = 0.0
+    rates[VELOCITY] = acceleration - base_acc
+    rates[BASE] = y[BASE_RATE] if base else 0.0
+    rates[BASE_RATE] = base_acc
+    resonance = p.specimen_resonance_mass > 0.0
+    if resonance:
+        omega_term = spring_force(
+            y[SPECIMEN], y[SPECIMEN_RATE], 1.0, p.specimen_resonance_frequency, p.specimen_resonance_damping
+        )
+        rates[SPECIMEN] = y[SPECIMEN_RATE]
+        rates[SPECIMEN_RATE] = -acceleration - omega_term
+    else:
+        rates[SPECIMEN] = 0.0
+        rates[SPECIMEN_RATE] = 0.0
+    rates[PRESSURE_SUPPLY] = 0.0
+    if p.supply_droop_resistance != 0.0:
+        rates[PRESSURE_SUPPLY] = pressure_rate(
+            y[PRESSURE_SUPPLY],
+            p.supply_supply_pressure,
+            q_s,
+            p.supply_droop_resistance,
+            p.supply_droop_time_constant,
+        )
+    rates[FILM] = 0.0
+    if p.film_friction_relief != 0.0:
+        rates[FILM] = film_rate(y[FILM], y[VELOCITY], p.film_friction_full_film_velocity, p.film_friction_time_constant)
+    tau_a = p.accelerometer_lag_time_constant
+    rates[LAGGED_ACCELERATION] = (acceleration - y[LAGGED_ACCELERATION]) / max(tau_a, 1e-5) if tau_a > 0.0 else 0.0
+    tau_x = p.position_sensor_lag_time_constant
+    rates[LAGGED_POSITION] = (y[POSITION] - y[LAGGED_POSITION]) / max(tau_x, 1e-5) if tau_x > 0.0 else 0.0
+    return acceleration

@@ -1,0 +1,119 @@
+"""Simulation of recordings: one run, or many parameter sets side by side on all cores."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from shake_ros.core.plant.integration import OUTPUTS, simulate
+from shake_ros.core.plant.parameters import INDEX, TableParameters, records
+from shake_ros.core.plant.states import (
+    HELD_COMMAND,
+    LAGGED_POSITION,
+    POSITION,
+    PRESSURE_A,
+    PRESSURE_B,
+    PRESSURE_SUPPLY,
+    SPOOL,
+    STATES,
+    STEP_SIZE,
+)
+
+TOLERANCE = 1e-4  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
+NOTHING = np.zeros(0)
+COLUMNS = ("position", "velocity", "acceleration", "pressure_a", "pressure_b", "pressure_supply", "spool")
+
+
+def initial_state(
+    vector: np.ndarray, position: float = 0.0, pressure_a: float | None = None, pressure_b: float | None = None
+) -> np.ndarray:
+    """State of a table at rest: valve at null, both chambers at half the supply pressure unless given.
+
+    Parameters
+    ----------
+    vector : parameters in the order of `parameters.NAMES`. position [m]. pressure_a, pressure_b [Pa].
+    """
+    y = np.zeros(STATES)
+    supply = float(vector[INDEX["supply.supply_pressure"]])
+    middle = 0.5 * (supply + float(vector[INDEX["supply.tank_pressure"]]))
+    y[POSITION] = y[LAGGED_POSITION] = position
+    y[PRESSURE_A] = middle if pressure_a is None else pressure_a
+    y[PRESSURE_B] = middle if pressure_b is None else pressure_b
+    y[PRESSURE_SUPPLY] = supply
+    y[SPOOL] = y[HELD_COMMAND] = 0.0
+    y[STEP_SIZE] = 5e-4
+    return y
+
+
+def run(
+    parameters: TableParameters,
+    commands: np.ndarray,
+    sample_time: float,
+    *,
+    position: np.ndarray | float = 0.0,
+    forces: np.ndarray = NOTHING,
+    state: np.ndarray | None = None,
+    tolerance: float = TOLERANCE,
+) -> np.ndarray:
+    """Simulate one recording.
+
+    Parameters
+    ----------
+    commands : shape (n,) [-], held from each sample to the next. sample_time [s].
+    position : start [m], or the measured position of shape (n,) which volumes and position-dependent effects follow.
+    forces : external force, shape (n,) [N]. state : first state; at rest where not given.
+
+    Returns
+    -------
+    shape (n, 7): position [m], velocity [m/s], acceleration [m/s²], P_A, P_B, P_s [Pa], spool [-].
+    """
+    vector = parameters.vector()
+    track = np.ascontiguousarray(position, dtype=float) if np.ndim(position) else NOTHING
+    start = float(np.ravel(position)[0])
+    y0 = initial_state(vector, start) if state is None else state
+    out = np.empty((len(commands), OUTPUTS))
+    simulate(
+        records(vector)[0], np.ascontiguousarray(commands, dtype=float), forces, track, y0, sample_time, tolerance, out
+    )
+    return out
+
+
+def workers() -> int:
+    """Number of threads for batches: the cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run_batch(
+    vectors: np.ndarray,
+    starts: np.ndarray,
+    commands: np.ndarray,
+    sample_time: float,
+    *,
+    track: np.ndarray = NOTHING,
+    columns: tuple[int, ...] = (1, 2),
+    tolerance: float = TOLERANCE,
+) -> np.ndarray:
+    """Simulate the same commands with many parameter sets, on all cores without the GIL.
+
+    Parameters
+    ----------
+    vectors : shape (m, len(NAMES)). starts : first states, shape (m, STATES). commands : shape (n,) [-].
+    track : measured position, shape (n,) [m], or empty. columns : which of COLUMNS to keep.
+
+    Returns
+    -------
+    shape (m, n, len(columns))
+    """
+    rows = records(vectors)
+    result = np.empty((len(rows), len(commands), len(columns)))
+
+    def one(i: int) -> None:
+        out = np.empty((len(commands), OUTPUTS))
+        simulate(rows[i], commands, NOTHING, track, starts[i], sample_time, tolerance, out)
+        result[i] = out[:, columns]
+
+    with ThreadPoolExecutor(workers()) as pool:
+        list(pool.map(one, range(len(rows))))
+    return result

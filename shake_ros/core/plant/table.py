@@ -1,0 +1,109 @@
+"""The simulated table as a node drives it: measure, then advance one sample."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from shake_ros.core.plant.integration import (
+    ABSOLUTE,
+    OUTPUTS,
+    STAGES,
+    acceleration_now,
+    advance_sample,
+    outputs,
+)
+from shake_ros.core.plant.parameters import TableParameters, records
+from shake_ros.core.plant.sensors import SensorNoise
+from shake_ros.core.plant.simulation import TOLERANCE, initial_state
+from shake_ros.core.plant.states import BASE, CONTINUOUS, POSITION, STATES, VELOCITY
+from shake_ros.core.quantities import ShakeError
+
+
+class Measurement(NamedTuple):
+    """Sensors and truth of one sampling instant, SI units."""
+
+    position: float
+    acceleration: float
+    pressure_a: float
+    pressure_b: float
+    pressure_supply: float
+    truth_position: float
+    truth_velocity: float
+    truth_acceleration: float
+
+
+class Table:
+    """A table with fixed parameters; the state goes in and comes out.
+
+    Parameters
+    ----------
+    parameters : the table. sample_time : [s]. seed : of the sensor noise.
+    tolerance : relative local error of an integration step.
+
+    The state is a float64 array of shape (STATES + history,): the states of plant/states.py and behind them the
+    latest commands, newest first, which a dead time needs.
+    """
+
+    def __init__(
+        self, parameters: TableParameters, sample_time: float = 0.001, seed: int = 0, tolerance: float = TOLERANCE
+    ) -> None:
+        if not (math.isfinite(sample_time) and 0.0 < sample_time <= 0.1):
+            raise ShakeError(f"sample_time = {sample_time!r} is outside 0 … 0.1 s")
+        self.parameters = parameters
+        self.sample_time = sample_time
+        self.tolerance = tolerance
+        self._vector = parameters.vector()
+        self._record = records(self._vector)[0]
+        self._noise = SensorNoise(parameters.sensors, seed)
+        delay = parameters.value("effects.command_delay.delay") / sample_time
+        self._whole, self._fraction = int(math.floor(delay)), delay - math.floor(delay)
+        self._history = self._whole + 2
+        self._k = np.zeros((STAGES, CONTINUOUS))
+        self._stage = np.zeros(CONTINUOUS)
+        self._row = np.zeros(OUTPUTS)
+        self._absolute = ABSOLUTE.copy()
+
+    def initial_state(self, position: float = 0.0) -> np.ndarray:
+        """State at rest at `position` [m], valve at null."""
+        return np.concatenate([initial_state(self._vector, position), np.zeros(self._history)])
+
+    def measure(self, state: np.ndarray, k: int) -> Measurement:
+        """Sensors at sample k and the truth behind them; noise depends on the seed and k alone."""
+        acceleration = acceleration_now(self._record, state, self._stage)
+        outputs(self._record, state, acceleration, self._row)
+        position, _, measured, p_a, p_b, p_s, _ = self._row.tolist()
+        read = self._noise.read(k, position, measured, p_a, p_b, p_s)
+        return Measurement(*read, float(state[POSITION] + state[BASE]), float(state[VELOCITY]), float(acceleration))
+
+    def advance(self, state: np.ndarray, u: float, force: float = 0.0) -> np.ndarray:
+        """The state one sample later under the held command u and an external force [N].
+
+        Raises
+        ------
+        ShakeError : command not finite, or the state left the finite numbers.
+        """
+        if not math.isfinite(u) or not math.isfinite(force):
+            raise ShakeError(f"valve command {u!r} with force {force!r} is not finite")
+        y = state.copy()
+        past = y[STATES:]
+        past[1:] = past[:-1].copy()
+        past[0] = min(max(u, -1.0), 1.0)
+        advance_sample(
+            self._record,
+            y,
+            past[self._whole + 1],
+            past[self._whole],
+            self._fraction,
+            force,
+            self.sample_time,
+            self._k,
+            self._stage,
+            self._absolute,
+            self.tolerance,
+        )
+        if not math.isfinite(y[VELOCITY]) or not math.isfinite(y[POSITION]):
+            raise ShakeError("the simulated table left the finite numbers")
+        return y

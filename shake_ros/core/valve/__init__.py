@@ -1,0 +1,1 @@
+"""Servo-valve: spool dynamics and port flows."""

@@ -1,0 +1,43 @@
+"""Simplified servo-valve: second-order spool dynamics with hysteresis, gain, stroke and rate limit, (3.19)–(3.22).
+
+    ẍ_s*/ω_v² + (2D_v/ω_v) ẋ_s* + x_s* + f_hs sign(ẋ_s*) = k_v u,  |x_s*| ≤ 1
+
+The Coulomb term f_hs sign(ẋ_s*) is carried as its quasi-static equivalent, a play of half-width f_hs on the command:
+a spool held by dry friction follows k_v u only when the difference exceeds f_hs. The play is exact for any step and
+does not stiffen the equation. Source: thesis (3.19)–(3.22); verified against the closed-form second-order response.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from shake_ros.core.compiled import njit
+from shake_ros.core.quantities import Parameters, quantity
+
+
+@dataclass(frozen=True)
+class SimplifiedValve(Parameters):
+    """Parameters of (3.19)–(3.22) and of the ports (3.17), (6.12)."""
+
+    natural_frequency: float = quantity("rad/s", "spool natural frequency ω_v", low=10.0, high=1e4)
+    damping: float = quantity("-", "spool damping ratio D_v", low=0.05, high=5.0)
+    gain: float = quantity("-", "spool position per command k_v", low=0.01, high=10.0)
+    hysteresis: float = quantity("-", "hysteresis half-width f_hs", low=0.0, high=0.5)
+    rate_limit: float = quantity("1/s", "largest spool speed", low=1.0, high=1e4)
+    flow_coefficient: float = quantity(
+        "m^3/(s*sqrt(Pa))", "flow coefficient C_v of (3.17)", low=1e-9, high=1e-4, live=True
+    )
+    underlap: float = quantity("-", "port underlap d_s, negative for overlap", low=-0.5, high=0.5)
+    laminar_pressure: float = quantity("Pa", "pressure drop of the laminar-turbulent transition", low=1.0, high=1e6)
+
+
+@njit
+def play(held, wanted, width):
+    """Command behind a play of half-width `width`: moves only when pushed by an edge [-]."""
+    return min(max(held, wanted - width), wanted + width)
+
+
+@njit
+def spool_acceleration(spool, spool_rate, wanted, omega_v, damping):
+    """ẍ_s* of (3.19) [1/s²]."""
+    return omega_v * (omega_v * (wanted - spool) - 2.0 * damping * spool_rate)
