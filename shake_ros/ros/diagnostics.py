@@ -1,0 +1,154 @@
+"""/diagnostics of every node at 1 Hz: rate, latency, missed deadlines, stale inputs, losses, limits, state."""
+
+from __future__ import annotations
+
+import time
+from array import array
+from collections.abc import Callable
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from shake_ros.ros.interface import DIAGNOSTICS
+
+LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
+OK, WARN, ERROR = range(3)
+WINDOW = 8192  # latencies kept between two reports; more are thinned by overwriting the oldest
+STALE = 1.0  # an input silent for longer than one report [s] is named
+MICROSECOND = 1e-3  # of a nanosecond count
+
+
+class Input:
+    """What came in on one topic: how many, which were lost, doubled or refused.
+
+    Parameters
+    ----------
+    period : nominal distance of two stamps [ns].
+    """
+
+    def __init__(self, name: str, period: int) -> None:
+        self.name = name
+        self.period = period
+        self.received = 0
+        self.lost = 0
+        self.doubled = 0
+        self.refused = 0
+        self.last_stamp = -1
+        self.last_arrival = -1
+
+    def count(self, stamp: int) -> bool:
+        """Count a message by its stamp [ns]; False where this instant has already been seen."""
+        if stamp <= self.last_stamp:
+            self.doubled += 1
+            return False
+        if self.last_stamp >= 0:
+            self.lost += max(0, round((stamp - self.last_stamp) / self.period) - 1)
+        self.received += 1
+        self.last_stamp = stamp
+        self.last_arrival = time.monotonic_ns()
+        return True
+
+    def age(self) -> float:
+        """Time since the last message [s]; infinite before the first."""
+        if self.last_arrival < 0:
+            return float("inf")
+        return (time.monotonic_ns() - self.last_arrival) * 1e-9
+
+
+class Diagnostics:
+    """Counts what a node does and publishes it once a second.
+
+    `condition` is a function that returns (level, text) for the node's own state; faults noted by `fault` stay
+    until `clear`.
+    """
+
+    def __init__(self, node: Node, name: str, lockstep: bool) -> None:
+        self.condition: Callable[[], tuple[int, str]] = lambda: (OK, "running")
+        self.inputs: dict[str, Input] = {}
+        self.values: dict[str, Callable[[], object]] = {}
+        self.cycles = 0
+        self.missed = 0
+        self.latest = 0
+        self.latencies = array("q", bytes(8 * WINDOW))
+        self._latency_count = 0
+        self._faults: dict[str, str] = {}
+        self._name = name
+        self._lockstep = lockstep
+        self._node = node
+        self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS.name, DIAGNOSTICS.qos(lockstep))
+        self._reported_at = time.monotonic()
+        self._reported_cycles = 0
+
+    def latency(self, nanoseconds: int) -> None:
+        """Note one latency [ns]."""
+        self.latencies[self._latency_count % WINDOW] = nanoseconds
+        self._latency_count += 1
+
+    def lateness(self, nanoseconds: int) -> None:
+        """Note how late a tick came [ns]; the worst since the last report is shown."""
+        if nanoseconds > self.latest:
+            self.latest = nanoseconds
+
+    def fault(self, kind: str, text: str) -> None:
+        """An error that stays on /diagnostics until `clear`; logged the first time."""
+        if kind not in self._faults:
+            self._node.get_logger().error(text)
+        self._faults[kind] = text
+
+    def clear(self) -> None:
+        """Forget the faults (after a reset)."""
+        self._faults.clear()
+
+    def percentiles(self) -> dict[str, float]:
+        """Latency percentiles since the last report [µs]."""
+        count = min(self._latency_count, WINDOW)
+        if count == 0:
+            return {}
+        ordered = sorted(self.latencies[:count])
+        picks = {"p50": count // 2, "p99": min(count - 1, count * 99 // 100), "max": count - 1}
+        return {f"latency_{name}_us": ordered[place] * MICROSECOND for name, place in picks.items()}
+
+    def _level(self) -> tuple[int, str]:
+        if self._faults:
+            return ERROR, "; ".join(self._faults.values())
+        level, text = self.condition()
+        silent = [item.name for item in self.inputs.values() if item.age() > STALE]
+        if level == OK and silent:
+            return WARN, f"{text}; nothing on {', '.join(silent)}"
+        return level, text
+
+    def status(self) -> DiagnosticStatus:
+        """The node's status now; starts a new window for rate and latency."""
+        now = time.monotonic()
+        rate = (self.cycles - self._reported_cycles) / max(now - self._reported_at, 1e-9)
+        self._reported_at, self._reported_cycles = now, self.cycles
+        values: dict[str, object] = {
+            "mode": "lockstep" if self._lockstep else "realtime",
+            "rate_hz": f"{rate:.1f}",
+            "cycles": self.cycles,
+            "missed_deadlines": self.missed,
+            "worst_tick_us": f"{self.latest * MICROSECOND:.1f}",
+        }
+        values |= {name: f"{value:.1f}" for name, value in self.percentiles().items()}
+        for item in self.inputs.values():
+            values[f"{item.name}.received"] = item.received
+            values[f"{item.name}.lost"] = item.lost
+            values[f"{item.name}.doubled"] = item.doubled
+            values[f"{item.name}.refused"] = item.refused
+            values[f"{item.name}.age_s"] = f"{item.age():.3f}"
+        values |= {name: read() for name, read in self.values.items()}
+        self._latency_count = self.latest = 0
+        level, text = self._level()
+        return DiagnosticStatus(
+            level=LEVELS[level],
+            name=f"{self._node.get_fully_qualified_name().lstrip('/')}: {self._name}",
+            message=text,
+            hardware_id="shake_ros",
+            values=[KeyValue(key=name, value=str(value)) for name, value in values.items()],
+        )
+
+    def publish(self) -> None:
+        """Publish the status, stamped with the wall clock."""
+        message = DiagnosticArray(status=[self.status()])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)

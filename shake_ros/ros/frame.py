@@ -1,0 +1,248 @@
+"""What every node is made of: the rclpy node, its parameter sets, its place on /diagnostics, writers and readers."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.node import Node
+
+from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
+from shake_ros.ros.conversions import SECOND, codec
+from shake_ros.ros.diagnostics import Diagnostics, Input
+from shake_ros.ros.interface import NAMESPACE, TOPICS, Topic
+from shake_ros.ros.parameters import NodeParameters
+from shake_ros.settings import find, read_yaml
+
+FIRST_STAMP = SECOND  # lock-step time of sample 0 [ns]; zero would read as "no stamp"
+BLOCKED = 30.0  # a reader that takes nothing for this long [s] has hung
+FAREWELL = 5.0  # at the end, readers get so long [s] to take what was sent
+
+
+@dataclass(frozen=True)
+class LoopParameters(Parameters):
+    """How a node runs."""
+
+    lockstep: bool = quantity("", "step by stamps instead of by the wall clock")
+    rate: float = quantity("Hz", "sampling rate", low=1.0, high=10000.0)
+    wait_for: str = choice("start when these topics have so many readers, e.g. 'joint_states:3 estimate:1'")
+
+
+@dataclass(frozen=True)
+class RealtimeParameters(Parameters):
+    """What a node asks of the operating system in real time."""
+
+    enabled: bool = quantity("", "SCHED_FIFO, locked memory and a frozen garbage collector")
+    priority: int = quantity("-", "SCHED_FIFO priority", low=1, high=99)
+
+
+def node_settings(name: str) -> dict[str, Any]:
+    """Content of config/node/<name>.yaml."""
+    path = find("node", name)
+    content = read_yaml(path)
+    if not isinstance(content, dict):
+        raise ShakeError(f"{path}: expected names and values")
+    return content
+
+
+def parse_wait_for(text: str) -> dict[str, int]:
+    """Topic → number of readers to wait for.
+
+    >>> parse_wait_for("joint_states:3 estimate:1")
+    {'joint_states': 3, 'estimate': 1}
+    """
+    counts: dict[str, int] = {}
+    for item in text.split():
+        name, _, number = item.partition(":")
+        if name not in TOPICS:
+            raise unknown_name("topic", name, TOPICS, "wait_for")
+        if not number.isdigit():
+            raise ShakeError(f"wait_for: '{item}' is not topic:count")
+        counts[name] = int(number)
+    return counts
+
+
+class Behaviour(Protocol):
+    """What a node does, in its frame. The loop calls `start` once, then `tick` in real time where the node ticks."""
+
+    frame: Frame
+    ticks: bool
+
+    def start(self) -> None:
+        """First act, after the awaited readers are there; subscriptions may call in earlier."""
+
+    def tick(self, stamp: int, steps: int) -> None:
+        """One period of real time: `stamp` [ns] and how many periods passed since the last (1 unless late)."""
+
+    def finish(self) -> None:
+        """Last act before the node goes down."""
+
+
+class Writer:
+    """Publishes the samples of one topic."""
+
+    def __init__(self, frame: Frame, topic: Topic) -> None:
+        self.publisher = frame.node.create_publisher(topic.type, topic.name, topic.qos(frame.lockstep))
+        self._frame = frame
+        self._topic = topic
+        self._encode = codec(topic).encode
+        self._publish = self.publisher.publish
+
+    def send(self, stamp: int, *values: float) -> None:
+        """Publish a sample; where a lock-step reader is behind, wait for it."""
+        data = self._encode(stamp, values)
+        try:
+            self._publish(data)
+        except RuntimeError:
+            self._insist(data)
+
+    def _insist(self, data: Any) -> None:
+        give_up = time.monotonic() + BLOCKED
+        while not self._published(data):
+            if self._frame.stopping or not self._frame.node.context.ok():
+                return
+            if time.monotonic() > give_up:
+                raise RuntimeError(f"{self._topic.name}: a reader has taken nothing for {BLOCKED:g} s")
+
+    def _published(self, data: Any) -> bool:
+        try:
+            self._publish(data)
+        except RuntimeError:
+            return False
+        return True
+
+
+class Reader:
+    """Takes the samples of one topic, counts them and passes on what is whole.
+
+    Parameters
+    ----------
+    accept : called with (stamp [ns], *numbers).
+    refuse : called with (stamp, reason) for NaN, infinity and unreadable messages; stamp is −1 where unknown.
+    doubled : called with the stamp of a message that is not newer than the one before.
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        topic: Topic,
+        accept: Callable[..., None],
+        refuse: Callable[[int, str], None] | None = None,
+        doubled: Callable[[int], None] | None = None,
+    ) -> None:
+        self.input = Input(topic.name, frame.period)
+        frame.diagnostics.inputs[topic.name] = self.input
+        self._frame = frame
+        self._topic = topic
+        self._accept = accept
+        self._refuse = refuse
+        self._doubled = doubled
+        self._decode = codec(topic).decode
+        self.subscription = frame.node.create_subscription(
+            topic.type, topic.name, self._arrived, topic.qos(frame.lockstep), raw=True
+        )
+
+    def _arrived(self, data: bytes) -> None:
+        try:
+            stamp, values = self._decode(data)
+        except ShakeError as error:
+            return self._refused(-1, str(error))
+        if not self.input.count(stamp):
+            if self._doubled is not None:
+                self._doubled(stamp)
+            return None
+        for value in values:
+            if not math.isfinite(value):
+                return self._refused(stamp, f"{self._topic.name}: {value} at {stamp * 1e-9:.6f} s refused")
+        return self._accept(stamp, *values)
+
+    def _refused(self, stamp: int, reason: str) -> None:
+        self.input.refused += 1
+        self._frame.node.get_logger().error(reason, throttle_duration_sec=1.0)
+        if self._refuse is not None:
+            self._refuse(stamp, reason)
+
+    def take(self) -> int:
+        """Take all that has come, without waiting; returns when the newest arrived [ns, wall clock], 0 if nothing."""
+        arrived = 0
+        handle = self.subscription.handle
+        with handle:
+            while (taken := handle.take_message(self._topic.type, True)) is not None:
+                data, info = taken
+                arrived = info["received_timestamp"]
+                self._arrived(data)
+        return arrived
+
+
+class Frame:
+    """One node: built before its behaviour, which fills it with parameter sets, writers and readers.
+
+    Parameters
+    ----------
+    name : executable and default node name.
+    context : of rclpy.
+    arguments : ROS arguments of this node alone; None takes those of the process.
+    """
+
+    def __init__(self, name: str, context: Context, arguments: Sequence[str] | None = None) -> None:
+        self.name = name
+        self.node = Node(
+            name,
+            namespace=NAMESPACE,
+            context=context,
+            cli_args=None if arguments is None else list(arguments),
+            use_global_arguments=arguments is None,
+        )
+        self.parameters = NodeParameters(self.node)
+        common = node_settings("common")
+        realtime = RealtimeParameters.from_mapping(common.pop("realtime", {}), "config/node/common.yaml: realtime")
+        self.loop = self.parameters.declare(LoopParameters.from_mapping(common, "config/node/common.yaml")).value
+        self.realtime = self.parameters.declare(realtime, "realtime.").value
+        self.lockstep = self.loop.lockstep
+        self.period = round(SECOND / self.loop.rate)
+        self.diagnostics = Diagnostics(self.node, name, self.lockstep)
+        self.stopping = False
+        self.stop_loop: Callable[[], None] = lambda: None
+        self._awaited = parse_wait_for(self.loop.wait_for)
+        self._writers: list[Writer] = []
+
+    @property
+    def sample_time(self) -> float:
+        """Sampling period [s]."""
+        return self.period / SECOND
+
+    def sample(self, stamp: int) -> int:
+        """Number of the sample at a lock-step stamp [ns]."""
+        return round((stamp - FIRST_STAMP) / self.period)
+
+    def writer(self, topic: Topic) -> Writer:
+        """A writer of a sampled topic."""
+        writer = Writer(self, topic)
+        self._writers.append(writer)
+        return writer
+
+    def ready(self) -> bool:
+        """Whether every awaited topic has its readers."""
+        return all(self.node.count_subscribers(topic) >= count for topic, count in self._awaited.items())
+
+    def stop(self) -> None:
+        """Ask the loop to end this node; safe inside callbacks."""
+        self.stopping = True
+        self.stop_loop()
+
+    def close(self) -> None:
+        """Wait until lock-step readers have what was sent, then destroy the node."""
+        try:
+            if self.lockstep and self.node.context.ok():
+                deadline = time.monotonic() + FAREWELL
+                for writer in self._writers:
+                    left = max(0.0, deadline - time.monotonic())
+                    writer.publisher.wait_for_all_acked(Duration(seconds=left))
+        except RuntimeError:
+            pass
+        self.node.destroy_node()

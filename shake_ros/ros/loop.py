@@ -1,0 +1,229 @@
+"""How nodes run: the executor and loop patterns that measured best, in one file.
+
+* Events: nodes that answer to messages. `EventsExecutor` with finite timeouts (its `spin()` without one delivers
+  nothing in the published wheels), stopped from inside a callback, since its timeout does not expire under
+  saturated traffic.
+* Ticks: nodes that keep real time. An own loop over absolute deadlines of the monotonic clock, in the thread of
+  the executor; the executor attends to services every `ATTEND`-th tick, or in every pause where other nodes
+  share the process. A tick that comes later than a period is not made up for: the node is told how many passed.
+* `realtime.enabled`: SCHED_FIFO for all threads, locked memory and a frozen garbage collector; one warning where
+  the system refuses.
+
+`main` runs one node as a process; `Loop` runs any number in one thread.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from rclpy.utilities import remove_ros_args
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.ros.frame import Behaviour, Frame
+
+TIMEOUT = 0.1  # an idle executor looks for a stop this often [s]
+STARTING = 0.01  # pause between two looks for the awaited readers [s]
+ATTEND = 10  # ticks between two looks at services, where the node has the process for itself
+MARGIN = 150_000  # the executor gives back the thread so long before a deadline [ns]
+REPORT_PERIOD = 1.0  # of /diagnostics [s]
+PR_SET_TIMERSLACK = 29
+MCL_CURRENT_AND_FUTURE = 3
+
+Build = Callable[[Frame], Behaviour]
+
+
+def make_executor(context: Context) -> Executor:
+    """The events executor where rclpy has one, else the single-threaded one."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor(context=context)
+    return EventsExecutor(context=context)
+
+
+def ask_for_real_time(frame: Frame) -> None:
+    """SCHED_FIFO for every thread of this process, locked memory, frozen collector; one warning on refusal."""
+    refused = []
+    try:
+        for thread in os.listdir("/proc/self/task"):
+            os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(frame.realtime.priority))
+    except OSError as error:
+        refused.append(f"SCHED_FIFO ({error.strerror})")
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.mlockall(MCL_CURRENT_AND_FUTURE) != 0:
+        refused.append(f"mlockall ({os.strerror(ctypes.get_errno())})")
+    gc.collect()
+    gc.freeze()
+    if refused:
+        frame.node.get_logger().warning(f"runs without {' and '.join(refused)}: allow rtprio and memlock to this user")
+
+
+def sleep_until(deadline: int) -> None:
+    """Sleep until `deadline` [ns] of the monotonic clock."""
+    left = deadline - time.monotonic_ns()
+    if left > 0:
+        time.sleep(left * 1e-9)
+
+
+class Loop:
+    """Runs nodes in the calling thread until one of them stops it.
+
+    Parameters
+    ----------
+    context : of rclpy, initialised.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+        self.executor = make_executor(context)
+        self.behaviours: list[Behaviour] = []
+        self.stopping = False
+        self._done: Future[None] = Future()
+
+    def add(self, behaviour: Behaviour) -> None:
+        """Take in a node that has been built."""
+        frame = behaviour.frame
+        frame.stop_loop = self.stop
+        frame.node.create_timer(REPORT_PERIOD, frame.diagnostics.publish)
+        self.behaviours.append(behaviour)
+        self.executor.add_node(frame.node)
+
+    def stop(self) -> None:
+        """End `run` soon; safe in callbacks and signal handlers."""
+        self.stopping = True
+        if not self._done.done():
+            self._done.set_result(None)
+
+    def spin(self, timeout: float) -> None:
+        """Serve callbacks for at most `timeout` [s], or until `stop`."""
+        self.executor.spin_until_future_complete(self._done, timeout_sec=timeout)
+
+    def _alive(self) -> bool:
+        return not self.stopping and self.context.ok()
+
+    def run(self) -> None:
+        """Start every node once its awaited readers are there, then serve them until `stop`."""
+        waiting = list(self.behaviours)
+        ticking: list[Behaviour] = []
+        while waiting and self._alive():
+            for behaviour in [one for one in waiting if one.frame.ready()]:
+                waiting.remove(behaviour)
+                behaviour.start()
+                if behaviour.ticks:
+                    ticking.append(behaviour)
+            if waiting:
+                self.spin(STARTING)
+        if any(one.frame.realtime.enabled for one in self.behaviours):
+            ask_for_real_time(next(one.frame for one in self.behaviours if one.frame.realtime.enabled))
+        if ticking:
+            self._run_ticks(ticking)
+        while self._alive():
+            self.spin(TIMEOUT)
+
+    def _run_ticks(self, ticking: list[Behaviour]) -> None:
+        """Absolute deadlines; the stamps lie on the same grid of the wall clock."""
+        ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
+        period = ticking[0].frame.period
+        attend = ATTEND if len(self.behaviours) == 1 else 1
+        first_stamp = time.time_ns() + period
+        first_deadline = time.monotonic_ns() + period
+        count, last = 0, -1
+        while self._alive():
+            deadline = first_deadline + count * period
+            if count % attend == 0:
+                pause = deadline - time.monotonic_ns() - MARGIN
+                self.spin(max(0, pause) * 1e-9)
+            sleep_until(deadline)
+            late = time.monotonic_ns() - deadline
+            skipped = max(0, late // period)
+            count += skipped
+            for behaviour in ticking:
+                diagnostics = behaviour.frame.diagnostics
+                diagnostics.missed += skipped
+                diagnostics.lateness(late)
+                behaviour.tick(first_stamp + count * period, count - last)
+            last = count
+            count += 1
+
+    def close(self) -> None:
+        """Let every node finish, then take it down."""
+        for behaviour in self.behaviours:
+            try:
+                behaviour.finish()
+            finally:
+                self.executor.remove_node(behaviour.frame.node)
+                behaviour.frame.close()
+        self.executor.shutdown()
+
+
+@contextmanager
+def stopped_by_signals(loop: Loop) -> Iterator[None]:
+    """SIGINT and SIGTERM end the loop between two callbacks; a second one raises KeyboardInterrupt."""
+
+    def handle(number: int, _frame: Any) -> None:
+        if loop.stopping:
+            raise KeyboardInterrupt
+        loop.stop()
+
+    previous = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def ros_context(arguments: Sequence[str] | None = None, domain_id: int | None = None) -> Iterator[Context]:
+    """An initialised rclpy context of our own, with no signal handlers of rclpy."""
+    context = Context()
+    try:
+        rclpy.init(
+            args=None if arguments is None else list(arguments),
+            context=context,
+            domain_id=domain_id,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+    except RuntimeError as error:
+        text = " ".join(str(error).split())
+        raise ShakeError(f"ROS arguments {' '.join(arguments or [])}: {text[:300]}") from None
+    try:
+        yield context
+    finally:
+        context.try_shutdown()
+
+
+def build_node(build: Build, name: str, context: Context, arguments: Sequence[str] | None = None) -> Behaviour:
+    """Frame and behaviour of one node; its unknown parameter overrides are an error."""
+    frame = Frame(name, context, arguments)
+    behaviour = build(frame)
+    frame.parameters.check_overrides()
+    return behaviour
+
+
+def main(build: Build, name: str, arguments: Sequence[str]) -> int:
+    """Run one node as this process; `arguments` are the ROS arguments after its name. Returns the exit code."""
+    foreign = remove_ros_args(["program", *arguments])[1:]
+    if foreign:
+        raise ShakeError(f"{name}: '{foreign[0]}' is no ROS argument; parameters go behind --ros-args -p name:=value")
+    with ros_context(list(arguments)) as context:
+        loop = Loop(context)
+        with stopped_by_signals(loop):
+            try:
+                loop.add(build_node(build, name, context))
+                loop.run()
+            finally:
+                loop.close()
+    return 0

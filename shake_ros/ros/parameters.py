@@ -1,0 +1,178 @@
+"""ROS parameters from `Parameters` dataclasses: one schema for YAML, nodes and reports; no node declares by hand.
+
+Each field becomes a parameter with its type, "meaning [unit]", its range, and read-only unless it is live. A nested
+set adds its field's name and a dot. A live change builds a new frozen object, which is checked as the first one was;
+it is refused with the reason, or waits until the node takes it at its next sample.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
+
+P = TypeVar("P", bound=Parameters)
+
+# What rclpy itself declares or reads from the overrides of every node.
+OWN_OVERRIDES = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+LARGEST_INTEGER = 2**63 - 1
+
+
+def _range(value: Any, metadata: Any) -> dict[str, Any]:
+    """The range fields of a descriptor; one-sided bounds take the largest number as the other side."""
+    low, high = metadata.get("low", -math.inf), metadata.get("high", math.inf)
+    if isinstance(value, bool | str) or (math.isinf(low) and math.isinf(high)):
+        return {}
+    if isinstance(value, int):
+        bounds = IntegerRange(
+            from_value=int(max(low, -LARGEST_INTEGER)), to_value=int(min(high, LARGEST_INTEGER)), step=0
+        )
+        return {"integer_range": [bounds]}
+    largest = sys.float_info.max
+    bounds = FloatingPointRange(from_value=max(low, -largest), to_value=min(high, largest), step=0.0)
+    return {"floating_point_range": [bounds]}
+
+
+def descriptor(name: str, value: Any, metadata: Any) -> ParameterDescriptor:
+    """Descriptor of one field: "meaning [unit]", range, read-only unless live."""
+    unit = metadata.get("unit", "")
+    meaning = metadata.get("meaning", "")
+    names = metadata.get("names", ())
+    return ParameterDescriptor(
+        name=name,
+        type=Parameter.Type.from_parameter_value(value).value,
+        description=f"{meaning} [{unit}]" if unit else meaning,
+        additional_constraints=f"one of {', '.join(names)}" if names else "",
+        read_only=not metadata.get("live", False),
+        **_range(value, metadata),
+    )
+
+
+def flatten(value: Parameters, prefix: str = "") -> dict[str, tuple[Any, Any]]:
+    """Parameter name → (value, metadata) of every field, nested sets with their field's name and a dot."""
+    found: dict[str, tuple[Any, Any]] = {}
+    for field in dataclasses.fields(value):
+        content = getattr(value, field.name)
+        name = prefix + field.name
+        if isinstance(content, Parameters):
+            found |= flatten(content, f"{name}.")
+        elif isinstance(content, bool | int | float | str):
+            found[name] = (content, field.metadata)
+    return found
+
+
+def replaced(value: P, changes: dict[str, Any]) -> P:
+    """A copy of `value` with dotted names changed, checked again; raises ShakeError with the reason."""
+    direct: dict[str, Any] = {}
+    nested: dict[str, dict[str, Any]] = {}
+    for name, content in changes.items():
+        head, _, rest = name.partition(".")
+        if rest:
+            nested.setdefault(head, {})[rest] = content
+        else:
+            direct[head] = content
+    for head, inner in nested.items():
+        direct[head] = replaced(getattr(value, head), inner)
+    return value.replace(**direct)
+
+
+class LiveSet(Generic[P]):
+    """One parameter set of a node: the object in use, and the newest accepted one.
+
+    Parameters
+    ----------
+    value : the set as read from the configuration.
+    prefix : of the ROS parameter names, with its dot.
+    accept : raises ShakeError where the node cannot use a set that is within its bounds.
+    """
+
+    def __init__(self, value: P, prefix: str = "", accept: Callable[[P], object] = lambda _: None) -> None:
+        self.value = value
+        self.prefix = prefix
+        self.accept = accept
+        self.changed = False
+
+    def take(self) -> P:
+        """The newest accepted set; call it between two samples."""
+        self.changed = False
+        return self.value
+
+
+class NodeParameters:
+    """Every parameter set of one node."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._sets: list[LiveSet[Any]] = []
+        self._owner: dict[str, LiveSet[Any]] = {}
+        node.add_on_set_parameters_callback(self._on_set)
+
+    def declare(self, value: P, prefix: str = "", accept: Callable[[P], object] = lambda _: None) -> LiveSet[P]:
+        """Declare the fields of `value`; overrides given at the start replace the configured values.
+
+        Raises ShakeError where an override has a wrong type or is out of range.
+        """
+        entries = flatten(value, prefix)
+        overrides = self._node._parameter_overrides  # rclpy offers no public look at them
+        changes: dict[str, Any] = {}
+        for name, (content, metadata) in entries.items():
+            override = overrides.get(name)
+            if isinstance(content, float) and override is not None and override.type_ == Parameter.Type.INTEGER:
+                overrides[name] = Parameter(name, Parameter.Type.DOUBLE, float(override.value))
+            try:
+                given = self._node.declare_parameter(name, content, descriptor(name, content, metadata)).value
+            except InvalidParameterTypeException:
+                kind = type(content).__name__
+                raise ShakeError(f"parameter {name} = {override.value!r} is not of type {kind}") from None
+            except InvalidParameterValueException:
+                bounds = f"{metadata.get('low', -math.inf):g} … {metadata.get('high', math.inf):g}"
+                unit = metadata.get("unit", "")
+                raise ShakeError(
+                    f"parameter {name} = {override.value!r} is outside {bounds} {unit}".rstrip(" -")
+                ) from None
+            if given != content:
+                changes[name[len(prefix) :]] = given
+        try:
+            live = LiveSet(replaced(value, changes), prefix, accept)
+            accept(live.value)
+        except ShakeError as error:
+            raise type(error)(f"parameter {error}") from None
+        self._sets.append(live)
+        self._owner |= dict.fromkeys(entries, live)
+        return live
+
+    def check_overrides(self) -> None:
+        """Raise UnknownName where the command line or a parameter file names a parameter that this node has not."""
+        for name in self._node._parameter_overrides:
+            if name not in self._owner and not name.startswith(OWN_OVERRIDES):
+                raise unknown_name("parameter", name, self._owner, self._node.get_name())
+
+    def _on_set(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
+        """Accept all of the changes or none: build every new set first, swap afterwards."""
+        changes: dict[int, dict[str, Any]] = {}
+        for parameter in parameters:
+            live = self._owner.get(parameter.name)
+            if live is not None:
+                changes.setdefault(id(live), {})[parameter.name[len(live.prefix) :]] = parameter.value
+        accepted = []
+        for live in self._sets:
+            if id(live) not in changes:
+                continue
+            try:
+                new = replaced(live.value, changes[id(live)])
+                live.accept(new)
+            except ShakeError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+            accepted.append((live, new))
+        for live, new in accepted:
+            live.value, live.changed = new, True
+        return SetParametersResult(successful=True)
