@@ -1,0 +1,90 @@
+"""What every reference is made of: rows of position, velocity and acceleration that belong to one another."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.quantities import ShakeError
+
+Array = NDArray[np.float64]
+
+LONGEST = 4_000_000
+"""Most samples of one program (about 100 MB)."""
+
+
+class Record(NamedTuple):
+    """A recorded acceleration: uniform times [s] and acceleration [m/s²], both of shape (m,)."""
+
+    time: Array
+    acceleration: Array
+
+
+class Motion(NamedTuple):
+    """Samples of a reference before shaping.
+
+    states : (n, 3), position [m], velocity [m/s], acceleration [m/s²] at k * sample_time.
+    notes : figures worth reporting by name (factor, crest factor, ...).
+    """
+
+    states: Array
+    notes: dict[str, Any]
+
+
+def sample_times(duration: float, sample_time: float) -> Array:
+    """Times k * sample_time from 0 to `duration` rounded to whole samples [s].
+
+    >>> sample_times(0.004, 0.001).tolist()
+    [0.0, 0.001, 0.002, 0.003, 0.004]
+    """
+    count = round(duration / sample_time) + 1
+    if count < 2:
+        raise ShakeError(f"reference: duration {duration:g} s is shorter than one sample of {sample_time:g} s")
+    if count > LONGEST:
+        raise ShakeError(f"reference: {duration:g} s at {sample_time:g} s are {count} samples, more than {LONGEST}")
+    return np.asarray(np.arange(count) * sample_time, dtype=np.float64)
+
+
+def smooth_step(tau: Array) -> tuple[Array, Array, Array]:
+    """The ramp 10τ³ − 15τ⁴ + 6τ⁵ between 0 and 1 and its first two derivatives by τ; constant outside.
+
+    Value, slope and curvature are continuous, the latter two zero at both ends. Largest slope 15/8.
+
+    >>> [float(part[0]) for part in smooth_step(np.array([0.5]))]
+    [0.5, 1.875, 0.0]
+    """
+    t = np.clip(tau, 0.0, 1.0)
+    value = t**3 * (10.0 + t * (6.0 * t - 15.0))
+    slope = 30.0 * t**2 * (1.0 - t) ** 2
+    curvature = 60.0 * t * (1.0 - t) * (1.0 - 2.0 * t)
+    return value, slope, curvature
+
+
+def product(left: tuple[Array, Array, Array], right: tuple[Array, Array, Array]) -> Array:
+    """Value and first two derivatives of a product from those of its factors, as rows of shape (n, 3)."""
+    f, df, ddf = left
+    g, dg, ddg = right
+    return np.column_stack((f * g, df * g + f * dg, ddf * g + 2.0 * df * dg + f * ddg))
+
+
+def columns(states: Array) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration of rows of shape (n, 3)."""
+    return states[:, 0], states[:, 1], states[:, 2]
+
+
+def peaks(states: Array) -> tuple[float, float, float]:
+    """Largest magnitudes of position [m], velocity [m/s] and acceleration [m/s²]."""
+    largest = np.max(np.abs(states), axis=0)
+    return float(largest[0]), float(largest[1]), float(largest[2])
+
+
+def crest_factor(signal: Array) -> float:
+    """Peak over root mean square of a signal [-]; 0 for a signal that is zero throughout.
+
+    >>> round(crest_factor(np.sin(2 * np.pi * np.arange(1000) / 1000)), 6)
+    1.414214
+    """
+    rms = float(np.sqrt(np.mean(np.square(signal))))
+    return float(np.max(np.abs(signal))) / rms if rms > 0.0 else 0.0

@@ -1,0 +1,149 @@
+"""A reference as it is played: all samples computed once, then looked up by index.
+
+Positions, velocities and accelerations come from one function of time and its derivatives (closed form,
+exact integral or exact solution of the filter), never from numerical differences.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
+from shake_ros.core.reference import MOTIONS, REFERENCES
+from shake_ros.core.reference.motion import Array, Record, columns, crest_factor, peaks, product, smooth_step
+from shake_ros.core.reference.shaping import Shaping, shape
+
+AT_REST = 1e-6
+"""Largest velocity at start and end, as a fraction of the peak, that still counts as rest."""
+
+
+class Program:
+    """Samples of a reference, soft start and stop included. Immutable.
+
+    Parameters
+    ----------
+    kind : a name of REFERENCES.
+    parameters : an object of REFERENCES[kind].
+    shaping : soft start and stop, filter (5.1).
+    sample_time : [s].
+    record : (time [s], acceleration [m/s²]) of an accelerogram, used by `earthquake`; None = synthetic.
+
+    Raises
+    ------
+    UnknownName, or ShakeError where the reference would start or end with a jump in velocity.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        parameters: Parameters,
+        shaping: Shaping,
+        sample_time: float,
+        record: tuple[Array, Array] | None = None,
+    ) -> None:
+        if kind not in REFERENCES:
+            raise unknown_name("reference", kind, REFERENCES)
+        if not isinstance(parameters, REFERENCES[kind]):
+            raise ShakeError(f"reference '{kind}' takes {REFERENCES[kind].__name__}, got {type(parameters).__name__}")
+        if not 1e-6 <= sample_time <= 1.0:
+            raise ShakeError(f"reference: sample_time = {sample_time:g} s is outside 1e-06 … 1 s")
+        recorded = None if record is None else Record(*(np.asarray(part, dtype=np.float64) for part in record))
+        states, notes = MOTIONS[kind](parameters, sample_time, recorded)
+        states = shape(states, shaping, sample_time)
+        _check_rest(kind, states, sample_time)
+        self._set(kind, states, sample_time, notes)
+
+    def _set(self, kind: str, states: Array, sample_time: float, notes: dict[str, Any]) -> None:
+        self.kind = kind
+        self.sample_time = sample_time
+        self.notes = dict(notes)
+        self._states = np.ascontiguousarray(states)
+        self._states.flags.writeable = False
+        self._last = (float(states[-1, 0]), 0.0, 0.0)
+
+    @classmethod
+    def from_states(cls, kind: str, states: Array, sample_time: float, notes: dict[str, Any]) -> Program:
+        """A program of given samples (n, 3); the caller answers for their consistency."""
+        program = cls.__new__(cls)
+        program._set(kind, states, sample_time, notes)
+        return program
+
+    @property
+    def length(self) -> int:
+        """Number of samples, soft start and stop and the filter's settling included."""
+        return len(self._states)
+
+    @property
+    def states(self) -> Array:
+        """All samples, (length, 3): position [m], velocity [m/s], acceleration [m/s²]; read-only."""
+        return self._states
+
+    def at(self, k: int) -> tuple[float, float, float]:
+        """Position [m], velocity [m/s], acceleration [m/s²] at sample k; rest before the start and after the end."""
+        if 0 <= k < len(self._states) - 1:
+            position, velocity, acceleration = self._states[k].tolist()
+            return position, velocity, acceleration
+        return self._last if k > 0 else (float(self._states[0, 0]), 0.0, 0.0)
+
+    def summary(self) -> dict[str, Any]:
+        """Peaks and crest factors with the notes of the reference, by name."""
+        position, velocity, acceleration = peaks(self._states)
+        return {
+            "kind": self.kind,
+            "duration": (self.length - 1) * self.sample_time,
+            "peak_position": position,
+            "peak_velocity": velocity,
+            "peak_acceleration": acceleration,
+            "crest_factor_velocity": crest_factor(self._states[:, 1]),
+            "crest_factor_acceleration": crest_factor(self._states[:, 2]),
+            **self.notes,
+        }
+
+    def samples(self, first: int, count: int) -> Array:
+        """Samples first … first + count − 1 as `at` gives them, (count, 3)."""
+        index = np.arange(first, first + count)
+        rows = self._states[np.clip(index, 0, self.length - 1)].copy()
+        rows[(index < 0) | (index >= self.length - 1), 1:] = 0.0
+        return rows
+
+
+def _check_rest(kind: str, states: Array, sample_time: float) -> None:
+    """Refuse a reference that starts or ends moving, or that jumps in between."""
+    fastest = float(np.max(np.abs(states[:, 1])))
+    for place, row, remedy in (("starts", states[0], "soft_start"), ("ends", states[-1], "soft_stop")):
+        if abs(row[1]) > AT_REST * fastest:
+            raise ShakeError(
+                f"reference '{kind}' {place} with {row[1]:.3g} m/s: give {remedy} > 0 or a filter_frequency > 0"
+            )
+    jump = float(np.max(np.abs(np.diff(states[:, 0]))))
+    if jump > 1.5 * sample_time * fastest + 1e-12:
+        raise ShakeError(f"reference '{kind}' jumps by {jump:.3g} m: give rise_time > 0 or a filter_frequency > 0")
+
+
+def crossfade(old: Program, new: Program, start: int, change_time: float, restart: bool = False) -> Program:
+    """`old` until sample `start`, then faded into `new` over `change_time` along a C² ramp.
+
+    Velocity and acceleration carry the derivatives of the ramp, so the three stay consistent. With `restart`
+    the new program begins at its own sample 0 at `start` (for a change of frequency or of kind, and for a
+    program that has ended); otherwise both run on the same index (a change of amplitude keeps its phase).
+
+    Parameters
+    ----------
+    old, new : programs of one sample time.
+    start : first sample of the change.
+    change_time : [s], at least one sample.
+    """
+    if old.sample_time != new.sample_time:
+        raise ShakeError(f"reference: sample times {old.sample_time:g} and {new.sample_time:g} s differ")
+    start = max(start, 0)
+    steps = max(1, round(change_time / old.sample_time))
+    offset = start if restart else 0
+    total = max(start + steps + 1, offset + new.length)
+    span = steps * old.sample_time
+    value, slope, curvature = smooth_step(np.arange(total - start) / steps)
+    ramp = (value, slope / span, curvature / span**2)
+    rows = old.samples(start, total - start)
+    faded = rows + product(ramp, columns(new.samples(start - offset, total - start) - rows))
+    return Program.from_states(new.kind, np.vstack((old.samples(0, start), faded)), old.sample_time, new.notes)

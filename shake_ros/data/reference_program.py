@@ -1,0 +1,60 @@
+"""config/reference/*.yaml and the record it names → a reference ready to be played."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
+from shake_ros.core.reference import REFERENCES
+from shake_ros.core.reference.earthquake import EarthquakeParameters
+from shake_ros.core.reference.motion import Record
+from shake_ros.core.reference.program import Program
+from shake_ros.core.reference.shaping import Shaping
+from shake_ros.data.accelerograms import read_accelerogram
+from shake_ros.settings import find, read_yaml
+
+
+class Reference(NamedTuple):
+    """A reference as configured: its kind, its parameters and the shaping."""
+
+    kind: str
+    parameters: Parameters
+    shaping: Shaping
+
+
+def load_reference(name: str) -> Reference:
+    """Read config/reference/<name>.yaml, or a path that ends in .yaml.
+
+    Raises ShakeError, naming the file, for an unknown name, an unknown or missing key, or a value out of bounds.
+    """
+    path = find("reference", name)
+    content = read_yaml(path)
+    if not isinstance(content, dict) or "kind" not in content:
+        raise ShakeError(f"{path}: missing key 'kind' (one of {', '.join(sorted(REFERENCES))})")
+    if "shaping" not in content:
+        raise ShakeError(f"{path}: missing key 'shaping'")
+    kind, shaping = content.pop("kind"), content.pop("shaping")
+    if kind not in REFERENCES:
+        raise unknown_name("reference", kind, REFERENCES, str(path))
+    parameters = REFERENCES[kind].from_mapping(content, str(path))
+    return Reference(kind, parameters, Shaping.from_mapping(shaping, f"{path}: shaping"))
+
+
+def read_record(parameters: Parameters) -> Record | None:
+    """The accelerogram that an earthquake's parameters name, None where they name none or are of another kind."""
+    if not isinstance(parameters, EarthquakeParameters) or not parameters.record:
+        return None
+    found = read_accelerogram(Path(parameters.record), channel=parameters.channel, unit=parameters.unit)
+    return Record(found.time, found.acceleration)
+
+
+def make_program(reference: Reference, sample_time: float) -> Program:
+    """The program of a configured reference; reads the record it names, relative to the working directory."""
+    record = read_record(reference.parameters)
+    return Program(reference.kind, reference.parameters, reference.shaping, sample_time, record)
+
+
+def build_program(name_or_path: str, sample_time: float) -> Program:
+    """The program of config/reference/<name>.yaml or of a YAML file, `sample_time` in [s]."""
+    return make_program(load_reference(name_or_path), sample_time)
