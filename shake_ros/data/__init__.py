@@ -1,0 +1,1 @@
+"""Recordings and accelerograms → arrays with units and provenance; results → files."""

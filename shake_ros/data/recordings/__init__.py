@@ -1,0 +1,17 @@
+"""Recordings of shaking tables: rosbag2 folders and files, read on one time base and written."""
+
+from shake_ros.data.recordings.findings import Finding
+from shake_ros.data.recordings.table import Provenance, TableRecording, iterate_table_recording, read_table_recording
+from shake_ros.data.recordings.table_writer import write_table_recording
+from shake_ros.data.recordings.writer import BagWriter, recover
+
+__all__ = [
+    "BagWriter",
+    "Finding",
+    "Provenance",
+    "TableRecording",
+    "iterate_table_recording",
+    "read_table_recording",
+    "recover",
+    "write_table_recording",
+]

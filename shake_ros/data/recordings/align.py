@@ -1,0 +1,161 @@
+"""Signals of different topics onto the stamps of the position sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from shake_ros.data.recordings.cdr import Floats, Integers
+from shake_ros.data.recordings.findings import Finding
+from shake_ros.data.recordings.series import GAP_FACTOR, JITTER_LIMIT, Series
+
+SAME_SAMPLE = 0.1  # share of a period within which two stamps mean the same sampling instant
+IRREGULAR = 3.0  # 90th percentile over median of the distances, from which commands count as events
+USABLE = 0.5  # share of samples below which an optional signal is not used
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The time base: stamps of the positions.
+
+    Attributes
+    ----------
+    stamps : (n,) [ns], rising.
+    gaps : (n - 1,) whether samples are missing after each sample.
+    sample_time : mean distance of neighbours outside of gaps [s].
+    restarted : whether the recording holds another run, which was left out.
+    """
+
+    stamps: Integers
+    gaps: npt.NDArray[np.bool_]
+    sample_time: float
+    restarted: bool = False
+
+    @property
+    def time(self) -> Floats:
+        """(n,) from the first stamp [s]."""
+        seconds: Floats = (self.stamps - self.stamps[0]) / 1e9
+        return seconds
+
+    def seconds(self, row: int) -> float:
+        """Time of a sample from the first one [s]."""
+        return float(self.stamps[row] - self.stamps[0]) / 1e9
+
+    @classmethod
+    def of(cls, series: Series, findings: list[Finding]) -> Grid:
+        """The time base of an ordered series; gaps and jitter are reported."""
+        steps = np.diff(series.stamps)
+        period = float(np.median(steps))
+        gaps = steps > GAP_FACTOR * period
+        mean = float(steps[~gaps].mean())
+        restarted = any(finding.kind == "restart" and finding.topic == series.topic for finding in findings)
+        grid = cls(series.stamps, gaps, mean / 1e9, restarted)
+        report_gaps(series.topic, steps, gaps, period, findings)
+        away = np.abs(steps[~gaps] - mean) > JITTER_LIMIT * mean
+        if away.any():
+            spread = float(np.std(steps[~gaps])) / 1e6
+            text = (
+                f"{int(away.sum())} samples are off their period by more than 10 % (standard deviation {spread:.3g} ms)"
+            )
+            first = int(np.flatnonzero(~gaps)[int(np.argmax(away))])
+            findings.append(Finding("jitter", series.topic, int(away.sum()), text, grid.seconds(first)))
+        return grid
+
+
+def report_gaps(
+    topic: str, steps: Integers, gaps: npt.NDArray[np.bool_], period: float, findings: list[Finding]
+) -> None:
+    """One finding for all gaps of a topic: how many, how many samples, where the first and the longest are."""
+    if not gaps.any():
+        return
+    missing = int(np.sum(np.rint(steps[gaps] / period) - 1))
+    since = np.concatenate(([0], np.cumsum(steps)))[:-1] / 1e9
+    first = float(since[np.argmax(gaps)])
+    longest = int(np.argmax(np.where(gaps, steps, 0)))
+    text = (
+        f"{int(gaps.sum())} gaps, about {missing} samples missing; first after {first:.6g} s, "
+        f"longest {steps[longest] / 1e9:.3g} s after {since[longest]:.6g} s"
+    )
+    findings.append(Finding("gap", topic, missing, text, first))
+
+
+def hold(series: Series, grid: Grid, findings: list[Finding]) -> Floats:
+    """The command that acts from each sample on: the last one stamped at or before it.
+
+    Returns
+    -------
+    (n,) command; NaN before the first, and where the command's own stamps have a gap.
+    """
+    topic, tolerance = series.topic, int(grid.sample_time * 1e9 * SAME_SAMPLE)
+    period = series.period
+    steps = np.diff(series.stamps)
+    regular = len(series) > 2 and float(np.percentile(steps, 90)) <= IRREGULAR * period
+    index = np.searchsorted(series.stamps, grid.stamps + tolerance, side="right") - 1
+    values = np.where(index >= 0, series.values[np.maximum(index, 0), 0], np.nan)
+    early = int((index < 0).sum())
+    if early:
+        findings.append(Finding("gap", topic, early, f"the first {early} positions come before the first command", 0.0))
+    if regular:
+        age = grid.stamps - series.stamps[np.maximum(index, 0)]
+        stale = (index >= 0) & (age >= GAP_FACTOR * period)
+        if (steps > GAP_FACTOR * period).any():
+            report_gaps(topic, steps, steps > GAP_FACTOR * period, period, findings)
+        last = int((stale & (index == len(series) - 1)).sum())
+        if last:
+            text = f"the last {last} positions come after the last command"
+            findings.append(Finding("gap", topic, last, text, grid.seconds(len(grid.stamps) - last)))
+        values[stale] = np.nan
+    elif len(series) > 2:
+        text = "commands come irregularly and are taken as events that hold until the next"
+        findings.append(Finding("jitter", topic, len(series), text))
+    used = np.unique(index[index >= 0]).size
+    if len(series) > 1.5 * used and used:
+        text = f"{len(series)} commands for {used} positions: of several between two positions the last one counts"
+        findings.append(Finding("resampled", topic, len(series) - used, text))
+    return values
+
+
+def matched(series: Series, grid: Grid, findings: list[Finding]) -> Floats | None:
+    """A measured signal at the grid's stamps.
+
+    Samples with the same stamp are taken as they are; a signal with stamps of its own is interpolated linearly
+    between neighbours that are no gap apart, and a finding says so.
+
+    Returns
+    -------
+    (n, width) values, NaN where there is no sample; None where fewer than half of the samples are there.
+    """
+    if not len(series):
+        findings.append(Finding("absent", series.topic, 0, "has no usable sample; left out"))
+        return None
+    right = np.clip(np.searchsorted(series.stamps, grid.stamps), 0, len(series) - 1)
+    left = np.maximum(right - 1, 0)
+    nearest = np.where(
+        np.abs(series.stamps[left] - grid.stamps) < np.abs(series.stamps[right] - grid.stamps), left, right
+    )
+    same = np.abs(series.stamps[nearest] - grid.stamps) <= SAME_SAMPLE * grid.sample_time * 1e9
+    values = np.where(same[:, None], series.values[nearest], np.nan)
+    if same.mean() < USABLE and len(series) > 1:
+        values, same = _interpolated(series, grid, left, right)
+        text = f"has stamps of its own (every {series.period / 1e6:.4g} ms); interpolated linearly"
+        findings.append(Finding("resampled", series.topic, int(same.sum()), text))
+    missing = int((~same).sum())
+    if missing > (1.0 - USABLE) * len(same):
+        text = f"is there for {len(same) - missing} of {len(same)} positions only; left out"
+        findings.append(Finding("absent", series.topic, missing, text))
+        return None
+    if missing:
+        first = grid.seconds(int(np.argmin(same)))
+        text = f"{missing} of {len(same)} positions have no such sample; first at {first:.6g} s"
+        findings.append(Finding("gap", series.topic, missing, text, first))
+    return values
+
+
+def _interpolated(series: Series, grid: Grid, left: Integers, right: Integers) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    span = (series.stamps[right] - series.stamps[left]).astype(np.float64)
+    share = (grid.stamps - series.stamps[left]) / np.where(span > 0, span, 1.0)
+    inside = (span > 0) & (span <= GAP_FACTOR * series.period) & (share >= 0) & (share <= 1)
+    a, b = series.values[left], series.values[right]
+    return np.where(inside[:, None], a + share[:, None] * (b - a), np.nan), inside

@@ -1,0 +1,240 @@
+"""One topic of a recording as columns: stamps, times of receipt, numbers; put in order, with what was wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.recordings.bag import Bag, Message, Topic
+from shake_ros.data.recordings.cdr import MISSING_STAMP, Floats, Integers, Layout, columns
+from shake_ros.data.recordings.findings import Finding
+
+BATCH = 4096
+RESTART_SAMPLES = 100
+GAP_FACTOR = 1.5
+JITTER_LIMIT = 0.1
+
+
+@dataclass(frozen=True)
+class Signal:
+    """What is read from a topic.
+
+    Attributes
+    ----------
+    name : last component of the topic's name.
+    type : message type.
+    paths : field of each column; `{joint}` stands for the index of the joint.
+    joint : name of the joint to take where a message has several.
+    """
+
+    name: str
+    type: str
+    paths: tuple[str, ...]
+    joint: str = ""
+
+    def choose(self, layout: Layout) -> Sequence[str]:
+        """The fields of a message with this layout; empty where it has several joints and none is the right one."""
+        if not self.joint:
+            return self.paths
+        names = {path: text for path, text in layout.texts.items() if path.startswith(("name[", "joint_names["))}
+        index = next((path for path, text in names.items() if text == self.joint), None)
+        if index is None and len(names) > 1:
+            return ()
+        number = index[index.index("[") + 1 : -1] if index else "0"
+        return [path.replace("{joint}", number) for path in self.paths]
+
+
+JOINT, POINT = "sensor_msgs/msg/JointState", "trajectory_msgs/msg/JointTrajectory"
+PRESSURE = "sensor_msgs/msg/FluidPressure"
+POINT_PATHS = tuple(f"points[0].{name}[{{joint}}]" for name in ("positions", "velocities", "accelerations"))
+SIGNALS = {
+    signal.name: signal
+    for signal in (
+        Signal("valve_command", JOINT, ("position[{joint}]",), "servo_valve"),
+        Signal("joint_states", JOINT, ("position[{joint}]",), "table"),
+        Signal("imu", "sensor_msgs/msg/Imu", ("linear_acceleration.x",)),
+        Signal("pressure_a", PRESSURE, ("fluid_pressure",)),
+        Signal("pressure_b", PRESSURE, ("fluid_pressure",)),
+        Signal("pressure_supply", PRESSURE, ("fluid_pressure",)),
+        Signal("force", "geometry_msgs/msg/WrenchStamped", ("wrench.force.x",)),
+        Signal("reference", POINT, POINT_PATHS, "table"),
+        Signal("estimate", POINT, POINT_PATHS, "table"),
+        Signal("truth", POINT, POINT_PATHS, "table"),
+    )
+}
+
+
+@dataclass(frozen=True)
+class Series:
+    """The samples of one topic.
+
+    Attributes
+    ----------
+    topic : full name.
+    stamps, received : (n,) header.stamp and time of receipt [ns].
+    values : (n, width) numbers in the units of the message.
+    """
+
+    topic: str
+    stamps: Integers
+    received: Integers
+    values: Floats
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+    def __getitem__(self, rows: slice | npt.NDArray[np.bool_] | Integers) -> Series:
+        return replace(self, stamps=self.stamps[rows], received=self.received[rows], values=self.values[rows])
+
+    @property
+    def period(self) -> float:
+        """Median distance of stamps [ns]; NaN for fewer than two samples."""
+        return float(np.median(np.diff(self.stamps))) if len(self) > 1 else float("nan")
+
+
+class Collector:
+    """Gathers the messages of one topic and decodes them in batches."""
+
+    def __init__(self, signal: Signal, topic: str) -> None:
+        self.signal, self.topic = signal, topic
+        self._messages: list[bytes] = []
+        self._received: list[int] = []
+        self._parts: list[Series] = []
+
+    def add(self, message: Message) -> None:
+        """Take one message."""
+        self._messages.append(message.data)
+        self._received.append(message.received)
+        if len(self._messages) >= BATCH:
+            self._decode()
+
+    def _decode(self) -> None:
+        signal = self.signal
+        stamps, values = columns(self._messages, signal.type, signal.choose, len(signal.paths))
+        received = np.array(self._received, dtype=np.uint64).astype(np.int64)
+        self._parts.append(Series(self.topic, stamps, received, values))
+        self._messages, self._received = [], []
+
+    def take(self) -> Series:
+        """All samples so far; the collector is empty afterwards."""
+        self._decode()
+        parts, self._parts = self._parts, []
+        stamps = np.concatenate([part.stamps for part in parts])
+        received = np.concatenate([part.received for part in parts])
+        return Series(self.topic, stamps, received, np.concatenate([part.values for part in parts]))
+
+    def put_back(self, series: Series) -> None:
+        """Return samples that belong to a later piece."""
+        self._parts.insert(0, series)
+
+
+def choose_topic(bag: Bag, name: str, kind: str = "", required: bool = False) -> Topic | None:
+    """The topic whose last name component is `name`.
+
+    Raises
+    ------
+    ShakeError
+        where two topics qualify (both are listed), where a required one is missing (all are listed), or where it
+        cannot be used (the reason is given).
+    """
+    named = [topic for topic in bag.topics.values() if topic.name.rsplit("/", 1)[-1] == name]
+    found = [topic for topic in named if topic.count] or named[:1]
+    if len(found) > 1:
+        both = " and ".join(sorted(topic.name for topic in found))
+        raise ShakeError(f"{bag.path}: two topics end in '{name}': {both}; a recording of one table is needed")
+    if not found:
+        if required:
+            names = ", ".join(sorted(bag.topics)[:12]) or "no topic at all"
+            raise ShakeError(f"{bag.path}: no topic '{name}'; the recording holds {names}")
+        return None
+    topic = found[0]
+    reason = topic.refusal or (f"is {topic.type}, expected {kind}" if kind and not _same_type(topic.type, kind) else "")
+    if not reason and not topic.count:
+        reason = "holds no message"
+    if reason:
+        if required:
+            raise ShakeError(f"{bag.path}: topic '{topic.name}' {reason}")
+        if not topic.refusal:
+            bag.findings.append(Finding("absent", topic.name, topic.count, f"{reason}; left out"))
+        return None
+    return topic
+
+
+def _same_type(name: str, wanted: str) -> bool:
+    return name.replace("/msg/", "/") == wanted.replace("/msg/", "/")
+
+
+def in_order(series: Series, findings: list[Finding]) -> Series:
+    """The series with rising stamps; what was undecodable, unstamped, repeated or out of order is reported.
+
+    A jump back by more than 100 samples is a second run in the same recording: the longer run is kept, since
+    sorting would shuffle two runs into one another.
+    """
+    topic = series.topic
+
+    def report(kind: str, bad: npt.NDArray[np.bool_], text: str) -> None:
+        count = int(bad.sum())
+        if count:
+            first = int(np.argmax(bad))
+            findings.append(Finding(kind, topic, count, f"{count} {text} (first: message {first})"))
+
+    bad = series.stamps == MISSING_STAMP
+    report("undecodable", bad, "messages cannot be decoded")
+    series = series[~bad]
+    bad = series.stamps == 0
+    if bad.any() and len(series) > 1:
+        following = series.stamps[1] - series.stamps[0]
+        limit = RESTART_SAMPLES * abs(float(np.median(np.diff(series.stamps[1:])))) if len(series) > 2 else np.inf
+        bad[0] &= not 0 < following <= limit  # simulated time may start at zero
+        report("missing_stamp", bad, "messages have no stamp")
+        series = series[~bad]
+    series = _one_run(series, findings)
+    steps = np.diff(series.stamps, prepend=series.stamps[:1] - 1)
+    report("reversed_time", steps < 0, "stamps go back in time; put in order")
+    if (steps < 0).any():
+        series = series[np.argsort(series.stamps, kind="stable")]
+    same = np.diff(series.stamps, prepend=series.stamps[:1] - 1) == 0
+    if same.any():
+        before = np.flatnonzero(same)
+        differ = ~np.isclose(series.values[before], series.values[before - 1], rtol=0, atol=0, equal_nan=True)
+        changed = int(differ.any(axis=1).sum())
+        report("duplicate", same, f"stamps occur twice, {changed} with another value; the first counts")
+        series = series[~same]
+    return series
+
+
+def _one_run(series: Series, findings: list[Finding]) -> Series:
+    """The longest stretch of a series without a jump back by more than RESTART_SAMPLES."""
+    if len(series) < 2:
+        return series
+    steps = np.diff(series.stamps)
+    forward = steps[steps > 0]
+    limit = RESTART_SAMPLES * float(np.median(forward)) if forward.size else np.inf
+    cuts = np.flatnonzero(steps < -limit) + 1
+    if not cuts.size:
+        return series
+    edges = [0, *(int(cut) for cut in cuts), len(series)]
+    lengths = np.diff(edges)
+    longest = int(np.argmax(lengths))
+    left_out = len(series) - int(lengths[longest])
+    text = f"time starts again {len(cuts)} times; the longest run is kept, {left_out} samples of others are left out"
+    findings.append(Finding("restart", series.topic, len(cuts), text))
+    return series[edges[longest] : edges[longest + 1]]
+
+
+def collect(messages: Iterable[Message], collectors: dict[str, Collector]) -> None:
+    """Hand every message to the collector of its topic."""
+    for message in messages:
+        collectors[message.topic].add(message)
+
+
+def require(series: Series, path: object) -> None:
+    """Raise ShakeError where a required topic has nothing left to use."""
+    if len(series) < 2:
+        raise ShakeError(
+            f"{path}: topic '{series.topic}' has {len(series)} usable stamped samples, at least 2 are needed"
+        )

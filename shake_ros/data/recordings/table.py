@@ -1,0 +1,236 @@
+"""A recording of a shaking table → arrays on one time base, with segments, provenance and findings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.recordings import checks
+from shake_ros.data.recordings.align import Grid, hold, matched
+from shake_ros.data.recordings.bag import Bag
+from shake_ros.data.recordings.cdr import Floats, Integers
+from shake_ros.data.recordings.findings import Finding
+from shake_ros.data.recordings.series import SIGNALS, Collector, Series, choose_topic, in_order, require
+
+REQUIRED = ("joint_states", "valve_command")
+SHORTEST_SEGMENT = 2
+SETTLE = 1.0  # seconds of receipt that messages of different topics may lie apart when a recording is read in pieces
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a recording came from.
+
+    Attributes
+    ----------
+    path : folder or file.
+    files : storage files read.
+    topics : signal → full topic name.
+    counts : signal → messages on that topic.
+    start_stamp : header.stamp of the first sample [ns].
+    complete : whether the files were closed properly.
+    distribution : ROS distribution or writer named in the metadata, empty where none is.
+    """
+
+    path: Path
+    files: tuple[str, ...]
+    topics: dict[str, str]
+    counts: dict[str, int]
+    start_stamp: int
+    complete: bool
+    distribution: str
+
+
+@dataclass(frozen=True)
+class TableRecording:
+    """Samples of a table at the stamps of its position sensor.
+
+    Attributes
+    ----------
+    name : the recording's name (its folder's).
+    time : (n,) from the first stamp [s].
+    sample_time : mean distance of neighbouring samples [s].
+    valve_command : (n,) command acting from each sample until the next [-]; NaN where it is not known.
+    position : (n,) [m].
+    acceleration : (n,) [m/s²] or None.
+    pressure_a, pressure_b, pressure_supply : (n,) absolute [Pa] or None.
+    force : (n,) external force on the table [N] or None.
+    reference, estimate, truth : (n, 3) position, velocity, acceleration in SI units, or None; NaN where missing.
+    segments : slices without a gap, in which command, position and (where there is one) acceleration are finite.
+    findings : what was not as it should be.
+    """
+
+    name: str
+    time: Floats
+    sample_time: float
+    valve_command: Floats
+    position: Floats
+    acceleration: Floats | None
+    segments: tuple[slice, ...]
+    provenance: Provenance
+    findings: tuple[Finding, ...] = ()
+    pressure_a: Floats | None = None
+    pressure_b: Floats | None = None
+    pressure_supply: Floats | None = None
+    force: Floats | None = None
+    reference: Floats | None = None
+    estimate: Floats | None = None
+    truth: Floats | None = None
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __getitem__(self, rows: slice) -> TableRecording:
+        """The samples of a slice, as one segment."""
+        changes: dict[str, Any] = {"segments": (slice(0, len(self.time[rows])),)}
+        for name in (*ARRAYS, "time", "valve_command", "position", "acceleration"):
+            values = getattr(self, name)
+            changes[name] = None if values is None else values[rows]
+        return replace(self, **changes)
+
+    @property
+    def longest(self) -> TableRecording:
+        """The samples of the longest segment."""
+        return self[max(self.segments, key=lambda piece: piece.stop - piece.start)]
+
+
+ARRAYS = ("pressure_a", "pressure_b", "pressure_supply", "force", "reference", "estimate", "truth")
+
+
+def read_table_recording(path: Path | str) -> TableRecording:
+    """Read a recording of a table: any rosbag2 folder, or one .mcap or .db3 file.
+
+    Topics are found by the last component of their names and aligned by header.stamp; a command stamped t acts
+    from t until the next. Nothing is filled in: missing samples end a segment.
+
+    Raises
+    ------
+    ShakeError
+        one line with path, topic and reason, where the recording cannot be used.
+    """
+    with Bag(path) as bag:
+        collectors = _collectors(bag)
+        topics = {collector.topic: collector for collector in collectors.values()}
+        for message in bag.messages(list(topics)):
+            topics[message.topic].add(message)
+        return _assemble(bag, {name: collector.take() for name, collector in collectors.items()})
+
+
+def iterate_table_recording(path: Path | str, seconds: float = 60.0) -> Iterator[TableRecording]:
+    """Read a long recording in pieces of about `seconds` of receipt, with bounded memory.
+
+    Every piece stands by itself: its own time base, segments and findings. The command that acts at the start of a
+    piece is carried over from the one before. Raises ShakeError as `read_table_recording` does.
+    """
+    with Bag(path) as bag:
+        collectors = _collectors(bag)
+        topics = {collector.topic: collector for collector in collectors.values()}
+        begin: int | None = None
+        for message in bag.messages(list(topics)):
+            begin = message.received if begin is None else begin
+            topics[message.topic].add(message)
+            if message.received - begin > (seconds + SETTLE) * 1e9:
+                begin += int(seconds * 1e9)
+                yield _assemble(bag, _cut(collectors, begin))
+                bag.findings.clear()
+        yield _assemble(bag, {name: collector.take() for name, collector in collectors.items()})
+
+
+def _collectors(bag: Bag) -> dict[str, Collector]:
+    collectors = {}
+    for name in sorted(SIGNALS, key=lambda name: name not in REQUIRED):
+        topic = choose_topic(bag, name, SIGNALS[name].type, name in REQUIRED)
+        if topic is not None:
+            collectors[name] = Collector(SIGNALS[name], topic.name)
+    return collectors
+
+
+def _cut(collectors: dict[str, Collector], limit: int) -> dict[str, Series]:
+    """What was stamped before the first position received after `limit` [ns]; the rest, and one command, stay."""
+    taken = {name: collector.take() for name, collector in collectors.items()}
+    position = taken["joint_states"]
+    later = position.received >= limit
+    boundary = int(position.stamps[later].min()) if later.any() else np.iinfo(np.int64).max
+    before = {}
+    for name, series in taken.items():
+        early = series.stamps < boundary
+        before[name] = series[early]
+        kept = ~early
+        if name == "valve_command" and early.any():
+            kept = kept.copy()
+            kept[int(np.flatnonzero(early)[-1])] = True
+        collectors[name].put_back(series[kept])
+    return before
+
+
+def _assemble(bag: Bag, raw: dict[str, Series]) -> TableRecording:
+    findings: list[Finding] = []
+    counts = {name: len(series) for name, series in raw.items()}
+    ordered = {"joint_states": in_order(raw["joint_states"], findings)}
+    require(ordered["joint_states"], bag.path)
+    grid = Grid.of(ordered["joint_states"], findings)
+    window = (int(ordered["joint_states"].received.min()), int(ordered["joint_states"].received.max()))
+    for name, series in raw.items():
+        if name != "joint_states":
+            ordered[name] = in_order(_within(series, window, grid), findings)
+    require_command = ordered["valve_command"]
+    if not len(require_command):
+        raise ShakeError(f"{bag.path}: topic '{require_command.topic}' has no sample in the time of the positions")
+    command = hold(require_command, grid, findings)
+    position = ordered["joint_states"].values[:, 0]
+    others: dict[str, Floats | None] = dict.fromkeys(ARRAYS)
+    for name, series in ordered.items():
+        if name in ARRAYS:
+            values = matched(series, grid, findings)
+            others[name] = values if values is None or values.shape[1] == 3 else values[:, 0]
+    acceleration = None
+    if "imu" in ordered:
+        values = matched(ordered["imu"], grid, findings)
+        acceleration = None if values is None else values[:, 0]
+    topics = {name: series.topic for name, series in ordered.items()}
+    main = {"valve_command": command, "joint_states": position} | (
+        {} if acceleration is None else {"imu": acceleration}
+    )
+    checks.not_a_number(main, topics, grid, findings)
+    checks.sizes(main | {n: v for n, v in others.items() if v is not None}, topics, grid, findings)
+    segments = _segments(grid, list(main.values()))
+    if not segments:
+        text = "; ".join(str(finding) for finding in findings[:3])
+        raise ShakeError(f"{bag.path}: no stretch in which command and position are both known ({text})")
+    provenance = Provenance(
+        bag.path, tuple(file.name for file in bag.files), topics, counts, int(grid.stamps[0]), bag.complete,
+        str(bag.metadata.get("ros_distro") or ""),
+    )  # fmt: skip
+    return TableRecording(
+        name=_name(bag.path), time=grid.time, sample_time=grid.sample_time, valve_command=command, position=position,
+        acceleration=acceleration, segments=segments, provenance=provenance, findings=(*bag.findings, *findings),
+        **others,
+    )  # fmt: skip
+
+
+def _within(series: Series, window: tuple[int, int], grid: Grid) -> Series:
+    """The samples received while the positions were, so that a second run in the recording does not mix in."""
+    if not grid.restarted:
+        return series
+    margin = int(10 * grid.sample_time * 1e9)
+    return series[(series.received >= window[0] - margin) & (series.received <= window[1] + margin)]
+
+
+def _segments(grid: Grid, signals: list[Floats]) -> tuple[slice, ...]:
+    """Runs of neighbouring samples in which all signals are finite."""
+    good = np.logical_and.reduce([np.isfinite(signal) for signal in signals])
+    joined = good[1:] & good[:-1] & ~grid.gaps
+    starts = np.flatnonzero(good & ~np.concatenate(([False], joined)))
+    ends = np.flatnonzero(good & ~np.concatenate((joined, [False]))) + 1
+    pieces: Integers = np.stack([starts, ends], axis=1)
+    return tuple(slice(int(a), int(b)) for a, b in pieces if b - a >= SHORTEST_SEGMENT)
+
+
+def _name(path: Path) -> str:
+    absolute = path.absolute()
+    return absolute.name if absolute.is_dir() else absolute.name.split(".")[0]

@@ -1,0 +1,259 @@
+"""rosbag2 folders written from serialised messages, and killed ones made whole again.
+
+The metadata have version 8: rosbag2 since Humble, PlotJuggler and Foxglove read it, while version 9 writes the
+quality of service as a list that older readers refuse.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import yaml
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.recordings.bag import METADATA, SUFFIXES, Bag
+from shake_ros.data.recordings.cdr import typestore
+from shake_ros.data.recordings.mcap_writer import McapWriter
+
+VERSION = 8
+FOREVER = {"sec": 9223372036, "nsec": 854775807}
+RELIABLE_QOS: dict[str, Any] = {
+    "history": 1,
+    "depth": 10,
+    "reliability": 1,
+    "durability": 2,
+    "deadline": FOREVER,
+    "lifespan": FOREVER,
+    "liveliness": 1,
+    "liveliness_lease_duration": FOREVER,
+    "avoid_ros_namespace_conventions": False,
+}
+
+
+class _Plain(yaml.SafeDumper):  # type: ignore[misc]
+    """YAML without anchors, as rosbag2 writes it."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def definition_of(kind: str) -> tuple[str, str]:
+    """Text of a standard message definition (ros2msg) and its hash; empty where the type is not standard."""
+    store = typestore()
+    if kind not in store.fielddefs:
+        return "", ""
+    text, _ = store.generate_msgdef(kind, ros_version=2)
+    return text, store.hash_rihs01(kind)
+
+
+class BagWriter:
+    """A rosbag2 folder being written: one .mcap file, and metadata.yaml at the end.
+
+    Parameters
+    ----------
+    path : folder to make.
+    compression : "zstd" or "" for none, of the chunks.
+    overwrite : whether an existing recording at `path` is replaced; anything else there is never touched.
+
+    Raises
+    ------
+    ShakeError
+        where something exists at `path` already or the folder cannot be made.
+    """
+
+    def __init__(self, path: Path | str, compression: str = "", overwrite: bool = False) -> None:
+        self.path = Path(path)
+        clear_the_way(self.path, overwrite)
+        try:
+            self.path.mkdir(parents=True)
+            self._mcap = McapWriter(self.path / f"{self.path.absolute().name}.mcap", compression)
+        except OSError as error:
+            raise ShakeError(f"{self.path}: cannot be written ({error.strerror})") from None
+        self._topics: dict[int, dict[str, Any]] = {}
+        self._schemas: dict[tuple[str, str], int] = {}
+        self._closed = False
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages so far by topic."""
+        return {str(topic["name"]): self._mcap.counts[number] for number, topic in self._topics.items()}
+
+    def add_topic(
+        self,
+        name: str,
+        kind: str,
+        qos: list[dict[str, Any]] | None = None,
+        definition: tuple[str, str] | None = None,
+        encoding: str = "ros2msg",
+    ) -> int:
+        """Declare a topic.
+
+        Parameters
+        ----------
+        name : full name.
+        kind : message type such as sensor_msgs/msg/Imu.
+        qos : offered profiles in rosbag2's form; reliable and volatile by default.
+        definition : text and hash of the type's definition; looked up among the standard ones by default.
+        encoding : form of the text, ros2msg or ros2idl.
+
+        Returns
+        -------
+        number to write messages with
+        """
+        text, digest = definition_of(kind) if definition is None else definition
+        profiles = yaml.dump([RELIABLE_QOS] if qos is None else qos, Dumper=_Plain, sort_keys=False).strip()
+        if (kind, text) not in self._schemas:
+            self._schemas[kind, text] = self._mcap.add_schema(kind, encoding if text else "", text.encode())
+        metadata = {"offered_qos_profiles": profiles, "topic_type_hash": digest}
+        number = self._mcap.add_channel(name, self._schemas[kind, text], metadata)
+        self._topics[number] = {
+            "name": name,
+            "type": kind,
+            "serialization_format": "cdr",
+            "offered_qos_profiles": profiles,
+            "type_description_hash": digest,
+        }
+        return number
+
+    def write(self, topic: int, received: int, data: bytes) -> None:
+        """Append a serialised message with its time of receipt [ns]."""
+        self._mcap.write(topic, received, data)
+
+    def flush(self) -> None:
+        """Make everything so far safe against a kill of this process."""
+        self._mcap.flush()
+
+    def close(self) -> None:
+        """Complete the file and write metadata.yaml, which appears whole or not at all."""
+        if self._closed:
+            return
+        self._closed = True
+        self._mcap.close()
+        temporary = self.path / (METADATA + ".tmp")
+        content = yaml.dump({"rosbag2_bagfile_information": self._metadata()}, Dumper=_Plain, sort_keys=False)
+        temporary.write_text(content, encoding="utf-8")
+        os.replace(temporary, self.path / METADATA)
+
+    def _metadata(self) -> dict[str, Any]:
+        total = sum(self._mcap.counts.values())
+        span = {
+            "duration": {"nanoseconds": self._mcap.last - self._mcap.first if total else 0},
+            "starting_time": {"nanoseconds_since_epoch": self._mcap.first if total else 0},
+            "message_count": total,
+        }
+        file = f"{self.path.absolute().name}.mcap"
+        return {
+            "version": VERSION,
+            "storage_identifier": "mcap",
+            "relative_file_paths": [file],
+            **span,
+            "topics_with_message_count": [
+                {"topic_metadata": topic, "message_count": self._mcap.counts[number]}
+                for number, topic in self._topics.items()
+            ],
+            "compression_format": "",
+            "compression_mode": "",
+            "files": [{"path": file, **span}],
+            "custom_data": None,
+            "ros_distro": "shake_ros",
+        }
+
+
+def clear_the_way(path: Path, overwrite: bool) -> None:
+    """Raise ShakeError where `path` exists; with `overwrite` an old recording is removed, and nothing else is."""
+    if not (path.exists() or path.is_symlink()):
+        return
+    if not overwrite:
+        raise ShakeError(f"{path}: exists already; nothing is overwritten")
+    content = list(path.iterdir()) if path.is_dir() and not path.is_symlink() else None
+    if content is None or any(f.name not in (METADATA, METADATA + ".tmp") and not _storage(f) for f in content):
+        raise ShakeError(f"{path}: is not a recording; it is not overwritten")
+    shutil.rmtree(path)
+
+
+def _storage(path: Path) -> bool:
+    return path.is_file() and path.name.endswith((*SUFFIXES, ".db3-wal", ".db3-shm"))
+
+
+def recover(
+    path: Path | str, out: Path | str | None = None, progress: Callable[[int], None] | None = None
+) -> tuple[Path, int]:
+    """Make a killed or damaged recording whole.
+
+    The messages that can be read are written into a new recording beside the old one. Where `out` is not given, the
+    new one takes the old one's name and the old one is kept under that name with `.killed` added.
+
+    Parameters
+    ----------
+    progress : called with the number of messages now and then.
+
+    Returns
+    -------
+    folder of the whole recording, number of messages in it
+    """
+    source = Path(path)
+    target = Path(out) if out is not None else source.with_name(source.name.split(".")[0] + ".recovered")
+    with Bag(source) as bag:
+        count = _copy(bag, target, progress)
+    if out is not None:
+        return target, count
+    kept = source.with_name(source.name + ".killed")
+    final = source if source.is_dir() else source.with_name(source.name.split(".")[0])
+    if kept.exists() or (final != source and final.exists()):
+        return target, count
+    source.rename(kept)
+    _rename_bag(target, final)
+    return final, count
+
+
+def _copy(bag: Bag, target: Path, progress: Callable[[int], None] | None) -> int:
+    count = 0
+    with BagWriter(target) as writer:
+        numbers = {}
+        for topic in bag.topics.values():
+            if topic.refusal:
+                continue
+            schema, metadata = topic.channel.schema, topic.channel.metadata
+            definition = (schema.data.decode("utf-8", "replace"), metadata.get("topic_type_hash", ""))
+            profiles = _profiles(metadata.get("offered_qos_profiles", ""))
+            numbers[topic.name] = writer.add_topic(topic.name, topic.type, profiles, definition, schema.encoding)
+        for message in bag.messages():
+            writer.write(numbers[message.topic], message.received, message.data)
+            count += 1
+            if progress is not None and count % 100_000 == 0:
+                progress(count)
+    return count
+
+
+def _profiles(text: str) -> list[dict[str, Any]]:
+    try:
+        content = yaml.safe_load(text) if text else []
+    except yaml.YAMLError:
+        return []
+    return content if isinstance(content, list) else []
+
+
+def _rename_bag(folder: Path, final: Path) -> None:
+    """Rename a recording that `BagWriter` wrote, with the file inside and what metadata.yaml says of it."""
+    old, new = f"{folder.name}.mcap", f"{final.absolute().name}.mcap"
+    metadata = folder / METADATA
+    content = yaml.safe_load(metadata.read_text(encoding="utf-8"))
+    information = content["rosbag2_bagfile_information"]
+    information["relative_file_paths"] = [new]
+    information["files"][0]["path"] = new
+    (folder / old).rename(folder / new)
+    metadata.write_text(yaml.dump(content, Dumper=_Plain, sort_keys=False), encoding="utf-8")
+    folder.rename(final)
