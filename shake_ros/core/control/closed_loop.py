@@ -62,7 +62,9 @@ def normalised_error(wanted: Array, found: Array) -> Array:
     >>> normalised_error(np.array([[1.0], [-1.0]]), np.array([[1.1], [-1.1]])).round(6).tolist()
     [0.1]
     """
-    error: Array = np.sqrt(np.mean((found - wanted) ** 2, axis=0) / np.mean((wanted - wanted.mean(axis=0)) ** 2, axis=0))
+    error: Array = np.sqrt(
+        np.mean((found - wanted) ** 2, axis=0) / np.mean((wanted - wanted.mean(axis=0)) ** 2, axis=0)
+    )
     return error
 
 

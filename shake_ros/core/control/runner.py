@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from shake_ros.core.control import CONTROLLERS, feedforward_pi, hold, sliding_mode, super_twisting
 from shake_ros.core.control.law import LawParameters
+from shake_ros.core.control.virtual_table import VirtualTable
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
 
 KERNELS: dict[str, Any] = {
@@ -29,13 +31,16 @@ class Controller:
     kind : a name in `CONTROLLERS`.
     parameters : of that kind's class.
     sample_time : [s]
+    model : table whose virtual copy makes the feedforward; needed where `parameters.model` names one.
 
     Raises
     ------
-    UnknownName, ShakeError : unknown kind, parameters of another kind, sample time not positive.
+    UnknownName, ShakeError : unknown kind, parameters of another kind, sample time not positive, model missing.
     """
 
-    def __init__(self, kind: str, parameters: LawParameters, sample_time: float) -> None:
+    def __init__(
+        self, kind: str, parameters: LawParameters, sample_time: float, model: TableParameters | None = None
+    ) -> None:
         if kind not in CONTROLLERS:
             raise unknown_name("controller", kind, CONTROLLERS)
         if not isinstance(parameters, CONTROLLERS[kind]):
@@ -46,13 +51,20 @@ class Controller:
         self.parameters = parameters
         self.sample_time = float(sample_time)
         self._kernels = KERNELS[kind]
-        self._packed = self._kernels.pack(parameters, False)
+        if parameters.model and model is None:
+            raise ShakeError(f"controller '{kind}': the table '{parameters.model}' of its model was not handed over")
+        self._virtual = None
+        if model is not None:
+            p = parameters
+            self._virtual = VirtualTable(model, self.sample_time, p.model_bandwidth, p.model_horizon, p.limit)
+        self._packed = self._kernels.pack(parameters, model is not None)
+        self._law = slice(HEAD, HEAD + self._kernels.STATES)
         start_time = parameters.start_time
         self._decay = math.exp(-self.sample_time / start_time) if start_time > 0.0 else 0.0
 
     def initial_state(self) -> NDArray[np.float64]:
         """Not started, all integrals zero."""
-        return np.zeros(HEAD + self._kernels.STATES)
+        return np.zeros(self._law.stop + (self._virtual.size if self._virtual else 0))
 
     def step(self, state: NDArray[np.float64], reference: Any, estimate: Any) -> tuple[NDArray[np.float64], float]:
         """One sample.
@@ -79,14 +91,17 @@ class Controller:
             raise ShakeError(f"controller: expected three numbers each, got {r.shape} and {z.shape}")
         if not (np.isfinite(r).all() and np.isfinite(z).all()):
             raise ShakeError(f"controller: reference {r.tolist()} or estimate {z.tolist()} not finite")
-        command = self._kernels.feedforward(self._packed, r)
+        following = np.empty_like(state)
+        if self._virtual is None:
+            command = self._kernels.feedforward(self._packed, r)
+        else:
+            following[self._law.stop :], command, r = self._virtual.step(state[self._law.stop :], reference)
         offset = state[1] * self._decay
         if state[0] == 0.0 and self._decay > 0.0:
-            _, demand = self._kernels.step(state[HEAD:], self._packed, r, z, command, self.sample_time)
+            _, demand = self._kernels.step(state[self._law], self._packed, r, z, command, self.sample_time)
             offset = -demand
-        law, u = self._kernels.step(state[HEAD:], self._packed, r, z, command + offset, self.sample_time)
-        following = np.empty_like(state)
+        law, u = self._kernels.step(state[self._law], self._packed, r, z, command + offset, self.sample_time)
         following[0] = 1.0
         following[1] = offset
-        following[HEAD:] = law
+        following[self._law] = law
         return following, float(u)
