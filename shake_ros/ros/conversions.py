@@ -1,4 +1,4 @@
-"""Numbers ↔ messages: every sampled topic carries a stamp and one to three numbers.
+"""Numbers ↔ messages: every sampled topic carries a stamp and one to three numbers, `/clock` a stamp alone.
 
 A sampled message has a fixed layout (CDR, little endian, one joint), so it is packed and unpacked with one
 `struct` instead of through a message object, which saves 30 µs a message. Whatever has another layout
@@ -14,11 +14,13 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from rclpy.serialization import deserialize_message, serialize_message
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.ros.interface import (
+    CLOCK,
     ESTIMATE,
     IMU,
     JOINT_STATES,
@@ -181,7 +183,7 @@ class Codec:
         if found is not None:
             return found
         message = deserialize_message(data, self.topic.type)
-        stamp = message.header.stamp
+        stamp = message.clock if self.topic is CLOCK else message.header.stamp
         try:
             return stamp.sec * SECOND + stamp.nanosec, self.read(message)
         except ShakeError as error:
@@ -213,6 +215,10 @@ def _pressure_codec(topic: Topic) -> Codec:
     return Codec(topic, _pressure, lambda m: (m.fluid_pressure,), f"{HEADER} 3x d d", (1, b"\x00", None, 0.0), 1)
 
 
+def _clock_codec(topic: Topic) -> Codec:
+    return Codec(topic, lambda stamp, _: Clock(clock=stamp), lambda _: (), "<4s i I", (), 0)
+
+
 @dataclass(frozen=True)
 class _Family:
     """Topics that share a way of packing."""
@@ -227,11 +233,12 @@ _FAMILIES = (
     _Family((REFERENCE, ESTIMATE, TRUTH), _trajectory_codec),
     _Family((IMU,), _imu_codec),
     _Family((PRESSURE_A, PRESSURE_B, PRESSURE_SUPPLY), _pressure_codec),
+    _Family((CLOCK,), _clock_codec),
 )
 
 
 def codec(topic: Topic) -> Codec:
-    """The codec of a sampled topic."""
+    """The codec of a sampled topic or `/clock`."""
     for family in _FAMILIES:
         if topic in family.topics:
             return family.make(topic)

@@ -226,6 +226,20 @@ class Frame:
         self._writers.append(writer)
         return writer
 
+    def reader(
+        self,
+        topic: Topic,
+        accept: Callable[..., None],
+        refuse: Callable[[int, str], None] | None = None,
+        doubled: Callable[[int], None] | None = None,
+    ) -> Reader:
+        """A reader of a sampled topic; see `Reader`."""
+        return Reader(self, topic, accept, refuse, doubled)
+
+    def now(self) -> int:
+        """The wall clock, on which real-time stamps lie [ns]."""
+        return time.time_ns()
+
     def ready(self) -> bool:
         """Whether every awaited topic has its readers."""
         return all(self.node.count_subscribers(topic) >= count for topic, count in self._awaited.items())

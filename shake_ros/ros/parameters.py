@@ -18,9 +18,10 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from shake_ros.core.plant.parameters import FIELDS, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
 
-P = TypeVar("P", bound=Parameters)
+P = TypeVar("P", bound="Parameters | TableParameters")
 
 # What rclpy itself declares or reads from the overrides of every node.
 OWN_OVERRIDES = ("use_sim_time", "start_type_description_service", "qos_overrides.")
@@ -57,8 +58,14 @@ def descriptor(name: str, value: Any, metadata: Any) -> ParameterDescriptor:
     )
 
 
-def flatten(value: Parameters, prefix: str = "") -> dict[str, tuple[Any, Any]]:
+def flatten(value: Parameters | TableParameters, prefix: str = "") -> dict[str, tuple[Any, Any]]:
     """Parameter name → (value, metadata) of every field, nested sets with their field's name and a dot."""
+    if isinstance(value, TableParameters):
+        kinds = {"int": int}
+        return {
+            prefix + name: (kinds.get(str(field.type), float)(value.value(name)), field.metadata)
+            for name, field in FIELDS.items()
+        }
     found: dict[str, tuple[Any, Any]] = {}
     for field in dataclasses.fields(value):
         content = getattr(value, field.name)
@@ -72,6 +79,8 @@ def flatten(value: Parameters, prefix: str = "") -> dict[str, tuple[Any, Any]]:
 
 def replaced(value: P, changes: dict[str, Any]) -> P:
     """A copy of `value` with dotted names changed, checked again; raises ShakeError with the reason."""
+    if isinstance(value, TableParameters):
+        return value.with_values(changes)
     direct: dict[str, Any] = {}
     nested: dict[str, dict[str, Any]] = {}
     for name, content in changes.items():

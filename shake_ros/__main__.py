@@ -1,0 +1,72 @@
+"""`python -m shake_ros NAME …`: the one table of entry points, nodes and offline commands.
+
+Exit codes: 0 done, 2 wrong arguments or input (one line on standard error), 1 anything else.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from shake_ros.core.quantities import ShakeError, unknown_name
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An entry point: its module, imported when it is called, and what it does in a line.
+
+    A node's module has `build(frame)`, a command's module `main(arguments) -> exit code`.
+    """
+
+    module: str
+    line: str
+
+
+NODES: dict[str, Entry] = {
+    "plant": Entry("shake_ros.ros.plant_node", "simulated table: valve, cylinder, specimen, sensors"),
+    "reference_generator": Entry("shake_ros.ros.reference_node", "plays sine, multi-sine, sweep, pulse, step, quake"),
+    "observer": Entry("shake_ros.ros.observer_node", "estimates velocity and acceleration from the position"),
+    "controller": Entry("shake_ros.ros.controller_node", "follows the reference with the valve command"),
+}
+COMMANDS: dict[str, Entry] = {}
+
+
+def overview() -> str:
+    """All names with a line each."""
+    lines = ["python -m shake_ros NAME …", "", "nodes (parameters: NAME --ros-args -p name:=value):"]
+    lines += [f"  {name:20} {entry.line}" for name, entry in NODES.items()]
+    lines += ["", "commands (NAME --help):"]
+    lines += [f"  {name:20} {entry.line}" for name, entry in COMMANDS.items()]
+    return "\n".join(lines)
+
+
+def call(name: str, arguments: Sequence[str]) -> int:
+    """Run one entry point; returns its exit code."""
+    if name in NODES:
+        from shake_ros.ros import loop
+
+        return loop.main(importlib.import_module(NODES[name].module).build, name, arguments)
+    if name in COMMANDS:
+        return int(importlib.import_module(COMMANDS[name].module).main(list(arguments)))
+    raise unknown_name("name", name, [*NODES, *COMMANDS])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run what the command line names."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if not given or given[0] in ("-h", "--help"):
+        print(overview())
+        return 0
+    try:
+        return call(given[0], given[1:])
+    except ShakeError as error:
+        print(f"shake_ros {given[0]}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())
