@@ -74,7 +74,6 @@ def seek(p, y, start, target, whole, fraction, samples, omega, limit, dt, tolera
     low, high = -limit, limit
     s_low, s_high = np.nan, np.nan
     u = min(max(start, low), high)
-    slope = np.nan
     for count in range(EVALUATIONS):
         s = miss(p, y, u, target, whole, fraction, samples, omega, dt, tolerance)
         if s > 0.0:
