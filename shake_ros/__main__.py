@@ -23,14 +23,20 @@ class Entry:
     module: str
     line: str
 
+    @property
+    def is_node(self) -> bool:
+        """Whether it is a ROS node (else an offline command)."""
+        return self.module.startswith("shake_ros.ros.")
 
-NODES: dict[str, Entry] = {
+
+ENTRY_POINTS: dict[str, Entry] = {
     "plant": Entry("shake_ros.ros.plant_node", "simulated table: valve, cylinder, specimen, sensors"),
     "reference_generator": Entry("shake_ros.ros.reference_node", "plays sine, multi-sine, sweep, pulse, step, quake"),
     "observer": Entry("shake_ros.ros.observer_node", "estimates velocity and acceleration from the position"),
     "controller": Entry("shake_ros.ros.controller_node", "follows the reference with the valve command"),
 }
-COMMANDS: dict[str, Entry] = {}
+NODES = {name: entry for name, entry in ENTRY_POINTS.items() if entry.is_node}
+COMMANDS = {name: entry for name, entry in ENTRY_POINTS.items() if not entry.is_node}
 
 
 def overview() -> str:
@@ -44,13 +50,14 @@ def overview() -> str:
 
 def call(name: str, arguments: Sequence[str]) -> int:
     """Run one entry point; returns its exit code."""
+    if name not in ENTRY_POINTS:
+        raise unknown_name("name", name, ENTRY_POINTS)
+    module = importlib.import_module(ENTRY_POINTS[name].module)
     if name in NODES:
         from shake_ros.ros import loop
 
-        return loop.main(importlib.import_module(NODES[name].module).build, name, arguments)
-    if name in COMMANDS:
-        return int(importlib.import_module(COMMANDS[name].module).main(list(arguments)))
-    raise unknown_name("name", name, [*NODES, *COMMANDS])
+        return loop.main(module.build, name, arguments)
+    return int(module.main(list(arguments)))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

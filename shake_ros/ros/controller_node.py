@@ -12,7 +12,7 @@ from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import Frame, node_settings
-from shake_ros.settings import load_variant
+from shake_ros.settings import load_table, load_variant
 
 REST = (0.0, 0.0, 0.0)
 
@@ -50,7 +50,9 @@ class ControllerNode:
         frame.diagnostics.values["limited"] = lambda: self._limited
 
     def _make(self, parameters: Any) -> Controller:
-        return Controller(self._kind, parameters, self.frame.sample_time)
+        named = getattr(parameters, "model", "")
+        model = load_table(named) if named else None
+        return Controller(self._kind, parameters, self.frame.sample_time, model)
 
     def start(self) -> None:
         """Waits for the first reference and estimate."""

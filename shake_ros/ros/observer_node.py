@@ -12,7 +12,7 @@ from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import Frame, node_settings
-from shake_ros.settings import load_variant
+from shake_ros.settings import load_table, load_variant
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,9 @@ class ObserverNode:
         frame.diagnostics.condition = self._condition
 
     def _make(self, parameters: Any) -> Observer:
-        return Observer(self._kind, parameters, self.frame.sample_time)
+        named = getattr(parameters, "model", "")
+        model = load_table(named) if named else None
+        return Observer(self._kind, parameters, self.frame.sample_time, model)
 
     def start(self) -> None:
         """Waits for the first measurement."""

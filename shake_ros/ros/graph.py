@@ -1,0 +1,262 @@
+"""Several nodes as one: separate processes, or all in this process. Nothing outlives the caller.
+
+Used by the demo, the tests and the scripts; no launch file. In lock-step the plant is told which readers to
+wait for, so that a recording has every sample from the first.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import IO
+
+from rclpy.node import Node
+
+from shake_ros.__main__ import NODES
+from shake_ros.core.quantities import unknown_name
+from shake_ros.ros.interface import NAMESPACE
+from shake_ros.ros.loop import Loop, build_node, ros_context
+
+PR_SET_PDEATHSIG = 1
+POLL = 0.02  # [s]
+GRACE = 10.0  # a node may take so long [s] to end after SIGINT
+ROOT = Path(__file__).resolve().parents[2]
+LEADER = "plant"  # its end is the end of a run
+LAST = ("recorder",)  # stopped after all that it may still hear from
+
+# Which sampled topics a node reads, for the plant to wait for.
+READS: dict[str, tuple[str, ...]] = {
+    "plant": ("valve_command",),
+    "reference_generator": ("joint_states",),
+    "observer": ("joint_states", "valve_command"),
+    "controller": ("reference", "estimate"),
+}
+
+
+@dataclass(frozen=True)
+class NodeSpec:
+    """One node of a graph.
+
+    Parameters
+    ----------
+    executable : a name of the table of entry points.
+    parameters : ROS parameters by name.
+    reads : sampled topics that it reads beyond those of its kind (a recorder's).
+    remaps : old name → new name.
+    name : of the node; the executable's where empty.
+    """
+
+    executable: str
+    parameters: Mapping[str, bool | int | float | str] = field(default_factory=dict)
+    reads: tuple[str, ...] = ()
+    remaps: Mapping[str, str] = field(default_factory=dict)
+    name: str = ""
+
+    def arguments(self, namespace: str, extra: Mapping[str, bool | int | float | str]) -> list[str]:
+        """ROS arguments of this node."""
+        given = ["--ros-args", "-r", f"__ns:={namespace}"]
+        if self.name:
+            given += ["-r", f"__node:={self.name}"]
+        for old, new in self.remaps.items():
+            given += ["-r", f"{old}:={new}"]
+        for name, value in {**extra, **self.parameters}.items():
+            given += ["-p", f"{name}:={_yaml(value)}"]
+        return given
+
+
+def _yaml(value: bool | int | float | str) -> str:
+    """A parameter value as rcl reads it: YAML, texts quoted so that `1` and `true` stay texts."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return "'" + value.replace("'", "''") + "'"
+    return repr(value)
+
+
+def awaited(nodes: Sequence[NodeSpec]) -> str:
+    """The plant's `wait_for`: how many readers each topic has in this graph."""
+    counts: dict[str, int] = {}
+    for node in nodes:
+        for topic in (*READS.get(node.executable, ()), *node.reads):
+            counts[topic] = counts.get(topic, 0) + 1
+    return " ".join(f"{topic}:{count}" for topic, count in sorted(counts.items()))
+
+
+class GraphError(RuntimeError):
+    """A node died or did not end; the message holds the last lines that it wrote."""
+
+
+class Graph:
+    """Nodes as separate processes, in a `with` block.
+
+    Parameters
+    ----------
+    nodes : what to start, in this order.
+    namespace, domain_id : of all of them; the domain of the environment where None.
+    lockstep : for all of them.
+    """
+
+    def __init__(
+        self,
+        nodes: Sequence[NodeSpec],
+        *,
+        namespace: str = NAMESPACE,
+        domain_id: int | None = None,
+        lockstep: bool = True,
+    ) -> None:
+        for node in nodes:
+            if node.executable not in NODES:
+                raise unknown_name("node", node.executable, NODES)
+        self.nodes = list(nodes)
+        self.namespace = namespace
+        self.domain_id = int(os.environ.get("ROS_DOMAIN_ID", "0")) if domain_id is None else domain_id
+        self.lockstep = lockstep
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._logs: dict[str, IO[bytes]] = {}
+
+    def extra(self, node: NodeSpec) -> dict[str, bool | int | float | str]:
+        """Parameters that every node of this graph gets; the plant waits for the readers in lock-step."""
+        common: dict[str, bool | int | float | str] = {"lockstep": self.lockstep}
+        if node.executable == LEADER and self.lockstep:
+            common["wait_for"] = awaited(self.nodes)
+        return common
+
+    def __enter__(self) -> Graph:
+        try:
+            for node in self.nodes:
+                self._start(node)
+        except BaseException:
+            self.kill()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                self.stop()
+        finally:
+            self.kill()
+
+    def _start(self, node: NodeSpec) -> None:
+        name = node.name or node.executable
+        log = tempfile.TemporaryFile()  # noqa: SIM115  (closed by `kill`)
+        libc = ctypes.CDLL(None)
+        environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(self.domain_id),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "PYTHONPATH": os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", "")))),
+        }
+        command = [sys.executable, "-m", "shake_ros", node.executable]
+        self._logs[name] = log
+        self.processes[name] = subprocess.Popen(
+            [*command, *node.arguments(self.namespace, self.extra(node))],
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            env=environment,
+            start_new_session=True,
+            preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0),  # noqa: PLW1509  (one system call)
+        )
+
+    def output(self, name: str) -> str:
+        """What a node has written so far."""
+        log = self._logs[name]
+        size = os.fstat(log.fileno()).st_size
+        return os.pread(log.fileno(), size, 0).decode(errors="replace")
+
+    def check(self, ended: Sequence[str] = ()) -> None:
+        """Raise GraphError where a node has died, or has ended that is not among `ended`."""
+        for name, process in self.processes.items():
+            code = process.poll()
+            if code is None or (code == 0 and name in ended):
+                continue
+            tail = "\n".join(self.output(name).strip().splitlines()[-8:])
+            raise GraphError(f"node {name} ended with exit code {code}\n{tail}")
+
+    def wait_until_ready(self, timeout: float = 30.0) -> None:
+        """Return when every node is seen on the network."""
+        wanted = {node.name or node.executable for node in self.nodes}
+        deadline = time.monotonic() + timeout
+        with ros_context([], domain_id=self.domain_id) as context:
+            probe = Node("graph_probe", namespace=self.namespace, context=context, start_parameter_services=False)
+            while True:
+                self.check()
+                names = {name for name, space in probe.get_node_names_and_namespaces() if space == self.namespace}
+                if wanted <= names:
+                    break
+                if time.monotonic() > deadline:
+                    raise GraphError(f"not seen after {timeout:g} s: {', '.join(sorted(wanted - names))}")
+                time.sleep(POLL)
+            probe.destroy_node()
+
+    def wait(self, timeout: float, leader: str = LEADER) -> None:
+        """Return when `leader` has ended, which must be with exit code 0 and before any other."""
+        deadline = time.monotonic() + timeout
+        while self.processes[leader].poll() is None:
+            self.check()
+            if time.monotonic() > deadline:
+                raise GraphError(f"node {leader} has not ended after {timeout:g} s")
+            time.sleep(POLL)
+        self.check(ended=(leader,))
+
+    def stop(self) -> None:
+        """SIGINT to what still runs, recorders last; each must end with exit code 0 within GRACE."""
+        done = [name for name, process in self.processes.items() if process.poll() == 0]
+        last = [node.name or node.executable for node in self.nodes if node.executable in LAST]
+        first = [name for name in self.processes if name not in last]
+        for group in (first, last):
+            for name in group:
+                if self.processes[name].poll() is None:
+                    self.processes[name].send_signal(signal.SIGINT)
+            deadline = time.monotonic() + GRACE
+            for name in group:
+                try:
+                    self.processes[name].wait(max(0.0, deadline - time.monotonic()))
+                except subprocess.TimeoutExpired:
+                    raise GraphError(f"node {name} did not end within {GRACE:g} s of SIGINT") from None
+            done += group
+            self.check(ended=done)
+
+    def kill(self) -> None:
+        """End whatever is left, at once."""
+        for process in self.processes.values():
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+        for log in self._logs.values():
+            log.close()
+
+
+def run_composed(
+    nodes: Sequence[NodeSpec],
+    *,
+    namespace: str = NAMESPACE,
+    domain_id: int | None = None,
+    lockstep: bool = True,
+) -> None:
+    """Run all nodes in this thread until the plant stops; the same result as separate processes in lock-step."""
+    graph = Graph(nodes, namespace=namespace, domain_id=domain_id, lockstep=lockstep)
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with ros_context([], domain_id=domain_id) as context:
+        loop = Loop(context)
+        try:
+            for node in sorted(graph.nodes, key=lambda one: one.executable in LAST):
+                build = importlib.import_module(NODES[node.executable].module).build
+                arguments = node.arguments(namespace, graph.extra(node))
+                loop.add(build_node(build, node.executable, context, arguments))
+            loop.run()
+        finally:
+            loop.close()
