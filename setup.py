@@ -2,7 +2,7 @@
 
 `ros2 run shake_ros NAME` looks for lib/shake_ros/NAME. pip does not honour the `install_scripts` folder of
 setup.cfg, so those executables are data files: one small shell script for each entry point, written here from
-the table ENTRY_POINTS of shake_ros/__main__.py.
+the tables NODES and COMMANDS of shake_ros/__main__.py.
 """
 
 from __future__ import annotations
@@ -25,15 +25,16 @@ exec "$python" -m shake_ros {name} "$@"
 
 
 def entry_points() -> list[str]:
-    """The names in the table ENTRY_POINTS, read without importing the package."""
+    """The names in the tables NODES and COMMANDS, read without importing the package."""
+    names: list[str] = []
     tree = ast.parse((ROOT / "shake_ros" / "__main__.py").read_text(encoding="utf-8"))
     for node in tree.body:
-        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
-        if any(isinstance(target, ast.Name) and target.id == "ENTRY_POINTS" for target in targets):
-            table = node.value
-            assert isinstance(table, ast.Dict), "ENTRY_POINTS is not a literal table"
-            return [ast.literal_eval(key) for key in table.keys]
-    raise SystemExit("shake_ros/__main__.py holds no table ENTRY_POINTS")
+        if isinstance(node, ast.AnnAssign) and ast.unparse(node.target) in ("NODES", "COMMANDS"):
+            assert isinstance(node.value, ast.Dict)
+            names += [ast.literal_eval(key) for key in node.value.keys if key is not None]
+    if not names:
+        raise SystemExit("shake_ros/__main__.py holds no literal tables NODES and COMMANDS")
+    return names
 
 
 def executables() -> list[str]:
@@ -58,6 +59,7 @@ def configuration() -> list[tuple[str, list[str]]]:
 
 
 setup(
+    python_requires=">=3.10,<3.15",  # not in setup.cfg: there it becomes an object that colcon cannot read
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/shake_ros"]),
         ("share/shake_ros", ["package.xml"]),
