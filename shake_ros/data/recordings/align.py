@@ -99,11 +99,12 @@ def hold(series: Series, grid: Grid, findings: list[Finding]) -> Floats:
         findings.append(Finding("gap", topic, early, f"the first {early} positions come before the first command", 0.0))
     if regular:
         age = grid.stamps - series.stamps[np.maximum(index, 0)]
-        stale = (index >= 0) & (age >= GAP_FACTOR * period)
+        open_ended = np.append(steps > GAP_FACTOR * period, True)  # the next command is lost, or there is none
+        stale = (index >= 0) & (age > period - tolerance) & open_ended[np.maximum(index, 0)]
         if (steps > GAP_FACTOR * period).any():
             report_gaps(topic, steps, steps > GAP_FACTOR * period, period, findings)
         last = int((stale & (index == len(series) - 1)).sum())
-        if last:
+        if last > 1:
             text = f"the last {last} positions come after the last command"
             findings.append(Finding("gap", topic, last, text, grid.seconds(len(grid.stamps) - last)))
         values[stale] = np.nan

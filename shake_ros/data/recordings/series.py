@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -188,11 +188,11 @@ def in_order(series: Series, findings: list[Finding]) -> Series:
     bad = series.stamps == 0
     if bad.any() and len(series) > 1:
         following = series.stamps[1] - series.stamps[0]
-        limit = RESTART_SAMPLES * abs(float(np.median(np.diff(series.stamps[1:])))) if len(series) > 2 else np.inf
-        bad[0] &= not 0 < following <= limit  # simulated time may start at zero
+        bad[0] &= not 0 < following <= _far(series.stamps[1:])  # simulated time may start at zero
         report("missing_stamp", bad, "messages have no stamp")
         series = series[~bad]
-    series = _one_run(series, findings)
+    report("reversed_time", bad := _strays(series.stamps), "stamps stand far off both neighbours; left out")
+    series = _one_run(series[~bad], findings)
     steps = np.diff(series.stamps, prepend=series.stamps[:1] - 1)
     report("reversed_time", steps < 0, "stamps go back in time; put in order")
     if (steps < 0).any():
@@ -207,14 +207,28 @@ def in_order(series: Series, findings: list[Finding]) -> Series:
     return series
 
 
+def _far(stamps: Integers) -> float:
+    """The distance of two stamps from which they do not belong to one run [ns]."""
+    forward = np.diff(stamps)
+    forward = forward[forward > 0]
+    return RESTART_SAMPLES * float(np.median(forward)) if forward.size else np.inf
+
+
+def _strays(stamps: Integers) -> npt.NDArray[np.bool_]:
+    """Single stamps far from both neighbours, which are close to each other."""
+    stray = np.zeros(len(stamps), dtype=np.bool_)
+    if len(stamps) > 2:
+        limit = _far(stamps)
+        far = np.abs(np.diff(stamps)) > limit
+        stray[1:-1] = far[:-1] & far[1:] & (np.abs(stamps[2:] - stamps[:-2]) <= limit)
+    return stray
+
+
 def _one_run(series: Series, findings: list[Finding]) -> Series:
     """The longest stretch of a series without a jump back by more than RESTART_SAMPLES."""
     if len(series) < 2:
         return series
-    steps = np.diff(series.stamps)
-    forward = steps[steps > 0]
-    limit = RESTART_SAMPLES * float(np.median(forward)) if forward.size else np.inf
-    cuts = np.flatnonzero(steps < -limit) + 1
+    cuts = np.flatnonzero(np.diff(series.stamps) < -_far(series.stamps)) + 1
     if not cuts.size:
         return series
     edges = [0, *(int(cut) for cut in cuts), len(series)]
@@ -226,15 +240,10 @@ def _one_run(series: Series, findings: list[Finding]) -> Series:
     return series[edges[longest] : edges[longest + 1]]
 
 
-def collect(messages: Iterable[Message], collectors: dict[str, Collector]) -> None:
-    """Hand every message to the collector of its topic."""
-    for message in messages:
-        collectors[message.topic].add(message)
-
-
-def require(series: Series, path: object) -> None:
-    """Raise ShakeError where a required topic has nothing left to use."""
+def require(series: Series, path: object, findings: list[Finding]) -> None:
+    """Raise ShakeError where a required topic has nothing left to use, with what was found on it."""
     if len(series) < 2:
+        found = "".join(f"; {finding.text}" for finding in findings if finding.topic == series.topic)
         raise ShakeError(
-            f"{path}: topic '{series.topic}' has {len(series)} usable stamped samples, at least 2 are needed"
+            f"{path}: topic '{series.topic}' has {len(series)} usable stamped samples, at least 2 are needed{found}"
         )

@@ -124,8 +124,9 @@ def read_table_recording(path: Path | str) -> TableRecording:
 def iterate_table_recording(path: Path | str, seconds: float = 60.0) -> Iterator[TableRecording]:
     """Read a long recording in pieces of about `seconds` of receipt, with bounded memory.
 
-    Every piece stands by itself: its own time base, segments and findings. The command that acts at the start of a
-    piece is carried over from the one before. Raises ShakeError as `read_table_recording` does.
+    Every piece stands by itself: its own time base, segments (perhaps none) and findings; `provenance.start_stamp`
+    places it. The command that acts at the start of a piece is carried over from the one before. A stretch without
+    positions or commands gives no piece. Raises ShakeError where topics are missing, as `read_table_recording` does.
     """
     with Bag(path) as bag:
         collectors = _collectors(bag)
@@ -135,15 +136,19 @@ def iterate_table_recording(path: Path | str, seconds: float = 60.0) -> Iterator
             begin = message.received if begin is None else begin
             topics[message.topic].add(message)
             if message.received - begin > (seconds + SETTLE) * 1e9:
-                begin += int(seconds * 1e9)
-                yield _assemble(bag, _cut(collectors, begin))
-                bag.findings.clear()
-        yield _assemble(bag, {name: collector.take() for name, collector in collectors.items()})
+                begin = max(begin + int(seconds * 1e9), message.received - int((seconds + SETTLE) * 1e9))
+                piece = _cut(collectors, begin)
+                if _usable(piece):
+                    yield _assemble(bag, piece, partial=True)
+                    bag.findings.clear()
+        piece = {name: collector.take() for name, collector in collectors.items()}
+        if _usable(piece):
+            yield _assemble(bag, piece, partial=True)
 
 
 def _collectors(bag: Bag) -> dict[str, Collector]:
     collectors = {}
-    for name in sorted(SIGNALS, key=lambda name: name not in REQUIRED):
+    for name in (*REQUIRED, *(name for name in SIGNALS if name not in REQUIRED)):
         topic = choose_topic(bag, name, SIGNALS[name].type, name in REQUIRED)
         if topic is not None:
             collectors[name] = Collector(SIGNALS[name], topic.name)
@@ -154,11 +159,13 @@ def _cut(collectors: dict[str, Collector], limit: int) -> dict[str, Series]:
     """What was stamped before the first position received after `limit` [ns]; the rest, and one command, stay."""
     taken = {name: collector.take() for name, collector in collectors.items()}
     position = taken["joint_states"]
-    later = position.received >= limit
-    boundary = int(position.stamps[later].min()) if later.any() else np.iinfo(np.int64).max
+    stamped = position[position.stamps > 0]
+    later = stamped.received >= limit
+    boundary = int(stamped.stamps[later].min()) if later.any() else np.iinfo(np.int64).max
+    again = later.any() and not later.all() and boundary < int(stamped.stamps[~later].max()) - SETTLE * 1e9
     before = {}
     for name, series in taken.items():
-        early = series.stamps < boundary
+        early = series.received < limit if again else series.stamps < boundary
         before[name] = series[early]
         kept = ~early
         if name == "valve_command" and early.any():
@@ -168,57 +175,82 @@ def _cut(collectors: dict[str, Collector], limit: int) -> dict[str, Series]:
     return before
 
 
-def _assemble(bag: Bag, raw: dict[str, Series]) -> TableRecording:
+def _usable(piece: dict[str, Series]) -> bool:
+    positions, commands = (piece[name].stamps for name in REQUIRED)
+    return np.unique(positions[positions > 0]).size > 1 and bool((commands > 0).any())
+
+
+def _assemble(bag: Bag, raw: dict[str, Series], partial: bool = False) -> TableRecording:
     findings: list[Finding] = []
-    counts = {name: len(series) for name, series in raw.items()}
-    ordered = {"joint_states": in_order(raw["joint_states"], findings)}
-    require(ordered["joint_states"], bag.path)
-    grid = Grid.of(ordered["joint_states"], findings)
-    window = (int(ordered["joint_states"].received.min()), int(ordered["joint_states"].received.max()))
-    for name, series in raw.items():
-        if name != "joint_states":
-            ordered[name] = in_order(_within(series, window, grid), findings)
-    require_command = ordered["valve_command"]
-    if not len(require_command):
-        raise ShakeError(f"{bag.path}: topic '{require_command.topic}' has no sample in the time of the positions")
-    command = hold(require_command, grid, findings)
-    position = ordered["joint_states"].values[:, 0]
+    ordered, grid = _ordered(bag, raw, findings)
+    topics = {name: series.topic for name, series in ordered.items()}
+    main = {
+        "valve_command": hold(ordered["valve_command"], grid, findings),
+        "joint_states": ordered["joint_states"].values[:, 0],
+    }
     others: dict[str, Floats | None] = dict.fromkeys(ARRAYS)
     for name, series in ordered.items():
-        if name in ARRAYS:
-            values = matched(series, grid, findings)
-            others[name] = values if values is None or values.shape[1] == 3 else values[:, 0]
-    acceleration = None
-    if "imu" in ordered:
-        values = matched(ordered["imu"], grid, findings)
-        acceleration = None if values is None else values[:, 0]
-    topics = {name: series.topic for name, series in ordered.items()}
-    main = {"valve_command": command, "joint_states": position} | (
-        {} if acceleration is None else {"imu": acceleration}
-    )
+        if name in REQUIRED:
+            continue
+        values = matched(series, grid, findings)
+        if values is not None and name == "imu":
+            main["imu"] = values[:, 0]
+        elif values is not None:
+            others[name] = values if values.shape[1] > 1 else values[:, 0]
     checks.not_a_number(main, topics, grid, findings)
     checks.sizes(main | {n: v for n, v in others.items() if v is not None}, topics, grid, findings)
     segments = _segments(grid, list(main.values()))
-    if not segments:
+    if not segments and not partial:
         text = "; ".join(str(finding) for finding in findings[:3])
         raise ShakeError(f"{bag.path}: no stretch in which command and position are both known ({text})")
-    provenance = Provenance(
-        bag.path, tuple(file.name for file in bag.files), topics, counts, int(grid.stamps[0]), bag.complete,
-        str(bag.metadata.get("ros_distro") or ""),
-    )  # fmt: skip
     return TableRecording(
-        name=_name(bag.path), time=grid.time, sample_time=grid.sample_time, valve_command=command, position=position,
-        acceleration=acceleration, segments=segments, provenance=provenance, findings=(*bag.findings, *findings),
+        name=_name(bag.path),
+        time=grid.time,
+        sample_time=grid.sample_time,
+        valve_command=main["valve_command"],
+        position=main["joint_states"],
+        acceleration=main.get("imu"),
+        segments=segments,
+        provenance=_provenance(bag, topics, raw, grid),
+        findings=(*bag.findings, *findings),
         **others,
-    )  # fmt: skip
+    )
 
 
-def _within(series: Series, window: tuple[int, int], grid: Grid) -> Series:
+def _ordered(bag: Bag, raw: dict[str, Series], findings: list[Finding]) -> tuple[dict[str, Series], Grid]:
+    """Every series in the order of its stamps, and the time base; commands and positions must be there."""
+    position = in_order(raw["joint_states"], findings)
+    require(position, bag.path, findings)
+    grid = Grid.of(position, findings)
+    ordered = {"joint_states": position}
+    for name, series in raw.items():
+        if name != "joint_states":
+            ordered[name] = in_order(_within(series, position, grid), findings)
+    command = ordered["valve_command"]
+    if not len(command):
+        raise ShakeError(f"{bag.path}: topic '{command.topic}' has no stamped sample in the time of the positions")
+    return ordered, grid
+
+
+def _provenance(bag: Bag, topics: dict[str, str], raw: dict[str, Series], grid: Grid) -> Provenance:
+    return Provenance(
+        path=bag.path,
+        files=tuple(file.name for file in bag.files),
+        topics=topics,
+        counts={name: len(series) for name, series in raw.items()},
+        start_stamp=int(grid.stamps[0]),
+        complete=bag.complete,
+        distribution=str(bag.metadata.get("ros_distro") or ""),
+    )
+
+
+def _within(series: Series, position: Series, grid: Grid) -> Series:
     """The samples received while the positions were, so that a second run in the recording does not mix in."""
     if not grid.restarted:
         return series
     margin = int(10 * grid.sample_time * 1e9)
-    return series[(series.received >= window[0] - margin) & (series.received <= window[1] + margin)]
+    first, last = int(position.received.min()) - margin, int(position.received.max()) + margin
+    return series[(series.received >= first) & (series.received <= last)]
 
 
 def _segments(grid: Grid, signals: list[Floats]) -> tuple[slice, ...]:

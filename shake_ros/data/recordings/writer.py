@@ -6,6 +6,7 @@ quality of service as a list that older readers refuse.
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 from collections.abc import Callable
@@ -35,11 +36,10 @@ RELIABLE_QOS: dict[str, Any] = {
 }
 
 
-class _Plain(yaml.SafeDumper):  # type: ignore[misc]
-    """YAML without anchors, as rosbag2 writes it."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
+def _yaml(content: Any) -> str:
+    """YAML without anchors, as rosbag2 writes it: through JSON every mapping becomes an object of its own."""
+    text: str = yaml.safe_dump(json.loads(json.dumps(content)), sort_keys=False)
+    return text
 
 
 def definition_of(kind: str) -> tuple[str, str]:
@@ -114,7 +114,7 @@ class BagWriter:
         number to write messages with
         """
         text, digest = definition_of(kind) if definition is None else definition
-        profiles = yaml.dump([RELIABLE_QOS] if qos is None else qos, Dumper=_Plain, sort_keys=False).strip()
+        profiles = _yaml([RELIABLE_QOS] if qos is None else qos).strip()
         if (kind, text) not in self._schemas:
             self._schemas[kind, text] = self._mcap.add_schema(kind, encoding if text else "", text.encode())
         metadata = {"offered_qos_profiles": profiles, "topic_type_hash": digest}
@@ -143,8 +143,7 @@ class BagWriter:
         self._closed = True
         self._mcap.close()
         temporary = self.path / (METADATA + ".tmp")
-        content = yaml.dump({"rosbag2_bagfile_information": self._metadata()}, Dumper=_Plain, sort_keys=False)
-        temporary.write_text(content, encoding="utf-8")
+        temporary.write_text(_yaml({"rosbag2_bagfile_information": self._metadata()}), encoding="utf-8")
         os.replace(temporary, self.path / METADATA)
 
     def _metadata(self) -> dict[str, Any]:
@@ -255,5 +254,5 @@ def _rename_bag(folder: Path, final: Path) -> None:
     information["relative_file_paths"] = [new]
     information["files"][0]["path"] = new
     (folder / old).rename(folder / new)
-    metadata.write_text(yaml.dump(content, Dumper=_Plain, sort_keys=False), encoding="utf-8")
+    metadata.write_text(_yaml(content), encoding="utf-8")
     folder.rename(final)
