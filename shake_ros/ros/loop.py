@@ -185,6 +185,11 @@ def stopped_by_signals(loop: Loop) -> Iterator[None]:
             signal.signal(number, handler)
 
 
+def _wrong_arguments(arguments: Sequence[str], error: RuntimeError) -> ShakeError:
+    text = " ".join(str(error).split()).split(", at /")[0]
+    return ShakeError(f"ROS arguments {' '.join(arguments)}: {text[:300]}")
+
+
 @contextmanager
 def ros_context(arguments: Sequence[str] | None = None, domain_id: int | None = None) -> Iterator[Context]:
     """An initialised rclpy context of our own, with no signal handlers of rclpy."""
@@ -197,8 +202,7 @@ def ros_context(arguments: Sequence[str] | None = None, domain_id: int | None = 
             signal_handler_options=SignalHandlerOptions.NO,
         )
     except RuntimeError as error:
-        text = " ".join(str(error).split())
-        raise ShakeError(f"ROS arguments {' '.join(arguments or [])}: {text[:300]}") from None
+        raise _wrong_arguments(arguments or [], error) from None
     try:
         yield context
     finally:
@@ -215,9 +219,12 @@ def build_node(build: Build, name: str, context: Context, arguments: Sequence[st
 
 def main(build: Build, name: str, arguments: Sequence[str]) -> int:
     """Run one node as this process; `arguments` are the ROS arguments after its name. Returns the exit code."""
-    foreign = remove_ros_args(["program", *arguments])[1:]
+    try:
+        foreign = remove_ros_args(["program", *arguments])[1:]
+    except RuntimeError as error:
+        raise _wrong_arguments(arguments, error) from None
     if foreign:
-        raise ShakeError(f"{name}: '{foreign[0]}' is no ROS argument; parameters go behind --ros-args -p name:=value")
+        raise ShakeError(f"'{foreign[0]}' is no ROS argument; parameters go behind --ros-args -p name:=value")
     with ros_context(list(arguments)) as context:
         loop = Loop(context)
         with stopped_by_signals(loop):

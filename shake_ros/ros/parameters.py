@@ -163,7 +163,7 @@ class NodeParameters:
         """Raise UnknownName where the command line or a parameter file names a parameter that this node has not."""
         for name in self._node._parameter_overrides:
             if name not in self._owner and not name.startswith(OWN_OVERRIDES):
-                raise unknown_name("parameter", name, self._owner, self._node.get_name())
+                raise unknown_name("parameter", name, self._owner)
 
     def _on_set(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
         """Accept all of the changes or none: build every new set first, swap afterwards."""
