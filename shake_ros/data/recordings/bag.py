@@ -132,7 +132,7 @@ class Bag:
                 yield Message(channel.topic, received, data)
 
     def _damage(self, text: str) -> None:
-        finding = Finding("damage", "", 1, text)
+        finding = Finding("damage", "", 1, " ".join(text.split()))
         if finding not in self.findings and len(self.findings) < DAMAGES_LISTED:
             self.findings.append(finding)
 

@@ -22,6 +22,7 @@ HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = ra
 STATISTICS, SUMMARY_OFFSET, DATA_END = 0x0B, 0x0E, 0x0F
 FOOTER_SIZE = 9 + 20 + len(MAGIC)
 LARGEST_RECORD = 1 << 30
+NO_FOOTER = "ends without a footer (a recording that was killed or cut)"
 
 _LENGTH = struct.Struct("<Q")
 _RECORD = struct.Struct("<BQ")
@@ -140,6 +141,8 @@ class McapFile:
             counted = self._read_summary()
         except (struct.error, MalformedError, OSError):
             counted = self.complete = False
+        if not self.complete:
+            self._damage(f"{self.path.name}: {NO_FOOTER}")
         if counted:
             return
         self.channels.clear()
@@ -200,7 +203,7 @@ class McapFile:
         while True:
             head = file.read(9)
             if len(head) < 9:
-                self._damage(f"{name}: ends without a footer (a recording that was killed or cut)")
+                self._damage(f"{name}: {NO_FOOTER}")
                 return
             code, length = _RECORD.unpack(head)
             if code in (DATA_END, FOOTER):

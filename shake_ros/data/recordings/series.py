@@ -149,7 +149,8 @@ def choose_topic(bag: Bag, name: str, kind: str = "", required: bool = False) ->
     if not found:
         if required:
             names = ", ".join(sorted(bag.topics)[:12]) or "no topic at all"
-            raise ShakeError(f"{bag.path}: no topic '{name}'; the recording holds {names}")
+            damage = "".join(f"; {finding.text}" for finding in bag.findings if finding.kind == "damage")
+            raise ShakeError(f"{bag.path}: no topic '{name}'; the recording holds {names}{damage}")
         return None
     topic = found[0]
     reason = topic.refusal or (f"is {topic.type}, expected {kind}" if kind and not _same_type(topic.type, kind) else "")

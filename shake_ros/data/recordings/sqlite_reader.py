@@ -47,7 +47,7 @@ class SqliteFile:
                 self._read_tables(connection)
             finally:
                 connection.close()
-        except (sqlite3.Error, OverflowError) as error:
+        except (sqlite3.Error, KeyError, ValueError, OverflowError) as error:
             self.complete = False
             self._damage(f"{self.path.name}: {error}")
 
@@ -71,7 +71,7 @@ class SqliteFile:
             encoding = str(topic.get("serialization_format", "cdr"))
             self.channels[number] = Channel(number, str(topic["name"]), kind, encoding, schema, metadata)
         rows = connection.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id")
-        self.counts = {int(number): int(count) for number, count in rows}
+        self.counts = {number: count for number, count in rows if number in self.channels}
 
     def messages(self, wanted: Callable[[Channel], bool]) -> Iterator[tuple[Channel, int, bytes]]:
         """Channel, time of receipt [ns] and bytes of each message of the wanted channels, in stored order."""
