@@ -17,7 +17,7 @@ class ReferenceNodeParameters(Parameters):
     """The node's own settings; those of the program come from its configuration."""
 
     reference: str = choice("configuration in config/reference, or a YAML file")
-    delay: float = quantity("s", "rest before the program starts", low=0.0, high=1e4)
+    start_delay: float = quantity("s", "rest before the program starts", low=0.0, high=1e4)
 
 
 class ReferenceGenerator:
@@ -32,7 +32,7 @@ class ReferenceGenerator:
         own = frame.parameters.declare(settings).value
         configured = load_reference(own.reference)
         self._reference = configured
-        self._delay = round(own.delay / frame.sample_time)
+        self._delay = round(own.start_delay / frame.sample_time)
         self._k = -self._delay
         self._made: tuple[Parameters, Program] | None = None
         self._shaping = frame.parameters.declare(configured.shaping, "shaping.").value
