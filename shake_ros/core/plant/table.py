@@ -18,7 +18,7 @@ from shake_ros.core.plant.integration import (
 from shake_ros.core.plant.parameters import TableParameters, records
 from shake_ros.core.plant.sensors import SensorNoise
 from shake_ros.core.plant.simulation import TOLERANCE, initial_state
-from shake_ros.core.plant.states import BASE, CONTINUOUS, POSITION, STATES, VELOCITY
+from shake_ros.core.plant.states import BASE, BASE_RATE, CONTINUOUS, POSITION, STATES, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
 
@@ -59,7 +59,7 @@ class Table:
         self._record = records(self._vector)[0]
         self._noise = SensorNoise(parameters.sensors, seed)
         delay = parameters.value("effects.command_delay.delay") / sample_time
-        self._whole, self._fraction = int(math.floor(delay)), delay - math.floor(delay)
+        self._whole, self._fraction = math.floor(delay), delay - math.floor(delay)
         self._history = self._whole + 2
         self._k = np.zeros((STAGES, CONTINUOUS))
         self._stage = np.zeros(CONTINUOUS)
@@ -76,7 +76,8 @@ class Table:
         outputs(self._record, state, acceleration, self._row)
         position, _, measured, p_a, p_b, p_s, _ = self._row.tolist()
         read = self._noise.read(k, position, measured, p_a, p_b, p_s)
-        return Measurement(*read, float(state[POSITION] + state[BASE]), float(state[VELOCITY]), float(acceleration))
+        truth = float(state[POSITION] + state[BASE]), float(state[VELOCITY] + state[BASE_RATE]), float(acceleration)
+        return Measurement(*read, *truth)
 
     def advance(self, state: np.ndarray, u: float, force: float = 0.0) -> np.ndarray:
         """The state one sample later under the held command u and an external force [N].
