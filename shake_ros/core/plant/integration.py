@@ -18,6 +18,7 @@ from shake_ros.core.plant.right_hand_side import active_states, right_hand_side
 from shake_ros.core.plant.states import (
     BRISTLE,
     CONTINUOUS,
+    DECLARED,
     HELD_COMMAND,
     LAGGED_ACCELERATION,
     LAGGED_POSITION,
@@ -25,6 +26,7 @@ from shake_ros.core.plant.states import (
     PRESSURE_A,
     PRESSURE_B,
     PRESSURE_SUPPLY,
+    ROD,
     SPOOL,
     SPOOL_RATE,
     STEP_SIZE,
@@ -35,7 +37,8 @@ from shake_ros.core.valve.simplified import play
 STAGES = 7
 SMALLEST_STEP = 1e-7  # [s] below it the step is taken whatever its error, so that nothing can hang
 # Error scale of each continuous state: absolute part in its unit, at tolerance 1.
-ABSOLUTE = np.array([1e-2, 0.2, 1e6, 1e6, 0.2, 200.0, 1e6, 1.0, 1e-2, 0.2, 1e-3, 0.2, 1e-2, 0.2, 5.0, 1e-2])
+# The spool's speed is given twenty times the room of the rest: it acts only through the spool's position.
+ABSOLUTE = np.array([1e-2, 0.2, 1e6, 1e6, 0.2, 4000.0, 1e6, 1.0, 1e-2, 0.2, 1e-3, 0.2, 1e-2, 0.2, 5.0, 1e-2])
 OUTPUTS = 7  # columns of `simulate`: position, velocity, acceleration, P_A, P_B, P_s, spool
 
 
@@ -80,6 +83,8 @@ def dormand_prince(p, y, k, h, wanted, x_start, bristle, force, n, stage, absolu
         error = abs(h * slip) / (absolute[i] + abs(y[i]))
         if not error <= worst:  # also true for NaN
             worst = error
+            if not math.isfinite(error):
+                break  # a later state must not hide it
     return worst / tolerance, acceleration
 
 
@@ -96,9 +101,11 @@ def spool_command(p, y, u):
 def hold(p, y, u, force, duration, n, k, stage, absolute, tolerance):
     """Integrate y in place over `duration` under a held command; returns the acceleration at its end [m/s²]."""
     wanted = spool_command(p, y, u)
-    h = min(max(y[STEP_SIZE], SMALLEST_STEP), duration)
+    if not math.isfinite(y[VELOCITY]):
+        return math.nan  # a lost run ends here at once instead of in the smallest of steps
+    h = max(y[STEP_SIZE], SMALLEST_STEP)
     done = 0.0
-    x_start = y[POSITION]
+    x_start = y[POSITION] + y[ROD]  # the piston's
     acceleration = right_hand_side(p, y, wanted, x_start, y[BRISTLE], force, n, k[0])
     while done < duration:
         rest = duration - done
@@ -110,17 +117,21 @@ def hold(p, y, u, force, duration, n, k, stage, absolute, tolerance):
             h = step * max(shrink, 0.1)
             continue
         if p.presliding_friction_distance > 0.0:
-            rod = stage[POSITION] - x_start
-            y[BRISTLE] = deflection(y[BRISTLE], rod, p.presliding_friction_distance)
+            rod = stage[ROD] if n > DECLARED else 0.0
+            moved = stage[POSITION] + rod - x_start
+            y[BRISTLE] = deflection(y[BRISTLE], moved, p.presliding_friction_distance)
         for i in range(n):
             y[i] = stage[i]
             k[0, i] = k[STAGES - 1, i]
+        x_start = y[POSITION] + y[ROD]
         if abs(y[SPOOL]) > 1.0:
             y[SPOOL] = min(max(y[SPOOL], -1.0), 1.0)
             y[SPOOL_RATE] = 0.0
-            right_hand_side(p, y, wanted, y[POSITION], y[BRISTLE], force, n, k[0])
-        x_start = y[POSITION]
+            right_hand_side(p, y, wanted, x_start, y[BRISTLE], force, n, k[0])
         acceleration = a_end
+        if not math.isfinite(error):
+            y[VELOCITY] = math.nan
+            return math.nan
         done = duration if last else done + step
         grow = 0.9 * error**-0.2 if error > 1e-6 else 5.0
         proposed = step * min(max(grow, 0.2), 5.0)
@@ -148,7 +159,7 @@ def delayed(commands, k, delay_samples):
 
     A command u_k stamped t_k acts from t_k + T; before the first command arrives the first one is taken as standing.
     """
-    whole = int(math.floor(delay_samples))
+    whole = math.floor(delay_samples)
     fraction = delay_samples - whole
     late = commands[max(k - whole - 1, 0)]
     timely = commands[max(k - whole, 0)]
@@ -182,7 +193,7 @@ def outputs(p, y, acceleration, row):
 @njit
 def acceleration_now(p, y, rates):
     """Absolute acceleration of the table at state y without external force [m/s²]."""
-    return right_hand_side(p, y, y[HELD_COMMAND], y[POSITION], y[BRISTLE], 0.0, active_states(p), rates)
+    return right_hand_side(p, y, y[HELD_COMMAND], y[POSITION] + y[ROD], y[BRISTLE], 0.0, active_states(p), rates)
 
 
 @njit

@@ -20,8 +20,9 @@ from shake_ros.core.plant.states import (
     STATES,
     STEP_SIZE,
 )
+from shake_ros.core.quantities import ShakeError
 
-TOLERANCE = 1e-4  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
+TOLERANCE = 5e-6  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
 NOTHING = np.zeros(0)
 COLUMNS = ("position", "velocity", "acceleration", "pressure_a", "pressure_b", "pressure_supply", "spool")
 
@@ -47,6 +48,18 @@ def initial_state(
     return y
 
 
+def series(name: str, values: np.ndarray, length: int) -> np.ndarray:
+    """`values` as contiguous floats of shape (length,); ShakeError where one is not finite or the length differs."""
+    result = np.ascontiguousarray(values, dtype=float)
+    if result.shape != (length,):
+        raise ShakeError(f"{name}: shape {result.shape} where ({length},) is expected")
+    finite = np.isfinite(result)
+    if not finite.all():
+        k = int(np.argmin(finite))
+        raise ShakeError(f"{name}: sample {k} is {result[k]}")
+    return result
+
+
 def run(
     parameters: TableParameters,
     commands: np.ndarray,
@@ -65,18 +78,22 @@ def run(
     position : start [m], or the measured position of shape (n,) which volumes and position-dependent effects follow.
     forces : external force, shape (n,) [N]. state : first state; at rest where not given.
 
+    Raises
+    ------
+    ShakeError : a command, force or position that is not finite, or of another length than the commands.
+
     Returns
     -------
     shape (n, 7): position [m], velocity [m/s], acceleration [m/s²], P_A, P_B, P_s [Pa], spool [-].
     """
     vector = parameters.vector()
-    track = np.ascontiguousarray(position, dtype=float) if np.ndim(position) else NOTHING
+    commands = series("valve command", commands, len(commands))
+    track = series("position", position, len(commands)) if isinstance(position, np.ndarray) else NOTHING
+    forces = series("force", forces, len(commands)) if len(forces) else NOTHING
     start = float(np.ravel(position)[0])
     y0 = initial_state(vector, start) if state is None else state
     out = np.empty((len(commands), OUTPUTS))
-    simulate(
-        records(vector)[0], np.ascontiguousarray(commands, dtype=float), forces, track, y0, sample_time, tolerance, out
-    )
+    simulate(records(vector)[0], commands, forces, track, y0, sample_time, tolerance, out)
     return out
 
 
@@ -107,6 +124,8 @@ def run_batch(
     shape (m, n, len(columns))
     """
     rows = records(vectors)
+    commands = series("valve command", commands, len(commands))
+    track = series("position", track, len(commands)) if len(track) else NOTHING
     result = np.empty((len(rows), len(commands), len(columns)))
 
     def one(i: int) -> None:
