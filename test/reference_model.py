@@ -1,0 +1,241 @@
+"""The declared table written a second time, from the equation sheet alone, for comparison with shake_ros.core.plant.
+
+Six states (6.2): x [m], v [m/s], P_A, P_B [Pa], x_s* [-], ẋ_s* [1/s]. Plain floats and math only, so that the same
+functions serve scipy's Radau as they stand and, compiled, a Runge–Kutta of very small steps. Nothing here imports the
+package; the numbers come from the table's YAML file.
+"""
+
+from __future__ import annotations
+
+import types
+from math import exp, tanh
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+import yaml
+from scipy.integrate import Radau
+
+BERGAMO = Path(__file__).resolve().parent.parent / "config" / "table" / "bergamo.yaml"
+SCALES = np.array([1e-2, 0.1, 1e6, 1e6, 0.1, 100.0])  # a typical size of each state, for absolute tolerances
+
+
+class Constants(NamedTuple):
+    """Constants of (6.3)–(6.20), SI."""
+
+    area: float
+    half_volume: float
+    mass: float
+    half_stroke: float
+    stop_stiffness: float
+    stop_damping: float
+    supply: float
+    tank: float
+    omega: float
+    damping: float
+    rate_limit: float
+    play: float
+    flow: float
+    underlap: float
+    laminar: float
+    modulus: float
+    coulomb: float
+    rise: float
+    decay: float
+    viscous: float
+    sharp: float
+    internal: float
+    external: float
+    lambda_1: float  # (6.20), in parts of the declared modulus
+    lambda_2: float
+    mu: float
+    edge: float
+
+
+def constants(soft_zone_depth: float = 0.0, path: Path = BERGAMO, **changes: float) -> Constants:
+    """Constants of the table's file, with the soft zone of (6.20) and single values changed.
+
+    The soft zone is given by its depth d at zero load pressure, λ_2/λ_1 = d / (2 tanh(μ P_Lt)), μ and P_Lt of table 6.9.
+    """
+    tree: dict[str, dict[str, Any]] = yaml.safe_load(path.read_text(encoding="utf-8"))
+    file = {section: {key: float(value) for key, value in content.items()} for section, content in tree.items()}
+    body, valve, friction = file["body"], file["valve"], file["friction"]
+    mu, edge = 8.8e-6, 9.177e5
+    table = Constants(
+        area=body["piston_area"],
+        half_volume=0.5 * body["cylinder_volume"],
+        mass=body["table_mass"] + body["specimen_mass"],
+        half_stroke=0.5 * body["stroke"],
+        stop_stiffness=body["end_stop_stiffness"],
+        stop_damping=body["end_stop_damping"],
+        supply=file["supply"]["supply_pressure"],
+        tank=file["supply"]["tank_pressure"],
+        omega=valve["natural_frequency"],
+        damping=valve["damping"],
+        rate_limit=valve["rate_limit"],
+        play=valve["hysteresis"],
+        flow=valve["flow_coefficient"],
+        underlap=valve["underlap"],
+        laminar=valve["laminar_pressure"],
+        modulus=file["bulk_modulus"]["modulus"],
+        coulomb=friction["coulomb_level"],
+        rise=friction["stribeck_rise"],
+        decay=friction["stribeck_decay"],
+        viscous=friction["viscous"],
+        sharp=friction["transition_velocity"],
+        internal=file["leakage"]["internal"],
+        external=file["leakage"]["external"],
+        lambda_1=1.0,
+        lambda_2=0.5 * soft_zone_depth / tanh(mu * edge),
+        mu=mu,
+        edge=edge,
+    )
+    return table._replace(**changes)
+
+
+def edge_flow(opening: float, drop: float, laminar: float) -> float:
+    """g · sroot(Δp) with the laminar stretch below `laminar` [√Pa]."""
+    gap = opening
+    if gap <= 0.0:
+        return 0.0
+    if gap > 1.0:
+        gap = 1.0
+    return gap * drop * (drop * drop + laminar * laminar) ** -0.25
+
+
+def rates(y: Any, wanted: float, c: Any) -> tuple[float, float, float, float, float, float]:
+    """Time derivatives (6.3)–(6.14), (3.19) of the six states at a spool command `wanted`."""
+    x, v, p_a, p_b, s, ds = y[0], y[1], y[2], y[3], y[4], y[5]
+    q_a = c.flow * (
+        edge_flow(s + c.underlap, c.supply - p_a, c.laminar) - edge_flow(c.underlap - s, p_a - c.tank, c.laminar)
+    )
+    q_b = c.flow * (
+        edge_flow(s + c.underlap, p_b - c.tank, c.laminar) - edge_flow(c.underlap - s, c.supply - p_b, c.laminar)
+    )
+    load = p_a - p_b
+    stiffness = c.modulus * (c.lambda_1 - c.lambda_2 * (tanh(c.mu * (load + c.edge)) - tanh(c.mu * (load - c.edge))))
+    friction = (c.coulomb + c.rise * exp(-c.decay * abs(v))) * tanh(v / c.sharp) + c.viscous * v
+    force = c.area * load - friction
+    if x > c.half_stroke:
+        force -= max(c.stop_stiffness * (x - c.half_stroke) + c.stop_damping * v, 0.0)
+    elif x < -c.half_stroke:
+        force -= min(c.stop_stiffness * (x + c.half_stroke) + c.stop_damping * v, 0.0)
+    v_a = max(c.half_volume + c.area * x, 0.02 * c.half_volume)
+    v_b = max(c.half_volume - c.area * x, 0.02 * c.half_volume)
+    dp_a = stiffness / v_a * (q_a - c.external * p_a - c.internal * load - c.area * v)
+    dp_b = stiffness / v_b * (-q_b - c.external * p_b + c.internal * load + c.area * v)
+    speed = min(max(ds, -c.rate_limit), c.rate_limit)
+    return v, force / c.mass, dp_a, dp_b, speed, c.omega**2 * (wanted - s) - 2.0 * c.damping * c.omega * ds
+
+
+def at_rest(c: Constants) -> np.ndarray:
+    """Mid-stroke, valve at null, both chambers half-way between supply and tank; shape (6,)."""
+    middle = 0.5 * (c.supply + c.tank)
+    return np.array([0.0, 0.0, middle, middle, 0.0, 0.0])
+
+
+def spool_commands(commands: np.ndarray, width: float) -> np.ndarray:
+    """Commands behind the hysteresis of half-width `width`: a spool held by dry friction moves when pushed."""
+    held, result = 0.0, np.empty(len(commands))
+    for k, u in enumerate(commands):
+        u = float(np.clip(u, -1.0, 1.0))
+        if u - held > width:
+            held = u - width
+        elif held - u > width:
+            held = u + width
+        result[k] = held
+    return result
+
+
+def radau(commands: np.ndarray, sample_time: float, c: Constants, rtol: float = 1e-9) -> np.ndarray:
+    """Acceleration at every sample [m/s²], shape (n,): Radau from one change of the held command to the next."""
+    y, result = at_rest(c), np.empty(len(commands))
+    wanted = spool_commands(commands, c.play)
+    for k, command in enumerate(wanted):
+        result[k] = rates(y, command, c)[1]
+        solver = Radau(
+            lambda _t, state, command=command: np.array(rates(state, command, c)),
+            0.0,
+            y,
+            sample_time,
+            rtol=rtol,
+            atol=rtol * SCALES,
+        )
+        while solver.status == "running":
+            solver.step()
+        if solver.status != "finished":
+            raise RuntimeError(f"Radau failed in sample {k}")
+        y = solver.y
+    return result
+
+
+def fine_steps(commands: np.ndarray, sample_time: float, c: Constants, steps: int = 100) -> np.ndarray:
+    """All states and the acceleration at every sample, shape (n, 7): classical Runge–Kutta, `steps` a sample."""
+    return _fine_steps(spool_commands(commands, c.play), sample_time, at_rest(c), c, steps)
+
+
+_edge_flow = numba.njit(edge_flow)
+_rates = numba.njit(types.FunctionType(rates.__code__, {**globals(), "edge_flow": _edge_flow}, "rates"))
+
+
+@numba.njit
+def _fine_steps(wanted, sample_time, y, c, steps):  # type: ignore[no-untyped-def]
+    out = np.empty((len(wanted), 7))
+    h = sample_time / steps
+    for k in range(len(wanted)):
+        out[k, :6] = y
+        out[k, 6] = _rates(y, wanted[k], c)[1]
+        for _ in range(steps):
+            k1 = np.array(_rates(y, wanted[k], c))
+            k2 = np.array(_rates(y + 0.5 * h * k1, wanted[k], c))
+            k3 = np.array(_rates(y + 0.5 * h * k2, wanted[k], c))
+            k4 = np.array(_rates(y + h * k3, wanted[k], c))
+            y = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            if abs(y[4]) > 1.0:  # |x_s*| ≤ 1
+                y[4] = 1.0 if y[4] > 0.0 else -1.0
+                y[5] = 0.0
+    return out
+
+
+def nrmse(measured: np.ndarray, simulated: np.ndarray) -> float:
+    """rms(measured − simulated) / rms(measured − mean) [-]."""
+    return float(np.sqrt(np.mean((measured - simulated) ** 2)) / np.std(measured))
+
+
+def peak_error(measured: np.ndarray, simulated: np.ndarray) -> float:
+    """Largest |measured − simulated| relative to the largest |measured| [-]."""
+    return float(np.max(np.abs(measured - simulated)) / np.max(np.abs(measured)))
+
+
+def sine(amplitude: float, frequency: float, duration: float) -> np.ndarray:
+    """u = amplitude · sin(2π f t) at 1 kHz [-]."""
+    return amplitude * np.sin(2.0 * np.pi * frequency * np.arange(round(duration * 1000)) / 1000.0)
+
+
+def _doubling() -> np.ndarray:
+    """(6.21): the amplitude doubles at 4.35 s."""
+    t = np.arange(6000) / 1000.0
+    return np.where(t < 4.35, 0.1, 0.2) * np.sin(4.0 * np.pi * t)
+
+
+def _pulse() -> np.ndarray:
+    """A pulse of command one way and back."""
+    u = np.zeros(1500)
+    u[100:300] = 0.5
+    u[700:900] = -0.5
+    return u
+
+
+RUNS: dict[str, np.ndarray] = {  # the thesis's inputs, at 1 kHz
+    "0.3 at 2 Hz": sine(0.3, 2.0, 2.0),
+    "0.7 at 2 Hz": sine(0.7, 2.0, 2.0),
+    "0.99 at 2 Hz": sine(0.99, 2.0, 2.0),
+    "0.2 at 5 Hz": sine(0.2, 5.0, 1.0),
+    "0.2 at 10 Hz": sine(0.2, 10.0, 1.0),
+    "0.1 at 1 Hz": sine(0.1, 1.0, 2.0),
+    "u7: 0.8 at 5 Hz": sine(0.8, 5.0, 1.0),
+    "u8: 0.9 at 11 Hz": sine(0.9, 11.0, 1.0),
+    "pulse": _pulse(),
+    "amplitude doubled, 2 Hz": _doubling(),
+}
