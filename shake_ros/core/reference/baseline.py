@@ -1,9 +1,10 @@
 """From a recorded acceleration to a motion that a table can make: baseline, band, integration.
 
-Method: the mean is removed, the ends are tapered, rest is put before and after, a Butterworth filter of
-order 4 is run forwards and backwards (no phase shift), the rest is tapered to zero, and what then remains of
-velocity and displacement at the end is taken out with the smallest of corrections: two smooth polynomials over
-the whole length. Between samples the acceleration is linear, and its integrals are exact for that.
+Method: the mean is removed, the ends are tapered, and a Butterworth filter of order 4 is run forwards and backwards
+(no phase shift) over the record between long stretches of rest. The displacement is then faded in and out over the
+pads before and after the record, with the derivatives of the fade, and what remains of velocity and displacement at
+the end (rounding, mostly) is taken out with two smooth polynomials over the whole length. Between samples the
+acceleration is linear, and its integrals are exact for that.
 See D. M. Boore and J. J. Bommer, Soil Dynamics and Earthquake Engineering 25 (2005), 93–115, on padding and filters.
 """
 
@@ -13,10 +14,12 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.motion import Array
+from shake_ros.core.reference.motion import Array, product, smooth_step
 
 TAPER = 0.02
 """Part of the record at each end under the cosine taper."""
+GUARD = 3.0
+"""Rest on both sides while filtering, beyond the pads, in periods of the high-pass corner."""
 
 
 def integrate(acceleration: Array, time_step: float) -> tuple[Array, Array]:
@@ -32,13 +35,14 @@ def integrate(acceleration: Array, time_step: float) -> tuple[Array, Array]:
     return velocity, displacement
 
 
-def _cosine_ends(count: int, length: int) -> Array:
-    """A window of `count` samples that rises and falls along half a cosine over `length` samples."""
-    window = np.ones(count)
-    flank = 0.5 - 0.5 * np.cos(np.pi * np.arange(length) / max(length, 1))
-    window[:length] = flank
-    window[count - length :] = flank[::-1]
-    return window
+def _tapered(acceleration: Array) -> Array:
+    """The record less its mean, its ends under half a cosine."""
+    centred = acceleration - np.mean(acceleration)
+    length = max(2, round(TAPER * centred.size))
+    flank = 0.5 - 0.5 * np.cos(np.pi * np.arange(length) / length)
+    centred[:length] *= flank
+    centred[-length:] *= flank[::-1]
+    return np.asarray(centred, dtype=np.float64)
 
 
 def filtered(acceleration: Array, time_step: float, high_pass: float, low_pass: float) -> Array:
@@ -53,10 +57,7 @@ def filtered(acceleration: Array, time_step: float, high_pass: float, low_pass: 
         )
     result = acceleration
     if high_pass > 0.0:
-        guard = round(3.0 / (high_pass * time_step))
-        guarded = np.pad(result, guard)
-        guarded = sosfiltfilt(butter(4, high_pass / nyquist, "highpass", output="sos"), guarded, padtype=None)
-        result = guarded[guard : guard + acceleration.size]
+        result = sosfiltfilt(butter(4, high_pass / nyquist, "highpass", output="sos"), result, padtype=None)
     if 0.0 < low_pass < nyquist:
         result = sosfiltfilt(butter(4, low_pass / nyquist, "lowpass", output="sos"), result, padtype=None)
     return np.asarray(result, dtype=np.float64)
@@ -86,7 +87,7 @@ def correct_baseline(
 
     Parameters
     ----------
-    acceleration : (m,) [m/s²], uniform in time.
+    acceleration : (m,) [m/s²], uniform in time; not changed.
     time_step : [s].
     high_pass, low_pass : band [Hz]; 0 = no bound.
     pad_time : rest put before and after [s].
@@ -95,11 +96,26 @@ def correct_baseline(
     -------
     (m + 2 pad_time/time_step,) [m/s²]
     """
-    centred = np.asarray(acceleration, dtype=np.float64) - np.mean(acceleration)
-    tapered = centred * _cosine_ends(centred.size, max(2, round(TAPER * centred.size)))
     pad = max(2, round(pad_time / time_step))
-    band = filtered(np.pad(tapered, pad), time_step, high_pass, low_pass)
-    return end_at_rest(band * _cosine_ends(band.size, pad), time_step)
+    guard = pad + (round(GUARD / (high_pass * time_step)) if high_pass > 0.0 else 0)
+    record = _tapered(np.array(acceleration, dtype=np.float64))
+    band = filtered(np.pad(record, guard), time_step, high_pass, low_pass)
+    if high_pass == 0.0:
+        band = end_at_rest(band, time_step)
+    velocity, displacement = integrate(band, time_step)
+    kept = slice(guard - pad, guard + record.size + pad)
+    fade = _fade(record.size + 2 * pad, pad, time_step)
+    return end_at_rest(product(fade, (displacement[kept], velocity[kept], band[kept]))[:, 2], time_step)
+
+
+def _fade(count: int, length: int, time_step: float) -> tuple[Array, Array, Array]:
+    """A C² window of `count` samples with flanks of `length` samples, and its first two derivatives by time."""
+    place = np.arange(count, dtype=np.float64)
+    nearest = np.minimum(place, count - 1 - place)
+    value, slope, curvature = smooth_step(nearest / length)
+    sign = np.where(place < count / 2, 1.0, -1.0)
+    span = length * time_step
+    return value, sign * slope / span, curvature / span**2
 
 
 def resample(acceleration: Array, time_step: float, sample_time: float) -> Array:

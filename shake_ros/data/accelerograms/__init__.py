@@ -50,5 +50,5 @@ def read_accelerogram(path: Path | str, *, channel: int = 1, unit: str = "") -> 
     for form in FORMATS.values():
         if form.recognise(text.lines):
             return form.read(text, channel, unit)
-    first = next(line for line in text.lines if line.strip())
+    first = next((line for line in text.lines if line.strip()), "")
     raise ShakeError(f"{path}: format not recognised (known: {', '.join(FORMATS)}); it begins '{shown(first.strip())}'")

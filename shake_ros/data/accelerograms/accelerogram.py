@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,6 +19,8 @@ UNITS = {"m/s2": 1.0, "cm/s2": 0.01, "g": 9.80665}
 
 LARGEST_FILE = 200_000_000
 SHORTEST = 16
+LARGEST_NUMBER = 1e40
+"""Above every marker of an undefined value (1.7e38)."""
 PLAUSIBLE = 1000.0
 """Largest acceleration [m/s²] that is taken for one (about 100 g)."""
 
@@ -94,8 +95,8 @@ class Text:
         if not NUMBER.fullmatch(text):
             raise self.bad(line, f"{what} '{shown(text)}' is not a finite number")
         value = float(text.replace("D", "E").replace("d", "e"))
-        if not math.isfinite(value):
-            raise self.bad(line, f"{what} '{shown(text)}' is not a finite number")
+        if abs(value) > LARGEST_NUMBER:
+            raise self.bad(line, f"{what} '{shown(text)}' is no plausible number")
         return value
 
     def whole(self, word: str, line: int, what: str, low: int, high: int) -> int:

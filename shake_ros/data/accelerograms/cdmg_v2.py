@@ -40,11 +40,9 @@ def read(text: Text, channel: int = 1, unit: str = "") -> Accelerogram:
         raise text.bad(0, f"channel {channel} of a file that holds {len(starts)}")
     first = starts[channel - 1]
     end = starts[channel] if channel < len(starts) else len(text.lines)
-    place = next((i for i in range(first, end) if DATA.match(text.lines[i])), None)
-    if place is None:
-        raise text.bad(end - 1, f"channel {channel} has no line 'POINTS OF ACCEL DATA EQUALLY SPACED AT … SEC'")
-    match = DATA.match(text.lines[place])
-    assert match is not None
+    place, match = next(((i, m) for i in range(first, end) if (m := DATA.match(text.lines[i]))), (end - 1, None))
+    if match is None:
+        raise text.bad(place, f"channel {channel} has no line 'POINTS OF ACCEL DATA EQUALLY SPACED AT … SEC'")
     count = text.whole(match[1], place, "number of samples", 1, 20_000_000)
     step = text.number(match[2], place, "time step")
     named = unit_named(text.lines[place].upper().split("UNITS", 1)[-1]) if "UNITS" in text.lines[place].upper() else ""

@@ -74,7 +74,7 @@ def read(text: Text, channel: int = 1, unit: str = "") -> Accelerogram:
     return Accelerogram(
         time_step=step,
         acceleration=acceleration,
-        name=" ".join(text.lines[first + 4].split()),
+        name=re.sub(r"^Statn No:\s*\S+\s*", "", " ".join(text.lines[first + 4].split())),
         format=NAME,
         unit=found,
         provenance=_provenance(text, first, channel, len(starts)),

@@ -127,15 +127,14 @@ def _uniform_step(text: Text, first: int, rows: list[tuple[int, float]], resolut
         raise text.bad(rows[i][0], f"time does not advance: {time[i]:g} s after {time[i - 1]:g} s")
     step = float(time[-1] - time[0]) / steps.size
     typical = float(np.median(steps))
-    tolerance = max(0.01 * typical, 1.01 * resolution)
-    if tolerance > 0.5 * typical:
-        raise text.bad(first, f"times printed to {resolution:g} s are too coarse for a step of about {typical:g} s")
+    rounding = 1.01 * resolution if resolution <= 0.4 * typical else 0.0  # coarser digits cannot excuse anything
+    tolerance = max(0.01 * typical, rounding)
     uneven = np.flatnonzero(np.abs(steps - typical) > tolerance)
     if uneven.size:
         i = int(uneven[0]) + 1
         raise text.bad(rows[i][0], f"time is not uniform: a step of {steps[i - 1]:g} s where {typical:g} s is usual")
     drift = np.abs(time - time[0] - step * np.arange(time.size))
-    if np.max(drift) > max(0.5 * tolerance, 1.01 * resolution):
+    if np.max(drift) > max(0.01 * typical, rounding):
         i = int(np.argmax(drift))
         raise text.bad(rows[i][0], f"time is not uniform: {drift[i]:g} s off a step of {step:g} s")
     return step

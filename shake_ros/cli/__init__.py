@@ -1,0 +1,1 @@
+"""One file per offline command: arguments, calls, exit code."""
