@@ -58,13 +58,19 @@ def descriptor(name: str, value: Any, metadata: Any) -> ParameterDescriptor:
     )
 
 
+def _belongs(table: TableParameters, name: str) -> bool:
+    """Whether a dotted name is an effect's or a field of the law that this table has in its section."""
+    section, _, rest = name.partition(".")
+    return section == "effects" or hasattr(getattr(table, section), rest)
+
+
 def flatten(value: Parameters | TableParameters, prefix: str = "") -> dict[str, tuple[Any, Any]]:
     """Parameter name → (value, metadata) of every field, nested sets with their field's name and a dot."""
     if isinstance(value, TableParameters):
-        kinds = {"int": int}
         return {
-            prefix + name: (kinds.get(str(field.type), float)(value.value(name)), field.metadata)
+            prefix + name: (int(value.value(name)) if field.type == "int" else value.value(name), field.metadata)
             for name, field in FIELDS.items()
+            if _belongs(value, name)
         }
     found: dict[str, tuple[Any, Any]] = {}
     for field in dataclasses.fields(value):
@@ -92,6 +98,10 @@ def replaced(value: P, changes: dict[str, Any]) -> P:
     for head, inner in nested.items():
         direct[head] = replaced(getattr(value, head), inner)
     return value.replace(**direct)
+
+
+def _given(override: Parameter[Any] | None, configured: Any) -> str:
+    return repr(configured if override is None else override.value)
 
 
 class LiveSet(Generic[P]):
@@ -141,13 +151,11 @@ class NodeParameters:
                 given = self._node.declare_parameter(name, content, descriptor(name, content, metadata)).value
             except InvalidParameterTypeException:
                 kind = type(content).__name__
-                raise ShakeError(f"parameter {name} = {override.value!r} is not of type {kind}") from None
+                raise ShakeError(f"parameter {name} = {_given(override, content)} is not of type {kind}") from None
             except InvalidParameterValueException:
                 bounds = f"{metadata.get('low', -math.inf):g} … {metadata.get('high', math.inf):g}"
-                unit = metadata.get("unit", "")
-                raise ShakeError(
-                    f"parameter {name} = {override.value!r} is outside {bounds} {unit}".rstrip(" -")
-                ) from None
+                text = f"parameter {name} = {_given(override, content)} is outside {bounds} {metadata.get('unit', '')}"
+                raise ShakeError(text.rstrip(" -")) from None
             if given != content:
                 changes[name[len(prefix) :]] = given
         try:
