@@ -1,0 +1,1 @@
+"""The missing effect: residual → screening → refit → choice → what remains."""

@@ -1,0 +1,65 @@
+"""Effects as candidates: which of their parameters a refit frees and at which finite values they are first tried."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from shake_ros.core.effects import EFFECTS
+from shake_ros.core.identification.free_parameters import FreeParameter, free_parameter
+from shake_ros.core.plant.parameters import FIELDS
+from shake_ros.core.quantities import ShakeError, unknown_name
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect that may be missing.
+
+    effect : its name. free : the parameters a refit frees. trials : values by dotted name, the strength first.
+    """
+
+    effect: str
+    free: tuple[FreeParameter, ...]
+    trials: tuple[Mapping[str, float], ...]
+
+    @property
+    def strength(self) -> FreeParameter:
+        """The parameter whose neutral value makes the effect absent."""
+        return self.free[0]
+
+    @property
+    def place(self) -> str:
+        """Where in the table the effect acts."""
+        return EFFECTS[self.effect].place
+
+    @property
+    def neutral(self) -> float:
+        """Value of the strength at which the effect is absent."""
+        return float(FIELDS[self.strength.name].default)
+
+    @property
+    def signed(self) -> bool:
+        """Whether the strength may lie on both sides of its neutral value."""
+        return self.strength.low < self.neutral < self.strength.high
+
+
+def candidates(content: Mapping[str, Any], where: str, model: str = "full") -> tuple[Candidate, ...]:
+    """Candidates from the content of config/discovery/effects.yaml for a declared model; strict."""
+    result = []
+    for effect, entry in content.items():
+        if effect not in EFFECTS:
+            raise unknown_name("effect", effect, EFFECTS, where)
+        if model not in EFFECTS[effect].models:
+            continue
+        if not isinstance(entry, Mapping) or set(entry) != {"free", "trials"}:
+            raise ShakeError(f"{where}: {effect}: needs exactly the keys 'free' and 'trials'")
+        prefix = f"effects.{effect}."
+        free = tuple(free_parameter(prefix + name, c, where) for name, c in entry["free"].items())
+        trials = tuple({prefix + name: float(v) for name, v in trial.items()} for trial in entry["trials"])
+        for trial in trials:
+            for name in trial:
+                if name not in FIELDS:
+                    raise unknown_name("parameter", name, [f.name for f in free], where)
+        result.append(Candidate(effect, free, trials))
+    return tuple(result)

@@ -1,0 +1,196 @@
+"""The search: screen all effects, refit the promising ones, choose by held-out error, repeat until nothing pays.
+
+An effect is added when it lowers the weighted error of the recordings that the fit has not seen by more than chance
+and model floor explain, and lowers the error of those it has seen as well. Effects whose held-out error lies within a
+small margin of the best are named with it as alternatives: these recordings cannot tell them apart. After each step the
+earlier effects are tried for removal.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from shake_ros.core.discovery.candidates import Candidate
+from shake_ros.core.discovery.screening import Screened, screen
+from shake_ros.core.identification.fit import Fit, Problem, fit
+
+Progress = Callable[[str, float], None]
+PARTS = (0.25, 1.0, 2.5)  # multiples of a trial from which a refit may start
+
+
+@dataclass(frozen=True)
+class Policy:
+    """How hard the search looks and what it takes for an improvement.
+
+    refits : most candidates refitted per step. evaluations : most trial points of a first refit and of a final one.
+    least_gain : fall of the held-out cost below which an effect is not added. margin : relative difference of
+    held-out cost within which two effects count as not told apart. most_effects : stop after that many.
+    least_screened : predicted gain below which a candidate is not refitted.
+    """
+
+    refits: int = 9
+    evaluations: int = 10
+    final_evaluations: int = 40
+    least_gain: float = 0.03
+    margin: float = 0.03
+    most_effects: int = 3
+    least_screened: float = 0.003
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A candidate refitted together with all free parameters. Costs are mean squares of weighted residuals."""
+
+    candidate: Candidate
+    fit: Fit
+    learn: float
+    hold: float
+    screened_gain: float
+
+    @property
+    def score(self) -> float:
+        """Geometric mean of the two costs: small where both the fitted and the unseen recordings agree."""
+        return math.sqrt(self.learn * self.hold)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One added effect with the ranking it won and the alternatives that could not be told from it."""
+
+    chosen: Attempt
+    ranking: tuple[Attempt, ...]
+    alternatives: tuple[str, ...]
+    screened: tuple[Screened, ...]
+
+
+@dataclass(frozen=True)
+class Search:
+    """Declared fit, steps, final fit; `rejected` is the ranking of the last round, which nothing passed."""
+
+    declared: Fit
+    steps: tuple[Step, ...]
+    final: Fit
+    removed: tuple[str, ...] = ()
+    rejected: tuple[Attempt, ...] = field(default=())
+
+
+def mean_square(residuals: np.ndarray) -> float:
+    """Mean square of weighted residuals."""
+    return float(residuals @ residuals) / len(residuals)
+
+
+def held_out(problem: Problem, result: Fit) -> float:
+    """Mean square of a fit on recordings it has not seen."""
+    return mean_square(np.nan_to_num(problem.residuals(result.free.vectors(result.x))[0], nan=1e6))
+
+
+def best_per_candidate(screened: Sequence[Screened]) -> list[Screened]:
+    """The most promising trial of each candidate, in falling order of gain."""
+    first: dict[str, Screened] = {}
+    for s in screened:
+        first.setdefault(s.candidate.effect, s)
+    return list(first.values())
+
+
+def refit_start(problem: Problem, current: Fit, screened: Sequence[Screened]) -> tuple[Fit, np.ndarray]:
+    """Best of a batch of starts for one candidate: its trials × parts × (old | predicted) other parameters."""
+    candidate = screened[0].candidate
+    free = current.free.extended(candidate.free)
+    starts = []
+    for s in screened:
+        trial = dict(candidate.trials[s.trial])
+        strength = candidate.strength.name
+        signs = (-1.0, 1.0) if candidate.signed else (1.0,)
+        parts = {*(sign * p for p in PARTS for sign in signs), s.part}
+        for part in parts:
+            values = {**trial, strength: candidate.neutral + part * (trial[strength] - candidate.neutral)}
+            for others in (current.x, s.x):
+                x = free.x_of(values)
+                x[: len(current.x)] = others
+                starts.append(np.clip(x, free.low, free.high))
+    rows = np.array(starts)
+    costs = np.array([mean_square(r) for r in np.nan_to_num(problem.residuals(free.vectors(rows)), nan=1e3)])
+    return Fit(free, current.x, current.residuals, current.jacobian, current.cost, 0), rows[int(np.argmin(costs))]
+
+
+def attempt(
+    problem: Problem, hold: Problem, current: Fit, screened: Sequence[Screened], evaluations: int, tolerance: float
+) -> Attempt:
+    """Refit one candidate from its best start."""
+    shell, start = refit_start(problem, current, screened)
+    result = fit(problem, shell.free, start, evaluations=evaluations, tolerance=tolerance)
+    return Attempt(
+        screened[0].candidate, result, mean_square(result.residuals), held_out(hold, result), screened[0].gain
+    )
+
+
+def polish(problem: Problem, hold: Problem, tried: Attempt, evaluations: int) -> Attempt:
+    """Continue a refit to convergence."""
+    result = fit(problem, tried.fit.free, tried.fit.x, evaluations=evaluations)
+    return Attempt(tried.candidate, result, mean_square(result.residuals), held_out(hold, result), tried.screened_gain)
+
+
+def one_step(
+    problem: Problem,
+    hold: Problem,
+    current: Fit,
+    pool: tuple[Candidate, ...],
+    policy: Policy,
+    progress: Progress,
+) -> tuple[Step | None, tuple[Attempt, ...]]:
+    """Screen, refit, choose. Returns the step, or None where nothing pays, and the ranking."""
+    progress("screening", 0.0)
+    screened = screen(problem, current, pool)
+    hopeful = [s for s in best_per_candidate(screened) if s.gain > policy.least_screened][: policy.refits]
+    attempts = []
+    for i, s in enumerate(hopeful):
+        progress(f"refit with {s.candidate.effect}", (i + 1) / (len(hopeful) + 4))
+        own = [t for t in screened if t.candidate.effect == s.candidate.effect]
+        attempts.append(attempt(problem, hold, current, own, policy.evaluations, 1e-3))
+    attempts.sort(key=lambda a: a.score)
+    for i, tried in enumerate(attempts):
+        if i < 2 or tried.score < 1.5 * attempts[0].score:
+            progress(f"polish {tried.candidate.effect}", (len(hopeful) + 1 + min(i, 2)) / (len(hopeful) + 4))
+            attempts[i] = polish(problem, hold, tried, policy.final_evaluations)
+    attempts.sort(key=lambda a: a.score)
+    ranking = tuple(attempts)
+    if not ranking:
+        return None, ranking
+    best = ranking[0]
+    before_learn, before_hold = mean_square(current.residuals), held_out(hold, current)
+    if best.learn > (1.0 - policy.least_gain) * before_learn or best.hold > (1.0 - policy.least_gain) * before_hold:
+        return None, ranking
+    near = [a.candidate.effect for a in ranking[1:] if a.score <= (1.0 + policy.margin) * best.score]
+    return Step(best, ranking, tuple(near), tuple(screened)), ranking
+
+
+def search(
+    problem: Problem,
+    hold: Problem,
+    declared: Fit,
+    pool: tuple[Candidate, ...],
+    policy: Policy,
+    progress: Progress = lambda text, part: None,
+) -> Search:
+    """Add effects to the declared fit until none lowers the held-out error.
+
+    Parameters
+    ----------
+    problem, hold : recordings to learn from and held out. declared : fit of the declared model.
+    pool : candidates. progress : called with what is being done and the part of the step that is done.
+    """
+    current, steps, left = declared, list[Step](), pool
+    ranking: tuple[Attempt, ...] = ()
+    while len(steps) < policy.most_effects and left:
+        step, ranking = one_step(problem, hold, current, left, policy, progress)
+        if step is None:
+            break
+        steps.append(step)
+        current = step.chosen.fit
+        left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)
+        ranking = ()
+    return Search(declared, tuple(steps), current, rejected=ranking)

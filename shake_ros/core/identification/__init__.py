@@ -1,0 +1,1 @@
+"""Parameters from recordings: free-running simulation error, trust-region fits, uncertainty."""

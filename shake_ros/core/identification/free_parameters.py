@@ -1,0 +1,94 @@
+"""Which parameters of a table a fit may move: dotted names, scales and bounds, and the map to a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from shake_ros.core.plant.parameters import FIELDS, INDEX, NAMES, TableParameters
+from shake_ros.core.quantities import ShakeError, unknown_name
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """One parameter that a fit may move.
+
+    name : dotted name. scale : a change that matters, in its unit; sets the fit's unit and its difference step.
+    low, high : bounds of the fit, within those of the quantity.
+    """
+
+    name: str
+    scale: float
+    low: float
+    high: float
+
+    @property
+    def unit(self) -> str:
+        """Unit of the quantity."""
+        return str(FIELDS[self.name].metadata["unit"])
+
+
+def free_parameter(name: str, content: Mapping[str, Any], where: str) -> FreeParameter:
+    """A FreeParameter from `{scale:, low:, high:}`; bounds default to those of the quantity."""
+    if name not in FIELDS:
+        raise unknown_name("parameter", name, NAMES, where)
+    for key in content:
+        if key not in ("scale", "low", "high", "start"):
+            raise unknown_name("key", key, ("scale", "low", "high", "start"), f"{where}: {name}")
+    metadata = FIELDS[name].metadata
+    try:
+        scale = float(content["scale"])
+        low = max(float(content.get("low", metadata["low"])), metadata["low"])
+        high = min(float(content.get("high", metadata["high"])), metadata["high"])
+    except (KeyError, TypeError, ValueError):
+        raise ShakeError(f"{where}: {name}: needs a number 'scale', and numbers for 'low' and 'high' if given") from None
+    if not (scale > 0.0 and low < high):
+        raise ShakeError(f"{where}: {name}: needs scale > 0 and low < high, got {scale:g}, {low:g}, {high:g}")
+    return FreeParameter(name, scale, low, high)
+
+
+class FreeParameters:
+    """An ordered set of free parameters over a base table.
+
+    The fit's vector x holds value/scale of each; `vectors` maps rows of x to full parameter vectors.
+    """
+
+    def __init__(self, base: TableParameters, free: Iterable[FreeParameter]) -> None:
+        self.base = base
+        self.free: tuple[FreeParameter, ...] = tuple(free)
+        self.names: tuple[str, ...] = tuple(f.name for f in self.free)
+        self.scale = np.array([f.scale for f in self.free])
+        self.low = np.array([f.low for f in self.free]) / self.scale
+        self.high = np.array([f.high for f in self.free]) / self.scale
+        self.columns = [INDEX[name] for name in self.names]
+        self._vector = base.vector()
+
+    def start(self) -> np.ndarray:
+        """x of the base table, held within the bounds, shape (len(free),)."""
+        return np.clip(self._vector[self.columns] / self.scale, self.low, self.high)
+
+    def vectors(self, x: np.ndarray) -> np.ndarray:
+        """Full parameter vectors for rows of x, shape (m, len(free)) → (m, len(NAMES))."""
+        rows = np.atleast_2d(x)
+        result = np.tile(self._vector, (len(rows), 1))
+        result[:, self.columns] = rows * self.scale
+        return result
+
+    def table(self, x: np.ndarray) -> TableParameters:
+        """The table with the values of x."""
+        values = np.clip(np.asarray(x), self.low, self.high) * self.scale
+        return self.base.with_values(dict(zip(self.names, values.tolist(), strict=True)))
+
+    def x_of(self, values: Mapping[str, float]) -> np.ndarray:
+        """x with some values given by name, the others from the base table."""
+        x = self.start()
+        for name, value in values.items():
+            x[self.names.index(name)] = value / self.scale[self.names.index(name)]
+        return np.clip(x, self.low, self.high)
+
+    def extended(self, more: Sequence[FreeParameter]) -> FreeParameters:
+        """These and more of them."""
+        return FreeParameters(self.base, [*self.free, *(m for m in more if m.name not in self.names)])
