@@ -45,7 +45,7 @@ def read_record(parameters: Parameters) -> Record | None:
     """The accelerogram that an earthquake's parameters name, None where they name none or are of another kind."""
     if not isinstance(parameters, EarthquakeParameters) or not parameters.record:
         return None
-    found = read_accelerogram(Path(parameters.record), channel=parameters.channel, unit=parameters.unit)
+    found = read_accelerogram(Path(parameters.record).expanduser(), channel=parameters.channel, unit=parameters.unit)
     return Record(found.time, found.acceleration)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.motion import Array, product, smooth_step
+from shake_ros.core.reference.motion import LONGEST, Array, product, smooth_step
 
 TAPER = 0.02
 """Part of the record at each end under the cosine taper."""
@@ -98,6 +98,8 @@ def correct_baseline(
     """
     pad = max(2, round(pad_time / time_step))
     guard = pad + (round(GUARD / (high_pass * time_step)) if high_pass > 0.0 else 0)
+    if guard > LONGEST:
+        raise ShakeError(f"high_pass = {high_pass:g} Hz is too low for a time step of {time_step:g} s")
     record = _tapered(np.array(acceleration, dtype=np.float64))
     band = filtered(np.pad(record, guard), time_step, high_pass, low_pass)
     if high_pass == 0.0:

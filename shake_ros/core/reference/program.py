@@ -6,6 +6,7 @@ exact integral or exact solution of the filter), never from numerical difference
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -120,6 +121,22 @@ def _check_rest(kind: str, states: Array, sample_time: float) -> None:
     jump = float(np.max(np.abs(np.diff(states[:, 0]))))
     if jump > 1.5 * sample_time * fastest + 1e-12:
         raise ShakeError(f"reference '{kind}' jumps by {jump:.3g} m: give rise_time > 0 or a filter_frequency > 0")
+
+
+LEVELS = frozenset({"amplitude", "scale", "peak_position", "peak_velocity", "peak_acceleration"})
+"""Parameters that change the size of a reference and nothing of its course in time."""
+
+
+def keeps_phase(old: Parameters, new: Parameters) -> bool:
+    """Whether a change from `old` to `new` may go on at the same index; otherwise `crossfade` needs `restart`.
+
+    >>> from shake_ros.core.reference.sine import SineParameters
+    >>> slow = SineParameters(amplitude=0.02, frequency=1.0, duration=10.0)
+    >>> keeps_phase(slow, slow.replace(amplitude=0.03)), keeps_phase(slow, slow.replace(frequency=2.0))
+    (True, False)
+    """
+    names = {field.name for field in dataclasses.fields(old)} - LEVELS
+    return type(old) is type(new) and all(getattr(old, name) == getattr(new, name) for name in names)
 
 
 def crossfade(old: Program, new: Program, start: int, change_time: float, restart: bool = False) -> Program:

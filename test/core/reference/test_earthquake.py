@@ -81,6 +81,8 @@ def test_an_empty_band_is_refused() -> None:
         filtered(np.zeros(100), 0.01, 5.0, 4.0)
     with pytest.raises(ShakeError, match="leaves nothing below"):
         filtered(np.zeros(100), 0.01, 60.0, 0.0)
+    with pytest.raises(ShakeError, match="too low for a time step"):
+        correct_baseline(np.ones(100), 0.01, 1e-9, 0.0, 1.0)
 
 
 def test_ground_filter_passes_its_corner_as_kanai_and_tajimi_write_it() -> None:

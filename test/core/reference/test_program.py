@@ -9,7 +9,7 @@ import pytest
 
 from shake_ros.core.quantities import ShakeError, describe
 from shake_ros.core.reference import MOTIONS, REFERENCES
-from shake_ros.core.reference.program import Program, crossfade
+from shake_ros.core.reference.program import Program, crossfade, keeps_phase
 from shake_ros.core.reference.shaping import Shaping
 from shake_ros.core.reference.sine import SineParameters
 from shake_ros.core.reference.step import StepParameters
@@ -159,6 +159,19 @@ def test_a_change_after_the_end_of_the_old_program_starts_the_new_one_from_rest(
     assert changed.at(2999) == (pytest.approx(0.03), 0.0, 0.0)
     assert changed.at(changed.length)[0] == pytest.approx(0.0)
     assert max(defects(changed)) < 2e-3  # the jerk of the ramps has kinks
+
+
+def test_only_a_change_of_size_keeps_the_phase() -> None:
+    assert keeps_phase(SINE, SINE.replace(amplitude=0.01))
+    assert not keeps_phase(SINE, SINE.replace(frequency=1.0))
+    assert not keeps_phase(SINE, StepParameters(amplitude=0.03, delay=0.0, rise_time=0.5, duration=1.0))
+
+
+def test_a_change_during_a_change_stays_consistent() -> None:
+    programs = [Program("sine", SINE.replace(amplitude=a), PLAIN, 0.001) for a in (0.01, 0.03, 0.02)]
+    twice = crossfade(crossfade(programs[0], programs[1], 2000, 1.0), programs[2], 2400, 1.0)
+    assert max(defects(twice)) < 1e-4
+    assert np.allclose(twice.states[3400:], programs[2].states[3400:])
 
 
 def test_a_change_between_sample_times_is_refused() -> None:
