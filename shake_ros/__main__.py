@@ -17,7 +17,8 @@ from shake_ros.core.quantities import ShakeError, unknown_name
 class Entry:
     """An entry point: its module, imported when it is called, and what it does in a line.
 
-    A node's module has `build(frame)`, a command's module `main(arguments) -> exit code`.
+    A node's module has `build(frame)`, a command's module `main(arguments) -> exit code`; a node that can do
+    something without ROS has both.
     """
 
     module: str
@@ -34,6 +35,8 @@ ENTRY_POINTS: dict[str, Entry] = {
     "reference_generator": Entry("shake_ros.ros.reference_node", "plays sine, multi-sine, sweep, pulse, step, quake"),
     "observer": Entry("shake_ros.ros.observer_node", "estimates velocity and acceleration from the position"),
     "controller": Entry("shake_ros.ros.controller_node", "follows the reference with the valve command"),
+    "recorder": Entry("shake_ros.ros.recorder_node", "everything named into a rosbag2 recording; --recover PATH"),
+    "player": Entry("shake_ros.ros.player_node", "a recording's messages again, with the recorded timing"),
 }
 NODES = {name: entry for name, entry in ENTRY_POINTS.items() if entry.is_node}
 COMMANDS = {name: entry for name, entry in ENTRY_POINTS.items() if not entry.is_node}
@@ -53,7 +56,7 @@ def call(name: str, arguments: Sequence[str]) -> int:
     if name not in ENTRY_POINTS:
         raise unknown_name("name", name, ENTRY_POINTS)
     module = importlib.import_module(ENTRY_POINTS[name].module)
-    if name in NODES:
+    if name in NODES and not hasattr(module, "main"):
         from shake_ros.ros import loop
 
         return loop.main(module.build, name, arguments)

@@ -24,7 +24,7 @@ from rclpy.node import Node
 
 from shake_ros.__main__ import NODES
 from shake_ros.core.quantities import unknown_name
-from shake_ros.ros.interface import NAMESPACE
+from shake_ros.ros.interface import NAMESPACE, TOPICS
 from shake_ros.ros.loop import Loop, build_node, ros_context
 
 PR_SET_PDEATHSIG = 1
@@ -51,7 +51,7 @@ class NodeSpec:
     ----------
     executable : a name of the table of entry points.
     parameters : ROS parameters by name.
-    reads : sampled topics that it reads beyond those of its kind (a recorder's).
+    reads : sampled topics that it reads beyond those of its kind.
     remaps : old name → new name.
     name : of the node; the executable's where empty.
     """
@@ -87,9 +87,17 @@ def awaited(nodes: Sequence[NodeSpec]) -> str:
     """The plant's `wait_for`: how many readers each topic has in this graph."""
     counts: dict[str, int] = {}
     for node in nodes:
-        for topic in (*READS.get(node.executable, ()), *node.reads):
+        for topic in (*READS.get(node.executable, ()), *_recorded(node), *node.reads):
             counts[topic] = counts.get(topic, 0) + 1
     return " ".join(f"{topic}:{count}" for topic, count in sorted(counts.items()))
+
+
+def _recorded(node: NodeSpec) -> tuple[str, ...]:
+    """The sampled topics that a recorder takes: all, unless it is told which."""
+    if node.executable != "recorder":
+        return ()
+    named = str(node.parameters.get("topics", "")).split()
+    return tuple(topic.name for topic in TOPICS.values() if topic.sampled and (not named or topic.name in named))
 
 
 class GraphError(RuntimeError):

@@ -32,6 +32,7 @@ from rclpy.utilities import remove_ros_args
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.settings import config_folder
 
 TIMEOUT = 0.1  # an idle executor looks for a stop this often [s]
 STARTING = 0.01  # pause between two looks for the awaited readers [s]
@@ -192,7 +193,13 @@ def _wrong_arguments(arguments: Sequence[str], error: RuntimeError) -> ShakeErro
 
 @contextmanager
 def ros_context(arguments: Sequence[str] | None = None, domain_id: int | None = None) -> Iterator[Context]:
-    """An initialised rclpy context of our own, with no signal handlers of rclpy."""
+    """An initialised rclpy context of our own, with no signal handlers of rclpy.
+
+    Fast DDS gets the profiles of config/fastdds.xml, unless the environment names others.
+    """
+    profiles = config_folder() / "fastdds.xml"
+    if profiles.is_file():
+        os.environ.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(profiles))
     context = Context()
     try:
         rclpy.init(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
-from shake_ros.core.reference.program import Program, crossfade
+from shake_ros.core.quantities import Parameters, choice, quantity
+from shake_ros.core.reference.program import Program, crossfade, keeps_phase
 from shake_ros.data.reference_program import Reference, load_reference, make_program
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import OK
@@ -37,7 +37,8 @@ class ReferenceGenerator:
         self._made: tuple[Parameters, Program] | None = None
         self._shaping = frame.parameters.declare(configured.shaping, "shaping.").value
         self._live = frame.parameters.declare(configured.parameters, accept=self._make)
-        self._program = self._make(self._live.take())
+        self._parameters = self._live.take()
+        self._program = self._make(self._parameters)
         self._writer = frame.writer(interface.REFERENCE)
         if frame.lockstep:
             frame.reader(interface.JOINT_STATES, self._on_measured)
@@ -73,18 +74,11 @@ class ReferenceGenerator:
         self.frame.diagnostics.cycles += 1
 
     def _change(self) -> None:
-        """Fade the accepted change in; anything but a factor on the motion starts the new program anew."""
-        new = self._make(self._live.take())
-        ended = self._k >= self._program.length
-        try:
-            self._program = crossfade(
-                self._program, new, self._k, self._shaping.change_time, restart=ended or self._other_motion(new)
-            )
-        except ShakeError as error:
-            self.frame.node.get_logger().error(str(error))
-
-    def _other_motion(self, new: Program) -> bool:
-        return new.length != self._program.length
+        """Fade the accepted change in; what does not keep the phase starts anew, and so does an ended program."""
+        old, new = self._parameters, self._live.take()
+        restart = self._k >= self._program.length or not keeps_phase(old, new)
+        self._parameters = new
+        self._program = crossfade(self._program, self._make(new), self._k, self._shaping.change_time, restart)
 
     def _condition(self) -> tuple[int, str]:
         if self._k < 0:
