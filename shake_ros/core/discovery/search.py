@@ -16,7 +16,7 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import Candidate
 from shake_ros.core.discovery.screening import Screened, screen
-from shake_ros.core.identification.fit import Fit, Problem, fit
+from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
 
 Progress = Callable[[str, float], None]
 PARTS = (0.25, 1.0, 2.5)  # multiples of a trial from which a refit may start
@@ -26,15 +26,19 @@ PARTS = (0.25, 1.0, 2.5)  # multiples of a trial from which a refit may start
 class Policy:
     """How hard the search looks and what it takes for an improvement.
 
-    refits : most candidates refitted per step. evaluations : most trial points of a first refit and of a final one.
+    refits : most candidates refitted per step. evaluations : most trial points of a first refit.
+    polished : most candidates refitted further. final_evaluations : most trial points of the two best.
+    worth_polishing : ratio to the best score up to which a candidate is refitted further.
     least_gain : fall of the held-out cost below which an effect is not added. margin : relative difference of
     held-out cost within which two effects count as not told apart. most_effects : stop after that many.
     least_screened : predicted gain below which a candidate is not refitted.
     """
 
     refits: int = 9
-    evaluations: int = 10
-    final_evaluations: int = 40
+    evaluations: int = 5
+    polished: int = 4
+    final_evaluations: int = 25
+    worth_polishing: float = 3.0
     least_gain: float = 0.03
     margin: float = 0.03
     most_effects: int = 3
@@ -134,9 +138,17 @@ def polish(problem: Problem, hold: Problem, tried: Attempt, evaluations: int) ->
     return Attempt(tried.candidate, result, mean_square(result.residuals), held_out(hold, result), tried.screened_gain)
 
 
+def on_problem(problem: Problem, result: Fit) -> Fit:
+    """The same solution with the residuals and the Jacobian of another problem."""
+    r = problem.residuals(result.free.vectors(result.x))[0]
+    j = jacobian(problem, result.free, result.x, r)
+    return Fit(result.free, result.x, r, j, 0.5 * float(r @ r), len(result.x) + 1)
+
+
 def one_step(
     problem: Problem,
     hold: Problem,
+    explore: Problem,
     current: Fit,
     pool: tuple[Candidate, ...],
     policy: Policy,
@@ -144,18 +156,19 @@ def one_step(
 ) -> tuple[Step | None, tuple[Attempt, ...]]:
     """Screen, refit, choose. Returns the step, or None where nothing pays, and the ranking."""
     progress("screening", 0.0)
-    screened = screen(problem, current, pool)
+    first_look = on_problem(explore, current)
+    screened = screen(explore, first_look, pool)
     hopeful = [s for s in best_per_candidate(screened) if s.gain > policy.least_screened][: policy.refits]
     attempts = []
     for i, s in enumerate(hopeful):
-        progress(f"refit with {s.candidate.effect}", (i + 1) / (len(hopeful) + 4))
+        progress(f"refit with {s.candidate.effect}", 0.1 + 0.5 * i / len(hopeful))
         own = [t for t in screened if t.candidate.effect == s.candidate.effect]
-        attempts.append(attempt(problem, hold, current, own, policy.evaluations, 1e-3))
+        attempts.append(attempt(explore, hold, first_look, own, policy.evaluations, 1e-2))
     attempts.sort(key=lambda a: a.score)
-    for i, tried in enumerate(attempts):
-        if i < 2 or tried.score < 1.5 * attempts[0].score:
-            progress(f"polish {tried.candidate.effect}", (len(hopeful) + 1 + min(i, 2)) / (len(hopeful) + 4))
-            attempts[i] = polish(problem, hold, tried, policy.final_evaluations)
+    for i, tried in enumerate(attempts[: policy.polished]):
+        progress(f"polish {tried.candidate.effect}", 0.6 + 0.4 * i / policy.polished)
+        if i < 2 or tried.score < policy.worth_polishing * attempts[0].score:
+            attempts[i] = polish(problem, hold, tried, policy.final_evaluations if i < 2 else policy.evaluations)
     attempts.sort(key=lambda a: a.score)
     ranking = tuple(attempts)
     if not ranking:
@@ -175,6 +188,7 @@ def search(
     pool: tuple[Candidate, ...],
     policy: Policy,
     progress: Progress = lambda text, part: None,
+    explore: Problem | None = None,
 ) -> Search:
     """Add effects to the declared fit until none lowers the held-out error.
 
@@ -182,11 +196,12 @@ def search(
     ----------
     problem, hold : recordings to learn from and held out. declared : fit of the declared model.
     pool : candidates. progress : called with what is being done and the part of the step that is done.
+    explore : pieces of the learning recordings for screening and first refits; the whole of them where not given.
     """
     current, steps, left = declared, list[Step](), pool
     ranking: tuple[Attempt, ...] = ()
     while len(steps) < policy.most_effects and left:
-        step, ranking = one_step(problem, hold, current, left, policy, progress)
+        step, ranking = one_step(problem, hold, explore or problem, current, left, policy, progress)
         if step is None:
             break
         steps.append(step)

@@ -7,6 +7,7 @@ position-dependent effects follow the measured position.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +18,9 @@ from shake_ros.core.plant.simulation import initial_state, run_batch
 CUTOFF = 40.0  # bandwidth of the velocity filter [Hz], (6.3.3.2)
 ORDER = 4  # per pass; forward and backward make the thesis's 8
 SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pressures are not known there
+NOISE_WINDOW = 200  # samples over which a noise deviation is taken
 NOISE_BAND = 0.4  # accelerations above this part of the sampling rate are taken for noise
+BLOCK = 0.5  # length of a block of time for standard errors [s]
 MODEL_FLOOR = 2e-3  # weights do not fall below this part of a channel's rms: no model is better than that
 
 
@@ -34,13 +37,26 @@ def derivative(position: np.ndarray, sample_time: float) -> np.ndarray:
     return low_pass(np.gradient(position, sample_time), sample_time)
 
 
-def high_band_deviation(values: np.ndarray, sample_time: float) -> float:
-    """Standard deviation of white noise whose upper band is all that is left of `values` above the dynamics."""
+def high_band_deviation(values: np.ndarray) -> float:
+    """Standard deviation of white noise of which only the band above the dynamics is looked at.
+
+    The deviation is taken window by window and the lower quartile of the windows counts, so that bursts which reach
+    into the band (stick and slip, impacts) are not taken for noise. `values` of shape (n,), result in its unit.
+    """
     sections = butter(6, 2.0 * NOISE_BAND, btype="high", output="sos")
     upper = sosfiltfilt(sections, values)
-    middle = upper[len(upper) // 20 : -len(upper) // 20 or None]
-    robust = 1.4826 * np.median(np.abs(middle))  # impulses of stick and slip do not count as noise
-    return float(robust / np.sqrt(1.0 - 2.0 * NOISE_BAND))
+    rows = upper[: len(upper) // NOISE_WINDOW * NOISE_WINDOW].reshape(-1, NOISE_WINDOW)
+    if len(rows) < 4:
+        return float(np.std(upper)) / _white_gain(len(upper))
+    return float(np.percentile(np.std(rows, axis=1), 25)) / _white_gain(NOISE_WINDOW)
+
+
+@functools.lru_cache(maxsize=8)
+def _white_gain(window: int) -> float:
+    """What `high_band_deviation` finds before its division where white noise has the deviation 1."""
+    white = np.random.default_rng(0).standard_normal(200 * max(window, 50))
+    upper = sosfiltfilt(butter(6, 2.0 * NOISE_BAND, btype="high", output="sos"), white)
+    return float(np.percentile(np.std(upper.reshape(200, -1), axis=1), 25))
 
 
 @dataclass(frozen=True)
@@ -66,7 +82,7 @@ class Record:
 
     def position_noise(self) -> float:
         """Standard deviation of the position noise [m]."""
-        return high_band_deviation(self.position, self.sample_time)
+        return high_band_deviation(self.position)
 
     def velocity_noise(self) -> float:
         """Standard deviation of the noise that passes the velocity filter [m/s]."""
@@ -78,12 +94,31 @@ class Record:
     def acceleration_noise(self) -> float:
         """Standard deviation of the acceleration noise [m/s²]."""
         assert self.acceleration is not None
-        return high_band_deviation(self.acceleration, self.sample_time)
+        return high_band_deviation(self.acceleration)
 
 
 def relative_error(measured: np.ndarray, simulated: np.ndarray) -> float:
     """rms(measured − simulated) / rms(measured − mean)."""
     return float(np.sqrt(np.mean((measured - simulated) ** 2)) / np.std(measured))
+
+
+def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[Record]:
+    """Pieces of the recordings, evenly spread, of about `seconds` in all: a cheaper problem for a first look.
+
+    Recordings that are no longer in total are returned as they are. A piece keeps its recording's name.
+    """
+    total = sum(len(r.commands) * r.sample_time for r in records)
+    if total <= 1.2 * seconds:
+        return records
+    pieces = []
+    for r in records:
+        length = min(round(window / r.sample_time), len(r.commands))
+        count = max(round(seconds * len(r.commands) * r.sample_time / total / window), 1)
+        for first in np.linspace(0, len(r.commands) - length, count).astype(int):
+            span = slice(first, first + length)
+            acceleration = None if r.acceleration is None else r.acceleration[span]
+            pieces.append(Record(r.name, r.sample_time, r.commands[span], r.position[span], acceleration))
+    return pieces
 
 
 class RecordingProblem:
@@ -124,14 +159,41 @@ class RecordingProblem:
                 parts.append(w_a * (acceleration - record.acceleration)[:, record.start :])
         return np.concatenate(parts, axis=1)
 
+    def blocks(self) -> np.ndarray:
+        """Number of the block of time that each residual belongs to, shape (n,): velocity and acceleration share it."""
+        parts, first = [], 0
+        for record in self.records:
+            n = len(record.commands) - record.start
+            numbers = first + (np.arange(n) * record.sample_time / BLOCK).astype(int)
+            parts.append(numbers)
+            if record.acceleration is not None:
+                parts.append(numbers)
+            first = int(numbers[-1]) + 1
+        return np.concatenate(parts)
+
     def errors(self, vector: np.ndarray) -> dict[str, dict[str, float]]:
         """Relative error of velocity and acceleration per recording."""
-        result = {}
-        for record in self.records:
-            velocity, acceleration = self.simulate(vector[None, :], record)
-            span = slice(record.start, None)
-            entry = {"velocity": relative_error(record.velocity[span], velocity[0, span])}
-            if record.acceleration is not None:
-                entry["acceleration"] = relative_error(record.acceleration[span], acceleration[0, span])
-            result[record.name] = entry
+        result: dict[str, dict[str, float]] = {}
+        for name in dict.fromkeys(r.name for r in self.records):
+            pieces = [(r, *self.simulate(vector[None, :], r)) for r in self.records if r.name == name]
+            spans = [slice(r.start, None) for r, _, _ in pieces]
+            entry = {
+                "velocity": relative_error(
+                    np.concatenate([r.velocity[s] for (r, _, _), s in zip(pieces, spans, strict=True)]),
+                    np.concatenate([v[0, s] for (_, v, _), s in zip(pieces, spans, strict=True)]),
+                )
+            }
+            measured = [r.acceleration[s] for (r, _, _), s in zip(pieces, spans, strict=True) if r.acceleration is not None]
+            if len(measured) == len(pieces):
+                simulated = [a[0, s] for (_, _, a), s in zip(pieces, spans, strict=True)]
+                entry["acceleration"] = relative_error(np.concatenate(measured), np.concatenate(simulated))
+            result[name] = entry
+        return result
+
+    def noise(self) -> dict[str, float]:
+        """Estimated noise of velocity [m/s] and acceleration [m/s²], root mean square over the recordings."""
+        result = {"velocity": float(np.sqrt(np.mean([r.velocity_noise() ** 2 for r in self.records])))}
+        measured = [r.acceleration_noise() ** 2 for r in self.records if r.acceleration is not None]
+        if measured:
+            result["acceleration"] = float(np.sqrt(np.mean(measured)))
         return result
