@@ -11,14 +11,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.quantities import Parameters, quantity
+from shake_ros.core.friction.law import FrictionLaw
+from shake_ros.core.quantities import quantity
+
+CODE = 0
 
 
 @dataclass(frozen=True)
-class Tustin(Parameters):
+class Tustin(FrictionLaw):
     """Parameters of (3.34)."""
+
+    code: ClassVar[int] = CODE
 
     coulomb_level: float = quantity("N", "Coulomb friction force θ_1", low=0.0, high=1e5, live=True)
     stribeck_rise: float = quantity("N", "break-away force above the Coulomb level θ_2", low=0.0, high=1e5, live=True)

@@ -14,19 +14,29 @@ import numpy as np
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.effects.presliding_friction import deflection
-from shake_ros.core.plant.right_hand_side import active_states, right_hand_side
+from shake_ros.core.friction.armstrong import CODE as ARMSTRONG
+from shake_ros.core.friction.armstrong import dwelt
+from shake_ros.core.friction.selected import is_dynamic
+from shake_ros.core.plant.right_hand_side import active_states, contact_end, right_hand_side
 from shake_ros.core.plant.states import (
     BRISTLE,
     CONTINUOUS,
     DECLARED,
+    DEFLECTION,
+    DWELL,
+    FRICTION_AT_STOP,
+    FRICTION_MEMORY,
+    FRICTION_RISE,
     HELD_COMMAND,
     LAGGED_ACCELERATION,
     LAGGED_POSITION,
+    LARGEST_STOREYS,
     POSITION,
     PRESSURE_A,
     PRESSURE_B,
     PRESSURE_SUPPLY,
     ROD,
+    ROD_RATE,
     SPOOL,
     SPOOL_RATE,
     STEP_SIZE,
@@ -38,19 +48,24 @@ STAGES = 7
 SMALLEST_STEP = 1e-7  # [s] below it the step is taken whatever its error, so that nothing can hang
 # Error scale of each continuous state: absolute part in its unit, at tolerance 1.
 # The spool's speed is given twenty times the room of the rest: it acts only through the spool's position.
-ABSOLUTE = np.array([1e-2, 0.2, 1e6, 1e6, 0.2, 4000.0, 1e6, 1.0, 1e-2, 0.2, 1e-3, 0.2, 1e-2, 0.2, 5.0, 1e-2])
+ABSOLUTE = np.array(
+    [1e-2, 0.2, 1e6, 1e6, 0.2, 4000.0]  # declared
+    + [1e6, 1.0, 1e-2, 0.2, 1e-3, 0.2, 1e-2, 0.2, 5.0, 1e-2, 0.1]  # effects, friction memory
+    + [1e-4, 1e-4, 1e6, 1e6]  # pipelines
+    + LARGEST_STOREYS * [1e-2, 0.2]
+)
 OUTPUTS = 7  # columns of `simulate`: position, velocity, acceleration, P_A, P_B, P_s, spool
 
 
 @njit
-def _stage(p, y, k, weights, count, h, wanted, x_start, bristle, force, n, stage, out):
+def _stage(p, y, k, weights, count, h, wanted, force, n, stage, out):
     """State y + h Σ weights·k over `count` stages into `stage`, its rates into `out`; returns the acceleration."""
     for i in range(n):
         s = 0.0
         for j in range(count):
             s += weights[j] * k[j, i]
         stage[i] = y[i] + h * s
-    return right_hand_side(p, stage, wanted, x_start, bristle, force, n, out)
+    return right_hand_side(p, stage, y, wanted, force, n, out)
 
 
 A2 = (1.0 / 5.0,)
@@ -64,19 +79,19 @@ E5, E6, E7 = -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0
 
 
 @njit
-def dormand_prince(p, y, k, h, wanted, x_start, bristle, force, n, stage, absolute, tolerance):
+def dormand_prince(p, y, k, h, wanted, force, n, stage, absolute, tolerance):
     """One trial step of size h from y with first-stage rates k[0]; result in `stage`, its rates in k[6].
 
     Returns
     -------
     (error relative to the tolerance [-], acceleration at the end [m/s²])
     """
-    _stage(p, y, k, A2, 1, h, wanted, x_start, bristle, force, n, stage, k[1])
-    _stage(p, y, k, A3, 2, h, wanted, x_start, bristle, force, n, stage, k[2])
-    _stage(p, y, k, A4, 3, h, wanted, x_start, bristle, force, n, stage, k[3])
-    _stage(p, y, k, A5, 4, h, wanted, x_start, bristle, force, n, stage, k[4])
-    _stage(p, y, k, A6, 5, h, wanted, x_start, bristle, force, n, stage, k[5])
-    acceleration = _stage(p, y, k, A7, 6, h, wanted, x_start, bristle, force, n, stage, k[6])
+    _stage(p, y, k, A2, 1, h, wanted, force, n, stage, k[1])
+    _stage(p, y, k, A3, 2, h, wanted, force, n, stage, k[2])
+    _stage(p, y, k, A4, 3, h, wanted, force, n, stage, k[3])
+    _stage(p, y, k, A5, 4, h, wanted, force, n, stage, k[4])
+    _stage(p, y, k, A6, 5, h, wanted, force, n, stage, k[5])
+    acceleration = _stage(p, y, k, A7, 6, h, wanted, force, n, stage, k[6])
     worst = 0.0
     for i in range(n):
         slip = E1 * k[0, i] + E3 * k[2, i] + E4 * k[3, i] + E5 * k[4, i] + E6 * k[5, i] + E7 * k[6, i]
@@ -98,6 +113,27 @@ def spool_command(p, y, u):
 
 
 @njit
+def settle_contact(p, y, end, duration, n):
+    """Contact states of the friction at the end of an accepted step, in place; `y` still is the step's start."""
+    if p.presliding_friction_distance > 0.0 or is_dynamic(p):
+        moved = end[POSITION] - y[POSITION]
+        v_0, v_1 = y[VELOCITY], end[VELOCITY]
+        if n > DECLARED:
+            moved += end[ROD] - y[ROD]
+            v_0 += y[ROD_RATE]
+            v_1 += end[ROD_RATE]
+        if p.presliding_friction_distance > 0.0:
+            y[BRISTLE] = deflection(y[BRISTLE], moved, p.presliding_friction_distance)
+        if is_dynamic(p):
+            memory = end[FRICTION_MEMORY] if n > DECLARED else 0.0
+            y[DEFLECTION] = contact_end(p, y, moved, v_0, v_1, memory)
+            if p.friction_kind == ARMSTRONG:
+                y[DWELL], y[FRICTION_AT_STOP], y[FRICTION_RISE] = dwelt(
+                    p, y[DEFLECTION], memory, duration, y[DWELL], y[FRICTION_AT_STOP], y[FRICTION_RISE]
+                )
+
+
+@njit
 def hold(p, y, u, force, duration, n, k, stage, absolute, tolerance):
     """Integrate y in place over `duration` under a held command; returns the acceleration at its end [m/s²]."""
     wanted = spool_command(p, y, u)
@@ -105,29 +141,24 @@ def hold(p, y, u, force, duration, n, k, stage, absolute, tolerance):
         return math.nan  # a lost run ends here at once instead of in the smallest of steps
     h = max(y[STEP_SIZE], SMALLEST_STEP)
     done = 0.0
-    x_start = y[POSITION] + y[ROD]  # the piston's
-    acceleration = right_hand_side(p, y, wanted, x_start, y[BRISTLE], force, n, k[0])
+    acceleration = right_hand_side(p, y, y, wanted, force, n, k[0])
     while done < duration:
         rest = duration - done
         last = h >= rest * 0.999
         step = rest if last else h
-        error, a_end = dormand_prince(p, y, k, step, wanted, x_start, y[BRISTLE], force, n, stage, absolute, tolerance)
+        error, a_end = dormand_prince(p, y, k, step, wanted, force, n, stage, absolute, tolerance)
         if not error <= 1.0 and step > SMALLEST_STEP:
             shrink = 0.9 * error**-0.2 if error < 1e9 else 0.1
             h = step * max(shrink, 0.1)
             continue
-        if p.presliding_friction_distance > 0.0:
-            rod = stage[ROD] if n > DECLARED else 0.0
-            moved = stage[POSITION] + rod - x_start
-            y[BRISTLE] = deflection(y[BRISTLE], moved, p.presliding_friction_distance)
+        settle_contact(p, y, stage, step, n)
         for i in range(n):
             y[i] = stage[i]
             k[0, i] = k[STAGES - 1, i]
-        x_start = y[POSITION] + y[ROD]
         if abs(y[SPOOL]) > 1.0:
             y[SPOOL] = min(max(y[SPOOL], -1.0), 1.0)
             y[SPOOL_RATE] = 0.0
-            right_hand_side(p, y, wanted, x_start, y[BRISTLE], force, n, k[0])
+            right_hand_side(p, y, y, wanted, force, n, k[0])
         acceleration = a_end
         if not math.isfinite(error):
             y[VELOCITY] = math.nan
@@ -193,7 +224,7 @@ def outputs(p, y, acceleration, row):
 @njit
 def acceleration_now(p, y, rates):
     """Absolute acceleration of the table at state y without external force [m/s²]."""
-    return right_hand_side(p, y, y[HELD_COMMAND], y[POSITION] + y[ROD], y[BRISTLE], 0.0, active_states(p), rates)
+    return right_hand_side(p, y, y, y[HELD_COMMAND], 0.0, active_states(p), rates)
 
 
 @njit

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from shake_ros.core.effects import EFFECTS, Effect
+from shake_ros.core.friction import FRICTIONS, FrictionLaw
+from shake_ros.core.friction.packing import FRICTION_FIELDS, field_value, name_of
 from shake_ros.core.friction.tustin import Tustin
 from shake_ros.core.quantities import Parameters, ShakeError, quantity, unknown_name
 from shake_ros.core.valve.simplified import SimplifiedValve
@@ -77,7 +79,7 @@ SECTIONS: dict[str, type[Parameters]] = {
     "supply": Supply,
     "valve": SimplifiedValve,
     "bulk_modulus": BulkModulus,
-    "friction": Tustin,
+    "friction": FrictionLaw,
     "leakage": Leakage,
     "sensors": SensorParameters,
 }
@@ -86,8 +88,9 @@ SECTIONS: dict[str, type[Parameters]] = {
 def parameter_names() -> Iterator[tuple[str, dataclasses.Field[Any]]]:
     """Dotted names of all numbers of a table in the order of the record, with their fields."""
     for section, cls in SECTIONS.items():
-        for field in dataclasses.fields(cls):
-            yield f"{section}.{field.name}", field
+        fields = FRICTION_FIELDS if section == "friction" else {f.name: f for f in dataclasses.fields(cls)}
+        for name, field in fields.items():
+            yield f"{section}.{name}", field
     for effect, effect_cls in EFFECTS.items():
         for field in dataclasses.fields(effect_cls):
             yield f"effects.{effect}.{field.name}", field
@@ -99,15 +102,33 @@ INDEX: dict[str, int] = {name: i for i, name in enumerate(NAMES)}
 RECORD = np.dtype([(name.removeprefix("effects.").replace(".", "_"), "f8") for name in NAMES])
 
 
+def section_from(section: str, content: Any, where: str) -> Parameters:
+    """One section of a table's file; the key `kind` of the friction section chooses the law."""
+    cls = SECTIONS[section]
+    if section == "friction":
+        kind = "tustin"
+        if isinstance(content, Mapping) and "kind" in content:
+            kind = content["kind"]
+            content = {key: value for key, value in content.items() if key != "kind"}
+        if kind not in FRICTIONS:
+            raise unknown_name("friction law", kind, FRICTIONS, where)
+        cls = FRICTIONS[kind]
+    return cls.from_mapping(content, where)
+
+
 @dataclass(frozen=True)
 class TableParameters:
-    """A whole table. `effects` holds the effects beyond the declared model by name; an absent one is not in it."""
+    """A whole table. `effects` holds the effects beyond the declared model by name; an absent one is not in it.
+
+    `friction` is any law of FRICTIONS; in a file its key `kind` names it, Tustin's where the key is absent. A name that
+    another law has (`friction.static_level` under Tustin's) reads as zero and cannot be set.
+    """
 
     body: Body
     supply: Supply
     valve: SimplifiedValve
     bulk_modulus: BulkModulus
-    friction: Tustin
+    friction: FrictionLaw
     leakage: Leakage
     sensors: SensorParameters
     effects: Mapping[str, Effect] = dataclasses.field(default_factory=dict)
@@ -123,7 +144,7 @@ class TableParameters:
         missing = [s for s in SECTIONS if s not in mapping]
         if missing:
             raise ShakeError(f"{where}: missing section {', '.join(missing)}")
-        sections = {s: c.from_mapping(mapping[s], f"{where}: {s}") for s, c in SECTIONS.items()}
+        sections = {s: section_from(s, mapping[s], f"{where}: {s}") for s in SECTIONS}
         effects = {}
         given = mapping.get("effects") or {}
         if not isinstance(given, Mapping):
@@ -137,6 +158,8 @@ class TableParameters:
     def to_mapping(self) -> dict[str, Any]:
         """The tree as plain mappings, as a YAML file holds it."""
         tree: dict[str, Any] = {s: dataclasses.asdict(getattr(self, s)) for s in SECTIONS}
+        if not isinstance(self.friction, Tustin):
+            tree["friction"] = {"kind": name_of(self.friction)} | tree["friction"]
         if self.effects:
             tree["effects"] = {name: dataclasses.asdict(effect) for name, effect in self.effects.items()}
         return tree
@@ -146,6 +169,8 @@ class TableParameters:
         if name not in FIELDS:
             raise unknown_name("parameter", name, NAMES)
         section, _, rest = name.partition(".")
+        if section == "friction":
+            return field_value(self.friction, rest)
         if section != "effects":
             return float(getattr(getattr(self, section), rest))
         effect, _, field = rest.partition(".")

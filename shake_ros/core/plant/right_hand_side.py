@@ -18,13 +18,30 @@ from shake_ros.core.effects.soft_zone import factor as soft_zone_factor
 from shake_ros.core.effects.specimen_resonance import spring_force
 from shake_ros.core.effects.spool_deadband import effective_spool
 from shake_ros.core.effects.supply_droop import pressure_rate
+from shake_ros.core.friction.selected import (
+    contact_deflection,
+    contact_level,
+    curve_direction,
+    curve_level,
+    has_memory,
+    inertia,
+    is_dynamic,
+    memory_rate,
+    micro_damping,
+    viscous_coefficient,
+)
+from shake_ros.core.friction.tustin import CODE as TUSTIN
 from shake_ros.core.friction.tustin import direction, level
 from shake_ros.core.plant.states import (
     BASE,
     BASE_RATE,
-    CONTINUOUS,
+    BRISTLE,
     DECLARED,
+    DEFLECTION,
+    EXTENDED,
     FILM,
+    FRICTION_MEMORY,
+    FRICTION_RISE,
     LAGGED_ACCELERATION,
     LAGGED_POSITION,
     POSITION,
@@ -54,8 +71,9 @@ def active_states(p):
         or p.base_flexibility_compliance != 0.0
         or p.accelerometer_lag_time_constant != 0.0
         or p.position_sensor_lag_time_constant != 0.0
+        or has_memory(p)
     ):
-        return CONTINUOUS
+        return EXTENDED
     return DECLARED
 
 
@@ -76,17 +94,42 @@ def port_flows(p, spool, pressure_a, pressure_b, pressure_supply):
 
 
 @njit
-def friction_force(p, velocity, position, displacement, bristle, film):
-    """Friction on the piston: Tustin (6.10) with the effects on its dry part [N]."""
-    dry = level(velocity, p.friction_coulomb_level, p.friction_stribeck_rise, p.friction_stribeck_decay)
-    dry = dry_level(dry, position, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature)
-    if p.presliding_friction_distance > 0.0:
-        sign = deflection(bristle, displacement, p.presliding_friction_distance)
-    else:
+def contact_end(p, start, displacement, velocity_start, velocity, memory):
+    """Contact state z of a friction law [m] after a displacement of the piston one way from the state `start`."""
+    z, rise = start[DEFLECTION], start[FRICTION_RISE]
+    return contact_deflection(p, z, displacement, velocity_start, velocity, start[FRICTION_MEMORY], memory, rise)
+
+
+@njit
+def dry_friction(p, velocity, displacement, start, velocity_start, memory):
+    """Dry level [N], signed share of it that acts [-] and damping of the bristles [N], for any law but Tustin's."""
+    if is_dynamic(p):
+        level = contact_level(p, velocity, memory, start[FRICTION_RISE])
+        z = contact_end(p, start, displacement, velocity_start, velocity, memory)
+        share = p.friction_contact_stiffness * z / level
+        return level, share, micro_damping(p, velocity, share)
+    return curve_level(p, velocity), curve_direction(p, velocity), 0.0
+
+
+@njit
+def friction_force(p, velocity, position, displacement, start, velocity_start, memory, film):
+    """Friction on the piston: the table's law with the effects on its dry part [N].
+
+    A law with a contact state has its own pre-sliding, so the effect of that name does not act on it.
+    """
+    micro, viscous = 0.0, p.friction_viscous
+    if p.friction_kind == TUSTIN:  # (6.10), first for speed
+        dry = level(velocity, p.friction_coulomb_level, p.friction_stribeck_rise, p.friction_stribeck_decay)
         sign = direction(velocity, p.friction_transition_velocity)
+    else:
+        dry, sign, micro = dry_friction(p, velocity, displacement, start, velocity_start, memory)
+        viscous = viscous_coefficient(p, velocity)
+    if p.presliding_friction_distance > 0.0 and not is_dynamic(p):
+        sign = deflection(start[BRISTLE], displacement, p.presliding_friction_distance)
+    dry = dry_level(dry, position, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature)
     dry *= 1.0 + p.friction_asymmetry_asymmetry * sign
     dry *= 1.0 - p.film_friction_relief * film
-    return dry * sign + (p.friction_viscous + p.quadratic_drag_coefficient * abs(velocity)) * velocity
+    return dry * sign + (viscous + p.quadratic_drag_coefficient * abs(velocity)) * velocity + micro
 
 
 @njit
@@ -131,14 +174,14 @@ def pressure_rates(p, y, piston, piston_velocity, rates):
 
 
 @njit
-def right_hand_side(p, y, wanted, x_start, bristle, external_force, n, rates):
+def right_hand_side(p, y, start, wanted, external_force, n, rates):
     """Rates of the first `n` states, into `rates`.
 
     Parameters
     ----------
     p : parameter record. y : states, shape (≥ n,). wanted : spool command behind play, gain and null shift [-].
-    x_start, bristle : piston position [m] and pre-sliding deflection [-] at the start of the step.
-    external_force : along +x [N]. n : DECLARED or CONTINUOUS. rates : output, shape (≥ n,).
+    start : whole state at the start of the step, shape (STATES,), from which contact states follow the displacement.
+    external_force : along +x [N]. n : from `active_states`. rates : output, shape (≥ n,).
 
     Returns
     -------
@@ -155,12 +198,16 @@ def right_hand_side(p, y, wanted, x_start, bristle, external_force, n, rates):
     piston_velocity = v + y[ROD_RATE] if split else v
     q_s = pressure_rates(p, y, piston, piston_velocity, rates)
 
-    film = y[FILM] if n > DECLARED else 0.0
-    friction = friction_force(p, piston_velocity, piston, piston - x_start, bristle, film)
+    film, memory = (y[FILM], y[FRICTION_MEMORY]) if n > DECLARED else (0.0, 0.0)
+    moved, velocity_start = x - start[POSITION], start[VELOCITY]
+    if split:
+        moved += y[ROD] - start[ROD]
+        velocity_start += start[ROD_RATE]
+    friction = friction_force(p, piston_velocity, piston, moved, start, velocity_start, memory, film)
     pressure_force = p.body_piston_area * (y[PRESSURE_A] - y[PRESSURE_B])
     on_table = external_force + p.constant_force_force - p.stiffness_to_ground_stiffness * x
     on_rod = pressure_force - friction + end_stop_force(p, piston, piston_velocity)
-    mass = p.body_table_mass + p.body_specimen_mass + p.payload_error_mass  # (6.9)
+    mass = p.body_table_mass + p.body_specimen_mass + p.payload_error_mass + inertia(p, piston_velocity)  # (6.9)
     rates[POSITION] = v  # (6.3)
     if n == DECLARED:
         rates[VELOCITY] = (on_rod + on_table) / mass  # (6.4)
@@ -234,6 +281,7 @@ def extended_rates(p, y, q_s, on_rod, on_table, mass, split, rates):
     rates[FILM] = 0.0
     if p.film_friction_relief != 0.0:
         rates[FILM] = film_rate(y[FILM], y[VELOCITY], p.film_friction_full_film_velocity, p.film_friction_time_constant)
+    rates[FRICTION_MEMORY] = memory_rate(p, y[VELOCITY], y[FRICTION_MEMORY])
     tau_a = p.accelerometer_lag_time_constant
     rates[LAGGED_ACCELERATION] = (acceleration - y[LAGGED_ACCELERATION]) / max(tau_a, 1e-5) if tau_a > 0.0 else 0.0
     tau_x = p.position_sensor_lag_time_constant

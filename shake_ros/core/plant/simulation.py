@@ -10,8 +10,12 @@ import numpy as np
 from shake_ros.core.plant.integration import OUTPUTS, simulate
 from shake_ros.core.plant.parameters import INDEX, TableParameters, records
 from shake_ros.core.plant.states import (
+    FRICTION_AT_STOP,
+    FRICTION_RISE,
     HELD_COMMAND,
     LAGGED_POSITION,
+    LINE_PRESSURE_A,
+    LINE_PRESSURE_B,
     POSITION,
     PRESSURE_A,
     PRESSURE_B,
@@ -43,6 +47,8 @@ def initial_state(
     y[PRESSURE_A] = middle if pressure_a is None else pressure_a
     y[PRESSURE_B] = middle if pressure_b is None else pressure_b
     y[PRESSURE_SUPPLY] = supply
+    y[LINE_PRESSURE_A], y[LINE_PRESSURE_B] = y[PRESSURE_A], y[PRESSURE_B]
+    y[FRICTION_AT_STOP] = y[FRICTION_RISE] = vector[INDEX["friction.stribeck_rise"]]  # after a long rest
     y[SPOOL] = y[HELD_COMMAND] = 0.0
     y[STEP_SIZE] = 5e-4
     return y

@@ -1,8 +1,8 @@
 """State vector of the table: indices, units, and which states a set of parameters sets in motion.
 
 The six states of (6.2) come first; those of effects follow and are integrated only where an effect needs them.
-Behind the continuous states stand three that change once a step: the spool command behind the play, and the
-start values of the pre-sliding law.
+Behind the continuous states stand those that change once a step: the spool command behind the play, the contact states
+of the friction laws, and the integrator's step.
 """
 
 from __future__ import annotations
@@ -24,8 +24,20 @@ BASE = 12  # displacement of the base [m]
 BASE_RATE = 13  # [m/s]
 LAGGED_ACCELERATION = 14  # accelerometer behind its low-pass [m/s²]
 LAGGED_POSITION = 15  # position transducer behind its low-pass [m]
-CONTINUOUS = 16  # number of continuous states
-HELD_COMMAND = 16  # spool command behind the play [-]
-BRISTLE = 17  # relative pre-sliding deflection s at the step's start [-]
-STEP_SIZE = 18  # last accepted step of the integrator [s]
-STATES = 19
+FRICTION_MEMORY = 16  # film thickness [-] or lagged speed [m/s] of the friction law
+EXTENDED = 17  # number of states of the declared model with effects
+LINE_FLOW_A = 17  # flow through the pipeline into chamber A [m³/s]
+LINE_FLOW_B = 18  # flow through the pipeline out of chamber B [m³/s]
+LINE_PRESSURE_A = 19  # pressure between valve and pipeline A [Pa]
+LINE_PRESSURE_B = 20  # pressure between valve and pipeline B [Pa]
+STOREY = 21  # displacement of the first storey relative to the table [m]; its rate, then the next storey's pair
+LARGEST_STOREYS = 10
+CONTINUOUS = STOREY + 2 * LARGEST_STOREYS  # number of continuous states, the length of work arrays
+HELD_COMMAND = CONTINUOUS  # spool command behind the play [-]
+BRISTLE = CONTINUOUS + 1  # relative pre-sliding deflection s at the step's start [-]
+STEP_SIZE = CONTINUOUS + 2  # last accepted step of the integrator [s]
+DEFLECTION = CONTINUOUS + 3  # contact state z of a friction law [m]
+DWELL = CONTINUOUS + 4  # time that the contact has been stuck [s]
+FRICTION_AT_STOP = CONTINUOUS + 5  # Stribeck part of friction when the contact got stuck F_sa [N]
+FRICTION_RISE = CONTINUOUS + 6  # Stribeck part of friction now F_s(γ, t_d) [N]
+STATES = CONTINUOUS + 7

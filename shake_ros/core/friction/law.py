@@ -1,0 +1,28 @@
+"""What every friction law has: a number of its own by which compiled code knows it, and parameters of one vocabulary.
+
+A law is written in three quantities that the plant puts together with the friction effects, see `selected.py`:
+
+    F = level · s + F_micro + f_v(v) v
+
+`level` [N] is the dry force at this velocity; s [-] tells how much of it acts and in which direction: the smooth
+sign of the velocity for a curve F(v), the bristle force over the level for a law with a contact state; F_micro [N]
+is the damping of the bristles and f_v the viscous coefficient. Laws of one concept use one name, so all laws share
+the fields of one record.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from shake_ros.core.quantities import Parameters
+
+FIRST_DYNAMIC = 10  # laws with a contact state have this number or a higher one
+
+
+@dataclass(frozen=True)
+class FrictionLaw(Parameters):
+    """Base of the friction laws."""
+
+    code: ClassVar[int]
+    has_memory: ClassVar[bool] = False  # a continuous state beside the contact's: film, lagged speed
