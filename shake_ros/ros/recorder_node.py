@@ -139,8 +139,9 @@ class Recorder:
         node = self.frame.node
         known = dict(node.get_topic_names_and_types())
         for name in sorted(self._sought):
-            types = known.get(node.resolve_topic_name(name), [])
-            writers = node.get_publishers_info_by_topic(name)
+            resolved = node.resolve_topic_name(name)
+            types = known.get(resolved, [])
+            writers = node.get_publishers_info_by_topic(resolved)
             if not types or not writers:
                 continue
             self._sought.discard(name)
