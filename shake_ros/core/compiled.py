@@ -11,15 +11,17 @@ and a result must not depend on how a compiler reassociates a sum.
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import os
 import platform
 import shutil
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+import numba
 
 PACKAGE = Path(__file__).resolve().parent.parent
 KEPT_CACHES = 3
@@ -42,7 +44,10 @@ def source_hash(package: Path = PACKAGE) -> str:
 def _cache_folder() -> str:
     """Folder for compiled code; the oldest of earlier ones are removed, a read-only home falls back to /tmp."""
     home = Path(os.environ.get("XDG_CACHE_HOME", "") or Path.home() / ".cache")
-    for root in (home / "shake_ros", Path(tempfile.gettempdir()) / f"shake_ros-{os.getuid()}"):
+    roots = [home / "shake_ros", Path(tempfile.gettempdir()) / f"shake_ros-{os.getuid()}"]
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        roots.insert(0, Path(os.environ["NUMBA_CACHE_DIR"]))
+    for root in roots:
         folder = root / f"compiled-{source_hash()}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -56,9 +61,18 @@ def _cache_folder() -> str:
     return tempfile.mkdtemp(prefix="shake_ros-")
 
 
-if "NUMBA_CACHE_DIR" not in os.environ:
-    os.environ["NUMBA_CACHE_DIR"] = _cache_folder()
+FOLDER = _cache_folder()
 
-import numba  # noqa: E402  (reads its cache folder at import)
 
-njit: Any = functools.partial(numba.njit, cache=True, nogil=True, error_model="numpy")
+def njit(function: Callable[..., Any]) -> Any:
+    """The function compiled in nopython mode without the GIL, kept in this package's own cache folder.
+
+    numba reads the folder from its settings when it decorates. It is set for that moment alone, so that it holds where
+    numba was imported before this package, and neither other code nor a child process inherits it.
+    """
+    settings: Any = numba.config
+    before, settings.CACHE_DIR = settings.CACHE_DIR, FOLDER
+    try:
+        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    finally:
+        settings.CACHE_DIR = before
