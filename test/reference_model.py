@@ -56,7 +56,7 @@ class Constants(NamedTuple):
 def constants(soft_zone_depth: float = 0.0, path: Path = BERGAMO, **changes: float) -> Constants:
     """Constants of the table's file, with the soft zone of (6.20) and single values changed.
 
-    The soft zone is given by its depth d at zero load pressure, λ_2/λ_1 = d / (2 tanh(μ P_Lt)), μ and P_Lt of table 6.9.
+    The soft zone is given by its depth d at zero load pressure, λ_2/λ_1 = d / (2 tanh(μ P_Lt)), with table 6.9.
     """
     tree: dict[str, dict[str, Any]] = yaml.safe_load(path.read_text(encoding="utf-8"))
     file = {section: {key: float(value) for key, value in content.items()} for section, content in tree.items()}

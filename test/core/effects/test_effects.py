@@ -1,0 +1,163 @@
+"""Every effect: absent at its neutral value, present and finite elsewhere, its parameters checked."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import reference_model as reference
+
+from shake_ros.core.effects import EFFECTS, PLACES
+from shake_ros.core.plant.simulation import run
+from shake_ros.settings import load_table
+
+SAMPLE = 0.001
+BERGAMO = load_table("bergamo")
+COMMANDS = reference.sine(0.3, 4.0, 0.6)
+SHORT = COMMANDS[:250]
+
+STRENGTHS = {  # a strength at which the effect shows in a run of 0.6 s
+    "spool_deadband": 0.03,
+    "spool_hysteresis": 0.03,
+    "asymmetric_flow_gain": 0.2,
+    "valve_null_shift": 0.02,
+    "slow_valve": 0.7,
+    "turbulent_leakage": 1e-9,
+    "supply_droop": 1e10,
+    "tank_back_pressure": 1e6,
+    "pressure_dependent_bulk_modulus": 10.0,
+    "entrained_air": 0.03,
+    "soft_zone": 0.7,
+    "dead_volume": 5e-5,
+    "friction_asymmetry": 0.5,
+    "position_dependent_friction": 6000.0,
+    "presliding_friction": 1e-3,
+    "film_friction": 0.6,
+    "quadratic_drag": 5000.0,
+    "constant_force": 500.0,
+    "stiffness_to_ground": 5e4,
+    "specimen_resonance": 150.0,
+    "coupling_backlash": 1e-3,
+    "base_flexibility": 1e-7,
+    "payload_error": 150.0,
+    "accelerometer_scale": 0.1,
+    "accelerometer_bias": 0.3,
+    "accelerometer_lag": 0.01,
+    "position_sensor_lag": 0.01,
+    "command_delay": 0.0043,
+}
+FULL = [name for name, effect in EFFECTS.items() if "full" in effect.models]
+CONTINUOUS = [  # effects whose influence vanishes with their strength (play parts two bodies at any width)
+    name for name in FULL if name not in ("coupling_backlash", "presliding_friction")
+]
+
+
+def strength(effect: str) -> str:
+    """Dotted name of the effect's strength, its first field."""
+    return f"effects.{effect}.{dataclasses.fields(EFFECTS[effect])[0].name}"
+
+
+def others(effect: str) -> dict[str, float]:
+    """The effect's further parameters away from their defaults; a second strength keeps its neutral zero."""
+    return {
+        f"effects.{effect}.{f.name}": min(max(1.3 * f.default, f.metadata["low"]), f.metadata["high"])
+        for f in dataclasses.fields(EFFECTS[effect])[1:]
+    }
+
+
+def test_every_effect_of_the_full_model_has_a_trial_here() -> None:
+    assert sorted(STRENGTHS) == sorted(FULL)
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_an_effect_states_place_dependence_and_a_neutral_default(effect: str) -> None:
+    cls = EFFECTS[effect]
+    assert cls.place in PLACES
+    assert isinstance(cls.depends_on, tuple)
+    assert cls.__doc__
+    assert dataclasses.fields(cls)[0].default == 0.0
+    neutral = cls()
+    assert all(np.isfinite(getattr(neutral, f.name)) for f in dataclasses.fields(cls))
+
+
+@pytest.fixture(scope="module")
+def declared() -> np.ndarray:
+    return run(BERGAMO, COMMANDS, SAMPLE)
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_at_its_neutral_value_the_declared_model_remains(effect: str, declared: np.ndarray) -> None:
+    table = BERGAMO.with_values({**others(effect), strength(effect): 0.0})
+    np.testing.assert_allclose(run(table, COMMANDS, SAMPLE), declared, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("effect", FULL)
+def test_elsewhere_it_shows_and_stays_finite(effect: str, declared: np.ndarray) -> None:
+    result = run(BERGAMO.with_values({strength(effect): STRENGTHS[effect]}), COMMANDS, SAMPLE)
+    assert np.all(np.isfinite(result))
+    assert np.max(np.abs(result[:, 0])) < 0.14
+    channel = 0 if effect == "position_sensor_lag" else 2
+    assert reference.nrmse(declared[:, channel], result[:, channel]) > 0.005
+
+
+@pytest.mark.parametrize("effect", CONTINUOUS)
+def test_a_millionth_of_it_is_hardly_there(effect: str, declared: np.ndarray) -> None:
+    result = run(BERGAMO.with_values({strength(effect): 1e-6 * STRENGTHS[effect]}), COMMANDS, SAMPLE)
+    assert reference.nrmse(declared[:, 2], result[:, 2]) < 2e-3
+    assert reference.nrmse(declared[:, 0], result[:, 0]) < 2e-3
+
+
+@pytest.mark.parametrize("effect", FULL)
+def test_it_runs_together_with_every_other(effect: str) -> None:
+    rest = {strength(name): 0.3 * value for name, value in STRENGTHS.items() if name != effect}
+    without = run(BERGAMO.with_values(rest), SHORT, SAMPLE)
+    both = run(BERGAMO.with_values({**rest, strength(effect): STRENGTHS[effect]}), SHORT, SAMPLE)
+    assert np.all(np.isfinite(both))
+    assert not np.array_equal(without, both)
+
+
+def test_a_delay_by_a_part_of_a_sample_shifts_the_command_by_it() -> None:
+    delayed = run(BERGAMO.with_values({"effects.command_delay.delay": 0.0025}), COMMANDS, SAMPLE)
+    late = np.concatenate([np.zeros(5), np.repeat(COMMANDS, 2)])[: 2 * len(COMMANDS)]  # at half the sample time
+    shifted = run(BERGAMO, late, 0.5 * SAMPLE)[::2]
+    assert reference.nrmse(shifted[:, 2], delayed[:, 2]) < 1e-3
+
+
+def test_scale_and_bias_of_the_accelerometer_are_exact(declared: np.ndarray) -> None:
+    table = BERGAMO.with_values({"effects.accelerometer_scale.error": 0.1, "effects.accelerometer_bias.bias": -0.2})
+    np.testing.assert_allclose(run(table, COMMANDS, SAMPLE)[:, 2], 1.1 * declared[:, 2] - 0.2, rtol=1e-12, atol=1e-12)
+
+
+def test_a_payload_error_is_a_heavier_specimen() -> None:
+    heavier = run(BERGAMO.with_values({"body.specimen_mass": 350.0}), COMMANDS, SAMPLE)
+    wrong = run(BERGAMO.with_values({"effects.payload_error.mass": 150.0}), COMMANDS, SAMPLE)
+    np.testing.assert_allclose(wrong, heavier, rtol=1e-12, atol=1e-12)
+
+
+def test_a_null_shift_is_a_constant_command() -> None:
+    shifted = run(BERGAMO.with_values({"effects.valve_null_shift.offset": 0.02}), COMMANDS, SAMPLE)
+    np.testing.assert_allclose(shifted, run(BERGAMO, COMMANDS + 0.02, SAMPLE), rtol=1e-12, atol=1e-12)
+
+
+def test_supply_pressure_droops_by_resistance_times_flow() -> None:
+    table = BERGAMO.with_values({"effects.supply_droop.resistance": 5e9})
+    result = run(table, np.full(200, 0.5), SAMPLE)
+    v, p_s = result[-1, 1], result[-1, 5]
+    flow = BERGAMO.body.piston_area * v  # steady: what moves the piston comes from the supply, and a little underlap
+    assert BERGAMO.supply.supply_pressure - p_s == pytest.approx(5e9 * flow, rel=0.05)
+
+
+def test_a_stiff_specimen_moves_with_the_table(declared: np.ndarray) -> None:
+    stiff = {"effects.specimen_resonance.frequency": 200.0, "effects.specimen_resonance.damping": 0.7}
+    result = run(BERGAMO.with_values({strength("specimen_resonance"): 200.0, **stiff}), COMMANDS, SAMPLE)
+    assert reference.nrmse(declared[:, 1], result[:, 1]) < 0.01
+
+
+def test_presliding_friction_springs_before_it_slides() -> None:
+    table = BERGAMO.with_values({"effects.presliding_friction.distance": 1e-4})
+    push = np.full(400, 100.0)  # below the break-away force of 240 N
+    held = run(table, np.zeros(400), SAMPLE, forces=push)[:, 0]
+    assert 0.0 < held[-1] < 1e-4
+    released = run(table, np.zeros(800), SAMPLE, forces=np.concatenate([push, np.zeros(400)]))[:, 0]
+    assert released[-1] < held[-1]
