@@ -83,7 +83,7 @@ def write_table_recording(
         }
         for begin in range(0, len(stamps), BLOCK):
             rows = slice(begin, begin + BLOCK)
-            block = [(numbers[name], _messages(name, stamps[rows], signals[name][rows])) for name in numbers]
+            block = [(numbers[name], serialised(name, stamps[rows], signals[name][rows])) for name in numbers]
             for i, stamp in enumerate(stamps[rows].tolist()):
                 for number, messages in block:
                     writer.write(number, stamp, messages[i])
@@ -107,13 +107,14 @@ def _checked(path: Path | str, seconds: Floats, given: dict[str, Any]) -> dict[s
     return signals
 
 
-def _messages(name: str, stamps: Integers, values: Floats) -> list[bytes]:
+def serialised(name: str, stamps: Integers, values: Floats) -> list[bytes]:
+    """Messages of a signal of `SIGNALS`: one for each stamp [ns], with a row of `values` (n, width) in SI units."""
     signal = SIGNALS[name]
     paths = [path.replace("{joint}", "0") for path in signal.paths]
-    return filled(_template(name), signal.type, stamps, {path: values[:, i] for i, path in enumerate(paths)})
+    return filled(template(name), signal.type, stamps, {path: values[:, i] for i, path in enumerate(paths)})
 
 
-def _template(name: str) -> bytes:
+def template(name: str) -> bytes:
     """One serialised message of a signal, with everything but stamp and numbers as it should be."""
     kinds = typestore().types
     signal = SIGNALS[name]

@@ -84,13 +84,13 @@ def test_a_recording_killed_with_sigkill_keeps_all_that_was_flushed_and_is_recov
         import sys
         sys.path.insert(0, {str(ROOT)!r})
         from shake_ros.data.recordings import BagWriter
-        from shake_ros.data.recordings.table_writer import _template
+        from shake_ros.data.recordings.table_writer import template
         writer = BagWriter({str(tmp_path / "run")!r})
         numbers = [writer.add_topic(f"/shake/{{n}}", {JOINT_STATE!r}) for n in ("valve_command", "joint_states")]
         k = 0
         while True:
             for number, name in zip(numbers, ("valve_command", "joint_states")):
-                data = bytearray(_template(name))
+                data = bytearray(template(name))
                 data[4:12] = (10**9 // 10**9).to_bytes(4, "little") + (k * 10**5).to_bytes(4, "little")
                 writer.write(number, 10**9 + k * 10**5, bytes(data))
             k += 1
