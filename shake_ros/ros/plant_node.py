@@ -44,6 +44,7 @@ class Plant:
         self._k = 0
         self._stamp = FIRST_STAMP
         self._samples = round(own.duration / frame.sample_time)
+        self._ticked = False
         self._late_commands = 0
         self._lock = Interlock(own.enabled, round(own.stale_after * SECOND), round(own.ramp_time * SECOND))
         self._open_topics()
@@ -89,10 +90,11 @@ class Plant:
         newest = self._commands.input.last_stamp
         if arrived:
             self.frame.diagnostics.latency(arrived - newest)
-        if self._k > 0:
+        if self._ticked:
             self._late_commands += newest < stamp - steps * self.frame.period
             for _ in range(steps):
                 self._advance(stamp)
+        self._ticked = True
         self._stamp = stamp
         self._publish()
         self._stop_when_done(self._k)
