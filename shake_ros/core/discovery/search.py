@@ -17,8 +17,10 @@ import numpy as np
 from shake_ros.core.discovery.candidates import Candidate
 from shake_ros.core.discovery.screening import Screened, screen
 from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
+from shake_ros.core.identification.free_parameters import FreeParameters
 
 Progress = Callable[[str, float], None]
+CONVERGED = 1e-6  # relative change of cost and parameters at which the chosen fit stops
 PARTS = (0.25, 1.0, 2.5)  # multiples of a trial from which a refit may start
 
 
@@ -27,8 +29,8 @@ class Policy:
     """How hard the search looks and what it takes for an improvement.
 
     refits : most candidates refitted per step. evaluations : most trial points of a first refit.
-    polished : most candidates refitted further. final_evaluations : most trial points of the two best.
-    worth_polishing : ratio to the best score up to which a candidate is refitted further.
+    polished : most candidates refitted further. final_evaluations : most trial points of such a refit.
+    converging : most trial points of the chosen one. worth_polishing : ratio to the best score up to which a candidate is refitted further.
     least_gain : fall of the held-out cost below which an effect is not added. margin : relative difference of
     held-out cost within which two effects count as not told apart. most_effects : stop after that many.
     least_screened : predicted gain below which a candidate is not refitted.
@@ -39,6 +41,7 @@ class Policy:
     polished: int = 4
     final_evaluations: int = 25
     worth_polishing: float = 3.0
+    converging: int = 60
     least_gain: float = 0.03
     margin: float = 0.03
     most_effects: int = 3
@@ -132,9 +135,9 @@ def attempt(
     )
 
 
-def polish(problem: Problem, hold: Problem, tried: Attempt, evaluations: int) -> Attempt:
-    """Continue a refit to convergence."""
-    result = fit(problem, tried.fit.free, tried.fit.x, evaluations=evaluations)
+def polish(problem: Problem, hold: Problem, tried: Attempt, evaluations: int, tolerance: float = 1e-4) -> Attempt:
+    """Continue a refit towards convergence."""
+    result = fit(problem, tried.fit.free, tried.fit.x, evaluations=evaluations, tolerance=tolerance)
     return Attempt(tried.candidate, result, mean_square(result.residuals), held_out(hold, result), tried.screened_gain)
 
 
@@ -167,13 +170,14 @@ def one_step(
     attempts.sort(key=lambda a: a.score)
     for i, tried in enumerate(attempts[: policy.polished]):
         progress(f"polish {tried.candidate.effect}", 0.6 + 0.4 * i / policy.polished)
-        if i < 2 or tried.score < policy.worth_polishing * attempts[0].score:
-            attempts[i] = polish(problem, hold, tried, policy.final_evaluations if i < 2 else policy.evaluations)
+        if i == 0 or tried.score < policy.worth_polishing * attempts[0].score:
+            attempts[i] = polish(problem, hold, tried, policy.final_evaluations)
     attempts.sort(key=lambda a: a.score)
-    ranking = tuple(attempts)
-    if not ranking:
-        return None, ranking
-    best = ranking[0]
+    if not attempts:
+        return None, ()
+    progress(f"converge {attempts[0].candidate.effect}", 0.95)
+    best = polish(problem, hold, attempts[0], policy.converging, CONVERGED)
+    ranking = (best, *attempts[1:])
     before_learn, before_hold = mean_square(current.residuals), held_out(hold, current)
     if best.learn > (1.0 - policy.least_gain) * before_learn or best.hold > (1.0 - policy.least_gain) * before_hold:
         return None, ranking
@@ -208,4 +212,30 @@ def search(
         current = step.chosen.fit
         left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)
         ranking = ()
-    return Search(declared, tuple(steps), current, rejected=ranking)
+    progress("are all needed?", 0.0)
+    kept, current, removed = prune(problem, hold, steps, current, policy)
+    return Search(declared, tuple(kept), current, removed, ranking)
+
+
+def without(problem: Problem, hold: Problem, current: Fit, dropped: Candidate, policy: Policy) -> tuple[Fit, float]:
+    """The fit with an effect taken out and everything else refitted, and its held-out cost."""
+    names = {f.name for f in dropped.free}
+    keep = [i for i, f in enumerate(current.free.free) if f.name not in names]
+    free = FreeParameters(current.free.base, [current.free.free[i] for i in keep])
+    result = fit(problem, free, current.x[keep], evaluations=policy.final_evaluations, tolerance=CONVERGED)
+    return result, held_out(hold, result)
+
+
+def prune(
+    problem: Problem, hold: Problem, steps: list[Step], current: Fit, policy: Policy
+) -> tuple[list[Step], Fit, tuple[str, ...]]:
+    """Take out effects that a later one has made needless; the last one has just proved its worth."""
+    kept, removed = list(steps), list[str]()
+    for step in steps[:-1]:
+        reduced, cost = without(problem, hold, current, step.chosen.candidate, policy)
+        needless = mean_square(reduced.residuals) * (1.0 - policy.least_gain) < mean_square(current.residuals)
+        if needless and cost * (1.0 - policy.least_gain) < held_out(hold, current):
+            kept.remove(step)
+            removed.append(step.chosen.candidate.effect)
+            current = reduced
+    return kept, current, tuple(removed)

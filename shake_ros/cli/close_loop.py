@@ -1,0 +1,45 @@
+"""`close_loop`: find the residual of the declared model, trace it to an effect, add it, report before and after."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from shake_ros.cli import fitting
+from shake_ros.cli.progress import Bar
+from shake_ros.core.discovery.closing import ClosedLoop, close_loop
+from shake_ros.core.discovery.search import Policy
+from shake_ros.core.identification.recordings import Record
+from shake_ros.data.results import close_loop_json, write_folder, write_json
+from shake_ros.report.close_loop_page import close_loop_page
+from shake_ros.report.text import close_loop_lines
+from shake_ros.settings import save_table
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    command = argparse.ArgumentParser(prog="close_loop", description=__doc__)
+    fitting.add_arguments(command, hold_needed=True)
+    given = command.parse_args(list(arguments))
+    fitting.check_output(given.out, given.force)
+    table = fitting.declared_table(given.config, given.set)
+    free = fitting.declared_parameters(given.model)
+    pool = fitting.all_candidates(given.model)
+    learn, hold = fitting.read_records(given.learn, given.hold)
+    with Bar("close_loop") as bar:
+        result = close_loop(table, free, pool, learn, hold, Policy(), bar)
+    write_folder(given.out, lambda folder: fill(folder, result, learn, hold, given.model), force=given.force)
+    print("\n".join(close_loop_lines(result)))
+    print(f"report: {given.out / 'report.html'}")
+    return 0
+
+
+def fill(folder: Path, result: ClosedLoop, learn: list[Record], hold: list[Record], model: str) -> None:
+    """Write report.json, report.html and table.yaml into a folder."""
+    names = [list(dict.fromkeys(r.name for r in records)) for records in (learn, hold)]
+    write_json(folder / "report.json", close_loop_json(result, *names, model))
+    added = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing to add"
+    save_table(folder / "table.yaml", result.final.table, f"Fitted to {', '.join(names[0])} by close_loop: {added}.")
+    page = close_loop_page(result, learn, hold)
+    (folder / "report.html").write_text(page, encoding="utf-8")

@@ -1,0 +1,136 @@
+"""Closing the loop with measured data: declared fit, search for the missing effect, what remains; one result.
+
+Errors are those of free-running simulations from the recorded command, relative to the measured signal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shake_ros.core.discovery.candidates import Candidate
+from shake_ros.core.discovery.remaining import Remaining, remaining
+from shake_ros.core.discovery.search import CONVERGED, Policy, Search, mean_square, search
+from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
+from shake_ros.core.identification.recordings import Record, RecordingProblem, windows
+from shake_ros.core.identification.uncertainty import Estimate, estimates
+from shake_ros.core.plant.parameters import TableParameters
+
+Progress = Callable[[str, float], None]
+Errors = dict[str, dict[str, float]]
+FIRST_LOOK = 15.0  # seconds of recordings on which starts and candidates are first tried
+STARTS = 48  # random starts of the declared fit
+REFINED = 3  # best starts that are fitted
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """A fitted model with the errors of its free runs on both sets of recordings."""
+
+    fit: Fit
+    table: TableParameters
+    parameters: tuple[Estimate, ...]
+    learn: Errors
+    hold: Errors
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """Result of closing the loop: models before and after, the steps between them, what remains."""
+
+    baseline: FittedModel
+    models: tuple[FittedModel, ...]
+    search: Search
+    remaining: Remaining
+    noise: dict[str, float]
+
+    @property
+    def final(self) -> FittedModel:
+        """The model after the last step."""
+        return self.models[-1] if self.models else self.baseline
+
+
+def random_starts(free: FreeParameters, count: int, seed: int = 0) -> np.ndarray:
+    """Starts spread around the declared values: each parameter times a factor within 1/4 … 4, shape (count, p)."""
+    rng = np.random.default_rng(seed)
+    start = free.start()
+    factors = 4.0 ** rng.uniform(-1.0, 1.0, (count, len(start)))
+    factors[0] = 1.0
+    return np.asarray(np.clip(np.maximum(start, 1.0) * factors, free.low, free.high))
+
+
+def fit_declared(
+    problem: RecordingProblem, explore: RecordingProblem, free: FreeParameters, progress: Progress
+) -> Fit:
+    """Fit the declared model from several starts."""
+    progress("declared model: starts", 0.0)
+    starts = random_starts(free, STARTS)
+    starts[0] = free.start()
+    rows = np.nan_to_num(explore.residuals(free.vectors(starts)), nan=1e3, posinf=1e3, neginf=-1e3)
+    order = np.argsort([mean_square(r) for r in rows])
+    chosen = dict.fromkeys([0, *order[:REFINED].tolist()])
+    short = []
+    for i, index in enumerate(chosen):
+        progress("declared model: fit", (i + 1) / (len(chosen) + 2))
+        short.append(fit(explore, free, starts[index], evaluations=12, tolerance=1e-3))
+    best = min(short, key=lambda f: f.cost)
+    progress("declared model: fit", (len(chosen) + 1) / (len(chosen) + 2))
+    return fit(problem, free, best.x, evaluations=60, tolerance=CONVERGED)
+
+
+def fitted_model(result: Fit, learn: RecordingProblem, hold: RecordingProblem | None) -> FittedModel:
+    """Parameters with standard errors and free-run errors of a fit."""
+    vector = result.free.vectors(result.x)[0]
+    return FittedModel(
+        result,
+        result.free.table(result.x),
+        tuple(estimates(result, learn.blocks())),
+        learn.errors(vector),
+        hold.errors(vector) if hold else {},
+    )
+
+
+def identify(
+    table: TableParameters,
+    free: Sequence[FreeParameter],
+    learn: list[Record],
+    hold: list[Record],
+    progress: Progress,
+) -> FittedModel:
+    """Fit the declared model to recordings; errors on them and on recordings held out."""
+    problem = RecordingProblem(learn)
+    explore = RecordingProblem(windows(learn, FIRST_LOOK))
+    result = fit_declared(problem, explore, FreeParameters(table, free), progress)
+    return fitted_model(result, problem, RecordingProblem(hold) if hold else None)
+
+
+def close_loop(
+    table: TableParameters,
+    free: Sequence[FreeParameter],
+    pool: tuple[Candidate, ...],
+    learn: list[Record],
+    hold: list[Record],
+    policy: Policy,
+    progress: Progress,
+) -> ClosedLoop:
+    """Find what the declared model lacks.
+
+    Parameters
+    ----------
+    table : declared table. free : its parameters that a fit may move. pool : candidate effects.
+    learn, hold : recordings to learn from and held out. progress : called with a text and the part done, 0 … 1.
+    """
+    problem, held = RecordingProblem(learn), RecordingProblem(hold)
+    explore = RecordingProblem(windows(learn, FIRST_LOOK))
+    declared = fit_declared(problem, explore, FreeParameters(table, free), progress)
+    baseline = fitted_model(declared, problem, held)
+    found = search(problem, held, declared, pool, policy, progress, explore)
+    progress("errors and what remains", 0.9)
+    models = [fitted_model(step.chosen.fit, problem, held) for step in found.steps]
+    if found.removed:
+        models[-1] = fitted_model(found.final, problem, held)
+    rest = remaining(held, found)
+    return ClosedLoop(baseline, tuple(models), found, rest, problem.noise())

@@ -1,0 +1,111 @@
+"""Results → files: report.json of `close_loop` and `identify`, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
+from shake_ros.core.discovery.search import Attempt, Step
+from shake_ros.core.identification.uncertainty import Estimate
+from shake_ros.core.quantities import ShakeError
+
+CLOSE_LOOP_SCHEMA = "shake_ros.close_loop/1"
+IDENTIFY_SCHEMA = "shake_ros.identify/1"
+
+
+def parameters_json(parameters: Sequence[Estimate]) -> dict[str, Any]:
+    """`{name: {value, std_error, unit}}`."""
+    return {p.name: {"value": p.value, "std_error": p.std_error, "unit": p.unit} for p in parameters}
+
+
+def model_json(model: FittedModel) -> dict[str, Any]:
+    """Parameters and errors of one model."""
+    return {
+        "parameters": parameters_json(model.parameters),
+        "error": {"learn": model.learn, "hold": model.hold},
+    }
+
+
+def _attempt_json(attempt: Attempt) -> dict[str, Any]:
+    return {
+        "effect": attempt.candidate.effect,
+        "learn_cost": attempt.learn,
+        "hold_cost": attempt.hold,
+        "screened_gain": attempt.screened_gain,
+    }
+
+
+def _step_json(step: Step, model: FittedModel) -> dict[str, Any]:
+    own = {f.name for f in step.chosen.candidate.free}
+    best, second = step.chosen, step.ranking[1] if len(step.ranking) > 1 else None
+    why = f"lowest error on the recordings held out: weighted mean square {best.hold:.3g}"
+    if second:
+        why += f", next {second.candidate.effect} with {second.hold:.3g}"
+    return {
+        "effect": best.candidate.effect,
+        "alternatives": list(step.alternatives),
+        "place": best.candidate.place,
+        "parameters": parameters_json([p for p in model.parameters if p.name in own]),
+        "evidence": {"why": why, "ranking": [_attempt_json(a) for a in step.ranking]},
+        "error": {"learn": model.learn, "hold": model.hold},
+    }
+
+
+def close_loop_json(result: ClosedLoop, learn: Sequence[str], hold: Sequence[str], model: str) -> dict[str, Any]:
+    """Content of report.json as spec'd for other programs (schema shake_ros.close_loop/1)."""
+    rest = result.remaining
+    return {
+        "schema": CLOSE_LOOP_SCHEMA,
+        "model": model,
+        "recordings": {"learn": list(learn), "hold": list(hold)},
+        "noise": result.noise,
+        "baseline": model_json(result.baseline),
+        "steps": [_step_json(s, m) for s, m in zip(result.search.steps, result.models, strict=True)],
+        "final": model_json(result.final),
+        "remaining": {
+            "above_noise": rest.above_noise,
+            "place": rest.place,
+            "depends_on": list(rest.depends_on),
+            "text": rest.text,
+        },
+    }
+
+
+def write_folder(out: Path, fill: Callable[[Path], None], *, force: bool = False) -> None:
+    """Make a result folder whole or not at all: `fill` writes into a hidden neighbour which then takes its place.
+
+    Raises
+    ------
+    ShakeError : where the folder exists already and `force` is not set, or cannot be made.
+    """
+    if out.exists() and not force:
+        raise ShakeError(f"{out}: exists already (--force replaces it)")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        workshop = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    except OSError as error:
+        raise ShakeError(f"{out}: cannot be made ({error.strerror})") from None
+    try:
+        fill(workshop)
+        workshop.chmod(0o755)
+        if out.exists():
+            old = Path(tempfile.mkdtemp(prefix=f".{out.name}-old-", dir=out.parent))
+            os.replace(out, old / out.name)
+            os.replace(workshop, out)
+            shutil.rmtree(old, ignore_errors=True)
+        else:
+            os.replace(workshop, out)
+    except BaseException:
+        shutil.rmtree(workshop, ignore_errors=True)
+        raise
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write JSON with NaN refused, readable by people."""
+    path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")

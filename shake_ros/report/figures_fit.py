@@ -1,0 +1,132 @@
+"""Figures of a fit: time histories and spectra measured against simulated, before and after; ranking; residual."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.signal import welch
+
+from shake_ros.core.discovery.remaining import quantities
+from shake_ros.core.discovery.search import Attempt
+from shake_ros.core.identification.recordings import Record, low_pass
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.simulation import run
+
+MEASURED, BEFORE, AFTER = "#1d2733", "#c8553d", "#2a7f62"
+LABELS = {
+    "position": "position [mm]",
+    "velocity": "velocity [m/s]",
+    "direction": "direction",
+    "load_pressure": "load pressure [bar]",
+    "valve_opening": "valve opening [-]",
+    "flow": "relative flow [sqrt(Pa)]",
+    "time": "time [s]",
+    "frequency": "frequency [Hz]",
+}
+SCALES = {"position": 1e3, "load_pressure": 1e-5}
+
+
+def tidy(axes: Axes, x: str, y: str) -> None:
+    """Labels, a light grid, no box."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.grid(True, color="#e3e8ee", linewidth=0.8)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def free_runs(record: Record, before: TableParameters, after: TableParameters) -> tuple[np.ndarray, np.ndarray]:
+    """Free runs of both models over a recording, columns of plant.simulation.COLUMNS."""
+    arguments = (record.commands, record.sample_time)
+    return run(before, *arguments, position=record.track), run(after, *arguments, position=record.track)
+
+
+def liveliest(record: Record, seconds: float) -> slice:
+    """The stretch of a recording with the largest mean square velocity."""
+    n = min(round(seconds / record.sample_time), len(record.commands) - record.start)
+    power = np.convolve(record.velocity[record.start :] ** 2, np.ones(n), mode="valid")
+    first = record.start + int(np.argmax(power))
+    return slice(first, first + n)
+
+
+def time_histories(record: Record, before: np.ndarray, after: np.ndarray, seconds: float = 2.0) -> Figure:
+    """Velocity and acceleration of the liveliest stretch, measured and simulated before and after."""
+    span = liveliest(record, seconds)
+    time = np.arange(len(record.commands))[span] * record.sample_time
+    figure = Figure(figsize=(9.5, 5.2), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for axes, measured, column, label in (
+        (upper, record.velocity, 1, "velocity [m/s]"),
+        (lower, record.acceleration, 2, "acceleration [m/s²]"),
+    ):
+        if measured is None:
+            continue
+        simulated = [low_pass(r[:, column], record.sample_time) if column == 1 else r[:, column] for r in (before, after)]
+        axes.plot(time, measured[span], color=MEASURED, linewidth=1.6, label="measured")
+        axes.plot(time, simulated[0][span], color=BEFORE, linewidth=1.1, label="declared model")
+        axes.plot(time, simulated[1][span], color=AFTER, linewidth=1.1, linestyle="--", label="extended model")
+        tidy(axes, "time [s]" if column == 2 else "", label)
+    upper.legend(loc="upper right", frameon=False, ncols=3)
+    return figure
+
+
+def spectra(record: Record, before: np.ndarray, after: np.ndarray) -> Figure:
+    """Amplitude spectral densities of the measured acceleration and of both residuals."""
+    figure = Figure(figsize=(9.5, 3.6), layout="constrained")
+    axes = figure.subplots()
+    assert record.acceleration is not None
+    curves = (
+        (record.acceleration, MEASURED, "measured"),
+        (record.acceleration - before[:, 2], BEFORE, "residual of the declared model"),
+        (record.acceleration - after[:, 2], AFTER, "residual of the extended model"),
+    )
+    for values, colour, label in curves:
+        n = min(4096, len(values) - record.start)
+        frequency, power = welch(values[record.start :], 1.0 / record.sample_time, nperseg=n)
+        axes.loglog(frequency[1:], np.sqrt(power[1:]), color=colour, linewidth=1.3, label=label)
+    axes.set_xlim(0.4, 0.5 / record.sample_time)
+    tidy(axes, "frequency [Hz]", "acceleration [m/s²/√Hz]")
+    axes.legend(frameon=False)
+    return figure
+
+
+def ranking_figure(ranking: Sequence[Attempt], baseline_hold: float) -> Figure:
+    """Held-out cost of each refitted candidate."""
+    figure = Figure(figsize=(9.5, 0.6 + 0.34 * (len(ranking) + 1)), layout="constrained")
+    axes = figure.subplots()
+    names = ["declared model", *(a.candidate.effect for a in reversed(ranking))]
+    costs = [baseline_hold, *(a.hold for a in reversed(ranking))]
+    colours = [MEASURED, *[BEFORE] * (len(ranking) - 1), AFTER][: len(names)]
+    axes.barh(names, np.sqrt(costs), color=colours, height=0.62)
+    axes.set_xscale("log")
+    tidy(axes, "root mean square of the weighted residual held out [-]", "")
+    axes.grid(False, axis="y")
+    return figure
+
+
+def residual_figure(
+    record: Record, before: np.ndarray, after: np.ndarray, depends_on: Sequence[str], moved_mass: float
+) -> Figure:
+    """Residual force M·(measured − simulated acceleration) against what the effect depends on, before and after."""
+    names = [n for n in depends_on if n in LABELS and n not in ("frequency", "direction")] or ["load_pressure", "velocity"]
+    figure = Figure(figsize=(9.5, 3.4), layout="constrained")
+    row = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
+    assert record.acceleration is not None
+    for axes, name in zip(row, names, strict=True):
+        for run_, colour, label in ((before, BEFORE, "declared"), (after, AFTER, "extended")):
+            x = quantities(record, run_)[name][record.start :] * SCALES.get(name, 1.0)
+            force = moved_mass * (record.acceleration - run_[:, 2])[record.start :]
+            axes.plot(x, force, ".", color=colour, markersize=1.4, alpha=0.35, rasterized=True)
+            edges = np.quantile(x, np.linspace(0, 1, 31))
+            group = np.clip(np.searchsorted(edges, x) - 1, 0, 29)
+            count = np.maximum(np.bincount(group, minlength=30), 1)
+            mean_x = np.bincount(group, x, minlength=30) / count
+            mean_force = np.bincount(group, force, minlength=30) / count
+            axes.plot(mean_x, mean_force, color=colour, linewidth=2.2, label=label)
+        tidy(axes, LABELS[name], "residual force [N]" if axes is row[0] else "")
+    row[0].legend(frameon=False)
+    return figure

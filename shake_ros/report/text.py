@@ -1,0 +1,42 @@
+"""Results as lines for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
+from shake_ros.core.identification.uncertainty import Estimate
+
+
+def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
+    """A table of fitted parameters with standard errors."""
+    lines = [f"{'parameter':<52}{'value':>12}{'std. error':>12}  unit"]
+    for p in parameters:
+        error = "at bound" if p.std_error is None else f"{p.std_error:.2g}"
+        lines.append(f"{p.name:<52}{p.value:>12.4g}{error:>12}  {p.unit}")
+    return lines
+
+
+def error_lines(model: FittedModel, title: str = "error of the free run") -> list[str]:
+    """Errors per recording, relative to the measured signal."""
+    lines = [f"{title:<36}{'velocity':>12}{'acceleration':>14}"]
+    for role, errors in (("learn", model.learn), ("hold", model.hold)):
+        for name, e in errors.items():
+            acceleration = f"{100 * e['acceleration']:.2f} %" if "acceleration" in e else "–"
+            lines.append(f"{role + ' ' + name:<36}{100 * e['velocity']:>10.2f} %{acceleration:>14}")
+    return lines
+
+
+def close_loop_lines(result: ClosedLoop) -> list[str]:
+    """Baseline, steps, final and what remains."""
+    lines = error_lines(result.baseline, "declared model, error of the free run")
+    for step, model in zip(result.search.steps, result.models, strict=True):
+        best = step.chosen.candidate
+        also = f" (not told apart from {', '.join(step.alternatives)})" if step.alternatives else ""
+        lines += ["", f"added: {best.effect}, place {best.place}{also}"]
+        own = {f.name for f in best.free}
+        lines += parameter_lines([p for p in model.parameters if p.name in own])
+        lines += error_lines(model)
+    if not result.search.steps:
+        lines += ["", "nothing is added: no effect lowers the error of the recordings held out"]
+    return [*lines, "", f"remaining: {result.remaining.text}"]
