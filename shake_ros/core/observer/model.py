@@ -1,11 +1,11 @@
 """Observer that carries the identified table itself.
 
-Between samples the whole compiled plant, with every effect of the model and without noise, is advanced under the command
-that acted; at each sample the innovation corrects position, velocity, load pressure and a disturbance, with the
-constant gain that the Kalman filter of the reduced model has (`linear.kalman_gain`). The third correction, an acceleration,
-enters as the load pressure that makes it; the disturbance, a jerk, as its rate. So what the model knows (dead band,
-soft zone, friction, null shift, dead time) costs no estimation error, and what it does not know is left to the disturbance.
-Not in the thesis. Verified against: a model equal to the plant.
+Between samples the whole compiled plant, with every effect of the model and without noise, is advanced under the
+command that acted; at each sample the innovation corrects position, velocity, load pressure and a disturbance, with
+the constant gain that the Kalman filter of the reduced model has (`linear.kalman_gain`). The third correction, an
+acceleration, enters as the load pressure that makes it; the disturbance, a jerk, as its rate. So what the model knows
+(dead band, soft zone, friction, null shift, dead time) costs no estimation error, and what it does not know is left
+to the disturbance. Not in the thesis. Verified against: a model equal to the plant.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ class ModelFilter:
         self._gain = kalman_gain(parameters, sample_time)
         self._sample_time = sample_time
         # half the load pressure's change per change of acceleration, M/(2 A_p)
-        self._pressure = 0.5 * model.moved_mass / model.body.piston_area
+        mass = model.moved_mass + model.value("effects.payload_error.mass")
+        self._pressure = 0.5 * mass / model.body.piston_area
 
     def initial_state(self, position: float) -> NDArray[np.float64]:
         """At rest at a position [m], no disturbance."""
