@@ -122,6 +122,6 @@ def pulled_block(p, mass, stiffness, pull, dt, every):
 
 
 def break_away_force(rows: np.ndarray, travel: float) -> float:
-    """Largest spring force before the block of `pulled_block` has moved by `travel` [m]; NaN where it never does."""
+    """Largest friction force before the block of `pulled_block` has moved by `travel` [m]; NaN where it never does."""
     beyond = np.flatnonzero(np.abs(rows[:, 0] - rows[0, 0]) > travel)
-    return float(np.max(np.abs(rows[: beyond[0] + 1, 2]))) if len(beyond) else math.nan
+    return float(np.max(np.abs(rows[: beyond[0] + 1, 3]))) if len(beyond) else math.nan
