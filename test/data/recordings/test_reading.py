@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sqlite3
 import struct
 from pathlib import Path
 
@@ -285,3 +286,28 @@ def test_a_slow_command_carries_over_into_the_next_piece(make, tmp_path):
     pieces = list(iterate_table_recording(slow, seconds=0.4))
     assert len(pieces) > 2
     assert np.array_equal(np.concatenate([piece.valve_command for piece in pieces]), whole.valve_command)
+
+
+def test_the_write_ahead_log_of_a_killed_sqlite_recorder_is_part_of_the_recording(make, tmp_path):
+    folder = tmp_path / "killed"
+    folder.mkdir()
+    connection = sqlite3.connect(tmp_path / "live.db3")
+    connection.execute("PRAGMA journal_mode=WAL")
+    connection.execute(
+        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT, "
+        "offered_qos_profiles TEXT)"
+    )
+    connection.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
+    for number, name in enumerate(("valve_command", "joint_states"), start=1):
+        connection.execute("INSERT INTO topics VALUES(?, ?, ?, 'cdr', '')", (number, f"/t/{name}", JOINT_STATE))
+        for k in range(100):
+            stamp = 10**9 + k * 10**6
+            data = joint_state(stamp, {"table": 0.001 * k})
+            connection.execute("INSERT INTO messages VALUES(NULL, ?, ?, ?)", (number, stamp, data))
+    connection.commit()
+    for suffix in ("", "-wal"):  # as they stand on the disk while the recorder still holds them
+        shutil.copy(tmp_path / f"live.db3{suffix}", folder / f"killed.db3{suffix}")
+    connection.close()
+    before = (folder / "killed.db3").read_bytes()
+    assert len(read_table_recording(folder)) == 100
+    assert (folder / "killed.db3").read_bytes() == before
