@@ -91,7 +91,7 @@ class Plant:
         if arrived:
             self.frame.diagnostics.latency(arrived - newest)
         if self._ticked:
-            self._late_commands += newest < stamp - steps * self.frame.period
+            self._late_commands += 0 <= newest < stamp - steps * self.frame.period
             for _ in range(steps):
                 self._advance(stamp)
         self._ticked = True
