@@ -176,7 +176,7 @@ def fine_steps(commands: np.ndarray, sample_time: float, c: Constants, steps: in
 
 
 _edge_flow = numba.njit(edge_flow)
-_rates = numba.njit(types.FunctionType(rates.__code__, {**globals(), "edge_flow": _edge_flow}, "rates"))
+compiled_rates = numba.njit(types.FunctionType(rates.__code__, {**globals(), "edge_flow": _edge_flow}, "rates"))
 
 
 @numba.njit
@@ -185,12 +185,12 @@ def _fine_steps(wanted, sample_time, y, c, steps):  # type: ignore[no-untyped-de
     h = sample_time / steps
     for k in range(len(wanted)):
         out[k, :6] = y
-        out[k, 6] = _rates(y, wanted[k], c)[1]
+        out[k, 6] = compiled_rates(y, wanted[k], c)[1]
         for _ in range(steps):
-            k1 = np.array(_rates(y, wanted[k], c))
-            k2 = np.array(_rates(y + 0.5 * h * k1, wanted[k], c))
-            k3 = np.array(_rates(y + 0.5 * h * k2, wanted[k], c))
-            k4 = np.array(_rates(y + h * k3, wanted[k], c))
+            k1 = np.array(compiled_rates(y, wanted[k], c))
+            k2 = np.array(compiled_rates(y + 0.5 * h * k1, wanted[k], c))
+            k3 = np.array(compiled_rates(y + 0.5 * h * k2, wanted[k], c))
+            k4 = np.array(compiled_rates(y + h * k3, wanted[k], c))
             y = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
             if abs(y[4]) > 1.0:  # |x_s*| ≤ 1
                 y[4] = 1.0 if y[4] > 0.0 else -1.0

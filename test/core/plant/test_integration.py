@@ -21,7 +21,7 @@ def declared(depth: float):
 @pytest.mark.parametrize("depth", DEPTHS.values(), ids=DEPTHS)
 @pytest.mark.parametrize("name", ["0.7 at 2 Hz", "pulse"])
 def test_many_small_steps_and_Radau_at_1e_9_are_the_same_solution(name: str, depth: float) -> None:
-    commands = reference.RUNS[name][80:230] if name == "pulse" else reference.RUNS[name][:150]
+    commands = reference.RUNS[name][80:130] if name == "pulse" else reference.RUNS[name][:50]
     constants = reference.constants(depth)
     tight = reference.radau(commands, SAMPLE, constants)
     assert reference.nrmse(tight, reference.fine_steps(commands, SAMPLE, constants)[:, 6]) < 1e-5
@@ -29,7 +29,7 @@ def test_many_small_steps_and_Radau_at_1e_9_are_the_same_solution(name: str, dep
 
 @pytest.mark.parametrize("depth", DEPTHS.values(), ids=DEPTHS)
 def test_a_run_is_within_a_thousandth_of_Radau(depth: float) -> None:
-    commands = reference.RUNS["0.2 at 10 Hz"][:150]
+    commands = reference.RUNS["0.2 at 10 Hz"][:100]
     tight = reference.radau(commands, SAMPLE, reference.constants(depth))
     assert reference.nrmse(tight, run(declared(depth), commands, SAMPLE)[:, 2]) < 1e-3
 

@@ -1,0 +1,247 @@
+"""Speed and accuracy of the plant alone: python benchmarks/plant.py [--full] [--save].
+
+Prints four tables: the thesis's runs with their error against an independent solution; other solvers at the same
+accuracy on the same run; the cost against simulated time, number of effects and batch size; the batch of 1000 runs.
+The independent solution is test/reference_model.py (written from the equation sheet, not by calling the package) with
+steps of 10 µs; Radau at rtol 1e-9 takes the first 0.06 s of each run, with --full the whole of it. Every time is the
+best of three, after warm-up. --full also runs all 1000 simulations; --save writes benchmarks/plant.txt.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import sys
+import time
+from collections.abc import Callable, Iterator
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT), str(ROOT / "test")]
+
+import reference_model as reference  # noqa: E402
+
+from shake_ros.core.effects import EFFECTS  # noqa: E402
+from shake_ros.core.plant.simulation import TOLERANCE, initial_state, run, run_batch, workers  # noqa: E402
+from shake_ros.settings import load_table  # noqa: E402
+
+SAMPLE = 0.001
+BERGAMO = load_table("bergamo")
+Solver = Callable[[np.ndarray, float], np.ndarray]  # commands, fineness → acceleration
+
+SEVERAL = {  # effects that lengthen the right-hand side, in the order in which they are switched on
+    "effects.soft_zone.depth": 0.84,
+    "effects.friction_asymmetry.asymmetry": 0.2,
+    "effects.turbulent_leakage.coefficient": 1e-10,
+    "effects.entrained_air.fraction": 0.002,
+    "effects.pressure_dependent_bulk_modulus.slope": 9.0,
+    "effects.supply_droop.resistance": 2e9,
+    "effects.film_friction.relief": 0.3,
+    "effects.specimen_resonance.mass": 50.0,
+    "effects.accelerometer_lag.time_constant": 0.001,
+    "effects.position_sensor_lag.time_constant": 0.001,
+    "effects.base_flexibility.compliance": 2e-9,
+    "effects.presliding_friction.distance": 2e-4,
+    "effects.command_delay.delay": 0.003,
+}
+
+
+def best(work: Callable[[], object], repeats: int = 3) -> float:
+    """Shortest duration of `work` [s]."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def thesis_runs(full: bool) -> Iterator[str]:
+    """Speed of every run and its error against the independent solution; that solution's own error against Radau."""
+    yield f"{'run':26s} {'modulus':9s} {'x real time':>11s} {'NRMSE':>9s} {'largest':>9s} {'to Radau':>9s}"
+    for name, commands in reference.RUNS.items():
+        for modulus, depth in (("constant", 0.0), ("soft zone", 0.84)):
+            table = BERGAMO.with_values({"effects.soft_zone.depth": depth}) if depth else BERGAMO
+            constants = reference.constants(depth)
+            solution = reference.fine_steps(commands, SAMPLE, constants)[:, 6]
+            result = run(table, commands, SAMPLE)[:, 2]
+            speed = len(commands) * SAMPLE / best(lambda table=table, commands=commands: run(table, commands, SAMPLE))
+            count = len(commands) if full else 60
+            start = 80 if name == "pulse" and not full else 0
+            radau = reference.radau(commands[start : start + count], SAMPLE, constants)
+            ours = run(table, commands[start : start + count], SAMPLE)[:, 2]
+            yield (
+                f"{name:26s} {modulus:9s} {speed:11.0f} {reference.nrmse(solution, result):9.1e} "
+                f"{reference.peak_error(solution, result):9.1e} {reference.nrmse(radau, ours):9.1e}"
+            )
+
+
+def by_solve_ivp(method: str) -> Solver:
+    """scipy's solver with the reference's compiled right-hand side, restarted at every change of the held command."""
+
+    def solve(commands: np.ndarray, fineness: float) -> np.ndarray:
+        c = reference.constants()
+        y, result = reference.at_rest(c), np.empty(len(commands))
+        for k, u in enumerate(reference.spool_commands(commands, c.play)):
+            result[k] = reference.compiled_rates(y, u, c)[1]
+            atol = fineness * reference.SCALES
+            done = solve_ivp(
+                lambda _t, y, u=u: reference.compiled_rates(y, u, c), (0.0, SAMPLE), y, method, rtol=fineness, atol=atol
+            )
+            y = done.y[:, -1]
+        return result
+
+    return solve
+
+
+def by_plain_numpy(commands: np.ndarray, fineness: float) -> np.ndarray:
+    """Classical Runge–Kutta in plain Python and numpy; `fineness` is the number of steps a sample, inverted."""
+    c, h = reference.constants(), SAMPLE * fineness
+    y, result = reference.at_rest(c), np.empty(len(commands))
+    for k, u in enumerate(reference.spool_commands(commands, c.play)):
+        result[k] = reference.rates(y, u, c)[1]
+        for _ in range(round(1.0 / fineness)):
+            k1 = np.array(reference.rates(y, u, c))
+            k2 = np.array(reference.rates(y + 0.5 * h * k1, u, c))
+            k3 = np.array(reference.rates(y + 0.5 * h * k2, u, c))
+            k4 = np.array(reference.rates(y + h * k3, u, c))
+            y = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return result
+
+
+def by_cvode(commands: np.ndarray, fineness: float) -> np.ndarray:
+    """SUNDIALS CVODE (package scikit-sundae) with the compiled right-hand side, restarted at every new command."""
+    from sksundae.cvode import CVODE
+
+    c = reference.constants()
+    held = {"u": 0.0}
+
+    def rates(_t: float, y: np.ndarray, yp: np.ndarray) -> None:
+        yp[:] = reference.compiled_rates(y, held["u"], c)
+
+    solver = CVODE(rates, rtol=fineness, atol=fineness * reference.SCALES)
+    y, result = reference.at_rest(c), np.empty(len(commands))
+    for k, u in enumerate(reference.spool_commands(commands, c.play)):
+        result[k] = reference.compiled_rates(y, u, c)[1]
+        held["u"] = u
+        y = solver.solve(np.array([0.0, SAMPLE]), y).y[-1]
+    return result
+
+
+LADDER = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 1e-7, 1e-8)
+SOLVERS: dict[str, tuple[Solver, tuple[float, ...]]] = {
+    "scipy LSODA, compiled rhs": (by_solve_ivp("LSODA"), LADDER),
+    "scipy Radau, compiled rhs": (by_solve_ivp("Radau"), LADDER),
+    "scipy RK45, compiled rhs": (by_solve_ivp("RK45"), LADDER),
+    "numpy RK4, plain rhs": (by_plain_numpy, (1.0, 0.5, 0.2, 0.1, 0.05)),
+    "CVODE, compiled rhs": (by_cvode, LADDER),
+}
+
+
+def other_solvers(full: bool) -> Iterator[str]:
+    """Each solver at the coarsest setting that is as accurate as ours on the same run."""
+    commands = reference.RUNS["0.7 at 2 Hz"][: 1000 if full else 300]
+    solution = reference.fine_steps(commands, SAMPLE, reference.constants())[:, 6]
+    error = reference.nrmse(solution, run(BERGAMO, commands, SAMPLE)[:, 2])
+    ours = best(lambda: run(BERGAMO, commands, SAMPLE))
+    seconds = len(commands) * SAMPLE
+    head = "0.7 at 2 Hz, constant modulus"
+    yield f"{head:30s} {'setting':>8s} {'NRMSE':>9s} {'x real time':>11s} {'ours is faster by':>18s}"
+    yield f"{'ours':30s} {TOLERANCE:8.0e} {error:9.1e} {seconds / ours:11.1f} {1.0:18.0f}"
+    for name, (solve, ladder) in SOLVERS.items():
+        try:
+            solve(commands[:2], ladder[0])
+        except ImportError as missing:
+            yield f"{name:30s} left out: {missing}"
+            continue
+        for fineness in ladder:
+            start = time.perf_counter()
+            found = reference.nrmse(solution, solve(commands, fineness))
+            spent = time.perf_counter() - start
+            if found <= error:
+                break
+        yield f"{name:30s} {fineness:8.0e} {found:9.1e} {seconds / spent:11.2f} {spent / ours:18.0f}"
+
+
+def growth() -> Iterator[str]:
+    """Cost against simulated time, number of effects and batch size."""
+    parts = []
+    for seconds in (1.0, 10.0, 60.0):
+        commands = reference.sine(0.5, 2.0, seconds)
+        parts.append(f"{seconds:g} s {1e3 * best(lambda u=commands: run(BERGAMO, u, SAMPLE)):.1f} ms")
+    yield "simulated time: " + ", ".join(parts)
+    commands = reference.sine(0.5, 2.0, 5.0)
+    parts = []
+    for count in (0, 1, 3, 5, 6, 9, len(SEVERAL)):
+        table = BERGAMO.with_values(dict(list(SEVERAL.items())[:count]))
+        parts.append(f"{count} {5.0 / best(lambda table=table: run(table, commands, SAMPLE)):.0f} x")
+    yield f"effects switched on, of {len(EFFECTS)} compiled in: " + ", ".join(parts)
+    parts = []
+    for size in (1, 2, 8, 32, 128):
+        vectors, starts = batch(size)
+        short = commands[:1000]
+        spent = best(lambda v=vectors, s=starts, u=short: run_batch(v, s, u, SAMPLE))
+        parts.append(f"{size} {1e3 * spent / size:.2f} ms")
+    yield f"batch on {workers()} cores, each run of 1 s: " + ", ".join(parts)
+
+
+def batch(size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Parameter sets that differ in mass, modulus, flow gain and friction, and their states at rest."""
+    draw = np.random.default_rng(1)
+    tables = [
+        BERGAMO.with_values(
+            {
+                "body.specimen_mass": draw.uniform(0.0, 600.0),
+                "bulk_modulus.modulus": draw.uniform(0.5e9, 1.5e9),
+                "valve.flow_coefficient": draw.uniform(1.4e-7, 2.0e-7),
+                "friction.coulomb_level": draw.uniform(50.0, 500.0),
+            }
+        )
+        for _ in range(size)
+    ]
+    vectors = np.array([t.vector() for t in tables])
+    return vectors, np.array([initial_state(v) for v in vectors])
+
+
+def thousand(full: bool) -> Iterator[str]:
+    """1000 simulations of 10 s with different parameters."""
+    size = 1000 if full else 60
+    vectors, starts = batch(size)
+    commands = reference.sine(0.5, 2.0, 10.0)
+    spent = best(lambda: run_batch(vectors, starts, commands, SAMPLE, columns=(2,)), repeats=1)
+    said = "measured" if full else f"estimated from {size}"
+    yield f"1000 simulations of 10 s on {workers()} cores: {spent * 1000 / size:.1f} s ({said})"
+
+
+def report(full: bool) -> Iterator[str]:
+    """All tables, line by line."""
+    yield (
+        f"{time.strftime('%Y-%m-%d')}, {workers()} cores {platform.machine()}, Python {platform.python_version()}, "
+        f"numba {version('numba')}, scipy {version('scipy')}"
+    )
+    run(BERGAMO, np.zeros(10), SAMPLE)
+    for part in (thesis_runs(full), other_solvers(full), growth(), thousand(full)):
+        yield ""
+        yield from part
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--full", action="store_true", help="all 1000 simulations, Radau over whole runs: many minutes")
+    parser.add_argument("--save", action="store_true", help="write the tables to benchmarks/plant.txt as well")
+    arguments = parser.parse_args()
+    lines = []
+    for line in report(arguments.full):
+        print(line, flush=True)
+        lines.append(line)
+    if arguments.save:
+        Path(__file__).with_suffix(".txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
