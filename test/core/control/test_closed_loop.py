@@ -1,0 +1,205 @@
+"""Plant, observer, controller and reference together: what the thesis's laws reach, and what the model adds."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.control.closed_loop import ClosedLoop, simulate_closed_loop
+from shake_ros.core.control.runner import Controller
+from shake_ros.core.control.tuning import command_travel, normalised_cost, tracking_cost, tune
+from shake_ros.core.control.virtual_table import VirtualTable
+from shake_ros.core.observer import OBSERVERS
+from shake_ros.core.observer.runner import Observer
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.table import Table
+from shake_ros.core.quantities import ShakeError
+from shake_ros.core.reference.program import Program
+from shake_ros.data.reference_program import build_program
+from shake_ros.settings import load_table, load_variant
+
+DT = 0.001
+EFFECTS: dict[str, dict[str, float]] = {
+    "spool_deadband": {"effects.spool_deadband.width": 0.03},
+    "valve_null_shift": {"effects.valve_null_shift.offset": 0.03},
+    "soft_zone": {"effects.soft_zone.depth": 0.8},
+    "asymmetric_flow_gain": {"effects.asymmetric_flow_gain.asymmetry": 0.2},
+    "specimen_resonance": {"effects.specimen_resonance.mass": 150.0, "effects.specimen_resonance.frequency": 8.0},
+    "payload_error": {"effects.payload_error.mass": 300.0},
+    "command_delay": {"effects.command_delay.delay": 0.004},
+}
+SAMPLES = 3500
+
+
+@pytest.fixture(scope="module")
+def declared() -> TableParameters:
+    return load_table("bergamo")
+
+
+@pytest.fixture(scope="module")
+def earthquake() -> Program:
+    return build_program("earthquake", DT)
+
+
+@pytest.fixture(scope="module")
+def sine() -> Program:
+    return build_program("sine_20mm_2hz", DT)
+
+
+def controller(name: str, model: TableParameters | None = None, **changes: float) -> Controller:
+    kind, parameters = load_variant("controller", name, CONTROLLERS)
+    return Controller(kind, parameters.replace(**changes), DT, model)
+
+
+def observer(name: str, model: TableParameters | None = None) -> Observer:
+    kind, parameters = load_variant("observer", name, OBSERVERS)
+    return Observer(kind, parameters, DT, model)
+
+
+class AsPrinted:
+    """(6.48), (6.49) with their misprints, to show what they cost."""
+
+    def __init__(self) -> None:
+        self.sample_time = DT
+        self.p = load_variant("controller", "sliding_mode", CONTROLLERS)[1]
+
+    def initial_state(self) -> NDArray[np.float64]:
+        return np.zeros(1)
+
+    def step(self, state: Any, r: Any, z: Any) -> tuple[NDArray[np.float64], float]:
+        p, e = self.p, z - r
+        integral = state + e[0] * DT
+        k = p.surface_integral, p.surface_position, p.surface_velocity, p.surface_acceleration
+        s = k[0] * integral[0] + k[1] * e[0] + k[2] * e[1] + k[3] * e[2]
+        printed = p.beta1 * r[1] + p.beta2 * r[2] + 4.7 * (p.beta4 * z[2] + p.beta5 * z[1])
+        u = -k[0] * e[0] - (k[3] * p.beta1 + k[1]) * e[1] - (k[3] * p.beta2 + k[2]) * e[2] - printed
+        u -= p.reaching_gain * math.tanh(p.reaching_slope * s)
+        return integral, float(np.clip(u / (k[3] * p.beta3), -1.0, 1.0))
+
+
+def test_sliding_mode_as_derived_beats_the_print(declared: TableParameters, sine: Program) -> None:
+    # 2 Hz, 20 mm, perfect states: about 2.2 % as derived and 13.5 % as printed
+    table = Table(declared, DT)
+    derived = simulate_closed_loop(table, None, controller("sliding_mode"), sine, SAMPLES).tracking_error(1500)
+    printed: Any = AsPrinted()
+    wrong = simulate_closed_loop(table, None, printed, sine, SAMPLES).tracking_error(1500)
+    assert derived[0] == pytest.approx(0.022, abs=0.004)
+    assert wrong[0] == pytest.approx(0.135, abs=0.015)
+
+
+@pytest.mark.parametrize("effect", ["none", *EFFECTS])
+@pytest.mark.parametrize("name", ["super_twisting", "super_twisting_tuned"])
+def test_super_twisting_stays_stable_whatever_the_table_hides(
+    name: str, effect: str, declared: TableParameters, earthquake: Program
+) -> None:
+    # position alone is measured, with noise and steps; the command arrives one sample late
+    table = Table(declared.with_values(EFFECTS.get(effect, {})), DT, seed=3)
+    run = simulate_closed_loop(table, observer("linear_bergamo"), controller(name), earthquake, SAMPLES, delay=1)
+    assert run.tracking_error()[0] < 0.10
+    assert np.max(np.abs(run.command)) < 0.8
+    assert command_travel(run) < 8.0
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_tuned_super_twisting_tracks_better_than_the_printed_gains(
+    effect: str, declared: TableParameters, earthquake: Program
+) -> None:
+    table = Table(declared.with_values(EFFECTS[effect]), DT, seed=3)
+    error = [
+        simulate_closed_loop(
+            table, observer("linear_bergamo"), controller(name), earthquake, SAMPLES, delay=1
+        ).tracking_error()[0]
+        for name in ("super_twisting", "super_twisting_tuned")
+    ]
+    assert error[1] < 0.7 * error[0]
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_extended_model_brings_the_position_error_below_one_and_a_half_percent(
+    effect: str, declared: TableParameters, earthquake: Program
+) -> None:
+    truth = declared.with_values(EFFECTS[effect])
+    errors = {}
+    for label, model in (("declared", declared), ("extended", truth)):
+        law = controller("super_twisting_tuned", model)
+        run = simulate_closed_loop(Table(truth, DT, seed=3), observer("model", model), law, earthquake, SAMPLES)
+        errors[label] = run.tracking_error()
+    assert errors["extended"][0] < 0.015
+    assert errors["extended"][1] < 0.7 * errors["declared"][1]
+
+
+def test_virtual_table_follows_the_reference_through_a_dead_band(
+    declared: TableParameters, earthquake: Program
+) -> None:
+    virtual = VirtualTable(declared.with_values(EFFECTS["spool_deadband"]), DT, 100.0, 0.004, 1.0)
+    state, wanted, found = virtual.initial_state(), np.empty((2500, 3)), np.empty((2500, 3))
+    for k in range(2500):
+        wanted[k] = earthquake.at(k)
+        state, _, found[k] = virtual.step(state, wanted[k])
+    error = np.sqrt(np.mean((found - wanted) ** 2, axis=0)) / np.std(wanted, axis=0)
+    assert error[0] < 0.002
+    assert error[1] < 0.01
+    assert error[2] < 0.06
+
+
+def test_virtual_table_starts_where_the_reference_is(declared: TableParameters) -> None:
+    virtual = VirtualTable(declared, DT, 100.0, 0.004, 1.0)
+    _, u, place = virtual.step(virtual.initial_state(), (0.05, 0.0, 0.0))
+    assert place[0] == 0.05
+    assert abs(u) < 0.02
+
+
+def test_virtual_table_leaves_its_state_untouched(declared: TableParameters) -> None:
+    virtual = VirtualTable(declared, DT, 100.0, 0.004, 1.0)
+    state, _, _ = virtual.step(virtual.initial_state(), (0.0, 0.1, 0.0))
+    before = state.copy()
+    first, second = virtual.step(state, (0.0, 0.1, 1.0)), virtual.step(state, (0.0, 0.1, 1.0))
+    np.testing.assert_array_equal(state, before)
+    np.testing.assert_array_equal(first[0], second[0])
+
+
+def test_two_runs_of_the_loop_are_the_same_to_the_bit(declared: TableParameters, earthquake: Program) -> None:
+    runs = [
+        simulate_closed_loop(
+            Table(declared, DT, seed=7),
+            observer("model", declared),
+            controller("super_twisting_tuned", declared),
+            earthquake,
+            600,
+        )
+        for _ in range(2)
+    ]
+    np.testing.assert_array_equal(runs[0].command, runs[1].command)
+    np.testing.assert_array_equal(runs[0].truth, runs[1].truth)
+
+
+def test_loop_of_different_sample_times_is_refused(declared: TableParameters, earthquake: Program) -> None:
+    with pytest.raises(ShakeError, match="sample times"):
+        simulate_closed_loop(Table(declared, 0.002), None, controller("none"), earthquake, 10)
+
+
+def still_run(error: float) -> ClosedLoop:
+    """A run of two seconds whose position is off by `error` and whose reference has moved by 1 m from the start."""
+    reference = np.ones((2000, 3)) * [1.0, 0.0, 0.0]
+    reference[0, 0] = 0.0
+    truth = reference + np.array([error, 0.0, 0.0])
+    return ClosedLoop(DT, reference, truth, truth, np.linspace(0.0, 1.0, 2000), np.zeros((2000, 5)))
+
+
+def test_tuning_functional_is_the_integral_of_the_squares() -> None:
+    # (6.42) by hand: 0.1² m² over 2 s; the table at rest would have 1² m² over 1.999 s
+    run = still_run(0.1)
+    assert tracking_cost(run) == pytest.approx(0.02)
+    assert command_travel(run) == pytest.approx(1.0 / 1.999)
+    assert normalised_cost(run, 0.0) == pytest.approx(math.sqrt(0.02 / 1.999))
+
+
+def test_tuning_finds_the_gain_of_least_cost_and_keeps_its_sign() -> None:
+    gains, cost = tune({"gain": -3.0}, [lambda g: still_run(g["gain"] + 1.5)], travel_price=0.0, evaluations=80)
+    assert gains["gain"] == pytest.approx(-1.5, rel=1e-3)
+    assert cost < 1e-2
