@@ -47,9 +47,9 @@ def executables() -> list[str]:
 
 
 def configuration() -> list[tuple[str, list[str]]]:
-    """Every YAML file of config/ with the folder where it is installed."""
+    """Every file of config/ with the folder where it is installed."""
     files: dict[str, list[str]] = {}
-    for path in sorted((ROOT / "config").rglob("*.yaml")):
+    for path in sorted(path for path in (ROOT / "config").rglob("*") if path.is_file()):
         relative = path.relative_to(ROOT)
         files.setdefault(f"share/shake_ros/{relative.parent.as_posix()}", []).append(str(relative))
     return list(files.items())

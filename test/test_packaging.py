@@ -223,8 +223,10 @@ def test_every_configuration_file_and_the_ament_marker_are_installed(installatio
     files = dict(installation["data_files"])
     assert files["share/ament_index/resource_index/packages"] == ["resource/shake_ros"]
     assert files["share/shake_ros"] == ["package.xml"]
-    installed = {path for folder, paths in files.items() if "/config/" in folder for path in paths}
-    assert installed == {str(path.relative_to(ROOT)) for path in (ROOT / "config").rglob("*.yaml")}
+    installed = {
+        path for folder, paths in files.items() if folder.startswith("share/shake_ros/config") for path in paths
+    }
+    assert installed == {str(path.relative_to(ROOT)) for path in (ROOT / "config").rglob("*") if path.is_file()}
 
 
 def test_package_xml_agrees_with_the_package() -> None:

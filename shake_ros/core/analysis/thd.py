@@ -239,7 +239,7 @@ def _refined(t: Floats, y: Floats, frequency: float, K: int) -> float:
         gram, coefficients, rest = _fit(t, y, w, frequency, K)
         a, b = coefficients[1 : K + 1], coefficients[K + 1 :]
         slope = 2.0 * np.pi * t * _synthesis(t, frequency, k * b, -k * a)
-        across = slope - _model(t, frequency, np.linalg.solve(gram, _products(t, w * slope, frequency, K)))
+        across = slope - _model(t, frequency, _solve(gram, _products(t, w * slope, frequency, K)))
         change = float(across @ (w * rest)) / float(across @ (w * across))
         frequency += min(max(change, -reach / 4.0), reach / 4.0)
         if abs(frequency - start) > reach:
@@ -252,8 +252,12 @@ def _refined(t: Floats, y: Floats, frequency: float, K: int) -> float:
 def _fit(t: Floats, y: Floats, w: Floats, frequency: float, K: int) -> tuple[Floats, Floats, Floats]:
     """Gram matrix of (1, cos kωt, sin kωt) under the weights w, its coefficients for y, and what they leave of y."""
     gram = _gram(t, w, frequency, K)
-    coefficients = np.linalg.solve(gram, _products(t, w * y, frequency, K))
+    coefficients = _solve(gram, _products(t, w * y, frequency, K))
     return gram, coefficients, y - _model(t, frequency, coefficients)
+
+
+def _solve(gram: Floats, products: Floats) -> Floats:
+    return np.asarray(np.linalg.solve(gram, products), dtype=np.float64)
 
 
 def _gram(t: Floats, w: Floats, frequency: float, K: int) -> Floats:
