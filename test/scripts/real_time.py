@@ -9,6 +9,7 @@ machine is. `benchmarks/realtime.py` measures.
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import sys
 from pathlib import Path
@@ -48,7 +49,7 @@ def check(listener: Listener) -> list[str]:
     found = []
     measured = stamps(listener.messages("joint_states"))
     commands = stamps(listener.messages("valve_command"))
-    steps = [after - before for before, after in zip(measured, measured[1:], strict=False)]
+    steps = [after - before for before, after in itertools.pairwise(measured)]
     status = listener.status("plant")
     missed = int(status["missed_deadlines"])
     heard = sum(step // PERIOD - 1 for step in steps)
