@@ -17,7 +17,8 @@ from shake_ros.core.effects.presliding_friction import deflection
 from shake_ros.core.friction.armstrong import CODE as ARMSTRONG
 from shake_ros.core.friction.armstrong import dwelt
 from shake_ros.core.friction.selected import is_dynamic
-from shake_ros.core.plant.right_hand_side import active_states, contact_end, right_hand_side
+from shake_ros.core.plant.right_hand_side import active_states, chamber_pressure, contact_end, right_hand_side
+from shake_ros.core.plant.shear_frame import LARGEST_STOREYS
 from shake_ros.core.plant.states import (
     BRISTLE,
     CONTINUOUS,
@@ -30,7 +31,6 @@ from shake_ros.core.plant.states import (
     HELD_COMMAND,
     LAGGED_ACCELERATION,
     LAGGED_POSITION,
-    LARGEST_STOREYS,
     POSITION,
     PRESSURE_A,
     PRESSURE_B,
@@ -215,8 +215,8 @@ def outputs(p, y, acceleration, row):
     row[0] = position_sensor(p, y)
     row[1] = y[VELOCITY]
     row[2] = accelerometer(p, y, acceleration)
-    row[3] = y[PRESSURE_A]
-    row[4] = y[PRESSURE_B]
+    row[3] = chamber_pressure(p, y[PRESSURE_A])
+    row[4] = chamber_pressure(p, y[PRESSURE_B])
     row[5] = y[PRESSURE_SUPPLY] if p.supply_droop_resistance != 0.0 else p.supply_supply_pressure
     row[6] = y[SPOOL]
 

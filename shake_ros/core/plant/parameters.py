@@ -18,6 +18,9 @@ from shake_ros.core.effects import EFFECTS, Effect
 from shake_ros.core.friction import FRICTIONS, FrictionLaw
 from shake_ros.core.friction.packing import FRICTION_FIELDS, field_value, name_of
 from shake_ros.core.friction.tustin import Tustin
+from shake_ros.core.plant.cavitation import Cavitation
+from shake_ros.core.plant.pipelines import Pipelines
+from shake_ros.core.plant.shear_frame import ShearFrame
 from shake_ros.core.quantities import Parameters, ShakeError, quantity, unknown_name
 from shake_ros.core.valve.simplified import SimplifiedValve
 
@@ -82,7 +85,11 @@ SECTIONS: dict[str, type[Parameters]] = {
     "friction": FrictionLaw,
     "leakage": Leakage,
     "sensors": SensorParameters,
+    "cavitation": Cavitation,
+    "pipelines": Pipelines,
+    "frame": ShearFrame,
 }
+OPTIONAL = ("cavitation", "pipelines", "frame")  # absent by default, at no cost
 
 
 def parameter_names() -> Iterator[tuple[str, dataclasses.Field[Any]]]:
@@ -131,6 +138,9 @@ class TableParameters:
     friction: FrictionLaw
     leakage: Leakage
     sensors: SensorParameters
+    cavitation: Cavitation = dataclasses.field(default_factory=Cavitation)
+    pipelines: Pipelines = dataclasses.field(default_factory=Pipelines)
+    frame: ShearFrame = dataclasses.field(default_factory=ShearFrame)
     effects: Mapping[str, Effect] = dataclasses.field(default_factory=dict)
 
     @classmethod
@@ -141,10 +151,10 @@ class TableParameters:
         for key in mapping:
             if key not in SECTIONS and key != "effects":
                 raise unknown_name("section", key, [*SECTIONS, "effects"], where)
-        missing = [s for s in SECTIONS if s not in mapping]
+        missing = [s for s in SECTIONS if s not in mapping and s not in OPTIONAL]
         if missing:
             raise ShakeError(f"{where}: missing section {', '.join(missing)}")
-        sections = {s: section_from(s, mapping[s], f"{where}: {s}") for s in SECTIONS}
+        sections = {s: section_from(s, mapping[s], f"{where}: {s}") for s in SECTIONS if s in mapping}
         effects = {}
         given = mapping.get("effects") or {}
         if not isinstance(given, Mapping):
@@ -158,6 +168,9 @@ class TableParameters:
     def to_mapping(self) -> dict[str, Any]:
         """The tree as plain mappings, as a YAML file holds it."""
         tree: dict[str, Any] = {s: dataclasses.asdict(getattr(self, s)) for s in SECTIONS}
+        for section in OPTIONAL:
+            if getattr(self, section) == SECTIONS[section]():
+                del tree[section]
         if not isinstance(self.friction, Tustin):
             tree["friction"] = {"kind": name_of(self.friction)} | tree["friction"]
         if self.effects:

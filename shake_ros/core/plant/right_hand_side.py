@@ -32,6 +32,9 @@ from shake_ros.core.friction.selected import (
 )
 from shake_ros.core.friction.tustin import CODE as TUSTIN
 from shake_ros.core.friction.tustin import direction, level
+from shake_ros.core.plant.cavitation import acting_pressure
+from shake_ros.core.plant.pipelines import flow_rate, half_volume
+from shake_ros.core.plant.shear_frame import foot_force, storey_rates
 from shake_ros.core.plant.states import (
     BASE,
     BASE_RATE,
@@ -44,6 +47,10 @@ from shake_ros.core.plant.states import (
     FRICTION_RISE,
     LAGGED_ACCELERATION,
     LAGGED_POSITION,
+    LINE_FLOW_A,
+    LINE_FLOW_B,
+    LINE_PRESSURE_A,
+    LINE_PRESSURE_B,
     POSITION,
     PRESSURE_A,
     PRESSURE_B,
@@ -54,6 +61,7 @@ from shake_ros.core.plant.states import (
     SPECIMEN_RATE,
     SPOOL,
     SPOOL_RATE,
+    STOREY,
     VELOCITY,
 )
 from shake_ros.core.valve.ports import opening, sroot
@@ -63,6 +71,10 @@ from shake_ros.core.valve.simplified import spool_acceleration
 @njit
 def active_states(p):
     """Number of leading states that these parameters set in motion."""
+    if p.frame_storeys > 0.0:
+        return STOREY + 2 * int(p.frame_storeys)
+    if p.pipelines_length > 0.0:
+        return STOREY
     if (
         p.supply_droop_resistance != 0.0
         or p.film_friction_relief != 0.0
@@ -144,11 +156,36 @@ def end_stop_force(p, position, velocity):
 
 
 @njit
-def pressure_rates(p, y, piston, piston_velocity, rates):
+def chamber_pressure(p, liquid_pressure):
+    """Pressure that acts in a chamber, from the state [Pa]."""
+    return acting_pressure(liquid_pressure, p.cavitation_pressure, p.cavitation_width)
+
+
+@njit
+def pipeline_flows(p, y, p_a, p_b, p_s, rates):
+    """Flow into A, out of B and drawn from the supply [m³/s] with pipelines; their rates into `rates`."""
+    length, diameter, rho, eta = p.pipelines_length, p.pipelines_diameter, p.pipelines_density, p.pipelines_viscosity
+    p_1, p_2 = chamber_pressure(p, y[LINE_PRESSURE_A]), chamber_pressure(p, y[LINE_PRESSURE_B])
+    q_1, q_2, q_s = port_flows(p, y[SPOOL], p_1, p_2, p_s)
+    q_a, q_b = y[LINE_FLOW_A], y[LINE_FLOW_B]
+    stiffness = p.bulk_modulus_modulus / half_volume(length, diameter)
+    rates[LINE_PRESSURE_A] = stiffness * (q_1 - q_a)
+    rates[LINE_PRESSURE_B] = stiffness * (q_b - q_2)
+    rates[LINE_FLOW_A] = flow_rate(q_a, p_1, p_a, length, diameter, rho, eta)
+    rates[LINE_FLOW_B] = flow_rate(q_b, p_b, p_2, length, diameter, rho, eta)
+    return q_a, q_b, q_s
+
+
+@njit
+def pressure_rates(p, y, p_a, p_b, piston, piston_velocity, rates):
     """Ṗ_A and Ṗ_B (6.5), (6.6), (6.11) into `rates`; returns the flow drawn from the supply [m³/s]."""
-    p_a, p_b = y[PRESSURE_A], y[PRESSURE_B]
     p_s = y[PRESSURE_SUPPLY] if p.supply_droop_resistance != 0.0 else p.supply_supply_pressure
-    q_a, q_b, q_s = port_flows(p, y[SPOOL], p_a, p_b, p_s)
+    dead = p.dead_volume_volume
+    if p.pipelines_length > 0.0:
+        q_a, q_b, q_s = pipeline_flows(p, y, p_a, p_b, p_s, rates)
+        dead += half_volume(p.pipelines_length, p.pipelines_diameter)
+    else:
+        q_a, q_b, q_s = port_flows(p, y[SPOOL], p_a, p_b, p_s)
     e_0, p_0, m = p.bulk_modulus_modulus, p.bulk_modulus_reference_pressure, p.pressure_dependent_bulk_modulus_slope
     alpha, kappa = p.entrained_air_fraction, p.entrained_air_polytropic_exponent
     if m != 0.0 or alpha != 0.0:
@@ -162,8 +199,8 @@ def pressure_rates(p, y, piston, piston_velocity, rates):
         e_b *= h  # (6.19)
     half = 0.5 * p.body_cylinder_volume
     smallest = 0.02 * half  # the end stops keep the piston off the covers
-    v_a = max(half + p.body_piston_area * piston, smallest) + p.dead_volume_volume  # (6.11), (3.24)
-    v_b = max(half - p.body_piston_area * piston, smallest) + p.dead_volume_volume
+    v_a = max(half + p.body_piston_area * piston, smallest) + dead  # (6.11), (3.24)
+    v_b = max(half - p.body_piston_area * piston, smallest) + dead
     across = p.leakage_internal * (p_a - p_b)  # (3.25)
     if p.turbulent_leakage_coefficient != 0.0:
         across += p.turbulent_leakage_coefficient * sroot(p_a - p_b, p.valve_laminar_pressure)
@@ -196,7 +233,8 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
     split = n > DECLARED and p.coupling_backlash_gap > 0.0
     piston = x + y[ROD] if split else x
     piston_velocity = v + y[ROD_RATE] if split else v
-    q_s = pressure_rates(p, y, piston, piston_velocity, rates)
+    p_a, p_b = chamber_pressure(p, y[PRESSURE_A]), chamber_pressure(p, y[PRESSURE_B])
+    q_s = pressure_rates(p, y, p_a, p_b, piston, piston_velocity, rates)
 
     film, memory = (y[FILM], y[FRICTION_MEMORY]) if n > DECLARED else (0.0, 0.0)
     moved, velocity_start = x - start[POSITION], start[VELOCITY]
@@ -204,7 +242,7 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
         moved += y[ROD] - start[ROD]
         velocity_start += start[ROD_RATE]
     friction = friction_force(p, piston_velocity, piston, moved, start, velocity_start, memory, film)
-    pressure_force = p.body_piston_area * (y[PRESSURE_A] - y[PRESSURE_B])
+    pressure_force = p.body_piston_area * (p_a - p_b)
     on_table = external_force + p.constant_force_force - p.stiffness_to_ground_stiffness * x
     on_rod = pressure_force - friction + end_stop_force(p, piston, piston_velocity)
     mass = p.body_table_mass + p.body_specimen_mass + p.payload_error_mass + inertia(p, piston_velocity)  # (6.9)
@@ -222,6 +260,8 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
             p.specimen_resonance_damping,
         )
         mass = max(mass - p.specimen_resonance_mass, 0.02 * mass)
+    if p.frame_storeys > 0.0:
+        on_table += foot_force(y, STOREY, p.frame_stiffness, p.frame_damping)
     return extended_rates(p, y, q_s, on_rod, on_table, mass, split, rates)
 
 
@@ -281,6 +321,9 @@ def extended_rates(p, y, q_s, on_rod, on_table, mass, split, rates):
     rates[FILM] = 0.0
     if p.film_friction_relief != 0.0:
         rates[FILM] = film_rate(y[FILM], y[VELOCITY], p.film_friction_full_film_velocity, p.film_friction_time_constant)
+    if p.frame_storeys > 0.0:
+        storeys = int(p.frame_storeys)
+        storey_rates(y, STOREY, storeys, p.frame_mass, p.frame_stiffness, p.frame_damping, acceleration, rates)
     rates[FRICTION_MEMORY] = memory_rate(p, y[VELOCITY], y[FRICTION_MEMORY])
     tau_a = p.accelerometer_lag_time_constant
     rates[LAGGED_ACCELERATION] = (acceleration - y[LAGGED_ACCELERATION]) / max(tau_a, 1e-5) if tau_a > 0.0 else 0.0

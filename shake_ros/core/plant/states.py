@@ -7,6 +7,8 @@ of the friction laws, and the integrator's step.
 
 from __future__ import annotations
 
+from shake_ros.core.plant.shear_frame import LARGEST_STOREYS
+
 POSITION = 0  # x_p, piston relative to the base [m]
 VELOCITY = 1  # ẋ_p [m/s]
 PRESSURE_A = 2  # P_A [Pa]
@@ -31,7 +33,6 @@ LINE_FLOW_B = 18  # flow through the pipeline out of chamber B [m³/s]
 LINE_PRESSURE_A = 19  # pressure between valve and pipeline A [Pa]
 LINE_PRESSURE_B = 20  # pressure between valve and pipeline B [Pa]
 STOREY = 21  # displacement of the first storey relative to the table [m]; its rate, then the next storey's pair
-LARGEST_STOREYS = 10
 CONTINUOUS = STOREY + 2 * LARGEST_STOREYS  # number of continuous states, the length of work arrays
 HELD_COMMAND = CONTINUOUS  # spool command behind the play [-]
 BRISTLE = CONTINUOUS + 1  # relative pre-sliding deflection s at the step's start [-]

@@ -1,0 +1,240 @@
+"""Options of the plant beside the effects: cavitation, pipelines, a shear frame as the specimen; stiff cases."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from shake_ros.core.friction import FRICTIONS, lugre
+from shake_ros.core.plant.cavitation import acting_pressure
+from shake_ros.core.plant.parameters import OPTIONAL, TableParameters, records
+from shake_ros.core.plant.pipelines import flow_rate, half_volume, pressure_drop
+from shake_ros.core.plant.right_hand_side import right_hand_side
+from shake_ros.core.plant.shear_frame import ShearFrame, foot_force, natural_frequencies, storey_rates
+from shake_ros.core.plant.simulation import initial_state, run
+from shake_ros.core.plant.states import DECLARED, DEFLECTION, POSITION, STOREY, VELOCITY
+from shake_ros.settings import load_table, load_variant
+
+SAMPLE = 1e-3
+
+
+@pytest.fixture(scope="module")
+def table() -> TableParameters:
+    return load_table("bergamo")
+
+
+def nrmse(reference, result):
+    return float(np.std(result - reference) / np.std(reference))
+
+
+def test_an_option_that_is_not_used_does_not_stand_in_the_file(table):
+    assert not set(OPTIONAL) & set(table.to_mapping())
+    changed = table.with_values({"frame.storeys": 3})
+    again = TableParameters.from_mapping(changed.to_mapping(), "saved")
+    assert again.frame.storeys == 3
+    np.testing.assert_array_equal(again.vector(), changed.vector())
+
+
+# --- cavitation -------------------------------------------------------------------------------------------------
+
+
+def heavy(table, **values):
+    """A heavy specimen whose momentum empties a chamber when the valve closes at speed."""
+    changed = table.with_values({"body.specimen_mass": 3000.0, **values})
+    return run(changed, np.where(np.arange(600) < 150, 1.0, 0.0), SAMPLE)
+
+
+def test_no_chamber_falls_to_the_limit_or_below(table):
+    assert heavy(table)[:, 3:5].min() < 0.0  # without the option the liquid bears tension
+    bounded = heavy(table, **{"cavitation.pressure": 2e4, "cavitation.width": 6e4})
+    assert np.all(np.isfinite(bounded))
+    assert 2e4 <= bounded[:, 3:5].min() < 8e4
+
+
+def test_above_the_range_nothing_changes(table):
+    u = 0.3 * np.sin(2.0 * np.pi * 2.0 * np.arange(500) * SAMPLE)
+    with_it = table.with_values({"cavitation.pressure": 2e4, "cavitation.width": 6e4})
+    np.testing.assert_array_equal(run(with_it, u, SAMPLE), run(table, u, SAMPLE))
+
+
+def test_pressure_is_smooth_at_the_range_and_bounded_below():
+    limit, width = 2e4, 6e4
+    edge = limit + width
+    step = 1.0
+    slope = (acting_pressure(edge, limit, width) - acting_pressure(edge - step, limit, width)) / step
+    assert slope == pytest.approx(1.0, abs=1e-4)
+    assert acting_pressure(-1e12, limit, width) == limit
+
+
+def test_a_void_closes_before_the_pressure_rises_again(table):
+    """The oil that is missing has to come back before the chamber carries a pressure again."""
+    options = {"cavitation.pressure": 2e4, "cavitation.width": 6e4}
+    tight = run(
+        table.with_values({"body.specimen_mass": 3000.0, **options}),
+        np.where(np.arange(600) < 150, 1.0, 0.0),
+        SAMPLE,
+        tolerance=1e-9,
+    )
+    assert nrmse(tight[:, 2], heavy(table, **options)[:, 2]) < 1e-2
+    low = np.flatnonzero(tight[:, 3:5].min(axis=1) < 8e4)
+    assert len(low) > 5
+
+
+# --- pipelines --------------------------------------------------------------------------------------------------
+
+
+def test_pressure_drop_is_hagen_poiseuille_below_and_blasius_above():
+    length, d, rho, eta = 2.0, 0.012, 870.0, 0.028
+    area = math.pi * d**2 / 4.0
+    slow = 500.0 * eta / (rho * d) * area  # Re = 500
+    assert pressure_drop(slow, length, d, rho, eta) == pytest.approx(128.0 * eta * length * slow / (math.pi * d**4))
+    fast = 8000.0 * eta / (rho * d) * area
+    v = fast / area
+    assert pressure_drop(fast, length, d, rho, eta) == pytest.approx(
+        0.3164 / 8000.0**0.25 * length / d * rho / 2 * v**2
+    )
+    assert pressure_drop(-fast, length, d, rho, eta) == -pressure_drop(fast, length, d, rho, eta)
+
+
+def test_a_line_closed_at_one_end_rings_at_its_own_frequency():
+    length, d, rho, modulus = 2.0, 0.012, 870.0, 1.16e9
+    stiffness = modulus / half_volume(length, d)
+
+    def rates(_t, y):
+        return [-stiffness * y[1], flow_rate(y[1], y[0], 0.0, length, d, rho, 1e-4)]
+
+    t = np.linspace(0.0, 0.05, 2001)
+    p = solve_ivp(rates, (0.0, 0.05), [1e5, 0.0], t_eval=t, rtol=1e-8, atol=1e-12).y[0]
+    crossings = t[1:][np.diff(np.sign(p)) != 0]
+    omega = math.pi / np.diff(crossings).mean()
+    assert omega == pytest.approx(math.sqrt(2.0 * modulus / rho) / length, rel=0.02)
+
+
+def test_very_short_pipelines_change_next_to_nothing_and_long_ones_soften_the_table(table):
+    u = 0.3 * np.sin(2.0 * np.pi * 5.0 * np.arange(600) * SAMPLE)
+    plain = run(table, u, SAMPLE)
+    short = run(table.with_values({"pipelines.length": 0.02}), u, SAMPLE)
+    long = run(table.with_values({"pipelines.length": 3.0}), u, SAMPLE)
+    assert nrmse(plain[:, 1], short[:, 1]) < 0.02
+    assert nrmse(plain[:, 2], long[:, 2]) > 5.0 * nrmse(plain[:, 2], short[:, 2])
+    assert np.all(np.isfinite(long))
+
+
+# --- shear frame ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("storeys", [1, 2, 5, 10])
+def test_natural_frequencies_of_a_frame_are_the_closed_form(storeys):
+    frame = ShearFrame(storeys=storeys, mass=40.0, stiffness=1.5e5, damping=0.0)
+    matrix = np.zeros((2 * storeys, 2 * storeys))
+    for i, unit in enumerate(np.eye(2 * storeys)):
+        storey_rates(unit, 0, storeys, frame.mass, frame.stiffness, frame.damping, 0.0, matrix[i])
+    found = np.sort(np.abs(np.linalg.eigvals(matrix.T).imag))[::2]
+    np.testing.assert_allclose(found, natural_frequencies(frame), rtol=1e-9)
+
+
+def test_a_rigid_frame_is_a_mass_on_the_table(table):
+    u = 0.2 * np.sin(2.0 * np.pi * 3.0 * np.arange(800) * SAMPLE)
+    frame = {"frame.storeys": 2, "frame.mass": 75.0, "frame.stiffness": 2e8, "frame.damping": 2e5}
+    rigid = run(table.with_values({"body.specimen_mass": 350.0}), u, SAMPLE)
+    assert nrmse(rigid[:, 2], run(table.with_values(frame), u, SAMPLE)[:, 2]) < 0.01
+
+
+def test_one_storey_equals_the_specimen_resonance_of_the_same_mass(table):
+    u = 0.2 * np.sin(2.0 * np.pi * 6.0 * np.arange(800) * SAMPLE)
+    omega = 2.0 * math.pi * 8.0
+    effect = {"effects.specimen_resonance.mass": 100.0, "effects.specimen_resonance.frequency": 8.0}
+    frame = {
+        "body.specimen_mass": 100.0,
+        "frame.storeys": 1,
+        "frame.mass": 100.0,
+        "frame.stiffness": 100.0 * omega**2,
+        "frame.damping": 2.0 * 0.03 * omega * 100.0,
+    }
+    expected = run(table.with_values(effect), u, SAMPLE)
+    assert nrmse(expected[:, 2], run(table.with_values(frame), u, SAMPLE)[:, 2]) < 1e-3
+
+
+def test_foot_force_is_spring_and_damper():
+    y = np.array([0.0, 0.0, 2e-3, 0.5])
+    assert foot_force(y, 2, 1e5, 10.0) == pytest.approx(205.0)
+    assert STOREY > DECLARED
+
+
+# --- friction laws in the plant ---------------------------------------------------------------------------------
+
+
+def with_law(table, name):
+    return dataclasses.replace(table, friction=load_variant("friction", name, FRICTIONS)[1])
+
+
+def radau(table, commands, dt):
+    """The table with the bristle deflection as an ordinary state, (3.42), by Radau; acceleration at the samples."""
+    vector = table.vector()
+    p = records(vector)[0]
+    start = initial_state(vector)
+    y = np.append(start[:DECLARED], 0.0)
+    sigma_0 = table.friction.contact_stiffness
+    out, work = [], np.zeros(DECLARED)
+
+    def rates(_t, y):
+        here = start.copy()
+        here[:DECLARED], here[DEFLECTION] = y[:DECLARED], y[-1]
+        right_hand_side(p, here, here, wanted, 0.0, DECLARED, work)
+        v = y[VELOCITY]
+        return np.append(work, v - sigma_0 * abs(v) * y[-1] / lugre.level(p, v, 0.0))
+
+    for u in commands:
+        wanted = u - 1e-3 * np.sign(u)  # behind the play of the hysteresis, commands that only change sign
+        out.append([*y, rates(0.0, y)[VELOCITY]])
+        scale = np.array([1e-7, 1e-6, 1.0, 1.0, 1e-7, 1e-4, 1e-12])
+        y = solve_ivp(rates, (0.0, dt), y, method="Radau", rtol=1e-8, atol=scale).y[:, -1]
+    return np.array(out)
+
+
+def test_lugre_with_its_stiff_bristles_is_within_a_hundredth_of_radau(table):
+    table = with_law(table, "lugre")
+    dt = 5e-3
+    commands = np.repeat([0.1, -0.1, 0.05, -0.2], 12)
+    expected = radau(table, commands, dt)
+    result = run(table, commands, dt)
+    assert nrmse(expected[:, POSITION], result[:, 0]) < 1e-3
+    assert nrmse(expected[:, VELOCITY], result[:, 1]) < 5e-3
+    assert nrmse(expected[:, -1], result[:, 2]) < 1e-2
+
+
+@pytest.mark.parametrize("name", FRICTIONS)
+def test_every_law_drives_the_table_and_does_not_depend_on_the_tolerance(table, name):
+    table = with_law(table, name)
+    u = 0.3 * np.sin(2.0 * np.pi * 2.0 * np.arange(700) * SAMPLE)
+    tight = run(table, u, SAMPLE, tolerance=1e-8)
+    assert np.all(np.isfinite(tight))
+    assert nrmse(tight[:, 2], run(table, u, SAMPLE)[:, 2]) < 1e-2
+
+
+def test_bergamo_with_lugre_survives_its_file(table):
+    changed = with_law(table, "lugre")
+    assert changed.to_mapping()["friction"]["kind"] == "lugre"
+    again = TableParameters.from_mapping(changed.to_mapping(), "saved")
+    assert again.friction == changed.friction
+
+
+def test_the_table_sticks_below_the_break_away_force(table):
+    result = run(with_law(table, "lugre"), np.full(3000, 4e-3), SAMPLE)
+    force = table.body.piston_area * (result[-1, 3] - result[-1, 4])
+    assert 1000.0 < force < 2115.4
+    assert abs(result[-1, 1]) < 1e-9
+
+
+def test_the_table_sticks_and_slips_at_one_millimetre_per_second(table):
+    """Commanded to creep, the oil's spring and the falling friction take turns."""
+    velocity = run(with_law(table, "lugre"), np.full(6000, 5.2e-3), SAMPLE)[3000:, 1]
+    assert velocity.mean() == pytest.approx(1.5e-3, abs=0.6e-3)
+    assert int(np.sum((velocity[1:] > 3e-4) & (velocity[:-1] <= 3e-4))) > 20
+    even = run(with_law(table, "tustin"), np.full(6000, 2.2e-3), SAMPLE)[3000:, 1]
+    assert even.mean() == pytest.approx(1.0e-3, abs=0.6e-3)
+    assert np.ptp(even) < 0.05 * even.mean()
