@@ -16,20 +16,38 @@ derivative of V(P).
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
+import numpy as np
+
+from shake_ros.core.bulk_modulus.law import BulkModulusLaw
 from shake_ros.core.compiled import njit
+from shake_ros.core.quantities import quantity
 
 LOWEST_PRESSURE = 1.0e3  # [Pa] the laws of mixture are not evaluated below this
+
+
+@dataclass(frozen=True)
+class Ifas(BulkModulusLaw):
+    """Parameters of (2.32)."""
+
+    modulus: float = quantity("Pa", "bulk modulus E_0 of the liquid at P_0", low=1e6, high=1e11)
+    slope: float = quantity("-", "rise of the liquid's modulus per pressure m", low=0.0, high=300.0)
+    fraction: float = quantity("-", "volume fraction α of free air at P_0", low=0.0, high=0.3)
+    polytropic_exponent: float = quantity("-", "polytropic exponent κ of the air", low=0.3, high=2.0)
+    reference_pressure: float = quantity("Pa", "initial pressure P_0", low=1e3, high=1e7)
+
+    def at(self, pressure: np.ndarray) -> np.ndarray:
+        numbers = (self.modulus, self.slope, self.fraction, self.polytropic_exponent, self.reference_pressure)
+        flat = [bulk_modulus(p, *numbers) for p in np.ravel(pressure)]
+        return np.array(flat, dtype=float).reshape(np.shape(pressure))
 
 
 @njit
 def relative_volume(pressure, e_0, m, alpha, kappa, p_0):
     """Volume of the mixture relative to the one at P_0 (2.32) [-]."""
     p = max(pressure, LOWEST_PRESSURE)
-    if m > 1e-9:
-        liquid = (1.0 + m * (p - p_0) / e_0) ** (-1.0 / m)
-    else:
-        liquid = math.exp(-(p - p_0) / e_0)
+    liquid = (1.0 + m * (p - p_0) / e_0) ** (-1.0 / m) if m > 1e-9 else math.exp(-(p - p_0) / e_0)
     return (1.0 - alpha) * liquid + alpha * (p_0 / p) ** (1.0 / kappa)
 
 
@@ -40,10 +58,7 @@ def bulk_modulus(pressure, e_0, m, alpha, kappa, p_0):
     liquid_modulus = max(e_0 + m * (p - p_0), 1e-2 * e_0)  # (2.28)
     if alpha <= 0.0:
         return liquid_modulus
-    if m > 1e-9:
-        liquid = (liquid_modulus / e_0) ** (-1.0 / m)
-    else:
-        liquid = math.exp(-(p - p_0) / e_0)
+    liquid = (liquid_modulus / e_0) ** (-1.0 / m) if m > 1e-9 else math.exp(-(p - p_0) / e_0)
     air = alpha * (p_0 / p) ** (1.0 / kappa)
     volume = (1.0 - alpha) * liquid + air
     slope = (1.0 - alpha) * liquid / liquid_modulus + air / (kappa * p)  # −dV/dP

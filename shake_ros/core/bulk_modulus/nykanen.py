@@ -1,0 +1,48 @@
+"""Bulk modulus of liquid and air after Nykänen, (2.30).
+
+    V(P) = α r^(1/κ) + (1−α) / (1 + (P−P_0)/Ē),  r = P_0/P
+    E(P) = V² / [α r^(1/κ)/(κ P) + (1−α) / (Ē (1 + (P−P_0)/Ē)²)] = V² / (−dV/dP)
+
+The square keeps a liquid without air at Ē: its volume belongs to a density that is linear in pressure.
+Range: P > 0, Ē constant. Source: thesis, section 2.4.1. Verified against a numerical derivative of V(P).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shake_ros.core.bulk_modulus.law import BulkModulusLaw
+from shake_ros.core.compiled import njit
+from shake_ros.core.quantities import quantity
+
+
+@dataclass(frozen=True)
+class Nykanen(BulkModulusLaw):
+    """Parameters of (2.30)."""
+
+    modulus: float = quantity("Pa", "bulk modulus Ē of the liquid without air", low=1e6, high=1e11)
+    fraction: float = quantity("-", "volume fraction α of free air at P_0", low=0.0, high=0.3)
+    polytropic_exponent: float = quantity("-", "polytropic exponent κ of the air", low=0.3, high=2.0)
+    reference_pressure: float = quantity("Pa", "initial pressure P_0", low=1e3, high=1e7)
+
+    def at(self, pressure: np.ndarray) -> np.ndarray:
+        p = np.asarray(pressure, dtype=float)
+        return np.asarray(
+            bulk_modulus(p, self.modulus, self.fraction, self.polytropic_exponent, self.reference_pressure)
+        )
+
+
+@njit
+def relative_volume(pressure, e_liquid, alpha, kappa, p_0):
+    """Volume of the mixture relative to the one at P_0 (2.30) [-]."""
+    return alpha * (p_0 / pressure) ** (1.0 / kappa) + (1.0 - alpha) / (1.0 + (pressure - p_0) / e_liquid)
+
+
+@njit
+def bulk_modulus(pressure, e_liquid, alpha, kappa, p_0):
+    """Bulk modulus of the mixture (2.30) [Pa]."""
+    air = alpha * (p_0 / pressure) ** (1.0 / kappa) / (kappa * pressure)
+    liquid = (1.0 - alpha) / (e_liquid * (1.0 + (pressure - p_0) / e_liquid) ** 2)
+    return relative_volume(pressure, e_liquid, alpha, kappa, p_0) ** 2 / (air + liquid)  # (2.30)
