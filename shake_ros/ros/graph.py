@@ -1,7 +1,7 @@
 """Several nodes as one: separate processes, or all in this process. Nothing outlives the caller.
 
-Used by the demo, the tests and the scripts; no launch file. In lock-step the plant is told which readers to
-wait for, so that a recording has every sample from the first.
+Used by the demo, the tests and the scripts; no launch file. The plant is told which readers to wait for, so
+that no loop starts half and a lock-step recording has every sample from the first.
 """
 
 from __future__ import annotations
@@ -20,11 +20,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO
 
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from shake_ros.__main__ import NODES
 from shake_ros.core.quantities import unknown_name
-from shake_ros.ros.interface import NAMESPACE, TOPICS
+from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, TOPICS
 from shake_ros.ros.loop import Loop, build_node, ros_context
 
 PR_SET_PDEATHSIG = 1
@@ -32,6 +34,7 @@ POLL = 0.02  # [s]
 GRACE = 10.0  # a node may take so long [s] to end after SIGINT
 ROOT = Path(__file__).resolve().parents[2]
 LEADER = "plant"  # its end is the end of a run
+CLOCKED = ("reference_generator",)  # keep a time of their own in real time
 LAST = ("recorder",)  # stopped after all that it may still hear from
 
 # Which sampled topics a node reads, for the plant to wait for.
@@ -133,9 +136,9 @@ class Graph:
         self._logs: dict[str, IO[bytes]] = {}
 
     def extra(self, node: NodeSpec) -> dict[str, bool | int | float | str]:
-        """Parameters that every node of this graph gets; the plant waits for the readers in lock-step."""
+        """Parameters that every node of this graph gets; what keeps the time waits until all the others are there."""
         common: dict[str, bool | int | float | str] = {"lockstep": self.lockstep}
-        if node.executable == LEADER and self.lockstep:
+        if node.executable == LEADER or (node.executable in CLOCKED and not self.lockstep):
             common["wait_for"] = awaited(self.nodes)
         return common
 
@@ -194,20 +197,25 @@ class Graph:
             tail = "\n".join(self.output(name).strip().splitlines()[-8:])
             raise GraphError(f"node {name} ended with exit code {code}\n{tail}")
 
-    def wait_until_ready(self, timeout: float = 30.0) -> None:
-        """Return when every node is seen on the network."""
-        wanted = {node.name or node.executable for node in self.nodes}
+    def wait_until_ready(self, timeout: float = 120.0) -> None:
+        """Return when every node has reported on /diagnostics, so has read its parameters, compiled and started."""
+        wanted = {f"{self.namespace.strip('/')}/{node.name or node.executable}" for node in self.nodes}
         deadline = time.monotonic() + timeout
+
+        def heard(message: DiagnosticArray) -> None:
+            wanted.difference_update(status.name.partition(":")[0] for status in message.status)
+
         with ros_context([], domain_id=self.domain_id) as context:
-            probe = Node("graph_probe", namespace=self.namespace, context=context, start_parameter_services=False)
-            while True:
+            probe = Node("graph_probe", context=context, start_parameter_services=False)
+            probe.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, heard, DIAGNOSTICS.qos(self.lockstep))
+            executor = SingleThreadedExecutor(context=context)
+            executor.add_node(probe)
+            while wanted:
                 self.check()
-                names = {name for name, space in probe.get_node_names_and_namespaces() if space == self.namespace}
-                if wanted <= names:
-                    break
                 if time.monotonic() > deadline:
-                    raise GraphError(f"not seen after {timeout:g} s: {', '.join(sorted(wanted - names))}")
-                time.sleep(POLL)
+                    raise GraphError(f"not started after {timeout:g} s: {', '.join(sorted(wanted))}")
+                executor.spin_once(timeout_sec=POLL)
+            executor.shutdown()
             probe.destroy_node()
 
     def wait(self, timeout: float, leader: str = LEADER) -> None:

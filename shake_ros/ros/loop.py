@@ -121,6 +121,7 @@ class Loop:
         while waiting and self._alive():
             for behaviour in [one for one in waiting if one.frame.ready()]:
                 waiting.remove(behaviour)
+                behaviour.frame.diagnostics.publish()
                 behaviour.start()
                 if behaviour.ticks:
                     ticking.append(behaviour)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from shake_ros.__main__ import NODES
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import Parameters, ShakeError, UnknownName, choice, quantity
@@ -159,28 +159,30 @@ def configured(kind: str) -> list[str]:
     return sorted(path.stem for path in (config_folder() / kind).glob("*.yaml"))
 
 
+def load(kind: str, name: str) -> Parameters:
+    """The parameters of a configuration, whose names become ROS parameters beside the node's own."""
+    if kind == "table":
+        return load_table(name)
+    if kind == "reference":
+        return load_reference(name).parameters
+    return load_variant(kind, name, {"controller": CONTROLLERS, "observer": OBSERVERS}[kind])[1]
+
+
+OWN = {
+    "table": PlantParameters,
+    "controller": ControllerNodeParameters,
+    "observer": ObserverNodeParameters,
+    "reference": ReferenceNodeParameters,
+}
 COMMON = {*flatten(LoopParameters(False, 1000.0, "")), *flatten(RealtimeParameters(False, 1), "realtime.")}
 
 
-@pytest.mark.parametrize(
-    ("own", "names"),
-    [
-        (PlantParameters, [set(flatten(load_table(name))) for name in configured("table")]),
-        (ControllerNodeParameters, [{*flatten(load_variant("controller", n, CONTROLLERS)[1])} for n in configured("controller")]),
-        (ObserverNodeParameters, [{*flatten(load_variant("observer", n, OBSERVERS)[1])} for n in configured("observer")]),
-        (ReferenceNodeParameters, [{*flatten(load_reference(n).parameters)} for n in configured("reference")]),
-    ],
-    ids=["plant", "controller", "observer", "reference_generator"],
-)  # fmt: skip
-def test_no_configuration_has_a_name_that_the_node_uses_itself(own, names) -> None:
-    used = {*own.__dataclass_fields__, *COMMON}
+@pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in OWN for name in configured(kind)])
+def test_no_configuration_has_a_name_that_the_node_uses_itself(kind, name) -> None:
+    names = set(flatten(load(kind, name)))
     assert names
-    for one in names:
-        assert not used & one
+    assert not names & {*OWN[kind].__dataclass_fields__, *COMMON}
 
 
 def test_every_node_configuration_is_read_by_a_node() -> None:
-    folder = Path(config_folder() / "node")
-    from shake_ros.__main__ import NODES
-
-    assert {path.stem for path in folder.glob("*.yaml")} <= {"common", *NODES}
+    assert {path.stem for path in (config_folder() / "node").glob("*.yaml")} <= {"common", *NODES}

@@ -1,0 +1,40 @@
+"""The scripts that a person runs, run by the suite."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPTS = ROOT / "test" / "scripts"
+TIMEOUT = 240.0
+
+
+def run(script: str, *arguments: str) -> str:
+    """Run a script as a person does; returns what it printed, fails with it where the exit status is not 0."""
+    done = subprocess.run(
+        [sys.executable, str(SCRIPTS / script), *arguments],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        timeout=TIMEOUT,
+        check=False,
+    )
+    assert done.returncode == 0, f"{script} ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def test_closed_loop_in_lockstep_is_the_same_every_time(ros_domain) -> None:
+    assert "the same in every run" in run("same_every_time.py", "--seconds", "2.0")
+
+
+@pytest.mark.parametrize("scheduling", [(), ("--fifo",)], ids=["usual scheduling", "SCHED_FIFO"])
+def test_closed_loop_in_real_time_keeps_its_books(ros_domain, scheduling) -> None:
+    assert "missed deadlines counted" in run("real_time.py", "--seconds", "3.0", *scheduling)
+
+
+def test_table_answers_bad_commands(ros_domain) -> None:
+    assert "every answer as it should be" in run("bad_commands.py")
