@@ -34,7 +34,7 @@ POLL = 0.02  # [s]
 GRACE = 10.0  # a node may take so long [s] to end after SIGINT
 ROOT = Path(__file__).resolve().parents[2]
 LEADER = "plant"  # its end is the end of a run
-CLOCKED = ("reference_generator",)  # keep a time of their own in real time
+CLOCKED = ("reference_generator",)  # keep a time of their own in real time, and read nothing then
 LAST = ("recorder",)  # stopped after all that it may still hear from
 
 # Which sampled topics a node reads, for the plant to wait for.
@@ -86,10 +86,12 @@ def _yaml(value: bool | int | float | str) -> str:
     return repr(value)
 
 
-def awaited(nodes: Sequence[NodeSpec]) -> str:
+def awaited(nodes: Sequence[NodeSpec], lockstep: bool) -> str:
     """The plant's `wait_for`: how many readers each topic has in this graph."""
     counts: dict[str, int] = {}
     for node in nodes:
+        if node.executable in CLOCKED and not lockstep:
+            continue
         for topic in (*READS.get(node.executable, ()), *_recorded(node), *node.reads):
             counts[topic] = counts.get(topic, 0) + 1
     return " ".join(f"{topic}:{count}" for topic, count in sorted(counts.items()))
@@ -139,7 +141,7 @@ class Graph:
         """Parameters that every node of this graph gets; what keeps the time waits until all the others are there."""
         common: dict[str, bool | int | float | str] = {"lockstep": self.lockstep}
         if node.executable == LEADER or (node.executable in CLOCKED and not self.lockstep):
-            common["wait_for"] = awaited(self.nodes)
+            common["wait_for"] = awaited(self.nodes, self.lockstep)
         return common
 
     def __enter__(self) -> Graph:

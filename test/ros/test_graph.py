@@ -34,10 +34,16 @@ def test_unknown_node_is_an_error_that_lists_the_known_ones() -> None:
 
 def test_plant_waits_for_every_reader_of_the_graph() -> None:
     nodes = [NodeSpec("plant"), NodeSpec("observer"), NodeSpec("reference_generator", reads=("truth",))]
-    assert awaited(nodes) == "joint_states:2 truth:1 valve_command:2"
-    everything = awaited([NodeSpec("recorder")]).split()
+    assert awaited(nodes, lockstep=True) == "joint_states:2 truth:1 valve_command:2"
+    everything = awaited([NodeSpec("recorder")], lockstep=True).split()
     assert {item.removesuffix(":1") for item in everything} == {t.name for t in TOPICS.values() if t.sampled}
-    assert awaited([NodeSpec("recorder", {"topics": "imu thd"})]) == "imu:1"
+    assert awaited([NodeSpec("recorder", {"topics": "imu thd"})], lockstep=True) == "imu:1"
+
+
+def test_generator_in_real_time_has_a_clock_of_its_own_and_is_not_awaited() -> None:
+    assert awaited([NodeSpec("reference_generator"), NodeSpec("observer")], lockstep=False) == (
+        "joint_states:1 valve_command:1"
+    )
 
 
 def test_parameters_remaps_and_names_become_ros_arguments() -> None:
