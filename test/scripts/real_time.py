@@ -40,7 +40,7 @@ def nodes(seconds: float, fifo: bool) -> list[NodeSpec]:
         NodeSpec("observer", common),
         NodeSpec("controller", common),
         # a slow machine must not end the run in a safe hold
-        NodeSpec("plant", {**common, "duration": seconds, "stale_after": 0.5}, reads=("joint_states", "truth")),
+        NodeSpec("plant", {**common, "duration": seconds, "stale_after": 0.5}, reads=TOPICS[:-1]),
     ]
 
 
