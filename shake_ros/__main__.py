@@ -37,6 +37,12 @@ ENTRY_POINTS: dict[str, Entry] = {
     "controller": Entry("shake_ros.ros.controller_node", "follows the reference with the valve command"),
     "recorder": Entry("shake_ros.ros.recorder_node", "everything named into a rosbag2 recording; --recover PATH"),
     "player": Entry("shake_ros.ros.player_node", "a recording's messages again, with the recorded timing"),
+    "demo": Entry("shake_ros.cli.demo", "the main job end to end: measured data, loop, missing effect, tracking"),
+    "identify": Entry("shake_ros.cli.identify", "fit the declared model to recordings"),
+    "close_loop": Entry("shake_ros.cli.close_loop", "find what the declared model lacks, add it, before and after"),
+    "import_csv": Entry("shake_ros.cli.import_csv", "a laboratory's table of columns becomes a recording"),
+    "thd": Entry("shake_ros.cli.thd", "harmonic table of a recording"),
+    "record_scale": Entry("shake_ros.cli.record_scale", "read, correct and scale an accelerogram into the envelope"),
 }
 NODES = {name: entry for name, entry in ENTRY_POINTS.items() if entry.is_node}
 COMMANDS = {name: entry for name, entry in ENTRY_POINTS.items() if not entry.is_node}

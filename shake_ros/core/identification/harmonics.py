@@ -60,7 +60,7 @@ class HarmonicProblem:
     """
 
     def __init__(
-        self, runs: list[HarmonicRun], sample_time: float = 1e-3, settle: float = 1.0, window: float = 1.0
+        self, runs: list[HarmonicRun], sample_time: float = 1e-3, settle: float = 0.5, window: float = 0.5
     ) -> None:
         self.runs = runs
         self.sample_time = sample_time

@@ -1,0 +1,126 @@
+"""Which effect explains harmonic amplitudes that a real table left behind (tables 6.1 and 6.2)?
+
+The declared model is fitted to all amplitudes, then extended by one variant after the other; the variant with the lowest
+Bayesian information criterion n ln(mean square) + p ln n wins, so a variant with more parameters has to earn them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
+from shake_ros.core.identification.harmonics import HarmonicProblem
+from shake_ros.core.plant.parameters import TableParameters
+
+SHORT, LONG = 12, 30  # most trial points of a first fit and of a final one
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to extend the declared model: the effect it stands for, parameters it frees, values to try first."""
+
+    name: str
+    effect: str
+    free: tuple[FreeParameter, ...]
+    trials: tuple[Mapping[str, float], ...]
+
+
+@dataclass(frozen=True)
+class FittedVariant:
+    """A fitted variant; `name` is empty for the declared model."""
+
+    name: str
+    effect: str
+    fit: Fit
+
+    @property
+    def rms(self) -> float:
+        """Root mean square error of the amplitudes [m/s²]."""
+        return float(np.sqrt(np.mean(self.fit.residuals**2)))
+
+    @property
+    def criterion(self) -> float:
+        """Bayesian information criterion [-]."""
+        n, p = len(self.fit.residuals), len(self.fit.x)
+        return n * math.log(self.rms**2) + p * math.log(n)
+
+
+@dataclass(frozen=True)
+class MeasuredRuns:
+    """The declared model and all variants, the best variant first."""
+
+    problem: HarmonicProblem
+    declared: FittedVariant
+    variants: tuple[FittedVariant, ...]
+
+    @property
+    def best(self) -> FittedVariant:
+        """What explains the measurement best: the declared model itself where no variant earns its parameters."""
+        return min((self.declared, *self.variants), key=lambda v: v.criterion)
+
+    def amplitudes(self, fitted: FittedVariant) -> np.ndarray:
+        """Simulated amplitudes of a fitted variant, in the order of the measured ones [m/s²]."""
+        return np.asarray(self.problem.simulated(fitted.fit.free.vectors(fitted.fit.x))[0])
+
+
+def spread(
+    free: FreeParameters, centres: Sequence[np.ndarray], count: int, rng: np.random.Generator, octaves: float = 2.0
+) -> np.ndarray:
+    """`count` starts: the centres themselves, then random multiples of them within 2^±octaves."""
+    rows = list(centres)[:count]
+    while len(rows) < count:
+        centre = centres[len(rows) % len(centres)]
+        rows.append(np.maximum(np.abs(centre), 0.3) * 2.0 ** rng.uniform(-octaves, octaves, len(centre)))
+    return np.asarray(np.clip(np.array(rows), free.low, free.high))
+
+
+def best_of(
+    problem: HarmonicProblem, free: FreeParameters, centres: Sequence[np.ndarray], count: int, refined: int, seed: int
+) -> Fit:
+    """Fit from the best few of many starts."""
+    starts = spread(free, centres, count, np.random.default_rng(seed))
+    rows = np.nan_to_num(problem.residuals(free.vectors(starts)), nan=1e3)
+    order = np.argsort(np.sum(rows**2, axis=1))[:refined]
+    short = [fit(problem, free, starts[i], evaluations=SHORT, tolerance=1e-3) for i in order]
+    best = min(short, key=lambda f: f.cost)
+    return fit(problem, free, best.x, evaluations=LONG, tolerance=1e-4)
+
+
+def study(
+    table: TableParameters,
+    free: Sequence[FreeParameter],
+    variants: Sequence[Variant],
+    problem: HarmonicProblem,
+    progress: Progress,
+    starts: int = 48,
+    refined: int = 3,
+) -> MeasuredRuns:
+    """Fit the declared model and every variant.
+
+    Parameters
+    ----------
+    table : declared table. free : its parameters that may move. variants : extensions to try.
+    starts, refined : random starts looked at, and how many of the best are fitted, for each model.
+    """
+    declared_free = FreeParameters(table, free)
+    progress("declared model", 0.0)
+    declared = best_of(problem, declared_free, [declared_free.start()], 2 * starts, refined + 2, 0)
+    result = []
+    for i, variant in enumerate(variants):
+        progress(variant.name, (i + 1) / (len(variants) + 1))
+        extended = FreeParameters(declared_free.table(declared.x), [*free, *variant.free])
+        centres = []
+        for values in variant.trials:
+            for others in (declared.x, declared_free.start()):
+                x = extended.x_of(values)
+                x[: len(others)] = others
+                centres.append(x)
+        best = best_of(problem, extended, centres, starts, refined, i + 1)
+        result.append(FittedVariant(variant.name, variant.effect, best))
+    return MeasuredRuns(problem, FittedVariant("", "", declared), tuple(sorted(result, key=lambda v: v.criterion)))

@@ -1,0 +1,93 @@
+"""Figures of the demo: harmonic bars of the measured runs, tracking before and after, and the overview."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from shake_ros.core.discovery.closing import ClosedLoop
+from shake_ros.core.discovery.measured_runs import MeasuredRuns
+from shake_ros.core.identification.recordings import Record
+from shake_ros.data.recordings import TableRecording
+from shake_ros.report.figures_fit import AFTER, BEFORE, MEASURED, free_runs, liveliest, tidy
+from shake_ros.report.page import png
+
+
+def harmonic_axes(axes: Axes, runs: MeasuredRuns, index: int) -> None:
+    """Bars of one measured run: measured, declared model, best variant."""
+    run = runs.problem.runs[index]
+    first = sum(len(r.orders) for r in runs.problem.runs[:index])
+    span = slice(first, first + len(run.orders))
+    curves = (
+        (run.measured, MEASURED, "measured on the table"),
+        (runs.amplitudes(runs.declared)[span], BEFORE, "declared model"),
+        (runs.amplitudes(runs.best)[span], AFTER, f"with {runs.best.name or 'nothing added'}"),
+    )
+    place = np.arange(len(run.orders))
+    for i, (values, colour, label) in enumerate(curves):
+        axes.bar(place + (i - 1) * 0.27, values, width=0.25, color=colour, label=label)
+    axes.set_xticks(place, [str(k) for k in run.orders])
+    axes.set_yscale("log")
+    axes.set_ylim(0.04, 20.0)
+    axes.set_title(f"u = {run.amplitude:g} sin(2π {run.frequency:g} t)", fontsize=10)
+    tidy(axes, "harmonic", "")
+
+
+def harmonics_figure(runs: MeasuredRuns) -> Figure:
+    """All measured runs side by side."""
+    figure = Figure(figsize=(12.5, 3.4), layout="constrained")
+    row = figure.subplots(1, len(runs.problem.runs), sharey=True)
+    for i, axes in enumerate(row):
+        harmonic_axes(axes, runs, i)
+    row[0].set_ylabel("acceleration amplitude [m/s²]")
+    figure.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def tracking_axes(axes: Axes, before: TableRecording, after: TableRecording) -> None:
+    """Position error of the true motion, before and after [mm]."""
+    for recording, colour, label in ((before, BEFORE, "declared model inside"), (after, AFTER, "extended model inside")):
+        assert recording.reference is not None and recording.truth is not None
+        error = 1e3 * (recording.truth[:, 0] - recording.reference[:, 0])
+        axes.plot(recording.time, error, color=colour, linewidth=1.0, label=label)
+    tidy(axes, "time [s]", "position error [mm]")
+    axes.legend(frameon=False, loc="upper right", fontsize=9)
+
+
+def tracking_figure(before: TableRecording, after: TableRecording) -> Figure:
+    """Reference and true position, and the errors before and after."""
+    figure = Figure(figsize=(9.5, 5.0), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    assert before.reference is not None and before.truth is not None
+    upper.plot(before.time, 1e3 * before.reference[:, 0], color=MEASURED, linewidth=1.4, label="reference")
+    upper.plot(before.time, 1e3 * before.truth[:, 0], color=BEFORE, linewidth=1.0, label="table, declared model inside")
+    tidy(upper, "", "position [mm]")
+    upper.legend(frameon=False, loc="upper right")
+    tracking_axes(lower, before, after)
+    return figure
+
+
+def overview(runs: MeasuredRuns, result: ClosedLoop, hold: list[Record], before: TableRecording, after: TableRecording) -> bytes:
+    """One picture of the whole result as PNG: harmonics, held-out acceleration, tracking error."""
+    figure = Figure(figsize=(12.5, 7.2), layout="constrained")
+    grid = figure.add_gridspec(2, 2)
+    bars = figure.add_subplot(grid[0, 0])
+    harmonic_axes(bars, runs, 0)
+    bars.set_ylabel("acceleration amplitude [m/s²]")
+    bars.set_title(f"real table, u = {runs.problem.runs[0].amplitude:g} at {runs.problem.runs[0].frequency:g} Hz", fontsize=10)
+    bars.legend(frameon=False, fontsize=9)
+    record = hold[0]
+    runs_of_record = free_runs(record, result.baseline.table, result.final.table)
+    span = liveliest(record, 1.2)
+    time = np.arange(len(record.commands))[span] * record.sample_time
+    history = figure.add_subplot(grid[0, 1])
+    if record.acceleration is not None:
+        history.plot(time, record.acceleration[span], color=MEASURED, linewidth=1.6, label="recorded, held out")
+    history.plot(time, runs_of_record[0][span, 2], color=BEFORE, linewidth=1.1, label="declared model")
+    named = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing added"
+    history.plot(time, runs_of_record[1][span, 2], color=AFTER, linewidth=1.1, linestyle="--", label=f"with {named}")
+    tidy(history, "time [s]", "acceleration [m/s²]")
+    history.legend(frameon=False, fontsize=9, loc="upper right")
+    tracking_axes(figure.add_subplot(grid[1, :]), before, after)
+    return png(figure)
