@@ -40,11 +40,17 @@ from shake_ros.core.plant.states import (
     SPOOL,
     SPOOL_RATE,
     STEP_SIZE,
+    VALVE,
+    VALVE_TIME,
     VELOCITY,
 )
+from shake_ros.core.valve.detailed import CODE as DETAILED
+from shake_ros.core.valve.detailed import SPOOL as VALVE_SPOOL
+from shake_ros.core.valve.detailed import VALVE_STATES, carry_valve
 from shake_ros.core.valve.simplified import play
 
 STAGES = 7
+VALVE_PART = 1e-4  # [s] largest interval over which the table takes the detailed valve's spool as moving evenly
 SMALLEST_STEP = 1e-7  # [s] below it the step is taken whatever its error, so that nothing can hang
 # Error scale of each continuous state: absolute part in its unit, at tolerance 1.
 # The spool's speed is given twenty times the room of the rest: it acts only through the spool's position.
@@ -106,7 +112,8 @@ def dormand_prince(p, y, k, h, wanted, force, n, stage, absolute, tolerance):
 @njit
 def spool_command(p, y, u):
     """Wanted spool position: gain and null shift, then the play of the hysteresis (3.19); updates the held command."""
-    wanted = p.valve_gain * (u + p.valve_null_shift_offset)
+    gain = 1.0 if p.valve_kind == DETAILED else p.valve_gain
+    wanted = gain * (u + p.valve_null_shift_offset)
     wanted = min(max(wanted, -1.0), 1.0)
     y[HELD_COMMAND] = play(y[HELD_COMMAND], wanted, p.valve_hysteresis + p.spool_hysteresis_width)
     return y[HELD_COMMAND]
@@ -134,9 +141,8 @@ def settle_contact(p, y, end, duration, n):
 
 
 @njit
-def hold(p, y, u, force, duration, n, k, stage, absolute, tolerance):
-    """Integrate y in place over `duration` under a held command; returns the acceleration at its end [m/s²]."""
-    wanted = spool_command(p, y, u)
+def integrate(p, y, wanted, force, duration, n, k, stage, absolute, tolerance):
+    """Integrate y in place over `duration`, `wanted` as in `right_hand_side`; returns the last acceleration [m/s²]."""
     if not math.isfinite(y[VELOCITY]):
         return math.nan  # a lost run ends here at once instead of in the smallest of steps
     h = max(y[STEP_SIZE], SMALLEST_STEP)
@@ -169,6 +175,40 @@ def hold(p, y, u, force, duration, n, k, stage, absolute, tolerance):
         h = max(proposed, h) if last and step < h else proposed
     y[STEP_SIZE] = h
     return acceleration
+
+
+@njit
+def hold_detailed(p, y, u, force, duration, n, k, stage, absolute, tolerance):
+    """`hold` with the detailed valve: the valve by its own fixed steps, the table along the spool's chords.
+
+    The table does not act back on the pilot stage, so the valve goes ahead over each part of at most VALVE_PART and the
+    table follows with the spool moving evenly between its two ends: the chord of a 150 Hz motion is off by 0.1 %.
+    """
+    wanted = spool_command(p, y, u)
+    parts = max(1, math.ceil(duration / VALVE_PART - 1e-9))
+    part = duration / parts
+    valve = y[VALVE : VALVE + VALVE_STATES]
+    valve_k, valve_stage = np.zeros((4, VALVE_STATES)), np.zeros(VALVE_STATES)
+    p_t = p.supply_tank_pressure + p.tank_back_pressure_pressure
+    acceleration = 0.0
+    for _ in range(parts):
+        p_s = y[PRESSURE_SUPPLY] if p.supply_droop_resistance != 0.0 else p.supply_supply_pressure
+        before = valve[VALVE_SPOOL] / p.valve_spool_stroke
+        carry_valve(p, valve, wanted, p_s, p_t, y[VALVE_TIME], part, valve_k, valve_stage)
+        y[VALVE_TIME] = (y[VALVE_TIME] + part) % (1.0 / p.valve_dither_frequency)
+        y[SPOOL] = before
+        y[SPOOL_RATE] = (valve[VALVE_SPOOL] / p.valve_spool_stroke - before) / part
+        acceleration = integrate(p, y, y[SPOOL_RATE], force, part, n, k, stage, absolute, tolerance)
+    return acceleration
+
+
+@njit
+def hold(p, y, u, force, duration, n, k, stage, absolute, tolerance):
+    """Integrate y in place over `duration` under a held command; returns the acceleration at its end [m/s²]."""
+    if p.valve_kind == DETAILED:
+        return hold_detailed(p, y, u, force, duration, n, k, stage, absolute, tolerance)
+    wanted = spool_command(p, y, u)
+    return integrate(p, y, wanted, force, duration, n, k, stage, absolute, tolerance)
 
 
 @njit

@@ -1,8 +1,8 @@
 """Parameters of a table: sections as frozen dataclasses, and the flat record that compiled code reads.
 
-A table is a tree of sections (`table`, `supply`, `valve`, `bulk_modulus`, `friction`, `leakage`, `sensors`, `effects`).
-Its dotted names (`valve.flow_coefficient`, `effects.soft_zone.depth`) are the names of a YAML file, of ROS parameters,
-of a fit and of a report; the record's fields are the same names with underscores for dots.
+A table is a tree of sections (`table`, `supply`, `valve`, `bulk_modulus`, `friction`, `leakage`, `sensors`,
+`effects`). Its dotted names (`valve.flow_coefficient`, `effects.soft_zone.depth`) are the names of a YAML file, of
+ROS parameters, of a fit and of a report; the record's fields are the same names with underscores for dots.
 """
 
 from __future__ import annotations
@@ -16,13 +16,12 @@ import numpy as np
 
 from shake_ros.core.effects import EFFECTS, Effect
 from shake_ros.core.friction import FRICTIONS, FrictionLaw
-from shake_ros.core.friction.packing import FRICTION_FIELDS, field_value, name_of
-from shake_ros.core.friction.tustin import Tustin
+from shake_ros.core.packing import field_value, name_of, union_fields
 from shake_ros.core.plant.cavitation import Cavitation
 from shake_ros.core.plant.pipelines import Pipelines
 from shake_ros.core.plant.shear_frame import ShearFrame
 from shake_ros.core.quantities import Parameters, ShakeError, quantity, unknown_name
-from shake_ros.core.valve.simplified import SimplifiedValve
+from shake_ros.core.valve import VALVES
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ class SensorParameters(Parameters):
 SECTIONS: dict[str, type[Parameters]] = {
     "body": Body,
     "supply": Supply,
-    "valve": SimplifiedValve,
+    "valve": Parameters,
     "bulk_modulus": BulkModulus,
     "friction": FrictionLaw,
     "leakage": Leakage,
@@ -89,13 +88,17 @@ SECTIONS: dict[str, type[Parameters]] = {
     "pipelines": Pipelines,
     "frame": ShearFrame,
 }
+FAMILIES: dict[str, Mapping[str, type[Parameters]]] = {"valve": VALVES, "friction": FRICTIONS}
+DECLARED_KIND = {"valve": "simplified", "friction": "tustin"}  # where a file's section has no key `kind`
 OPTIONAL = ("cavitation", "pipelines", "frame")  # absent by default, at no cost
 
 
 def parameter_names() -> Iterator[tuple[str, dataclasses.Field[Any]]]:
     """Dotted names of all numbers of a table in the order of the record, with their fields."""
     for section, cls in SECTIONS.items():
-        fields = FRICTION_FIELDS if section == "friction" else {f.name: f for f in dataclasses.fields(cls)}
+        fields = (
+            union_fields(FAMILIES[section]) if section in FAMILIES else {f.name: f for f in dataclasses.fields(cls)}
+        )
         for name, field in fields.items():
             yield f"{section}.{name}", field
     for effect, effect_cls in EFFECTS.items():
@@ -110,16 +113,16 @@ RECORD = np.dtype([(name.removeprefix("effects.").replace(".", "_"), "f8") for n
 
 
 def section_from(section: str, content: Any, where: str) -> Parameters:
-    """One section of a table's file; the key `kind` of the friction section chooses the law."""
+    """One section of a table's file; the key `kind` of the valve and the friction section chooses the model."""
     cls = SECTIONS[section]
-    if section == "friction":
-        kind = "tustin"
+    if section in FAMILIES:
+        kind, family = DECLARED_KIND[section], FAMILIES[section]
         if isinstance(content, Mapping) and "kind" in content:
             kind = content["kind"]
             content = {key: value for key, value in content.items() if key != "kind"}
-        if kind not in FRICTIONS:
-            raise unknown_name("friction law", kind, FRICTIONS, where)
-        cls = FRICTIONS[kind]
+        if kind not in family:
+            raise unknown_name(f"{section} kind", kind, family, where)
+        cls = family[kind]
     return cls.from_mapping(content, where)
 
 
@@ -127,13 +130,14 @@ def section_from(section: str, content: Any, where: str) -> Parameters:
 class TableParameters:
     """A whole table. `effects` holds the effects beyond the declared model by name; an absent one is not in it.
 
-    `friction` is any law of FRICTIONS; in a file its key `kind` names it, Tustin's where the key is absent. A name that
-    another law has (`friction.static_level` under Tustin's) reads as zero and cannot be set.
+    `friction` is any law of FRICTIONS and `valve` any model of VALVES; in a file the section's key `kind` names it,
+    Tustin's law and the simplified valve where the key is absent. A name that only another member of the family has
+    (`friction.static_level` under Tustin's law) reads as zero and cannot be set.
     """
 
     body: Body
     supply: Supply
-    valve: SimplifiedValve
+    valve: Parameters
     bulk_modulus: BulkModulus
     friction: FrictionLaw
     leakage: Leakage
@@ -171,8 +175,10 @@ class TableParameters:
         for section in OPTIONAL:
             if getattr(self, section) == SECTIONS[section]():
                 del tree[section]
-        if not isinstance(self.friction, Tustin):
-            tree["friction"] = {"kind": name_of(self.friction)} | tree["friction"]
+        for section, family in FAMILIES.items():
+            kind = name_of(family, getattr(self, section))
+            if kind != DECLARED_KIND[section]:
+                tree[section] = {"kind": kind} | tree[section]
         if self.effects:
             tree["effects"] = {name: dataclasses.asdict(effect) for name, effect in self.effects.items()}
         return tree
@@ -182,8 +188,8 @@ class TableParameters:
         if name not in FIELDS:
             raise unknown_name("parameter", name, NAMES)
         section, _, rest = name.partition(".")
-        if section == "friction":
-            return field_value(self.friction, rest)
+        if section in FAMILIES:
+            return field_value(getattr(self, section), rest)
         if section != "effects":
             return float(getattr(getattr(self, section), rest))
         effect, _, field = rest.partition(".")

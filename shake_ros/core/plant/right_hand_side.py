@@ -64,6 +64,7 @@ from shake_ros.core.plant.states import (
     STOREY,
     VELOCITY,
 )
+from shake_ros.core.valve.detailed import CODE as DETAILED
 from shake_ros.core.valve.ports import opening, sroot
 from shake_ros.core.valve.simplified import spool_acceleration
 
@@ -216,7 +217,8 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
 
     Parameters
     ----------
-    p : parameter record. y : states, shape (≥ n,). wanted : spool command behind play, gain and null shift [-].
+    p : parameter record. y : states, shape (≥ n,). wanted : spool command behind play, gain and null shift [-];
+        with the detailed valve, which is integrated ahead on its own, the speed of its spool over the step [1/s].
     start : whole state at the start of the step, shape (STATES,), from which contact states follow the displacement.
     external_force : along +x [N]. n : from `active_states`. rates : output, shape (≥ n,).
 
@@ -225,10 +227,14 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
     Absolute acceleration of the table, what an ideal accelerometer reads [m/s²].
     """
     x, v = y[POSITION], y[VELOCITY]
-    omega_v = p.valve_natural_frequency * (1.0 - p.slow_valve_slowdown)
-    limit = p.valve_rate_limit
-    rates[SPOOL] = min(max(y[SPOOL_RATE], -limit), limit)
-    rates[SPOOL_RATE] = spool_acceleration(y[SPOOL], y[SPOOL_RATE], wanted, omega_v, p.valve_damping)  # (3.19)
+    if p.valve_kind == DETAILED:
+        rates[SPOOL] = wanted
+        rates[SPOOL_RATE] = 0.0
+    else:
+        omega_v = p.valve_natural_frequency * (1.0 - p.slow_valve_slowdown)
+        limit = p.valve_rate_limit
+        rates[SPOOL] = min(max(y[SPOOL_RATE], -limit), limit)
+        rates[SPOOL_RATE] = spool_acceleration(y[SPOOL], y[SPOOL_RATE], wanted, omega_v, p.valve_damping)  # (3.19)
 
     split = n > DECLARED and p.coupling_backlash_gap > 0.0
     piston = x + y[ROD] if split else x

@@ -23,8 +23,11 @@ from shake_ros.core.plant.states import (
     SPOOL,
     STATES,
     STEP_SIZE,
+    VALVE,
 )
 from shake_ros.core.quantities import ShakeError
+from shake_ros.core.valve.detailed import CODE as DETAILED
+from shake_ros.core.valve.detailed import VALVE_STATES, valve_at_rest
 
 TOLERANCE = 5e-6  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
 NOTHING = np.zeros(0)
@@ -51,6 +54,9 @@ def initial_state(
     y[FRICTION_AT_STOP] = y[FRICTION_RISE] = vector[INDEX["friction.stribeck_rise"]]  # after a long rest
     y[SPOOL] = y[HELD_COMMAND] = 0.0
     y[STEP_SIZE] = 5e-4
+    if vector[INDEX["valve.kind"]] == DETAILED:
+        tank = float(vector[INDEX["supply.tank_pressure"]])
+        y[VALVE : VALVE + VALVE_STATES] = valve_at_rest(records(vector)[0], supply, tank)
     return y
 
 

@@ -41,4 +41,6 @@ DEFLECTION = CONTINUOUS + 3  # contact state z of a friction law [m]
 DWELL = CONTINUOUS + 4  # time that the contact has been stuck [s]
 FRICTION_AT_STOP = CONTINUOUS + 5  # Stribeck part of friction when the contact got stuck F_sa [N]
 FRICTION_RISE = CONTINUOUS + 6  # Stribeck part of friction now F_s(γ, t_d) [N]
-STATES = CONTINUOUS + 7
+VALVE = CONTINUOUS + 7  # first of the eight states of the detailed valve, see valve/detailed.py
+VALVE_TIME = CONTINUOUS + 15  # time within the dither's period [s]
+STATES = CONTINUOUS + 16

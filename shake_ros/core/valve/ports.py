@@ -4,9 +4,9 @@
     Q_B = C_v [g(x_s) sroot(P_B−P_T) − g(−x_s) sroot(P_s−P_B)],  g(x) = clip(x + d_s, 0, 1)
 
 (6.13) prints g = 1 from x ≥ 1, a jump by d_s; the clip is meant. sroot(d) = sign(d) sqrt|d| has an infinite slope at
-d = 0, where the real flow is laminar: here sroot(d) = d / (d² + δ²)^(1/4), linear below the transition drop δ and within
-0.25 (δ/d)² of the root above it. Q_A into chamber A, Q_B out of chamber B. Verified against hand-computed flows and the
-catalogue's 20 l/min at 70 bar.
+d = 0, where the real flow is laminar: here sroot(d) = d / (d² + δ²)^(1/4), linear below the transition drop δ and
+within 0.25 (δ/d)² of the root above it. Q_A into chamber A, Q_B out of chamber B. Verified against hand-computed
+flows and the catalogue's 20 l/min at 70 bar.
 """
 
 from __future__ import annotations

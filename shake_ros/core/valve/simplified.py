@@ -10,14 +10,19 @@ does not stiffen the equation. Source: thesis (3.19)–(3.22); verified against 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import Parameters, quantity
+
+CODE = 0
 
 
 @dataclass(frozen=True)
 class SimplifiedValve(Parameters):
     """Parameters of (3.19)–(3.22) and of the ports (3.17), (6.12)."""
+
+    code: ClassVar[int] = CODE
 
     natural_frequency: float = quantity("rad/s", "spool natural frequency ω_v", low=10.0, high=1e4)
     damping: float = quantity("-", "spool damping ratio D_v", low=0.05, high=5.0)

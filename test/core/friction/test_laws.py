@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from shake_ros.core.friction import FRICTIONS
-from shake_ros.core.friction.packing import FRICTION_FIELDS, field_value, friction_record, name_of
+from shake_ros.core.friction.packing import friction_record
 from shake_ros.core.friction.response import under_motion
 from shake_ros.core.friction.selected import steady_force
+from shake_ros.core.packing import field_value, name_of, union_fields
 from shake_ros.settings import load_variant
 
 SYMMETRIC = [name for name in FRICTIONS if name not in ("lugre", "modified_lugre", "new_modified_lugre")]
@@ -30,13 +31,14 @@ def test_every_law_has_a_number_and_a_configuration_of_its_own():
     codes = [cls.code for cls in FRICTIONS.values()]
     assert len(set(codes)) == len(codes)
     for name in FRICTIONS:
-        assert name_of(law(name)) == name
+        assert name_of(FRICTIONS, law(name)) == name
 
 
 def test_one_name_means_one_quantity_in_every_law():
+    fields = union_fields(FRICTIONS)
     for cls in FRICTIONS.values():
         for field in dataclasses.fields(cls):
-            assert field.metadata["unit"] == FRICTION_FIELDS[field.name].metadata["unit"], field.name
+            assert field.metadata["unit"] == fields[field.name].metadata["unit"], field.name
 
 
 def test_a_field_of_another_law_reads_as_zero():
