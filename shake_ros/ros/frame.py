@@ -31,6 +31,7 @@ class LoopParameters(Parameters):
     lockstep: bool = quantity("", "step by stamps instead of by the wall clock")
     rate: float = quantity("Hz", "sampling rate", low=1.0, high=10000.0)
     wait_for: str = choice("start when these topics have so many readers, e.g. 'joint_states:3 estimate:1'")
+    wait_for_writers: str = choice("start when these topics have so many writers, e.g. 'reference:1'")
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def node_settings(name: str) -> dict[str, Any]:
 
 
 def parse_wait_for(text: str) -> dict[str, int]:
-    """Topic → number of readers to wait for.
+    """Topic → number of readers or writers to wait for.
 
     >>> parse_wait_for("joint_states:3 estimate:1")
     {'joint_states': 3, 'estimate': 1}
@@ -208,7 +209,8 @@ class Frame:
         self.diagnostics = Diagnostics(self.node, name, self.lockstep)
         self.stopping = False
         self.stop_loop: Callable[[], None] = lambda: None
-        self._awaited = parse_wait_for(self.loop.wait_for)
+        self._readers = parse_wait_for(self.loop.wait_for)
+        self._sources = parse_wait_for(self.loop.wait_for_writers)
         self._writers: list[Writer] = []
 
     @property
@@ -241,8 +243,11 @@ class Frame:
         return time.time_ns()
 
     def ready(self) -> bool:
-        """Whether every awaited topic has its readers."""
-        return all(self.node.count_subscribers(topic) >= count for topic, count in self._awaited.items())
+        """Whether every awaited topic has its readers and writers."""
+        node = self.node
+        return all(node.count_subscribers(topic) >= count for topic, count in self._readers.items()) and all(
+            node.count_publishers(topic) >= count for topic, count in self._sources.items()
+        )
 
     def stop(self) -> None:
         """Ask the loop to end this node; safe inside callbacks."""

@@ -26,7 +26,7 @@ from rclpy.node import Node
 
 from shake_ros.__main__ import NODES
 from shake_ros.core.quantities import unknown_name
-from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, TOPICS
+from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, REFERENCE, TOPICS
 from shake_ros.ros.loop import Loop, build_node, ros_context
 
 PR_SET_PDEATHSIG = 1
@@ -142,6 +142,9 @@ class Graph:
         common: dict[str, bool | int | float | str] = {"lockstep": self.lockstep}
         if node.executable == LEADER or (node.executable in CLOCKED and not self.lockstep):
             common["wait_for"] = awaited(self.nodes, self.lockstep)
+        clocked = any(one.executable in CLOCKED for one in self.nodes)
+        if node.executable == LEADER and not self.lockstep and clocked:
+            common["wait_for_writers"] = f"{REFERENCE.name}:1"
         return common
 
     def __enter__(self) -> Graph:

@@ -174,7 +174,7 @@ OWN = {
     "observer": ObserverNodeParameters,
     "reference": ReferenceNodeParameters,
 }
-COMMON = {*flatten(LoopParameters(False, 1000.0, "")), *flatten(RealtimeParameters(False, 1), "realtime.")}
+COMMON = {*flatten(LoopParameters(False, 1000.0, "", "")), *flatten(RealtimeParameters(False, 1), "realtime.")}
 
 
 @pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in OWN for name in configured(kind)])
