@@ -35,6 +35,7 @@ ENTRY_POINTS: dict[str, Entry] = {
     "reference_generator": Entry("shake_ros.ros.reference_node", "plays sine, multi-sine, sweep, pulse, step, quake"),
     "observer": Entry("shake_ros.ros.observer_node", "estimates velocity and acceleration from the position"),
     "controller": Entry("shake_ros.ros.controller_node", "follows the reference with the valve command"),
+    "thd_analyzer": Entry("shake_ros.ros.thd_node", "live harmonics of the acceleration and their distortion"),
     "recorder": Entry("shake_ros.ros.recorder_node", "everything named into a rosbag2 recording; --recover PATH"),
     "player": Entry("shake_ros.ros.player_node", "a recording's messages again, with the recorded timing"),
     "demo": Entry("shake_ros.cli.demo", "the main job end to end: measured data, loop, missing effect, tracking"),

@@ -43,6 +43,7 @@ READS: dict[str, tuple[str, ...]] = {
     "reference_generator": ("joint_states",),
     "observer": ("joint_states", "valve_command"),
     "controller": ("reference", "estimate"),
+    "thd_analyzer": ("imu", "reference"),
 }
 
 

@@ -1,0 +1,143 @@
+"""Node `thd_analyzer`: acceleration → total harmonic distortion and harmonics over whole periods, live."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension
+
+from shake_ros.core.analysis.newest_samples import NewestSamples
+from shake_ros.core.analysis.thd import Harmonics, fundamental_frequency
+from shake_ros.core.quantities import Parameters, ShakeError, quantity
+from shake_ros.ros import interface
+from shake_ros.ros.conversions import time_message
+from shake_ros.ros.diagnostics import OK, WARN
+from shake_ros.ros.frame import Frame, node_settings
+
+COLUMNS = "order, frequency [Hz], amplitude [m/s^2], phase [rad]"
+AXIS = "x"
+
+
+@dataclass(frozen=True)
+class ThdParameters(Parameters):
+    """The node's settings."""
+
+    frequency: float = quantity("Hz", "fundamental, 0 to find it", low=0.0, high=1e4, live=True)
+    periods: int = quantity("-", "whole periods in a window", low=1, high=10000, live=True)
+    capacity: float = quantity("s", "samples kept to find them in", low=0.05, high=600.0)
+    update_period: float = quantity("s", "between two results", low=0.01, high=600.0, live=True)
+    orders: int = quantity("-", "harmonics to fit", low=1, high=200, live=True)
+
+
+class ThdAnalyzer:
+    """Keeps the newest samples; every so many of them, publishes what they hold."""
+
+    ticks = False
+
+    def __init__(self, frame: Frame) -> None:
+        self.frame = frame
+        settings = ThdParameters.from_mapping(node_settings("thd_analyzer"), "config/node/thd_analyzer.yaml")
+        self._live = frame.parameters.declare(settings)
+        capacity = max(8, round(self._live.value.capacity / frame.sample_time))
+        self._acceleration = NewestSamples(capacity, frame.sample_time)
+        self._reference = NewestSamples(capacity, frame.sample_time)
+        self._since_update = 0
+        self._state = WARN, "no whole window yet"
+        self._thd = frame.node.create_publisher(interface.THD.type, interface.THD.name, interface.EVENT_QOS)
+        self._harmonics = frame.node.create_publisher(
+            interface.HARMONICS.type, interface.HARMONICS.name, interface.EVENT_QOS
+        )
+        frame.reader(interface.IMU, self._on_acceleration)
+        frame.reader(interface.REFERENCE, lambda stamp, *motion: self._reference.add(stamp, motion[2]))
+        frame.diagnostics.condition = lambda: self._state
+        frame.diagnostics.values["window_restarts"] = lambda: self._acceleration.restarts
+
+    def start(self) -> None:
+        """Waits for samples."""
+
+    def finish(self) -> None:
+        """Nothing to put away."""
+
+    def tick(self, stamp: int, steps: int) -> None:
+        """Keeps no time of its own."""
+
+    def _on_acceleration(self, stamp: int, acceleration: float) -> None:
+        self._acceleration.add(stamp, acceleration)
+        self.frame.diagnostics.cycles += 1
+        self._since_update += 1
+        if self._since_update >= self._live.value.update_period / self.frame.sample_time:
+            self._since_update = 0
+            self._update(stamp)
+
+    def _update(self, stamp: int) -> None:
+        settings = self._live.take()
+        try:
+            frequency = settings.frequency or self._fundamental()
+            found = self._acceleration.harmonics(settings.periods, frequency, settings.orders)
+        except ShakeError as error:
+            self._state = WARN, str(error)
+            return
+        if found is None:
+            self._state = WARN, "no whole window yet"
+            return
+        self._state = OK, f"THD {100.0 * found.thd:.2f} % at {found.frequency:.4g} Hz"
+        self._thd.publish(thd_message(stamp, found))
+        self._harmonics.publish(harmonics_message(found))
+
+    def _fundamental(self) -> float | None:
+        """Of the reference where it is there and periodic; None leaves it to the acceleration."""
+        time, values = self._reference.arrays()
+        try:
+            return fundamental_frequency(time, values)
+        except ShakeError:
+            return None
+
+
+def thd_message(stamp: int, found: Harmonics) -> DiagnosticArray:
+    """THD [%], fundamental, noise floor and window of one axis."""
+    values = {
+        "axis": AXIS,
+        "thd_percent": 100.0 * found.thd,
+        "fundamental_frequency_hz": found.frequency,
+        "fundamental_amplitude_m_s2": float(found.amplitude[0]),
+        "noise_floor_m_s2": found.noise,
+        "window_s": found.stop - found.start,
+        "periods": found.periods,
+        "samples": found.samples,
+    }
+    status = DiagnosticStatus(
+        level=DiagnosticStatus.OK,
+        name=f"thd {AXIS}",
+        message=f"THD {100.0 * found.thd:.3f} %",
+        hardware_id="shake_ros",
+        values=[
+            KeyValue(key=key, value=value if isinstance(value, str) else f"{value:.9g}")
+            for key, value in values.items()
+        ],
+    )
+    message = DiagnosticArray(status=[status])
+    message.header.stamp = time_message(stamp)
+    return message
+
+
+def harmonics_message(found: Harmonics) -> Float64MultiArray:
+    """Rows of order, frequency [Hz], amplitude [m/s²], phase at the window's first sample [rad]."""
+    message = Float64MultiArray()
+    count = len(found.amplitude)
+    message.layout.dim = [
+        MultiArrayDimension(label="harmonic", size=count, stride=4 * count),
+        MultiArrayDimension(label=COLUMNS, size=4, stride=4),
+    ]
+    for k, amplitude, phase in zip(found.orders, found.amplitude, found.phase, strict=True):
+        at_start = phase + 2.0 * math.pi * found.frequency * int(k) * found.start
+        message.data.extend(
+            [float(k), float(k) * found.frequency, float(amplitude), math.remainder(at_start, math.tau)]
+        )
+    return message
+
+
+def build(frame: Frame) -> ThdAnalyzer:
+    """The node in its frame."""
+    return ThdAnalyzer(frame)
