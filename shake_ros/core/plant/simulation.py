@@ -124,11 +124,11 @@ def run_batch(
     columns: tuple[int, ...] = (1, 2),
     tolerance: float = TOLERANCE,
 ) -> np.ndarray:
-    """Simulate the same commands with many parameter sets, on all cores without the GIL.
+    """Simulate many parameter sets, under the same commands or each under its own, on all cores without the GIL.
 
     Parameters
     ----------
-    vectors : shape (m, len(NAMES)). starts : first states, shape (m, STATES). commands : shape (n,) [-].
+    vectors : shape (m, len(NAMES)). starts : first states, shape (m, STATES). commands : shape (n,) or (m, n) [-].
     track : measured position, shape (n,) [m], or empty. columns : which of COLUMNS to keep.
 
     Returns
@@ -136,13 +136,16 @@ def run_batch(
     shape (m, n, len(columns))
     """
     rows = records(vectors)
-    commands = series("valve command", commands, len(commands))
-    track = series("position", track, len(commands)) if len(track) else NOTHING
-    result = np.empty((len(rows), len(commands), len(columns)))
+    length = np.shape(commands)[-1]
+    each = [series("valve command", row, length) for row in np.atleast_2d(commands)]
+    if len(each) not in (1, len(rows)):
+        raise ShakeError(f"{len(each)} rows of commands for {len(rows)} parameter sets")
+    track = series("position", track, length) if len(track) else NOTHING
+    result = np.empty((len(rows), length, len(columns)))
 
     def one(i: int) -> None:
-        out = np.empty((len(commands), OUTPUTS))
-        simulate(rows[i], commands, NOTHING, track, starts[i], sample_time, tolerance, out)
+        out = np.empty((length, OUTPUTS))
+        simulate(rows[i], each[i % len(each)], NOTHING, track, starts[i], sample_time, tolerance, out)
         result[i] = out[:, columns]
 
     with ThreadPoolExecutor(workers()) as pool:

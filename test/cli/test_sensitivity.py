@@ -1,0 +1,56 @@
+"""The sensitivity study of thesis 6.3.4 and its command."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from shake_ros.cli.sensitivity import main, read_study, studies, values_of
+from shake_ros.settings import load_table
+
+
+@pytest.fixture(scope="module")
+def results():
+    return studies(read_study("thesis"), load_table("bergamo"))
+
+
+def test_theta_5_is_the_modulus_over_half_the_volume():
+    table = load_table("bergamo")
+    values = values_of(table, {"theta_5": 9.4e12, "theta_6": 1e-12, "theta_7": 1.0})
+    assert values["bulk_modulus.modulus"] == pytest.approx(1.1555e9, rel=1e-3)
+
+
+def test_stiffness_shows_in_the_acceleration_and_hardly_in_the_position(results):
+    position, _, acceleration = results["theta_5"].spread(2000)
+    assert acceleration > 2.0 * position
+
+
+def test_flow_gain_scales_the_motion(results):
+    study = results["theta_7"]
+    size = np.std(study.motion[:, -2000:, 1], axis=1)
+    np.testing.assert_allclose(size / size[1], study.values / study.values[1], rtol=0.03)
+    assert np.ptp(study.spread(2000)) < 0.05
+
+
+def test_stiffness_moves_the_harmonics_near_the_oil_column(results):
+    frequencies, amplitudes = results["theta_5"].spectrum(2000)
+    ninth = int(np.argmin(np.abs(frequencies - 15.0)))
+    assert np.ptp(amplitudes[:, ninth]) > 0.1 * amplitudes[:, ninth].mean()
+
+
+def test_the_command_draws_every_figure_and_overwrites_nothing(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    assert main(["--out", str(tmp_path)]) == 0
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {f"figure_6_{k}.png" for k in range(19, 25)} | {"sensitivity.json"}
+    assert set(json.loads((tmp_path / "sensitivity.json").read_text())) == {"theta_5", "theta_6", "theta_7"}
+    capsys.readouterr()
+    assert main(["--out", str(tmp_path)]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_an_unknown_study_is_one_line_and_exit_code_2(tmp_path, capsys):
+    assert main(["--study", "nothing", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
