@@ -135,6 +135,7 @@ class Graph:
         self.namespace = namespace
         self.domain_id = int(os.environ.get("ROS_DOMAIN_ID", "0")) if domain_id is None else domain_id
         self.lockstep = lockstep
+        self.program = (sys.executable, "-m", "shake_ros")
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._logs: dict[str, IO[bytes]] = {}
 
@@ -176,7 +177,7 @@ class Graph:
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "PYTHONPATH": os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", "")))),
         }
-        command = [sys.executable, "-m", "shake_ros", node.executable]
+        command = [*self.program, node.executable]
         self._logs[name] = log
         self.processes[name] = subprocess.Popen(
             [*command, *node.arguments(self.namespace, self.extra(node))],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,6 +46,7 @@ class Plant:
         self._stamp = FIRST_STAMP
         self._samples = round(own.duration / frame.sample_time)
         self._ticked = False
+        self._started = 0.0
         self._late_commands = 0
         self._lock = Interlock(own.enabled, round(own.stale_after * SECOND), round(own.ramp_time * SECOND))
         self._open_topics()
@@ -81,6 +83,7 @@ class Plant:
 
     def start(self) -> None:
         """In lock-step the first measurement sets the loop going."""
+        self._started = time.monotonic()
         if self.frame.lockstep:
             self._publish()
 
@@ -123,7 +126,8 @@ class Plant:
 
     def _stop_when_done(self, samples: int) -> None:
         if self._samples and samples >= self._samples:
-            self.frame.node.get_logger().info(f"done after {samples} samples")
+            elapsed = time.monotonic() - self._started
+            self.frame.node.get_logger().info(f"done: {samples} samples in {elapsed:.3f} s")
             self.frame.stop()
 
     def _on_command(self, stamp: int, u: float) -> None:

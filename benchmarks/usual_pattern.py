@@ -1,0 +1,66 @@
+"""The nodes in the usual rclpy way, as a yardstick: SingleThreadedExecutor, rclpy timers, message objects.
+
+    python benchmarks/usual_pattern.py NAME --ros-args …
+
+The same physics and topics as `python -m shake_ros NAME`; only the executor, the clock and the conversions differ.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT)]
+
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.serialization import deserialize_message  # noqa: E402
+
+from shake_ros.__main__ import main  # noqa: E402
+from shake_ros.ros import conversions, loop  # noqa: E402
+from shake_ros.ros.conversions import SECOND  # noqa: E402
+from shake_ros.ros.interface import CLOCK  # noqa: E402
+
+
+def run_ticks(self: loop.Loop, ticking: list[Any]) -> None:
+    """Ticks from rclpy timers; a period without a tick counts as missed."""
+    first = time.time_ns()
+    for behaviour in ticking:
+        period, last = behaviour.frame.period, [0]
+
+        def tick(behaviour: Any = behaviour, period: int = period, last: list[int] = last) -> None:
+            count = (time.time_ns() - first) // period
+            if count <= last[0]:
+                return
+            behaviour.frame.diagnostics.missed += count - last[0] - 1
+            behaviour.tick(first + count * period, count - last[0])
+            last[0] = count
+
+        behaviour.frame.node.create_timer(period / SECOND, tick)
+
+
+def decode(self: conversions.Codec, data: bytes) -> tuple[int, tuple[float, ...]]:
+    """Through the message object."""
+    message = deserialize_message(data, self.topic.type)
+    stamp = message.clock if self.topic is CLOCK else message.header.stamp
+    return stamp.sec * SECOND + stamp.nanosec, self.read(message)
+
+
+def encode(self: conversions.Codec, stamp: int, values: tuple[float, ...]) -> Any:
+    """The message object."""
+    return self.build(conversions.time_message(stamp), values)
+
+
+def use() -> None:
+    """Put the usual pattern in place of ours, in this process."""
+    loop.make_executor = lambda context: SingleThreadedExecutor(context=context)
+    loop.Loop._run_ticks = run_ticks  # type: ignore[method-assign]
+    conversions.Codec.decode = decode  # type: ignore[method-assign]
+    conversions.Codec.encode = encode  # type: ignore[method-assign]
+
+
+if __name__ == "__main__":
+    use()
+    sys.exit(main())
