@@ -13,6 +13,7 @@ SYMBOLS = {"theta_5": ("θ₅", "Pa/m³"), "theta_6": ("θ₆", "m³/(s·Pa)"), 
 ROWS = (("position [m]", 0), ("velocity [m/s]", 1), ("acceleration [m/s²]", 2))
 SHOWN_PERIODS = 3
 HIGHEST_HARMONIC = 15
+LOWEST_SHOWN = 1e-2  # [m/s²]
 
 
 def label(study: ParameterStudy, value: float) -> str:
@@ -22,7 +23,8 @@ def label(study: ParameterStudy, value: float) -> str:
 
 
 def plain(axes: Axes) -> None:
-    """A light grid, no box."""
+    """A light grid behind, no box."""
+    axes.set_axisbelow(True)
     axes.grid(True, color="#e3e8ee", linewidth=0.8)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -61,6 +63,8 @@ def spectrum_figure(study: ParameterStudy, frequency: float, samples: int) -> Fi
     axes.set_xticks(harmonics, [f"{k * frequency:g}" for k in harmonics])
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel("acceleration [m/s²]")
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=LOWEST_SHOWN)
     axes.legend(frameon=False, fontsize=9)
     plain(axes)
     return figure

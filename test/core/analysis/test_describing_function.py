@@ -54,7 +54,7 @@ def test_velocity_gain_rises_in_the_underlap_and_falls_beyond_the_oil_column() -
     result = describing_function(TABLE, np.array([0.01, 0.3]), np.array([2.0, 60.0]))
     assert result.gain[0, 0] > 1.2 * result.gain[1, 0]  # both edges of each port are open there
     assert result.gain[1, 1] < 0.5 * result.gain[1, 0]
-    assert result.phase[1, 1] < -1.5
+    assert abs(result.phase[1, 1]) > 1.5
 
 
 @pytest.mark.parametrize(("amplitude", "frequency"), [(0.0, 1.0), (1.2, 1.0), (0.5, 600.0)])

@@ -1,0 +1,81 @@
+"""Figures 6.10 and 6.11: the two-stage valve and the second-order model by themselves, in steps and over frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from shake_ros.core.analysis.describing_function import fundamental
+from shake_ros.core.quantities import Parameters
+from shake_ros.core.valve import VALVES
+from shake_ros.core.valve.response import linear_response, valve_response
+from shake_ros.report.figures_friction import COLOURS, dress
+from shake_ros.settings import find, load_table, load_variant, read_yaml
+
+PERIODS = 6
+POINTS = 25
+
+
+def settings() -> tuple[dict[str, Any], dict[str, Parameters], float, float]:
+    """Content of config/figures/valve.yaml, the two valves, supply and tank pressure [Pa]."""
+    content: dict[str, Any] = read_yaml(find("figures", "valve"))
+    table = load_table(content["table"])
+    detailed = load_variant("valve", content["valve"], VALVES)[1]
+    valves: dict[str, Parameters] = {"two-stage": detailed, "second order": table.valve}
+    return content, valves, table.supply.supply_pressure, table.supply.tank_pressure
+
+
+def steps() -> Figure:
+    """Figures 6.10, 6.11: spool after steps of the command, two-stage valve and second-order model."""
+    content, valves, supply, tank = settings()
+    dt = content["sample_time"]
+    t = np.arange(round(content["seconds"] / dt)) * dt
+    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    axes = figure.subplots()
+    for (name, valve), colour, style in zip(valves.items(), COLOURS, ("-", "--"), strict=False):
+        for i, size in enumerate(content["steps"]):
+            spool = valve_response(valve, np.full(len(t), size), dt, supply, tank)
+            axes.plot(1e3 * t, 100.0 * spool, style, color=colour, linewidth=1.5, label=name if i == 0 else None)
+    axes.legend(frameon=False, fontsize=9, loc="lower right")
+    dress(axes, "time [ms]", "spool position [%]")
+    return figure
+
+
+def sine_response(valve: Parameters, amplitude: float, frequency: float, dt: float, p_s: float, p_t: float) -> complex:
+    """Fundamental of the spool per command under a sine, the hold's half sample taken off [-]."""
+    length = round((2 + PERIODS) / frequency / dt)
+    command = amplitude * np.sin(2.0 * np.pi * frequency * np.arange(length) * dt)
+    spool = valve_response(valve, command, dt, p_s, p_t)
+    start = length - round(PERIODS / frequency / dt)
+    lag = np.exp(-1j * np.pi * frequency * dt)
+    return complex(fundamental(spool, frequency, dt, start) / amplitude / lag)
+
+
+def frequency_response() -> Figure:
+    """Gain and phase of the spool: both models linearised at null, and the two-stage valve under larger sines."""
+    content, valves, supply, tank = settings()
+    frequencies = np.geomspace(content["lowest_frequency"], content["highest_frequency"], POINTS)
+    curves = [
+        (f"{name}, linearised", linear_response(valve, frequencies, supply, tank), style)
+        for (name, valve), style in zip(valves.items(), ("-", "--"), strict=True)
+    ]
+    for amplitude in content["amplitudes"]:
+        points = [
+            sine_response(valves["two-stage"], amplitude, f, content["sample_time"], supply, tank) for f in frequencies
+        ]
+        curves.append((f"two-stage, {100.0 * amplitude:g} %", np.array(points), ":"))
+    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+    gain, phase = figure.subplots(2, 1, sharex=True)
+    for (label, response, style), colour in zip(curves, COLOURS, strict=False):
+        gain.semilogx(frequencies, 20.0 * np.log10(np.abs(response)), style, color=colour, label=label)
+        phase.semilogx(frequencies, np.degrees(np.unwrap(np.angle(response))), style, color=colour)
+    gain.legend(frameon=False, fontsize=9, loc="lower left")
+    dress(gain, "", "gain [dB]")
+    dress(phase, "frequency [Hz]", "phase [°]")
+    return figure
+
+
+FIGURES: dict[str, Callable[[], Figure]] = {"6.10": steps, "6.11": frequency_response}

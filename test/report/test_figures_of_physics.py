@@ -1,0 +1,46 @@
+"""The figures of friction, valve and effects draw what they say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+
+from shake_ros.core.effects import EFFECTS
+from shake_ros.report import figures_effects, figures_friction, figures_valve
+
+
+@pytest.mark.parametrize("name", ["3.6", "3.7", "3.9", "3.10"])
+def test_friction_figures_have_curves_that_differ(name):
+    figure = figures_friction.FIGURES[name]()
+    lines = [line for axes in figure.axes for line in axes.lines]
+    assert lines
+    assert all(np.all(np.isfinite(line.get_ydata())) and np.ptp(line.get_ydata()) > 0.0 for line in lines)
+
+
+def test_break_away_figure_falls():
+    line = figures_friction.break_away().axes[0].lines[0]
+    assert np.all(np.diff(line.get_ydata()) < 0.0)
+
+
+def test_valve_steps_reach_their_ends_in_both_models():
+    lines = figures_valve.steps().axes[0].lines
+    ends = [line.get_ydata()[-1] for line in lines]
+    assert ends[:5] == pytest.approx([10.0, 25.0, 50.0, 75.0, 100.0], abs=1.0)
+    assert ends[5:] == pytest.approx(ends[:5], abs=1.0)
+
+
+def test_every_effect_of_the_full_model_has_a_figure_with_a_strength_of_its_own():
+    assert set(figures_effects.FIGURES) == {name for name, e in EFFECTS.items() if "full" in e.models}
+    for name in figures_effects.FIGURES:
+        shown = EFFECTS[name](**figures_effects.strength(name))
+        assert shown != EFFECTS[name](), name
+
+
+@pytest.mark.parametrize("name", ["soft_zone", "spool_deadband", "position_sensor_lag"])
+def test_an_effect_changes_what_its_figure_shows(name):
+    for frequency in (2.0, 5.0):
+        _, before, after = figures_effects.responses(name, frequency)
+        assert np.std(after - before) > 0.01 * np.std(before)
+    assert len(figures_effects.FIGURES[name]().axes) == 4
