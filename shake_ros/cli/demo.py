@@ -81,6 +81,7 @@ def measured_runs(bar: Bar) -> MeasuredRuns:
     runs = [HarmonicRun(r["amplitude"], r["frequency"], r["harmonics"]) for r in content["runs"]]
     table = load_table("bergamo").with_values({"body.specimen_mass": content["specimen_mass"]})
     path = find("discovery", "measured_runs")
+    content = read_yaml(path)
     variants = [
         Variant(
             name,
@@ -88,9 +89,10 @@ def measured_runs(bar: Bar) -> MeasuredRuns:
             tuple(free_parameter(n, c, str(path)) for n, c in entry["free"].items()),
             tuple(entry["trials"]),
         )
-        for name, entry in read_yaml(path).items()
+        for name, entry in content["variants"].items()
     ]
-    return study(table, fitting.declared_parameters("full"), variants, HarmonicProblem(runs), bar)
+    free = fitting.declared_parameters("full")
+    return study(table, free, variants, HarmonicProblem(runs), bar, content["declared"])
 
 
 def record_run(work: Path, name: str, settings: Mapping[str, Any], hidden: Hidden, model: str, bar: Bar) -> Path:
@@ -136,7 +138,9 @@ def _run(folder: Path, settings: Mapping[str, Any], hidden: Hidden, bar: Bar, st
             recordings[name] = read_table_recording(record_run(work, name, settings, hidden, settings["declared"], bar))
         bar.span(0.45, 0.85)
         result, learn, hold = _close(settings, recordings, bar)
-        save_table(folder / "extended_table.yaml", result.final.table, "The declared table, fitted and extended by demo.")
+        save_table(
+            folder / "extended_table.yaml", result.final.table, "The declared table, fitted and extended by demo."
+        )
         bar.span(0.85, 0.95)
         model = str(folder / "extended_table.yaml")
         again = read_table_recording(record_run(work, "earthquake_again", settings, hidden, model, bar))
@@ -195,12 +199,11 @@ def lines(summary: Mapping[str, Any], tracks: Tracking) -> str:
     h, d, t = summary["harmonics"], summary["hidden"], summary["tracking"]
     verdict = "right" if d["named"] == d["effect"] else "not the hidden one"
     return (
-        f"measured runs:  {h['baseline_rms']:.3f} → {h['final_rms']:.3f} m/s² rms with {h['effect'] or 'nothing added'}\n"
+        f"measured runs:  {h['baseline_rms']:.3f} → {h['final_rms']:.3f} m/s² rms "
+        f"with {h['effect'] or 'nothing added'}\n"
         f"hidden effect:  {d['effect']}; named: {d['named'] or 'nothing'} ({verdict})\n"
         f"held-out error: {100 * d['hold_before']:.2f} → {100 * d['hold_after']:.2f} % of the acceleration\n"
         f"tracking error: {100 * t['before']:.2f} → {100 * t['after']:.2f} % of the position, "
         f"{100 * tracks.error_before['velocity']:.2f} → {100 * tracks.error_after['velocity']:.2f} % of the velocity\n"
         f"seconds:        {summary['seconds']:.0f}\n"
     )
-
-

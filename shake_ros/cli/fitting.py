@@ -1,4 +1,4 @@
-"""What `identify` and `close_loop` share: arguments, the declared table with its changes, recordings, free parameters."""
+"""What `identify` and `close_loop` share: arguments, the declared table with its changes, recordings, parameters."""
 
 from __future__ import annotations
 
@@ -21,10 +21,19 @@ MODELS = ("full",)
 def add_arguments(command: argparse.ArgumentParser, hold_needed: bool) -> None:
     """Arguments of both commands."""
     command.add_argument("--learn", type=Path, nargs="+", required=True, metavar="BAG", help="recordings to fit")
-    command.add_argument("--hold", type=Path, nargs="+", required=hold_needed, default=[], metavar="BAG", help="recordings held out")
+    command.add_argument(
+        "--hold", type=Path, nargs="+", required=hold_needed, default=[], metavar="BAG", help="recordings held out"
+    )
     command.add_argument("--model", choices=MODELS, default="full", help="declared model (default: full)")
-    command.add_argument("--config", default="bergamo", metavar="FILE", help="declared table: a name of config/table or a YAML file (default: bergamo)")
-    command.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="change a declared value")
+    command.add_argument(
+        "--config",
+        default="bergamo",
+        metavar="FILE",
+        help="declared table: a name of config/table or a YAML file (default: bergamo)",
+    )
+    command.add_argument(
+        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="change a declared value"
+    )
     command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     command.add_argument("--force", action="store_true", help="replace an existing result folder")
 

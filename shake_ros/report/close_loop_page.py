@@ -41,9 +41,7 @@ def error_table(page: Page, before: FittedModel, after: FittedModel) -> None:
                 [f"{name} ({'fitted' if role == 'learn' else 'held out'})"]
                 + [percent(x.get(c)) for c in ("velocity", "acceleration") for x in (e, f)]
             )
-    page.table(
-        ["recording", "velocity before", "velocity after", "acceleration before", "acceleration after"], rows
-    )
+    page.table(["recording", "velocity before", "velocity after", "acceleration before", "acceleration after"], rows)
 
 
 def step_section(page: Page, step: Step, baseline_hold: float) -> None:
@@ -52,8 +50,8 @@ def step_section(page: Page, step: Step, baseline_hold: float) -> None:
     page.heading(f"Added: {step.chosen.candidate.effect} ({effect.place})")
     page.paragraph((effect.__doc__ or "").strip().splitlines()[0])
     why = (
-        f"Of {len(step.ranking)} effects refitted after screening, this one leaves the smallest error on the recordings "
-        f"that the fit has not seen: {step.chosen.hold:.3g} weighted mean square, against {baseline_hold:.3g} without it"
+        f"Of {len(step.ranking)} effects refitted after screening, this one leaves the smallest error on the "
+        f"recordings that the fit has not seen: {step.chosen.hold:.3g} weighted mean square, against {baseline_hold:.3g} before"
     )
     if len(step.ranking) > 1:
         why += f" and {step.ranking[1].hold:.3g} with {step.ranking[1].candidate.effect}, the next"

@@ -29,9 +29,13 @@ def measured_section(page: Page, runs: MeasuredRuns) -> None:
     """Step 1: the five measured runs."""
     page.heading("1  Five measured runs of the real table")
     page.paragraph(
-        f"{len(runs.problem.measured)} harmonic amplitudes of the acceleration under open-loop sines. The declared model "
-        f"(constant bulk modulus) leaves {runs.declared.rms:.3f} m/s² root mean square; "
-        + (f"{runs.best.name} brings it to {runs.best.rms:.3f} m/s²." if runs.best.name else "no extension earns its parameters.")
+        f"{len(runs.problem.measured)} harmonic amplitudes of the acceleration under open-loop sines. The declared "
+        f"model (constant bulk modulus) leaves {runs.declared.rms:.3f} m/s² root mean square; "
+        + (
+            f"{runs.best.name} brings it to {runs.best.rms:.3f} m/s²."
+            if runs.best.name
+            else "no extension earns its parameters."
+        )
     )
     page.figure(figures_demo.harmonics_figure(runs), "Measured and fitted amplitudes, logarithmic")
     models = [runs.declared, *runs.variants]
@@ -43,11 +47,13 @@ def tracking_section(page: Page, tracks: Tracking) -> None:
     """Step 4: tracking before and after."""
     page.heading("4  The same earthquake, tracked with each model inside")
     page.paragraph(
-        "Observer and controller carry a copy of the table's model. First run: the declared model; second run: the model "
-        "that was fitted and extended from the recordings. Errors are those of the true motion against the reference."
+        "Observer and controller carry a copy of the table's model. First run: the declared model; second run: the "
+        "model that was fitted and extended from the recordings. Errors are those of the true motion against the reference."
     )
     page.figure(figures_demo.tracking_figure(tracks.before, tracks.after), "Reference, position and position error")
-    rows = [[name, percent(tracks.error_before[name]), percent(tracks.error_after[name])] for name in tracks.error_before]
+    rows = [
+        [name, percent(tracks.error_before[name]), percent(tracks.error_after[name])] for name in tracks.error_before
+    ]
     page.table(["tracking error", "declared model", "extended model"], rows)
 
 
@@ -64,12 +70,15 @@ def demo_page(
     named = summary["hidden"]["named"] or "nothing"
     page = Page(
         "A shaking table, closed with measured data",
-        "The declared model against the real table's harmonics; then a simulated table with an effect that the model does "
-        "not have: recorded over DDS, fitted, traced, extended, and tracked again.",
+        "The declared model against the real table's harmonics; then a simulated table with an effect that the model "
+        "does not have: recorded over DDS, fitted, traced, extended, and tracked again.",
     )
     page.cards(
         [
-            (f"{runs.declared.rms:.3f} → {runs.best.rms:.3f} m/s²", f"harmonics of the real table, with {runs.best.name}"),
+            (
+                f"{runs.declared.rms:.3f} → {runs.best.rms:.3f} m/s²",
+                f"harmonics of the real table, with {runs.best.name}",
+            ),
             (named, f"named from the recording; hidden was {hidden}"),
             (
                 f"{percent(summary['hidden']['hold_before'])} → {percent(summary['hidden']['hold_after'])}",
@@ -85,8 +94,8 @@ def demo_page(
     page.heading("2  The loop over DDS")
     page.paragraph(
         f"Plant, reference generator, observer, controller and recorder ran in lock-step as separate processes: "
-        f"{len(tracks.before.time)} samples of the earthquake (held out) and {sum(len(r.commands) for r in learn)} samples "
-        "of an excitation to learn from."
+        f"{len(tracks.before.time)} samples of the earthquake (held out) and {sum(len(r.commands) for r in learn)} "
+        "samples of an excitation to learn from."
     )
     page.heading("3  Closing the loop")
     model_sections(page, result, hold)

@@ -47,7 +47,10 @@ def harmonics_figure(runs: MeasuredRuns) -> Figure:
 
 def tracking_axes(axes: Axes, before: TableRecording, after: TableRecording) -> None:
     """Position error of the true motion, before and after [mm]."""
-    for recording, colour, label in ((before, BEFORE, "declared model inside"), (after, AFTER, "extended model inside")):
+    for recording, colour, label in (
+        (before, BEFORE, "declared model inside"),
+        (after, AFTER, "extended model inside"),
+    ):
         assert recording.reference is not None and recording.truth is not None
         error = 1e3 * (recording.truth[:, 0] - recording.reference[:, 0])
         axes.plot(recording.time, error, color=colour, linewidth=1.0, label=label)
@@ -68,14 +71,18 @@ def tracking_figure(before: TableRecording, after: TableRecording) -> Figure:
     return figure
 
 
-def overview(runs: MeasuredRuns, result: ClosedLoop, hold: list[Record], before: TableRecording, after: TableRecording) -> bytes:
+def overview(
+    runs: MeasuredRuns, result: ClosedLoop, hold: list[Record], before: TableRecording, after: TableRecording
+) -> bytes:
     """One picture of the whole result as PNG: harmonics, held-out acceleration, tracking error."""
     figure = Figure(figsize=(12.5, 7.2), layout="constrained")
     grid = figure.add_gridspec(2, 2)
     bars = figure.add_subplot(grid[0, 0])
     harmonic_axes(bars, runs, 0)
     bars.set_ylabel("acceleration amplitude [m/s²]")
-    bars.set_title(f"real table, u = {runs.problem.runs[0].amplitude:g} at {runs.problem.runs[0].frequency:g} Hz", fontsize=10)
+    bars.set_title(
+        f"real table, u = {runs.problem.runs[0].amplitude:g} at {runs.problem.runs[0].frequency:g} Hz", fontsize=10
+    )
     bars.legend(frameon=False, fontsize=9)
     record = hold[0]
     runs_of_record = free_runs(record, result.baseline.table, result.final.table)

@@ -65,7 +65,9 @@ def time_histories(record: Record, before: np.ndarray, after: np.ndarray, second
     ):
         if measured is None:
             continue
-        simulated = [low_pass(r[:, column], record.sample_time) if column == 1 else r[:, column] for r in (before, after)]
+        simulated = [
+            low_pass(r[:, column], record.sample_time) if column == 1 else r[:, column] for r in (before, after)
+        ]
         axes.plot(time, measured[span], color=MEASURED, linewidth=1.6, label="measured")
         axes.plot(time, simulated[0][span], color=BEFORE, linewidth=1.1, label="declared model")
         axes.plot(time, simulated[1][span], color=AFTER, linewidth=1.1, linestyle="--", label="extended model")
@@ -112,7 +114,10 @@ def residual_figure(
     record: Record, before: np.ndarray, after: np.ndarray, depends_on: Sequence[str], moved_mass: float
 ) -> Figure:
     """Residual force M·(measured − simulated acceleration) against what the effect depends on, before and after."""
-    names = [n for n in depends_on if n in LABELS and n not in ("frequency", "direction")] or ["load_pressure", "velocity"]
+    names = [n for n in depends_on if n in LABELS and n not in ("frequency", "direction")] or [
+        "load_pressure",
+        "velocity",
+    ]
     figure = Figure(figsize=(9.5, 3.4), layout="constrained")
     row = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
     assert record.acceleration is not None

@@ -11,14 +11,24 @@ from matplotlib.figure import Figure
 
 STYLE = """
 :root { color-scheme: light; }
-body { font: 16px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1.25rem; color: #1d2733; background: #fff; }
-h1 { font-size: 1.8rem; line-height: 1.2; margin-bottom: .3rem; } h2 { margin-top: 2.6rem; font-size: 1.3rem; border-bottom: 2px solid #d7dee7; padding-bottom: .2rem; }
-p.lead { font-size: 1.1rem; color: #3c4a5a; margin-top: 0; } figure { margin: 1.2rem 0; } figcaption { color: #566474; font-size: .92rem; }
-img { max-width: 100%; height: auto; } table { border-collapse: collapse; margin: 1rem 0; font-size: .93rem; display: block; overflow-x: auto; }
-th, td { padding: .28rem .75rem; text-align: right; border-bottom: 1px solid #e3e8ee; font-variant-numeric: tabular-nums; white-space: nowrap; } th:first-child, td:first-child { text-align: left; }
-thead th { border-bottom: 2px solid #b9c4d0; color: #3c4a5a; } tr.best td { background: #eaf4ec; }
-.cards { display: flex; flex-wrap: wrap; gap: .8rem; margin: 1.2rem 0; } .card { flex: 1 1 13rem; border: 1px solid #d7dee7; border-radius: .5rem; padding: .7rem .9rem; }
-.card b { display: block; font-size: 1.35rem; } .card span { color: #566474; font-size: .9rem; } code { background: #f1f4f7; padding: .05rem .3rem; border-radius: .2rem; }
+body { font: 16px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; max-width: 62rem; margin: 2rem auto;
+  padding: 0 1.25rem; color: #1d2733; background: #fff; }
+h1 { font-size: 1.8rem; line-height: 1.2; margin-bottom: .3rem; }
+h2 { margin-top: 2.6rem; font-size: 1.3rem; border-bottom: 2px solid #d7dee7; padding-bottom: .2rem; }
+p.lead { font-size: 1.1rem; color: #3c4a5a; margin-top: 0; }
+figure { margin: 1.2rem 0; }
+figcaption { color: #566474; font-size: .92rem; }
+img { max-width: 100%; height: auto; }
+table { border-collapse: collapse; margin: 1rem 0; font-size: .93rem; display: block; overflow-x: auto; }
+th, td { padding: .28rem .75rem; text-align: right; border-bottom: 1px solid #e3e8ee; white-space: nowrap;
+  font-variant-numeric: tabular-nums; }
+th:first-child, td:first-child { text-align: left; }
+thead th { border-bottom: 2px solid #b9c4d0; color: #3c4a5a; }
+tr.best td { background: #eaf4ec; }
+.cards { display: flex; flex-wrap: wrap; gap: .8rem; margin: 1.2rem 0; }
+.card { flex: 1 1 13rem; border: 1px solid #d7dee7; border-radius: .5rem; padding: .7rem .9rem; }
+.card b { display: block; font-size: 1.35rem; }
+.card span { color: #566474; font-size: .9rem; }
 """
 
 

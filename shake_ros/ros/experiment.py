@@ -51,9 +51,7 @@ def record(experiment: Experiment, bag: Path, progress: Callable[[float], None] 
         NodeSpec("recorder", {"output": str(bag)}),
         NodeSpec("controller", {"controller": experiment.controller}),
         NodeSpec("reference_generator", {"reference": experiment.reference}),
-        NodeSpec(
-            "plant", {"table": experiment.table, "seed": experiment.seed, "duration": experiment.duration}
-        ),
+        NodeSpec("plant", {"table": experiment.table, "seed": experiment.seed, "duration": experiment.duration}),
         NodeSpec("observer", {"observer": experiment.observer}),
     ]
     started = time.monotonic()

@@ -62,9 +62,7 @@ def random_starts(free: FreeParameters, count: int, seed: int = 0) -> np.ndarray
     return np.asarray(np.clip(np.maximum(start, 1.0) * factors, free.low, free.high))
 
 
-def fit_declared(
-    problem: RecordingProblem, explore: RecordingProblem, free: FreeParameters, progress: Progress
-) -> Fit:
+def fit_declared(problem: RecordingProblem, explore: RecordingProblem, free: FreeParameters, progress: Progress) -> Fit:
     """Fit the declared model from several starts."""
     progress("declared model: starts", 0.0)
     starts = random_starts(free, STARTS)

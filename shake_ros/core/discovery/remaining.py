@@ -1,8 +1,8 @@
 """What remains: is the residual of the final model above the noise, and on what does it depend?
 
-The acceleration residual of free-running simulations is compared with the noise of the accelerometer and grouped by what
-might rule it (position, velocity, direction, load pressure, valve opening, flow, time); the share of its variance that
-each grouping explains beyond chance tells what it depends on. A residual that sits in a narrow band depends on frequency.
+The acceleration residual of free-running simulations is compared with the noise of the accelerometer and grouped by
+what might rule it (position, velocity, direction, load pressure, valve opening, flow, time); the share of its variance
+that each grouping explains beyond chance tells what it depends on. A residual in a narrow band depends on frequency.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def explained_share(values: np.ndarray, by: np.ndarray) -> float:
     """Share of the variance of `values` that its mean in quantile groups of `by` explains, less what chance gives.
 
     >>> x = np.linspace(-1.0, 1.0, 1000)
-    >>> round(explained_share(x**2, x), 2)
-    0.99
+    >>> round(float(explained_share(x**2, x)), 1)
+    1.0
     """
     edges = np.unique(np.quantile(by, np.linspace(0.0, 1.0, GROUPS + 1)))
     group = np.clip(np.searchsorted(edges, by, side="right") - 1, 0, max(len(edges) - 2, 0))
@@ -129,4 +129,3 @@ def remaining(problem: RecordingProblem, search: Search) -> Remaining:
 def _nearest_place(search: Search) -> str | None:
     """Place of the candidate that came nearest to explaining the rest."""
     return search.rejected[0].candidate.place if search.rejected else None
-

@@ -30,7 +30,8 @@ class Policy:
 
     refits : most candidates refitted per step. evaluations : most trial points of a first refit.
     polished : most candidates refitted further. final_evaluations : most trial points of such a refit.
-    converging : most trial points of the chosen one. worth_polishing : ratio to the best score up to which a candidate is refitted further.
+    converging : most trial points of the chosen one.
+    worth_polishing : ratio to the best score up to which a candidate is refitted further.
     least_gain : fall of the held-out cost below which an effect is not added. margin : relative difference of
     held-out cost within which two effects count as not told apart. most_effects : stop after that many.
     least_screened : predicted gain below which a candidate is not refitted.

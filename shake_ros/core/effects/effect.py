@@ -14,7 +14,7 @@ PLACES = ("valve", "flow", "supply", "compressibility", "friction", "force", "st
 class Effect(Parameters):
     """Base of the effects a declared model may lack.
 
-    The first field is the effect's strength: its default is the value at which the effect is absent, whatever the others.
+    The first field is the effect's strength: at its default the effect is absent, whatever the others are.
     """
 
     place: ClassVar[str]

@@ -2,7 +2,8 @@
 
     τ Ṗ_s = P_s0 − R_s Q_s − P_s,  Q_s = flow through the edges that open to the supply
 
-R_s Q_s is the steady droop; τ = R_s C_acc is the time in which an accumulator of capacity C_acc yields. Absent at R_s = 0.
+R_s Q_s is the steady droop; τ = R_s C_acc is the time in which an accumulator of capacity C_acc yields.
+Absent at R_s = 0.
 """
 
 from __future__ import annotations

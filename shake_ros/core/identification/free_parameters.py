@@ -44,7 +44,9 @@ def free_parameter(name: str, content: Mapping[str, Any], where: str) -> FreePar
         low = max(float(content.get("low", metadata["low"])), metadata["low"])
         high = min(float(content.get("high", metadata["high"])), metadata["high"])
     except (KeyError, TypeError, ValueError):
-        raise ShakeError(f"{where}: {name}: needs a number 'scale', and numbers for 'low' and 'high' if given") from None
+        raise ShakeError(
+            f"{where}: {name}: needs a number 'scale', and numbers for 'low' and 'high' if given"
+        ) from None
     if not (scale > 0.0 and low < high):
         raise ShakeError(f"{where}: {name}: needs scale > 0 and low < high, got {scale:g}, {low:g}, {high:g}")
     return FreeParameter(name, scale, low, high)

@@ -183,7 +183,9 @@ class RecordingProblem:
                     np.concatenate([v[0, s] for (_, v, _), s in zip(pieces, spans, strict=True)]),
                 )
             }
-            measured = [r.acceleration[s] for (r, _, _), s in zip(pieces, spans, strict=True) if r.acceleration is not None]
+            measured = [
+                r.acceleration[s] for (r, _, _), s in zip(pieces, spans, strict=True) if r.acceleration is not None
+            ]
             if len(measured) == len(pieces):
                 simulated = [a[0, s] for (_, _, a), s in zip(pieces, spans, strict=True)]
                 entry["acceleration"] = relative_error(np.concatenate(measured), np.concatenate(simulated))
