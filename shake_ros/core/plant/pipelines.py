@@ -2,10 +2,9 @@
 
     (ρ L/A) Q̇ = P_1 − P_2 − Δp(Q),  Ṗ_valve = E/(A L/2) (Q_valve − Q)
 
-One lump per line, the cylinder's half of the line's volume counting as dead volume; valid well below the frequency
-of a pressure wave, a/(4 L). Δp is the greater of the laminar drop (2.69) and the turbulent one with Blasius'
-friction factor (2.70), which meet at Re = 1187 without a jump. Absent at length 0.
-Source: thesis 2.6.2, (2.62)–(2.72). Verified against both limits and the line's own frequency.
+One lump per line, the cylinder's half of the line's volume counting as dead volume; valid well below the frequency of
+a pressure wave, a/(4 L). Δp is that of fluid/pipe_flow.py, laminar or turbulent. Absent at length 0.
+Source: thesis 2.6. Verified against the line's own frequency and the steady drop.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 from shake_ros.core.compiled import njit
+from shake_ros.core.fluid.pipe_flow import pressure_drop
 from shake_ros.core.quantities import Parameters, quantity
 
 
@@ -28,23 +28,10 @@ class Pipelines(Parameters):
 
 
 @njit
-def pressure_drop(flow, length, diameter, density, viscosity):
-    """Δp along a line, of the flow's sign (2.69), (2.70) [Pa]."""
-    area = 0.25 * math.pi * diameter * diameter
-    velocity = abs(flow) / area
-    laminar = 32.0 * viscosity * length * velocity / (diameter * diameter)  # (2.69)
-    reynolds = density * velocity * diameter / viscosity
-    factor = 0.3164 / math.sqrt(math.sqrt(reynolds)) if reynolds > 1.0 else 0.0
-    turbulent = factor * length / diameter * 0.5 * density * velocity * velocity  # (2.70)
-    drop = max(laminar, turbulent)
-    return drop if flow > 0.0 else -drop
-
-
-@njit
 def flow_rate(flow, pressure_in, pressure_out, length, diameter, density, viscosity):
     """Q̇ of a line [m³/s²]."""
     inertance = density * length / (0.25 * math.pi * diameter * diameter)
-    return (pressure_in - pressure_out - pressure_drop(flow, length, diameter, density, viscosity)) / inertance
+    return (pressure_in - pressure_out - pressure_drop(flow, length, diameter, viscosity, density)) / inertance
 
 
 @njit

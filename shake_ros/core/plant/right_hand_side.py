@@ -97,8 +97,8 @@ def port_flows(p, spool, pressure_a, pressure_b, pressure_supply):
     c_v = p.valve_flow_coefficient * flow_factor(spool, p.asymmetric_flow_gain_asymmetry)
     delta = p.valve_laminar_pressure
     p_t = p.supply_tank_pressure + p.tank_back_pressure_pressure
-    plus = c_v * opening(x_e, p.valve_underlap)
-    minus = c_v * opening(-x_e, p.valve_underlap)
+    plus = c_v * opening(x_e, p.valve_underlap, p.valve_radial_clearance)
+    minus = c_v * opening(-x_e, p.valve_underlap, p.valve_radial_clearance)
     a_from_supply = plus * sroot(pressure_supply - pressure_a, delta) if plus > 0.0 else 0.0
     a_to_tank = minus * sroot(pressure_a - p_t, delta) if minus > 0.0 else 0.0
     b_to_tank = plus * sroot(pressure_b - p_t, delta) if plus > 0.0 else 0.0

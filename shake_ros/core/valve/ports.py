@@ -23,10 +23,18 @@ def sroot(drop, delta):
 
 
 @njit
-def opening(spool, underlap):
-    """Relative opening g of one edge (6.13) [-].
+def opening(spool, underlap, clearance=0.0):
+    """Relative opening of one edge (6.13), with a radial clearance c_rs (3.18) [-].
+
+    (3.18) prints √((x + d_s)² + c_rs²) for x ≥ −d_s and 0 beyond; there the clearance does not vanish at once but grows
+    longer: c_rs²/(c_rs + overlap), which joins without a jump.
 
     >>> float(opening(0.5, 0.005)), float(opening(-0.2, 0.005)), float(opening(1.0, 0.005))
     (0.505, 0.0, 1.0)
     """
-    return min(max(spool + underlap, 0.0), 1.0)
+    x = spool + underlap
+    if clearance <= 0.0:
+        return min(max(x, 0.0), 1.0)
+    if x >= 0.0:
+        return min(math.sqrt(x * x + clearance * clearance), 1.0)  # (3.18)
+    return clearance * clearance / (clearance - x)

@@ -34,6 +34,9 @@ class SimplifiedValve(Parameters):
     )
     underlap: float = quantity("-", "port underlap d_s, negative for overlap", low=-0.5, high=0.5)
     laminar_pressure: float = quantity("Pa", "pressure drop of the laminar-turbulent transition", low=1.0, high=1e6)
+    radial_clearance: float = quantity(
+        "-", "radial clearance c_rs of the spool, per stroke", low=0.0, high=0.1, default=0.0
+    )
 
 
 @njit

@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from shake_ros.core.fluid.oil import Oil
 from shake_ros.core.friction import FRICTIONS, lugre
 from shake_ros.core.plant.cavitation import acting_pressure
 from shake_ros.core.plant.parameters import OPTIONAL, TableParameters, records
-from shake_ros.core.plant.pipelines import flow_rate, half_volume, pressure_drop
+from shake_ros.core.plant.pipelines import flow_rate, half_volume
 from shake_ros.core.plant.right_hand_side import right_hand_side
 from shake_ros.core.plant.shear_frame import ShearFrame, foot_force, natural_frequencies, storey_rates
 from shake_ros.core.plant.simulation import initial_state, run
 from shake_ros.core.plant.states import DECLARED, DEFLECTION, POSITION, STOREY, VELOCITY
-from shake_ros.settings import load_table, load_variant
+from shake_ros.core.plant.temperature import at_temperature
+from shake_ros.core.valve.ports import opening
+from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 SAMPLE = 1e-3
 
@@ -87,17 +90,16 @@ def test_a_void_closes_before_the_pressure_rises_again(table):
 # --- pipelines --------------------------------------------------------------------------------------------------
 
 
-def test_pressure_drop_is_hagen_poiseuille_below_and_blasius_above():
+def test_a_line_comes_to_rest_where_friction_balances_the_pressures():
     length, d, rho, eta = 2.0, 0.012, 870.0, 0.028
     area = math.pi * d**2 / 4.0
     slow = 500.0 * eta / (rho * d) * area  # Re = 500
-    assert pressure_drop(slow, length, d, rho, eta) == pytest.approx(128.0 * eta * length * slow / (math.pi * d**4))
+    drop = 128.0 * eta * length * slow / (math.pi * d**4)  # Hagen–Poiseuille
+    assert flow_rate(slow, drop, 0.0, length, d, rho, eta) == pytest.approx(0.0, abs=1e-9)
     fast = 8000.0 * eta / (rho * d) * area
-    v = fast / area
-    assert pressure_drop(fast, length, d, rho, eta) == pytest.approx(
-        0.3164 / 8000.0**0.25 * length / d * rho / 2 * v**2
-    )
-    assert pressure_drop(-fast, length, d, rho, eta) == -pressure_drop(fast, length, d, rho, eta)
+    drop = 0.3164 / 8000.0**0.25 * length / d * rho / 2.0 * (fast / area) ** 2  # Blasius
+    assert flow_rate(fast, drop, 0.0, length, d, rho, eta) == pytest.approx(0.0, abs=1e-9)
+    assert flow_rate(0.0, 1e5, 0.0, length, d, rho, eta) == pytest.approx(1e5 * area / (rho * length))
 
 
 def test_a_line_closed_at_one_end_rings_at_its_own_frequency():
@@ -122,6 +124,32 @@ def test_very_short_pipelines_change_next_to_nothing_and_long_ones_soften_the_ta
     assert nrmse(plain[:, 1], short[:, 1]) < 0.02
     assert nrmse(plain[:, 2], long[:, 2]) > 5.0 * nrmse(plain[:, 2], short[:, 2])
     assert np.all(np.isfinite(long))
+
+
+# --- temperature ------------------------------------------------------------------------------------------------
+
+
+def test_a_warmer_table_is_softer_thinner_and_leaks_more(table):
+    oil = Oil.from_mapping(read_yaml(find("fluid", "hlp_32")), "hlp_32").parameters
+    warm = at_temperature(table, oil, 333.15, reference_temperature=313.15, modulus_slope=3.8e-3)
+    thinner = math.exp(-oil.viscosity_decay * 20.0)  # (2.4)
+    assert warm.friction.viscous == pytest.approx(table.friction.viscous * thinner)
+    assert warm.leakage.internal == pytest.approx(table.leakage.internal / thinner)
+    assert warm.bulk_modulus.modulus == pytest.approx(table.bulk_modulus.modulus * (1.0 - 3.8e-3 * 20.0))
+    assert 1.0 < warm.valve.flow_coefficient / table.valve.flow_coefficient < 1.02
+    assert at_temperature(table, oil, 313.15, reference_temperature=313.15, modulus_slope=3.8e-3) == table
+
+
+# --- radial clearance -------------------------------------------------------------------------------------------
+
+
+def test_radial_clearance_rounds_the_edge_and_leaks_at_null(table):
+    assert opening(0.3, 0.0, 0.004) == pytest.approx(math.hypot(0.3, 0.004))
+    assert opening(-1e-9, 0.0, 0.004) == pytest.approx(opening(1e-9, 0.0, 0.004), rel=1e-4)
+    assert 0.0 < opening(-0.1, 0.0, 0.004) < 2e-4
+    worn = table.with_values({"valve.underlap": 0.0, "valve.radial_clearance": 0.01})
+    u = 0.2 * np.sin(2.0 * np.pi * 2.0 * np.arange(500) * SAMPLE)
+    assert np.all(np.isfinite(run(worn, u, SAMPLE)))
 
 
 # --- shear frame ------------------------------------------------------------------------------------------------
