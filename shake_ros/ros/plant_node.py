@@ -40,8 +40,8 @@ class Plant:
         self._seed = own.seed
         self._live = frame.parameters.declare(load_table(own.table), accept=self._table)
         self._simulation = self._table(self._live.value)
-        self._state = self._simulation.advance(self._simulation.initial_state(own.start_position), 0.0)  # compiles
         self._state = self._simulation.initial_state(own.start_position)
+        self._simulation.measure(self._simulation.advance(self._state, 0.0), 0)  # compiles before the first sample
         self._k = 0
         self._stamp = FIRST_STAMP
         self._samples = round(own.duration / frame.sample_time)
