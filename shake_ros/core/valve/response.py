@@ -22,7 +22,7 @@ SUBSTEPS = 20
 
 
 @njit
-def respond_detailed(p, commands, dt, p_s, p_t):  # type: ignore[no-untyped-def]
+def respond_detailed(p, commands, dt, p_s, p_t):
     """Spool position [-] of the detailed valve at the samples, from rest, under held commands."""
     y = valve_at_rest(p, p_s, p_t)
     k, stage = np.zeros((4, VALVE_STATES)), np.zeros(VALVE_STATES)
@@ -34,7 +34,7 @@ def respond_detailed(p, commands, dt, p_s, p_t):  # type: ignore[no-untyped-def]
 
 
 @njit
-def respond_simplified(p, commands, dt):  # type: ignore[no-untyped-def]
+def respond_simplified(p, commands, dt):
     """Spool position [-] of the simplified valve (3.19)–(3.22) at the samples, from rest, under held commands."""
     x, v, held = 0.0, 0.0, 0.0
     h = dt / SUBSTEPS
@@ -85,7 +85,7 @@ def linear_response(valve: Any, frequencies: NDArray[np.float64], supply: float,
     matrix, column = linearised(smooth, supply, tank)
     identity = np.eye(len(matrix))
     gain = [np.linalg.solve(x * identity - matrix, column)[detailed.SPOOL - 1] for x in s]
-    return np.array(gain) / valve.spool_stroke
+    return np.array(gain, dtype=np.complex128) / float(valve.spool_stroke)
 
 
 def linearised(
