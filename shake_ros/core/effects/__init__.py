@@ -36,6 +36,7 @@ from shake_ros.core.effects.stiffness_to_ground import StiffnessToGround
 from shake_ros.core.effects.supply_droop import SupplyDroop
 from shake_ros.core.effects.tank_back_pressure import TankBackPressure
 from shake_ros.core.effects.turbulent_leakage import TurbulentLeakage
+from shake_ros.core.effects.unlisted import Unlisted
 from shake_ros.core.effects.valve_null_shift import ValveNullShift
 
 EFFECTS: dict[str, type[Effect]] = {
@@ -68,6 +69,7 @@ EFFECTS: dict[str, type[Effect]] = {
     "accelerometer_lag": AccelerometerLag,
     "position_sensor_lag": PositionSensorLag,
     "command_delay": CommandDelay,
+    "unlisted": Unlisted,
 }
 
 __all__ = ["EFFECTS", "PLACES", "Effect"]

@@ -3,7 +3,8 @@
     ds/dx = (1 − s sign(ẋ)) / z_s,  dry force = level · s,  |s| ≤ 1
 
 z_s is the sliding distance in which the force builds up: stiffness at rest = level / z_s. The law does not depend on
-rate, so s follows exactly from the displacement since the last step, s = ±1 + (s_0 ∓ 1) exp(−|Δx|/z_s), and stays harmless at any
+rate, so s follows exactly from the displacement since the last step, s = ±1 + (s_0 ∓ 1) exp(−|Δx|/z_s), and stays
+harmless at any
 stiffness. Absent at z_s = 0, where s is the smooth sign of the velocity.
 """
 

@@ -18,6 +18,15 @@ from shake_ros.core.effects.soft_zone import factor as soft_zone_factor
 from shake_ros.core.effects.specimen_resonance import spring_force
 from shake_ros.core.effects.spool_deadband import effective_spool
 from shake_ros.core.effects.supply_droop import pressure_rate
+from shake_ros.core.effects.unlisted import (
+    FLOW_GAIN_OF_OPENING,
+    FORCE_OF_POSITION,
+    FORCE_OF_VELOCITY,
+    FRICTION_OF_POSITION,
+    LEAKAGE_OF_LOAD_PRESSURE,
+    STIFFNESS_OF_LOAD_PRESSURE,
+)
+from shake_ros.core.effects.unlisted import value as unlisted
 from shake_ros.core.friction.selected import (
     contact_deflection,
     contact_level,
@@ -95,6 +104,7 @@ def port_flows(p, spool, pressure_a, pressure_b, pressure_supply):
     """Flow into A, out of B, and drawn from the supply (3.17), (6.12) [m³/s]."""
     x_e = effective_spool(spool, p.spool_deadband_width)
     c_v = p.valve_flow_coefficient * flow_factor(spool, p.asymmetric_flow_gain_asymmetry)
+    c_v *= 1.0 + unlisted(p, FLOW_GAIN_OF_OPENING, spool)
     delta = p.valve_laminar_pressure
     p_t = p.supply_tank_pressure + p.tank_back_pressure_pressure
     plus = c_v * opening(x_e, p.valve_underlap, p.valve_radial_clearance)
@@ -140,9 +150,15 @@ def friction_force(p, velocity, position, displacement, start, velocity_start, m
     if p.presliding_friction_distance > 0.0 and not is_dynamic(p):
         sign = deflection(start[BRISTLE], displacement, p.presliding_friction_distance)
     dry = dry_level(dry, position, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature)
+    dry += unlisted(p, FRICTION_OF_POSITION, position)
     dry *= 1.0 + p.friction_asymmetry_asymmetry * sign
     dry *= 1.0 - p.film_friction_relief * film
-    return dry * sign + (viscous + p.quadratic_drag_coefficient * abs(velocity)) * velocity + micro
+    return (
+        dry * sign
+        + (viscous + p.quadratic_drag_coefficient * abs(velocity)) * velocity
+        + micro
+        + unlisted(p, FORCE_OF_VELOCITY, velocity)
+    )
 
 
 @njit
@@ -198,6 +214,7 @@ def pressure_rates(p, y, p_a, p_b, piston, piston_velocity, rates):
         h = soft_zone_factor(p_a - p_b, p.soft_zone_depth, p.soft_zone_threshold, p.soft_zone_sharpness)
         e_a *= h  # (6.18)
         e_b *= h  # (6.19)
+    stiffer = 1.0 + unlisted(p, STIFFNESS_OF_LOAD_PRESSURE, p_a - p_b)
     half = 0.5 * p.body_cylinder_volume
     smallest = 0.02 * half  # the end stops keep the piston off the covers
     v_a = max(half + p.body_piston_area * piston, smallest) + dead  # (6.11), (3.24)
@@ -205,9 +222,10 @@ def pressure_rates(p, y, p_a, p_b, piston, piston_velocity, rates):
     across = p.leakage_internal * (p_a - p_b)  # (3.25)
     if p.turbulent_leakage_coefficient != 0.0:
         across += p.turbulent_leakage_coefficient * sroot(p_a - p_b, p.valve_laminar_pressure)
+    across += unlisted(p, LEAKAGE_OF_LOAD_PRESSURE, p_a - p_b)
     swept = p.body_piston_area * piston_velocity
-    rates[PRESSURE_A] = e_a / v_a * (q_a - p.leakage_external * p_a - across - swept)  # (6.5)
-    rates[PRESSURE_B] = e_b / v_b * (-q_b - p.leakage_external * p_b + across + swept)  # (6.6)
+    rates[PRESSURE_A] = stiffer * e_a / v_a * (q_a - p.leakage_external * p_a - across - swept)  # (6.5)
+    rates[PRESSURE_B] = stiffer * e_b / v_b * (-q_b - p.leakage_external * p_b + across + swept)  # (6.6)
     return q_s
 
 
@@ -250,8 +268,10 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
     friction = friction_force(p, piston_velocity, piston, moved, start, velocity_start, memory, film)
     pressure_force = p.body_piston_area * (p_a - p_b)
     on_table = external_force + p.constant_force_force - p.stiffness_to_ground_stiffness * x
+    on_table -= unlisted(p, FORCE_OF_POSITION, x)
     on_rod = pressure_force - friction + end_stop_force(p, piston, piston_velocity)
-    mass = p.body_table_mass + p.body_specimen_mass + p.payload_error_mass + inertia(p, piston_velocity)  # (6.9)
+    declared_mass = p.body_table_mass + p.body_specimen_mass + inertia(p, piston_velocity)  # (6.9)
+    mass = max(declared_mass + p.payload_error_mass, 0.05 * declared_mass)
     rates[POSITION] = v  # (6.3)
     if n == DECLARED:
         rates[VELOCITY] = (on_rod + on_table) / mass  # (6.4)
