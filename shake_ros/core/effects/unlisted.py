@@ -1,0 +1,98 @@
+"""What no listed effect explains, as a function estimated from recordings on equally spaced nodes.
+
+    y(s) = linear between nodes y_0 … y_15 over low ≤ s ≤ high, constant beyond
+
+`kind` tells of what quantity s the function is and where it acts:
+
+    1  force on the table [N] of position           −y(x)
+    2  dry friction [N] of position                 −y(x) sign(v)
+    3  force against motion [N] of velocity         −y(v)
+    4  relative change of flow gain [-] of opening  C_v (1 + y(x_s*))
+    5  flow across the piston [m³/s] of load pressure, added to the leakage
+    6  relative change of stiffness [-] of load pressure  E (1 + y(P_L))
+
+Absent at kind 0. The search names it `unlisted` where the residual stands above the noise and no listed effect explains
+it; the nodes are then the evidence of what a new law would have to say.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from shake_ros.core.compiled import njit
+from shake_ros.core.effects.effect import Effect
+from shake_ros.core.quantities import quantity
+
+NODES = 16
+FORCE_OF_POSITION = 1
+FRICTION_OF_POSITION = 2
+FORCE_OF_VELOCITY = 3
+FLOW_GAIN_OF_OPENING = 4
+LEAKAGE_OF_LOAD_PRESSURE = 5
+STIFFNESS_OF_LOAD_PRESSURE = 6
+
+
+@dataclass(frozen=True)
+class Unlisted(Effect):
+    """An effect without a name: a function estimated on nodes."""
+
+    place: ClassVar[str] = "force"
+    depends_on: ClassVar[tuple[str, ...]] = ()
+
+    kind: int = quantity("-", "what the function is of and where it acts, 0 for absent", low=0, high=6, default=0)
+    low: float = quantity("argument", "argument at the first node", default=-1.0)
+    high: float = quantity("argument", "argument at the last node", default=1.0)
+    node_00: float = quantity("kind", "value at node 0", default=0.0)
+    node_01: float = quantity("kind", "value at node 1", default=0.0)
+    node_02: float = quantity("kind", "value at node 2", default=0.0)
+    node_03: float = quantity("kind", "value at node 3", default=0.0)
+    node_04: float = quantity("kind", "value at node 4", default=0.0)
+    node_05: float = quantity("kind", "value at node 5", default=0.0)
+    node_06: float = quantity("kind", "value at node 6", default=0.0)
+    node_07: float = quantity("kind", "value at node 7", default=0.0)
+    node_08: float = quantity("kind", "value at node 8", default=0.0)
+    node_09: float = quantity("kind", "value at node 9", default=0.0)
+    node_10: float = quantity("kind", "value at node 10", default=0.0)
+    node_11: float = quantity("kind", "value at node 11", default=0.0)
+    node_12: float = quantity("kind", "value at node 12", default=0.0)
+    node_13: float = quantity("kind", "value at node 13", default=0.0)
+    node_14: float = quantity("kind", "value at node 14", default=0.0)
+    node_15: float = quantity("kind", "value at node 15", default=0.0)
+
+
+@njit
+def interpolated(p, argument):
+    """y at an argument, in the unit of the kind."""
+    nodes = (
+        p.unlisted_node_00,
+        p.unlisted_node_01,
+        p.unlisted_node_02,
+        p.unlisted_node_03,
+        p.unlisted_node_04,
+        p.unlisted_node_05,
+        p.unlisted_node_06,
+        p.unlisted_node_07,
+        p.unlisted_node_08,
+        p.unlisted_node_09,
+        p.unlisted_node_10,
+        p.unlisted_node_11,
+        p.unlisted_node_12,
+        p.unlisted_node_13,
+        p.unlisted_node_14,
+        p.unlisted_node_15,
+    )
+    place = (argument - p.unlisted_low) / (p.unlisted_high - p.unlisted_low) * (NODES - 1)
+    if not place > 0.0:
+        return nodes[0]
+    if place >= NODES - 1:
+        return nodes[NODES - 1]
+    i = int(place)
+    part = place - i
+    return nodes[i] * (1.0 - part) + nodes[i + 1] * part
+
+
+@njit
+def value(p, kind, argument):
+    """y where this kind is present, else 0, in the unit of the kind."""
+    return interpolated(p, argument) if p.unlisted_kind == kind else 0.0
