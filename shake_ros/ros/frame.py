@@ -91,8 +91,10 @@ class Writer:
         self.publisher = frame.node.create_publisher(topic.type, topic.name, topic.qos(frame.lockstep))
         self._frame = frame
         self._topic = topic
-        self._encode = codec(topic).encode
-        self._publish = self.publisher.publish
+        packer = codec(topic)
+        self._encode = packer.encode
+        # what `publish` does with bytes, without its checks
+        self._publish = self.publisher.handle.publish_raw if packer.packed else self.publisher.publish
 
     def send(self, stamp: int, *values: float) -> None:
         """Publish a sample; where a lock-step reader is behind, wait for it."""
