@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import yaml
 
+from shake_ros.core.identification.free_parameters import Declared
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
 
@@ -108,7 +109,7 @@ def load_table(name: str) -> TableParameters:
     return TableParameters.from_mapping(read_yaml(path), str(path))
 
 
-def save_table(path: Path, table: TableParameters, comment: str) -> None:
+def save_table(path: Path, table: Declared, comment: str) -> None:
     """Write a table as YAML with a comment on top; an existing file is an error."""
     if path.exists():
         raise ShakeError(f"{path}: exists already")

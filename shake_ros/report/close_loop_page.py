@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
 from shake_ros.core.discovery.search import Step, held_out
 from shake_ros.core.effects import EFFECTS
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recordings import FULL, Record, RecordingProblem
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.report import figures_fit
 from shake_ros.report.page import Page
@@ -81,7 +81,7 @@ def model_sections(page: Page, result: ClosedLoop, hold: list[Record]) -> None:
         if record.acceleration is not None:
             page.figure(figures_fit.spectra(record, *runs), f"{record.name}: spectrum of the acceleration")
             page.figure(
-                figures_fit.residual_figure(record, *runs, depends, result.final.table.moved_mass),
+                figures_fit.residual_figure(record, *runs, depends, FULL.moved_mass(result.final.table)),
                 f"{record.name}: residual force against what the effect depends on",
             )
     page.heading("Parameters")

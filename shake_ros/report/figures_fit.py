@@ -9,11 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import welch
 
-from shake_ros.core.discovery.remaining import quantities
 from shake_ros.core.discovery.search import Attempt
-from shake_ros.core.identification.recordings import Record, low_pass
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.simulation import run
+from shake_ros.core.identification.free_parameters import Declared
+from shake_ros.core.identification.recordings import FULL, Model, Record, low_pass
 
 MEASURED, BEFORE, AFTER = "#1d2733", "#c8553d", "#2a7f62"
 LABELS = {
@@ -39,10 +37,9 @@ def tidy(axes: Axes, x: str, y: str) -> None:
         axes.spines[side].set_visible(False)
 
 
-def free_runs(record: Record, before: TableParameters, after: TableParameters) -> tuple[np.ndarray, np.ndarray]:
-    """Free runs of both models over a recording, columns of plant.simulation.COLUMNS."""
-    arguments = (record.commands, record.sample_time)
-    return run(before, *arguments, position=record.track), run(after, *arguments, position=record.track)
+def free_runs(record: Record, before: Declared, after: Declared, model: Model = FULL) -> tuple[np.ndarray, np.ndarray]:
+    """Free runs of both tables over a recording, columns as the model gives them: position, velocity, acceleration …"""
+    return model.run(before, record), model.run(after, record)
 
 
 def liveliest(record: Record, seconds: float) -> slice:
@@ -111,7 +108,12 @@ def ranking_figure(ranking: Sequence[Attempt], baseline_hold: float) -> Figure:
 
 
 def residual_figure(
-    record: Record, before: np.ndarray, after: np.ndarray, depends_on: Sequence[str], moved_mass: float
+    record: Record,
+    before: np.ndarray,
+    after: np.ndarray,
+    depends_on: Sequence[str],
+    moved_mass: float,
+    model: Model = FULL,
 ) -> Figure:
     """Residual force M·(measured − simulated acceleration) against what the effect depends on, before and after."""
     names = [n for n in depends_on if n in LABELS and n not in ("frequency", "direction")] or [
@@ -123,7 +125,7 @@ def residual_figure(
     assert record.acceleration is not None
     for axes, name in zip(row, names, strict=True):
         for run_, colour, label in ((before, BEFORE, "declared"), (after, AFTER, "extended")):
-            x = quantities(record, run_)[name][record.start :] * SCALES.get(name, 1.0)
+            x = model.quantities(record, run_)[name][record.start :] * SCALES.get(name, 1.0)
             force = moved_mass * (record.acceleration - run_[:, 2])[record.start :]
             axes.plot(x, force, ".", color=colour, markersize=1.4, alpha=0.35, rasterized=True)
             edges = np.quantile(x, np.linspace(0, 1, 31))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import Field, dataclass
 from typing import Any
 
 from shake_ros.core.effects import EFFECTS
@@ -36,7 +36,8 @@ class Candidate:
     @property
     def neutral(self) -> float:
         """Value of the strength at which the effect is absent."""
-        return float(FIELDS[self.strength.name].default)
+        default: Any = FIELDS[self.strength.name].default
+        return float(default)
 
     @property
     def signed(self) -> bool:
@@ -44,8 +45,10 @@ class Candidate:
         return self.strength.low < self.neutral < self.strength.high
 
 
-def candidates(content: Mapping[str, Any], where: str, model: str = "full") -> tuple[Candidate, ...]:
-    """Candidates from the content of config/discovery/effects.yaml for a declared model; strict."""
+def candidates(
+    content: Mapping[str, Any], where: str, model: str = "full", fields: Mapping[str, Field[Any]] = FIELDS
+) -> tuple[Candidate, ...]:
+    """Candidates from the content of a file of config/discovery for a declared model with these fields; strict."""
     result = []
     for effect, entry in content.items():
         if effect not in EFFECTS:
@@ -55,11 +58,11 @@ def candidates(content: Mapping[str, Any], where: str, model: str = "full") -> t
         if not isinstance(entry, Mapping) or set(entry) != {"free", "trials"}:
             raise ShakeError(f"{where}: {effect}: needs exactly the keys 'free' and 'trials'")
         prefix = f"effects.{effect}."
-        free = tuple(free_parameter(prefix + name, c, where) for name, c in entry["free"].items())
+        free = tuple(free_parameter(prefix + name, c, where, fields) for name, c in entry["free"].items())
         trials = tuple({prefix + name: float(v) for name, v in trial.items()} for trial in entry["trials"])
         for trial in trials:
             for name in trial:
-                if name not in FIELDS:
+                if name not in fields:
                     raise unknown_name("parameter", name, [f.name for f in free], where)
         result.append(Candidate(effect, free, trials))
     return tuple(result)

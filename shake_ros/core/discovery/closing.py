@@ -14,10 +14,9 @@ from shake_ros.core.discovery.candidates import Candidate
 from shake_ros.core.discovery.remaining import Remaining, remaining
 from shake_ros.core.discovery.search import CONVERGED, Policy, Search, mean_square, search
 from shake_ros.core.identification.fit import Fit, fit
-from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem, windows
+from shake_ros.core.identification.free_parameters import Declared, FreeParameter, FreeParameters
+from shake_ros.core.identification.recordings import FULL, Model, Record, RecordingProblem, windows
 from shake_ros.core.identification.uncertainty import Estimate, estimates
-from shake_ros.core.plant.parameters import TableParameters
 
 Progress = Callable[[str, float], None]
 Errors = dict[str, dict[str, float]]
@@ -31,7 +30,7 @@ class FittedModel:
     """A fitted model with the errors of its free runs on both sets of recordings."""
 
     fit: Fit
-    table: TableParameters
+    table: Declared
     parameters: tuple[Estimate, ...]
     learn: Errors
     hold: Errors
@@ -92,27 +91,29 @@ def fitted_model(result: Fit, learn: RecordingProblem, hold: RecordingProblem | 
 
 
 def identify(
-    table: TableParameters,
+    table: Declared,
     free: Sequence[FreeParameter],
     learn: list[Record],
     hold: list[Record],
     progress: Progress,
+    model: Model = FULL,
 ) -> FittedModel:
     """Fit the declared model to recordings; errors on them and on recordings held out."""
-    problem = RecordingProblem(learn)
-    explore = RecordingProblem(windows(learn, FIRST_LOOK))
+    problem = RecordingProblem(learn, model)
+    explore = RecordingProblem(windows(learn, FIRST_LOOK), model)
     result = fit_declared(problem, explore, FreeParameters(table, free), progress)
-    return fitted_model(result, problem, RecordingProblem(hold) if hold else None)
+    return fitted_model(result, problem, RecordingProblem(hold, model) if hold else None)
 
 
 def close_loop(
-    table: TableParameters,
+    table: Declared,
     free: Sequence[FreeParameter],
     pool: tuple[Candidate, ...],
     learn: list[Record],
     hold: list[Record],
     policy: Policy,
     progress: Progress,
+    model: Model = FULL,
 ) -> ClosedLoop:
     """Find what the declared model lacks.
 
@@ -120,9 +121,10 @@ def close_loop(
     ----------
     table : declared table. free : its parameters that a fit may move. pool : candidate effects.
     learn, hold : recordings to learn from and held out. progress : called with a text and the part done, 0 … 1.
+    model : simulates the table.
     """
-    problem, held = RecordingProblem(learn), RecordingProblem(hold)
-    explore = RecordingProblem(windows(learn, FIRST_LOOK))
+    problem, held = RecordingProblem(learn, model), RecordingProblem(hold, model)
+    explore = RecordingProblem(windows(learn, FIRST_LOOK), model)
     declared = fit_declared(problem, explore, FreeParameters(table, free), progress)
     baseline = fitted_model(declared, problem, held)
     found = search(problem, held, declared, pool, policy, progress, explore)

@@ -13,8 +13,7 @@ import numpy as np
 from scipy.signal import welch
 
 from shake_ros.core.discovery.search import Search
-from shake_ros.core.identification.recordings import Record, RecordingProblem
-from shake_ros.core.plant.simulation import run
+from shake_ros.core.identification.recordings import RecordingProblem
 
 ABOVE = 1.15  # ratio of residual to noise from which something remains
 GROUPS = 24  # quantile groups of a quantity
@@ -41,21 +40,6 @@ class Remaining:
     depends_on: tuple[str, ...]
     shares: dict[str, float]
     text: str
-
-
-def quantities(record: Record, simulated: np.ndarray) -> dict[str, np.ndarray]:
-    """What a residual may depend on, each of shape (n,); `simulated` has the columns of plant.simulation.COLUMNS."""
-    load = simulated[:, 3] - simulated[:, 4]
-    opening = simulated[:, 6]
-    return {
-        "position": record.track,
-        "velocity": record.velocity,
-        "direction": np.sign(record.velocity),
-        "load_pressure": load,
-        "valve_opening": opening,
-        "flow": opening * np.sqrt(np.maximum(simulated[:, 5] - np.sign(opening) * load, 0.0)),
-        "time": np.arange(len(load)) * record.sample_time,
-    }
 
 
 def explained_share(values: np.ndarray, by: np.ndarray) -> float:
@@ -94,7 +78,7 @@ def residual_series(problem: RecordingProblem, search: Search) -> tuple[np.ndarr
     columns: dict[str, list[np.ndarray]] = {}
     square = noise = 0.0
     for record in problem.records:
-        out = run(table, record.commands, record.sample_time, position=record.track)
+        out = problem.model.run(table, record)
         span = slice(record.start, None)
         if record.acceleration is not None:
             rest, deviation = (record.acceleration - out[:, 2])[span], record.acceleration_noise()
@@ -103,7 +87,7 @@ def residual_series(problem: RecordingProblem, search: Search) -> tuple[np.ndarr
         residuals.append(rest)
         square += float(rest @ rest)
         noise += len(rest) * deviation**2
-        for name, values in quantities(record, out).items():
+        for name, values in problem.model.quantities(record, out).items():
             columns.setdefault(name, []).append(values[span])
     ratio = float(np.sqrt(square / max(noise, 1e-300)))
     return np.concatenate(residuals), {n: np.concatenate(c) for n, c in columns.items()}, ratio

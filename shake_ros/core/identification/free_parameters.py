@@ -3,13 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import Field, dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
-from shake_ros.core.plant.parameters import FIELDS, INDEX, NAMES, TableParameters
+from shake_ros.core.plant.parameters import FIELDS
 from shake_ros.core.quantities import ShakeError, unknown_name
+
+
+class Declared(Protocol):
+    """What a fit needs of a declared table, whatever its model: numbers by dotted name."""
+
+    @property
+    def fields(self) -> Mapping[str, Field[Any]]:
+        """Fields of all numbers by dotted name, in the order of `vector`."""
+
+    def value(self, name: str) -> float:
+        """Value of a dotted name."""
+
+    def vector(self) -> np.ndarray:
+        """All numbers, shape (len(fields),)."""
+
+    def with_values(self, values: Mapping[str, float]) -> Declared:
+        """A copy with some numbers changed."""
+
+    def to_mapping(self) -> dict[str, Any]:
+        """The content of its YAML file."""
 
 
 @dataclass(frozen=True)
@@ -17,28 +37,26 @@ class FreeParameter:
     """One parameter that a fit may move.
 
     name : dotted name. scale : a change that matters, in its unit; sets the fit's unit and its difference step.
-    low, high : bounds of the fit, within those of the quantity.
+    low, high : bounds of the fit, within those of the quantity. unit : of the quantity.
     """
 
     name: str
     scale: float
     low: float
     high: float
-
-    @property
-    def unit(self) -> str:
-        """Unit of the quantity."""
-        return str(FIELDS[self.name].metadata["unit"])
+    unit: str
 
 
-def free_parameter(name: str, content: Mapping[str, Any], where: str) -> FreeParameter:
-    """A FreeParameter from `{scale:, low:, high:}`; bounds default to those of the quantity."""
-    if name not in FIELDS:
-        raise unknown_name("parameter", name, NAMES, where)
+def free_parameter(
+    name: str, content: Mapping[str, Any], where: str, fields: Mapping[str, Field[Any]] = FIELDS
+) -> FreeParameter:
+    """A FreeParameter from `{scale:, low:, high:}`; bounds default to those of the quantity among `fields`."""
+    if name not in fields:
+        raise unknown_name("parameter", name, fields, where)
     for key in content:
         if key not in ("scale", "low", "high", "start"):
             raise unknown_name("key", key, ("scale", "low", "high", "start"), f"{where}: {name}")
-    metadata = FIELDS[name].metadata
+    metadata = fields[name].metadata
     try:
         scale = float(content["scale"])
         low = max(float(content.get("low", metadata["low"])), metadata["low"])
@@ -49,7 +67,7 @@ def free_parameter(name: str, content: Mapping[str, Any], where: str) -> FreePar
         ) from None
     if not (scale > 0.0 and low < high):
         raise ShakeError(f"{where}: {name}: needs scale > 0 and low < high, got {scale:g}, {low:g}, {high:g}")
-    return FreeParameter(name, scale, low, high)
+    return FreeParameter(name, scale, low, high, str(metadata["unit"]))
 
 
 class FreeParameters:
@@ -58,14 +76,15 @@ class FreeParameters:
     The fit's vector x holds value/scale of each; `vectors` maps rows of x to full parameter vectors.
     """
 
-    def __init__(self, base: TableParameters, free: Iterable[FreeParameter]) -> None:
+    def __init__(self, base: Declared, free: Iterable[FreeParameter]) -> None:
         self.base = base
         self.free: tuple[FreeParameter, ...] = tuple(free)
         self.names: tuple[str, ...] = tuple(f.name for f in self.free)
         self.scale = np.array([f.scale for f in self.free])
         self.low = np.array([f.low for f in self.free]) / self.scale
         self.high = np.array([f.high for f in self.free]) / self.scale
-        self.columns = [INDEX[name] for name in self.names]
+        index = {name: i for i, name in enumerate(base.fields)}
+        self.columns = [index[name] for name in self.names]
         self._vector = base.vector()
 
     def start(self) -> np.ndarray:
@@ -73,13 +92,13 @@ class FreeParameters:
         return np.clip(self._vector[self.columns] / self.scale, self.low, self.high)
 
     def vectors(self, x: np.ndarray) -> np.ndarray:
-        """Full parameter vectors for rows of x, shape (m, len(free)) → (m, len(NAMES))."""
+        """Full parameter vectors for rows of x, shape (m, len(free)) → (m, len(base.fields))."""
         rows = np.atleast_2d(x)
         result = np.tile(self._vector, (len(rows), 1))
         result[:, self.columns] = rows * self.scale
         return result
 
-    def table(self, x: np.ndarray) -> TableParameters:
+    def table(self, x: np.ndarray) -> Declared:
         """The table with the values of x."""
         values = np.clip(np.asarray(x), self.low, self.high) * self.scale
         return self.base.with_values(dict(zip(self.names, values.tolist(), strict=True)))

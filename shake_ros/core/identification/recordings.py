@@ -7,19 +7,20 @@ position-dependent effects follow the measured position.
 
 from __future__ import annotations
 
-import functools
+import math
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from shake_ros.core.plant.simulation import initial_state, run_batch
+from shake_ros.core.identification.free_parameters import Declared
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.simulation import initial_state, run, run_batch
 
 CUTOFF = 40.0  # bandwidth of the velocity filter [Hz], (6.3.3.2)
 ORDER = 4  # per pass; forward and backward make the thesis's 8
 SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pressures are not known there
-NOISE_WINDOW = 200  # samples over which a noise deviation is taken
-NOISE_BAND = 0.4  # accelerations above this part of the sampling rate are taken for noise
 BLOCK = 0.5  # length of a block of time for standard errors [s]
 MODEL_FLOOR = 2e-3  # weights do not fall below this part of a channel's rms: no model is better than that
 
@@ -37,26 +38,21 @@ def derivative(position: np.ndarray, sample_time: float) -> np.ndarray:
     return low_pass(np.gradient(position, sample_time), sample_time)
 
 
-def high_band_deviation(values: np.ndarray) -> float:
-    """Standard deviation of white noise of which only the band above the dynamics is looked at.
+def white_deviation(values: np.ndarray) -> float:
+    """Standard deviation of the white noise in a signal whose dynamics lie well below the sampling rate.
 
-    The deviation is taken window by window and the lower quartile of the windows counts, so that bursts which reach
-    into the band (stick and slip, impacts) are not taken for noise. `values` of shape (n,), result in its unit.
+    The sixth difference removes the dynamics; its median magnitude is not fooled by the few samples about each jump of
+    the friction force, whose spectrum reaches up to the Nyquist frequency. `values` of shape (n,), result in its unit.
+
+    >>> noise = np.random.default_rng(1).standard_normal(100000)
+    >>> slow = np.sin(np.arange(100000) / 10.0)
+    >>> bool(abs(white_deviation(100.0 * slow + noise) - 1.0) < 0.02)
+    True
     """
-    sections = butter(6, 2.0 * NOISE_BAND, btype="high", output="sos")
-    upper = sosfiltfilt(sections, values)
-    rows = upper[: len(upper) // NOISE_WINDOW * NOISE_WINDOW].reshape(-1, NOISE_WINDOW)
-    if len(rows) < 4:
-        return float(np.std(upper)) / _white_gain(len(upper))
-    return float(np.percentile(np.std(rows, axis=1), 25)) / _white_gain(NOISE_WINDOW)
-
-
-@functools.lru_cache(maxsize=8)
-def _white_gain(window: int) -> float:
-    """What `high_band_deviation` finds before its division where white noise has the deviation 1."""
-    white = np.random.default_rng(0).standard_normal(200 * max(window, 50))
-    upper = sosfiltfilt(butter(6, 2.0 * NOISE_BAND, btype="high", output="sos"), white)
-    return float(np.percentile(np.std(upper.reshape(200, -1), axis=1), 25))
+    sixth = np.diff(values, n=6)
+    return float(
+        np.median(np.abs(sixth)) / (0.674490 * math.sqrt(924.0))
+    )  # 924 = Σ of the squared binomials of order 6
 
 
 @dataclass(frozen=True)
@@ -82,7 +78,7 @@ class Record:
 
     def position_noise(self) -> float:
         """Standard deviation of the position noise [m]."""
-        return high_band_deviation(self.position)
+        return white_deviation(self.position)
 
     def velocity_noise(self) -> float:
         """Standard deviation of the noise that passes the velocity filter [m/s]."""
@@ -94,7 +90,7 @@ class Record:
     def acceleration_noise(self) -> float:
         """Standard deviation of the acceleration noise [m/s²]."""
         assert self.acceleration is not None
-        return high_band_deviation(self.acceleration)
+        return white_deviation(self.acceleration)
 
 
 def relative_error(measured: np.ndarray, simulated: np.ndarray) -> float:
@@ -121,6 +117,60 @@ def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[
     return pieces
 
 
+class Model(Protocol):
+    """What a declared model tells of a recording."""
+
+    def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
+        """Unfiltered velocity and acceleration for rows of parameters, each of shape (m, n)."""
+
+    def run(self, table: Declared, record: Record) -> np.ndarray:
+        """Free run, shape (n, ≥ 3): position, velocity, acceleration, then columns of the model's own."""
+
+    def quantities(self, record: Record, simulated: np.ndarray) -> dict[str, np.ndarray]:
+        """What a residual may depend on, each of shape (n,); `simulated` as `run` gives it."""
+
+    def moved_mass(self, table: Declared) -> float:
+        """Mass that makes a force of a residual acceleration [kg]; 1 where the model counts in forces per mass."""
+
+
+class FullModel:
+    """The sixth-order table of (6.15)."""
+
+    def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity and acceleration for rows of parameters, each of shape (m, n)."""
+        starts = np.array([initial_state(v, record.track[0]) for v in vectors])
+        starts[:, 1] = record.velocity[0]
+        out = run_batch(vectors, starts, record.commands, record.sample_time, track=record.track)
+        return out[:, :, 0], out[:, :, 1]
+
+    def run(self, table: Declared, record: Record) -> np.ndarray:
+        """Free run with the columns of plant.simulation.COLUMNS."""
+        assert isinstance(table, TableParameters)
+        return run(table, record.commands, record.sample_time, position=record.track)
+
+    def quantities(self, record: Record, simulated: np.ndarray) -> dict[str, np.ndarray]:
+        """What a residual may depend on, each of shape (n,)."""
+        load = simulated[:, 3] - simulated[:, 4]
+        opening = simulated[:, 6]
+        return {
+            "position": record.track,
+            "velocity": record.velocity,
+            "direction": np.sign(record.velocity),
+            "load_pressure": load,
+            "valve_opening": opening,
+            "flow": opening * np.sqrt(np.maximum(simulated[:, 5] - np.sign(opening) * load, 0.0)),
+            "time": np.arange(len(load)) * record.sample_time,
+        }
+
+    def moved_mass(self, table: Declared) -> float:
+        """Declared mass in motion [kg]."""
+        assert isinstance(table, TableParameters)
+        return table.moved_mass
+
+
+FULL = FullModel()
+
+
 class RecordingProblem:
     """Weighted free-running simulation error over several recordings.
 
@@ -128,8 +178,9 @@ class RecordingProblem:
     independent samples in the filter's band.
     """
 
-    def __init__(self, records: list[Record]) -> None:
+    def __init__(self, records: list[Record], model: Model = FULL) -> None:
         self.records = records
+        self.model = model
         self.velocity_weights = []
         self.acceleration_weights = []
         for r in records:
@@ -144,10 +195,8 @@ class RecordingProblem:
 
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
         """Filtered velocity and acceleration of one recording, each of shape (m, n)."""
-        starts = np.array([initial_state(v, record.track[0]) for v in vectors])
-        starts[:, 1] = record.velocity[0]
-        out = run_batch(vectors, starts, record.commands, record.sample_time, track=record.track)
-        return low_pass(out[:, :, 0], record.sample_time), out[:, :, 1]
+        velocity, acceleration = self.model.simulate(vectors, record)
+        return low_pass(velocity, record.sample_time), acceleration
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Weighted residuals of all recordings, shape (m, n)."""
@@ -158,6 +207,18 @@ class RecordingProblem:
             if record.acceleration is not None:
                 parts.append(w_a * (acceleration - record.acceleration)[:, record.start :])
         return np.concatenate(parts, axis=1)
+
+    def noise_cost(self) -> float:
+        """Mean square of the weighted residuals that the sensor noise alone would leave [-]."""
+        total = count = 0.0
+        for record, w_v, w_a in zip(self.records, self.velocity_weights, self.acceleration_weights, strict=True):
+            n = len(record.commands) - record.start
+            total += n * (w_v * record.velocity_noise()) ** 2
+            count += n
+            if record.acceleration is not None:
+                total += n * (w_a * record.acceleration_noise()) ** 2
+                count += n
+        return float(total / count)
 
     def blocks(self) -> np.ndarray:
         """Number of the block of time that each residual belongs to, shape (n,): velocity and acceleration share it."""

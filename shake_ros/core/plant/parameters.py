@@ -212,6 +212,11 @@ class TableParameters:
                 )
         return TableParameters(**sections, effects=effects)
 
+    @property
+    def fields(self) -> Mapping[str, dataclasses.Field[Any]]:
+        """Fields of all numbers by dotted name, in the order of `vector`."""
+        return FIELDS
+
     def vector(self) -> np.ndarray:
         """All numbers in the order of `NAMES`, shape (len(NAMES),)."""
         return np.array([self.value(name) for name in NAMES])
