@@ -45,6 +45,7 @@ class ClosedLoop:
     search: Search
     remaining: Remaining
     noise: dict[str, float]
+    model: Model = FULL
 
     @property
     def final(self) -> FittedModel:
@@ -58,7 +59,8 @@ def random_starts(free: FreeParameters, count: int, seed: int = 0) -> np.ndarray
     start = free.start()
     factors = 4.0 ** rng.uniform(-1.0, 1.0, (count, len(start)))
     factors[0] = 1.0
-    return np.asarray(np.clip(np.maximum(start, 1.0) * factors, free.low, free.high))
+    sign = np.where(free.high <= 0.0, -1.0, 1.0)
+    return np.asarray(np.clip(sign * np.maximum(sign * start, 1.0) * factors, free.low, free.high))
 
 
 def fit_declared(problem: RecordingProblem, explore: RecordingProblem, free: FreeParameters, progress: Progress) -> Fit:
@@ -133,4 +135,4 @@ def close_loop(
     if found.removed:
         models[-1] = fitted_model(found.final, problem, held)
     rest = remaining(held, found)
-    return ClosedLoop(baseline, tuple(models), found, rest, problem.noise())
+    return ClosedLoop(baseline, tuple(models), found, rest, problem.noise(), model)
