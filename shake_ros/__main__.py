@@ -42,6 +42,8 @@ ENTRY_POINTS: dict[str, Entry] = {
     "identify": Entry("shake_ros.cli.identify", "fit the declared model to recordings"),
     "close_loop": Entry("shake_ros.cli.close_loop", "find what the declared model lacks, add it, before and after"),
     "import_csv": Entry("shake_ros.cli.import_csv", "a laboratory's table of columns becomes a recording"),
+    "figures": Entry("shake_ros.cli.figures", "figures of the thesis drawn again: fluid, friction, valve, effects"),
+    "sensitivity": Entry("shake_ros.cli.sensitivity", "what each parameter does to the motion (thesis 6.3.4)"),
     "thd": Entry("shake_ros.cli.thd", "harmonic table of a recording"),
     "record_scale": Entry("shake_ros.cli.record_scale", "read, correct and scale an accelerogram into the envelope"),
 }

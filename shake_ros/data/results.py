@@ -51,6 +51,7 @@ def _step_json(step: Step, model: FittedModel) -> dict[str, Any]:
         "effect": best.candidate.effect,
         "alternatives": list(step.alternatives),
         "place": best.candidate.place,
+        "depends_on": list(best.candidate.depends_on),
         "parameters": parameters_json([p for p in model.parameters if p.name in own]),
         "evidence": {"why": why, "ranking": [_attempt_json(a) for a in step.ranking]},
         "error": {"learn": model.learn, "hold": model.hold},
@@ -60,6 +61,11 @@ def _step_json(step: Step, model: FittedModel) -> dict[str, Any]:
 def close_loop_json(result: ClosedLoop, learn: Sequence[str], hold: Sequence[str], model: str) -> dict[str, Any]:
     """Content of report.json as spec'd for other programs (schema shake_ros.close_loop/1)."""
     rest = result.remaining
+    place, depends_on, text = rest.place, rest.depends_on, rest.text
+    for step in result.search.steps:
+        if step.chosen.candidate.effect == "unlisted":
+            place, depends_on = step.chosen.candidate.place, step.chosen.candidate.depends_on
+            text = f"something without a name acts at {place} and depends on {', '.join(depends_on)}; with it, {text}"
     return {
         "schema": CLOSE_LOOP_SCHEMA,
         "model": model,
@@ -70,9 +76,9 @@ def close_loop_json(result: ClosedLoop, learn: Sequence[str], hold: Sequence[str
         "final": model_json(result.final),
         "remaining": {
             "above_noise": rest.above_noise,
-            "place": rest.place,
-            "depends_on": list(rest.depends_on),
-            "text": rest.text,
+            "place": place,
+            "depends_on": list(depends_on),
+            "text": text,
         },
     }
 

@@ -47,11 +47,12 @@ def error_table(page: Page, before: FittedModel, after: FittedModel) -> None:
 def step_section(page: Page, step: Step, baseline_hold: float) -> None:
     """Which effect was added, why, and what else was tried."""
     effect = EFFECTS[step.chosen.candidate.effect]
-    page.heading(f"Added: {step.chosen.candidate.effect} ({effect.place})")
+    page.heading(f"Added: {step.chosen.candidate.effect} ({step.chosen.candidate.place})")
     page.paragraph((effect.__doc__ or "").strip().splitlines()[0])
     why = (
         f"Of {len(step.ranking)} effects refitted after screening, this one leaves the smallest error on the "
-        f"recordings that the fit has not seen: {step.chosen.hold:.3g} weighted mean square, against {baseline_hold:.3g} before"
+        f"recordings that the fit has not seen: {step.chosen.hold:.3g} weighted mean square, "
+        f"against {baseline_hold:.3g} before"
     )
     if len(step.ranking) > 1:
         why += f" and {step.ranking[1].hold:.3g} with {step.ranking[1].candidate.effect}, the next"
@@ -59,6 +60,13 @@ def step_section(page: Page, step: Step, baseline_hold: float) -> None:
     if step.alternatives:
         page.paragraph(f"These recordings cannot tell it apart from: {', '.join(step.alternatives)}.")
     page.figure(figures_fit.ranking_figure(step.ranking, baseline_hold), "Candidates refitted with all parameters")
+    if step.chosen.candidate.effect == "unlisted":
+        depends = ", ".join(step.chosen.candidate.depends_on)
+        page.paragraph(
+            f"No listed effect explains the residual. It acts at {step.chosen.candidate.place} "
+            f"and depends on {depends}."
+        )
+        page.figure(figures_fit.unlisted_figure(step.chosen.fit), "The function without a name, as estimated")
 
 
 def model_sections(page: Page, result: ClosedLoop, hold: list[Record]) -> None:
@@ -74,7 +82,7 @@ def model_sections(page: Page, result: ClosedLoop, hold: list[Record]) -> None:
         + (f" and {result.noise['acceleration']:.2g} m/s²." if "acceleration" in result.noise else ".")
     )
     error_table(page, result.baseline, result.final)
-    depends = [d for s in result.search.steps for d in EFFECTS[s.chosen.candidate.effect].depends_on]
+    depends = [d for s in result.search.steps for d in s.chosen.candidate.depends_on]
     for record in {r.name: r for r in reversed(hold)}.values():
         runs = figures_fit.free_runs(record, result.baseline.table, result.final.table)
         page.figure(figures_fit.time_histories(record, *runs), f"{record.name} (held out): liveliest two seconds")

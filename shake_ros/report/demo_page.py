@@ -48,7 +48,8 @@ def tracking_section(page: Page, tracks: Tracking) -> None:
     page.heading("4  The same earthquake, tracked with each model inside")
     page.paragraph(
         "Observer and controller carry a copy of the table's model. First run: the declared model; second run: the "
-        "model that was fitted and extended from the recordings. Errors are those of the true motion against the reference."
+        "model that was fitted and extended from the recordings. Errors are those of the true motion "
+        "against the reference."
     )
     page.figure(figures_demo.tracking_figure(tracks.before, tracks.after), "Reference, position and position error")
     rows = [

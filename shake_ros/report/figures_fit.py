@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from scipy.signal import welch
 
 from shake_ros.core.discovery.search import Attempt
+from shake_ros.core.effects.unlisted import NODES
+from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import Declared
 from shake_ros.core.identification.recordings import FULL, Model, Record, low_pass
 
@@ -25,6 +27,14 @@ LABELS = {
     "frequency": "frequency [Hz]",
 }
 SCALES = {"position": 1e3, "load_pressure": 1e-5}
+FUNCTIONS = {  # kind of effects/unlisted.py → its quantity, label and scale
+    1: ("position", "force against +x [N]", 1.0),
+    2: ("position", "additional dry friction [N]", 1.0),
+    3: ("velocity", "additional force against motion [N]", 1.0),
+    4: ("valve_opening", "relative change of flow gain [-]", 1.0),
+    5: ("load_pressure", "additional leakage [cm³/s]", 1e6),
+    6: ("load_pressure", "relative change of stiffness [-]", 1.0),
+}
 
 
 def tidy(axes: Axes, x: str, y: str) -> None:
@@ -136,4 +146,17 @@ def residual_figure(
             axes.plot(mean_x, mean_force, color=colour, linewidth=2.2, label=label)
         tidy(axes, LABELS[name], "residual force [N]" if axes is row[0] else "")
     row[0].legend(frameon=False)
+    return figure
+
+
+def unlisted_figure(fit: Fit) -> Figure:
+    """The estimated function on its nodes."""
+    table = fit.free.table(fit.x)
+    low, high = (table.value(f"effects.unlisted.{end}") for end in ("low", "high"))
+    values = np.array([table.value(f"effects.unlisted.node_{i:02d}") for i in range(NODES)])
+    quantity, label, scale = FUNCTIONS[int(table.value("effects.unlisted.kind"))]
+    figure = Figure(figsize=(9.5, 3.2), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(np.linspace(low, high, NODES) * SCALES.get(quantity, 1.0), values * scale, ".-", color=AFTER)
+    tidy(axes, LABELS[quantity], label)
     return figure

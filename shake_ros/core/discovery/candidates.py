@@ -17,21 +17,19 @@ class Candidate:
     """One effect that may be missing.
 
     effect : its name. free : the parameters a refit frees. trials : values by dotted name, the strength first.
+    place, depends_on : where it acts and on what.
     """
 
     effect: str
     free: tuple[FreeParameter, ...]
     trials: tuple[Mapping[str, float], ...]
+    place: str
+    depends_on: tuple[str, ...]
 
     @property
     def strength(self) -> FreeParameter:
         """The parameter whose neutral value makes the effect absent."""
         return self.free[0]
-
-    @property
-    def place(self) -> str:
-        """Where in the table the effect acts."""
-        return EFFECTS[self.effect].place
 
     @property
     def neutral(self) -> float:
@@ -64,5 +62,6 @@ def candidates(
             for name in trial:
                 if name not in fields:
                     raise unknown_name("parameter", name, [f.name for f in free], where)
-        result.append(Candidate(effect, free, trials))
+        kind = EFFECTS[effect]
+        result.append(Candidate(effect, free, trials, kind.place, kind.depends_on))
     return tuple(result)

@@ -16,8 +16,10 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import Candidate
 from shake_ros.core.discovery.screening import Screened, screen
+from shake_ros.core.discovery.unlisted import best_unlisted
 from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.recordings import RecordingProblem
 
 Progress = Callable[[str, float], None]
 CONVERGED = 1e-6  # relative change of cost and parameters at which the chosen fit stops
@@ -35,6 +37,9 @@ class Policy:
     least_gain : fall of the held-out cost below which an effect is not added. margin : relative difference of
     held-out cost within which two effects count as not told apart. most_effects : stop after that many.
     least_screened : predicted gain below which a candidate is not refitted.
+    clearly_above, weak, far_less : a function without a name is estimated where the held-out cost is more than
+    `clearly_above` times that of the noise and a listed effect leaves more than the part `weak` of it; it is taken
+    where it leaves less than the part `far_less` of what the listed effect leaves.
     """
 
     refits: int = 9
@@ -47,6 +52,9 @@ class Policy:
     margin: float = 0.03
     most_effects: int = 3
     least_screened: float = 0.003
+    clearly_above: float = 2.0
+    weak: float = 0.35
+    far_less: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -186,14 +194,45 @@ def one_step(
     return Step(best, ranking, tuple(near), tuple(screened)), ranking
 
 
+def or_unlisted(
+    problem: RecordingProblem,
+    hold: RecordingProblem,
+    explore: RecordingProblem,
+    current: Fit,
+    step: Step | None,
+    ranking: tuple[Attempt, ...],
+    policy: Policy,
+    progress: Progress,
+) -> Step | None:
+    """The step, or one that adds a function without a name where the listed effects explain too little.
+
+    A function is estimated only where the held-out residual stands clearly above the noise and the best listed effect
+    leaves most of it; it replaces a listed effect only where it leaves far less.
+    """
+    before = held_out(hold, current)
+    listed = step.chosen.hold if step else before
+    if before < policy.clearly_above * hold.noise_cost() or listed < policy.weak * before:
+        return step
+    found = best_unlisted(
+        problem, explore, current, on_problem(explore, current), lambda f: held_out(hold, f), progress
+    )
+    if found is None:
+        return step
+    candidate, result, gain = found
+    tried = Attempt(candidate, result, mean_square(result.residuals), held_out(hold, result), gain)
+    if tried.hold > policy.far_less * listed or tried.learn > policy.far_less * mean_square(current.residuals):
+        return step
+    return Step(tried, (tried, *ranking), (), ())
+
+
 def search(
-    problem: Problem,
-    hold: Problem,
+    problem: RecordingProblem,
+    hold: RecordingProblem,
     declared: Fit,
     pool: tuple[Candidate, ...],
     policy: Policy,
     progress: Progress = lambda text, part: None,
-    explore: Problem | None = None,
+    explore: RecordingProblem | None = None,
 ) -> Search:
     """Add effects to the declared fit until none lowers the held-out error.
 
@@ -204,15 +243,19 @@ def search(
     explore : pieces of the learning recordings for screening and first refits; the whole of them where not given.
     """
     current, steps, left = declared, list[Step](), pool
+    explore = explore or problem
     ranking: tuple[Attempt, ...] = ()
     while len(steps) < policy.most_effects and left:
-        step, ranking = one_step(problem, hold, explore or problem, current, left, policy, progress)
+        step, ranking = one_step(problem, hold, explore, current, left, policy, progress)
+        step = or_unlisted(problem, hold, explore, current, step, ranking, policy, progress)
         if step is None:
             break
         steps.append(step)
         current = step.chosen.fit
         left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)
         ranking = ()
+        if step.chosen.candidate.effect == "unlisted":
+            break
     progress("are all needed?", 0.0)
     kept, current, removed = prune(problem, hold, steps, current, policy)
     return Search(declared, tuple(kept), current, removed, ranking)

@@ -1,6 +1,8 @@
 """What no listed effect explains, as a function estimated from recordings on equally spaced nodes.
 
-    y(s) = linear between nodes y_0 … y_15 over low ≤ s ≤ high, constant beyond
+    y(s) = linear between nodes y_0 … y_15 over low ≤ s ≤ high
+
+Beyond its range a force of position goes on with the slope of its end, as a spring would; the others stay constant.
 
 `kind` tells of what quantity s the function is and where it acts:
 
@@ -83,11 +85,9 @@ def interpolated(p, argument):
         p.unlisted_node_15,
     )
     place = (argument - p.unlisted_low) / (p.unlisted_high - p.unlisted_low) * (NODES - 1)
-    if not place > 0.0:
-        return nodes[0]
-    if place >= NODES - 1:
-        return nodes[NODES - 1]
-    i = int(place)
+    if p.unlisted_kind != FORCE_OF_POSITION:
+        place = min(max(place, 0.0), NODES - 1.0)
+    i = min(max(int(place), 0), NODES - 2)
     part = place - i
     return nodes[i] * (1.0 - part) + nodes[i + 1] * part
 
