@@ -1,44 +1,86 @@
-"""Recordings on disk → records that a fit takes, each gapless segment by itself."""
+"""Recordings on disk → records that a fit takes, each gapless segment by itself, parted where the position jumps.
+
+A position that leaps within one sample has lost samples that its stamps do not tell (a logger that stood still): the
+leap is no motion, and a fit must not see it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording, read_table_recording
 
 SHORTEST = 1.0  # a segment shorter than this tells nothing of the dynamics [s]
+LEAP = 2.5  # steps of the position above this multiple of its fast ones …
+FAST = 99.0  # … which are this percentile of all steps of the recording,
+NEIGHBOURS = 4.0  # … and above this multiple of the largest step next to them, are leaps
 
 
-def fit_records(recording: TableRecording) -> list[Record]:
-    """The segments of a recording that are long enough to fit; a gap is never bridged.
+def leaps(position: np.ndarray) -> np.ndarray:
+    """Samples k at which the position has leapt since k − 1, ascending.
+
+    >>> x = 1e-3 * np.sin(np.arange(400) / 20.0)
+    >>> x[200:] += 1e-3
+    >>> leaps(x).tolist()
+    [200]
+    """
+    steps = np.abs(np.diff(position))
+    if len(steps) < 3:
+        return np.zeros(0, dtype=int)
+    padded = np.concatenate([steps[1:2], steps, steps[-2:-1]])
+    beside = np.maximum(padded[:-2], padded[2:])
+    large = steps > np.maximum(LEAP * np.percentile(steps, FAST), NEIGHBOURS * beside)
+    return np.asarray(np.flatnonzero(large) + 1)
+
+
+def unbroken(recording: TableRecording) -> list[slice]:
+    """The segments of a recording without gap and leap that are long enough to fit."""
+    parts = []
+    for span in recording.segments:
+        cuts = [span.start, *(span.start + leaps(recording.position[span])).tolist(), span.stop]
+        parts += [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+    return [p for p in parts if (p.stop - p.start) * recording.sample_time >= SHORTEST]
+
+
+def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> list[Record]:
+    """The parts of a recording that a fit takes; a gap or a leap is never bridged.
+
+    Parameters
+    ----------
+    driven_by : the signal that drives the model: `valve_command` [-] or `force` [N].
 
     Raises
     ------
-    ShakeError : where no segment is long enough.
+    ShakeError : where no part is long enough, or the driving signal is not there.
     """
+    drive = getattr(recording, driven_by)
+    if drive is None:
+        raise ShakeError(f"{recording.name}: no topic {driven_by}, which drives this model")
     records = []
-    for span in recording.segments:
-        if (span.stop - span.start) * recording.sample_time < SHORTEST:
-            continue
+    for span in unbroken(recording):
+        if not np.all(np.isfinite(drive[span])):
+            raise ShakeError(f"{recording.name}: topic {driven_by} holds values that are not finite numbers")
         acceleration = None if recording.acceleration is None else recording.acceleration[span]
         records.append(
             Record(
                 recording.name,
                 recording.sample_time,
-                recording.valve_command[span],
+                drive[span],
                 recording.position[span],
                 acceleration,
             )
         )
     if not records:
-        raise ShakeError(f"{recording.name}: no stretch of {SHORTEST:g} s without a gap")
+        raise ShakeError(f"{recording.name}: no stretch of {SHORTEST:g} s without a gap or a leap of the position")
     return records
 
 
-def read_fit_records(paths: Sequence[Path | str]) -> tuple[list[Record], list[str]]:
+def read_fit_records(paths: Sequence[Path | str], driven_by: str = "valve_command") -> tuple[list[Record], list[str]]:
     """Records of several recordings, and the findings of reading them, a line each.
 
     Raises
@@ -53,6 +95,19 @@ def read_fit_records(paths: Sequence[Path | str]) -> tuple[list[Record], list[st
         if recording.name in names:
             raise ShakeError(f"{path}: a recording named '{recording.name}' is given twice")
         names.add(recording.name)
-        records += fit_records(recording)
+        records += fit_records(recording, driven_by)
         findings += [f"{recording.name}: {finding}" for finding in recording.findings]
+        findings += _leap_lines(recording)
     return records, findings
+
+
+def _leap_lines(recording: TableRecording) -> list[str]:
+    """A line on where the position leaps, none where it does not."""
+    found = [span.start + k for span in recording.segments for k in leaps(recording.position[span]).tolist()]
+    if not found:
+        return []
+    used = sum(p.stop - p.start for p in unbroken(recording)) * recording.sample_time
+    return [
+        f"{recording.name}: joint_states: the position leaps {len(found)} times, first at "
+        f"{recording.time[found[0]]:.3f} s; parted there, {used:.1f} of {recording.time[-1]:.1f} s are used"
+    ]

@@ -20,5 +20,6 @@ class AccelerometerBias(Effect):
 
     place: ClassVar[str] = "sensor"
     depends_on: ClassVar[tuple[str, ...]] = ()
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     bias: float = quantity("m/s^2", "offset b", low=-50.0, high=50.0, default=0.0)

@@ -20,5 +20,6 @@ class AccelerometerLag(Effect):
 
     place: ClassVar[str] = "sensor"
     depends_on: ClassVar[tuple[str, ...]] = ("frequency",)
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     time_constant: float = quantity("s", "time constant τ", low=0.0, high=0.5, default=0.0)

@@ -20,5 +20,6 @@ class AccelerometerScale(Effect):
 
     place: ClassVar[str] = "sensor"
     depends_on: ClassVar[tuple[str, ...]] = ()
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     error: float = quantity("-", "relative scale error e", low=-0.9, high=9.0, default=0.0)

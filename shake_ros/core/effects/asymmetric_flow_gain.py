@@ -21,6 +21,7 @@ class AsymmetricFlowGain(Effect):
 
     place: ClassVar[str] = "valve"
     depends_on: ClassVar[tuple[str, ...]] = ("direction", "valve_opening")
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     asymmetry: float = quantity("-", "relative excess of flow for positive opening", low=-0.8, high=0.8, default=0.0)
 

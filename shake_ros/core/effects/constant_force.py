@@ -20,5 +20,6 @@ class ConstantForce(Effect):
 
     place: ClassVar[str] = "force"
     depends_on: ClassVar[tuple[str, ...]] = ()
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     force: float = quantity("N", "force F_0 along +x", low=-1e5, high=1e5, default=0.0)

@@ -20,5 +20,6 @@ class FrictionAsymmetry(Effect):
 
     place: ClassVar[str] = "friction"
     depends_on: ClassVar[tuple[str, ...]] = ("direction",)
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     asymmetry: float = quantity("-", "relative excess of dry friction for v > 0", low=-1.0, high=1.0, default=0.0)

@@ -2,7 +2,7 @@
 
     ω_v → ω_v (1 − s)
 
-Absent at s = 0.
+and, in the reduced model (6.36), which declares a valve without dynamics, τ ẋ_s = u − x_s. Absent at s = 0, τ = 0.
 """
 
 from __future__ import annotations
@@ -20,5 +20,7 @@ class SlowValve(Effect):
 
     place: ClassVar[str] = "valve"
     depends_on: ClassVar[tuple[str, ...]] = ("frequency",)
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     slowdown: float = quantity("-", "relative loss of the spool natural frequency", low=-1.0, high=0.97, default=0.0)
+    time_constant: float = quantity("s", "lag τ of the valve in the reduced model", low=0.0, high=2.0, default=0.0)

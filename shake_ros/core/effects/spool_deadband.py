@@ -21,6 +21,7 @@ class SpoolDeadband(Effect):
 
     place: ClassVar[str] = "valve"
     depends_on: ClassVar[tuple[str, ...]] = ("valve_opening",)
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     width: float = quantity("-", "spool travel without flow on each side of null", low=0.0, high=0.3, default=0.0)
 

@@ -19,5 +19,6 @@ class SpoolHysteresis(Effect):
 
     place: ClassVar[str] = "valve"
     depends_on: ClassVar[tuple[str, ...]] = ("valve_opening", "direction")
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     width: float = quantity("-", "additional hysteresis half-width", low=0.0, high=0.3, default=0.0)

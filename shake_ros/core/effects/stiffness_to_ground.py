@@ -20,5 +20,6 @@ class StiffnessToGround(Effect):
 
     place: ClassVar[str] = "force"
     depends_on: ClassVar[tuple[str, ...]] = ("position",)
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     stiffness: float = quantity("N/m", "stiffness k", low=0.0, high=1e8, default=0.0)

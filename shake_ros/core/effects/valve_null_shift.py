@@ -20,5 +20,6 @@ class ValveNullShift(Effect):
 
     place: ClassVar[str] = "valve"
     depends_on: ClassVar[tuple[str, ...]] = ("valve_opening",)
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     offset: float = quantity("-", "command that is equivalent to the null shift", low=-0.3, high=0.3, default=0.0)
