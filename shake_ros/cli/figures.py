@@ -8,6 +8,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from shake_ros.core.effects import EFFECTS
 from shake_ros.core.quantities import ShakeError, unknown_name
 
 
@@ -22,6 +23,19 @@ class Entry:
 FIGURES: dict[str, Entry] = {
     "2.4": Entry("shake_ros.report.figures_fluid:entrained_air", "bulk modulus with entrained air, four models"),
     "2.5": Entry("shake_ros.report.figures_fluid:empirical", "empirical formulas for the bulk modulus"),
+    "3.6": Entry("shake_ros.report.figures_friction:curves", "steady friction of all laws against velocity"),
+    "3.7": Entry("shake_ros.report.figures_friction:lag", "frictional lag"),
+    "3.8": Entry("shake_ros.report.figures_friction:reversal", "hysteresis with velocity"),
+    "3.9": Entry("shake_ros.report.figures_friction:presliding", "pre-sliding displacement"),
+    "3.10": Entry("shake_ros.report.figures_friction:stick_slip", "stick-slip at 1 mm/s"),
+    "break_away": Entry("shake_ros.report.figures_friction:break_away", "break-away force against force rate"),
+    "6.10": Entry("shake_ros.report.figures_valve:steps", "steps of the detailed and the simplified valve"),
+    "6.11": Entry("shake_ros.report.figures_valve:frequency_response", "frequency response of both valves"),
+    **{
+        name: Entry("shake_ros.report.figures_effects:effect_figure", f"what {name} does to a 2 Hz and a 5 Hz sine")
+        for name in EFFECTS
+        if "full" in EFFECTS[name].models and name != "unlisted"
+    },
 }
 
 
@@ -70,5 +84,6 @@ def run(arguments: argparse.Namespace) -> None:
     arguments.out.mkdir(parents=True, exist_ok=True)
     for name, target in targets.items():
         module, function = FIGURES[name].drawn_by.split(":")
-        getattr(importlib.import_module(module), function)().savefig(target, dpi=130)
+        draw = getattr(importlib.import_module(module), function)
+        (draw(name) if name in EFFECTS else draw()).savefig(target, dpi=130)
         print(f"written: {target}")
