@@ -37,6 +37,7 @@ class Policy:
     least_gain : fall of the held-out cost below which an effect is not added. margin : relative difference of
     held-out cost within which two effects count as not told apart. most_effects : stop after that many.
     least_screened : predicted gain below which a candidate is not refitted.
+    at_noise : ratio to the cost that the noise alone leaves, up to which nothing more is looked for.
     clearly_above, weak, far_less : a function without a name is estimated where the held-out cost is more than
     `clearly_above` times that of the noise and a listed effect leaves more than the part `weak` of it; it is taken
     where it leaves less than the part `far_less` of what the listed effect leaves.
@@ -52,6 +53,7 @@ class Policy:
     margin: float = 0.03
     most_effects: int = 3
     least_screened: float = 0.003
+    at_noise: float = 1.05
     clearly_above: float = 2.0
     weak: float = 0.35
     far_less: float = 0.5
@@ -194,6 +196,12 @@ def one_step(
     return Step(best, ranking, tuple(near), tuple(screened)), ranking
 
 
+def at_noise(problem: RecordingProblem, hold: RecordingProblem, current: Fit, policy: Policy) -> bool:
+    """Whether a fit leaves nothing above the sensor noise, on what it has seen and on what it has not."""
+    learned = mean_square(current.residuals) <= policy.at_noise * problem.noise_cost()
+    return learned and held_out(hold, current) <= policy.at_noise * hold.noise_cost()
+
+
 def or_unlisted(
     problem: RecordingProblem,
     hold: RecordingProblem,
@@ -245,7 +253,7 @@ def search(
     current, steps, left = declared, list[Step](), pool
     explore = explore or problem
     ranking: tuple[Attempt, ...] = ()
-    while len(steps) < policy.most_effects and left:
+    while len(steps) < policy.most_effects and left and not at_noise(problem, hold, current, policy):
         step, ranking = one_step(problem, hold, explore, current, left, policy, progress)
         step = or_unlisted(problem, hold, explore, current, step, ranking, policy, progress)
         if step is None:
