@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shake_ros.cli import fitting
+from shake_ros.cli.declared import MODELS
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.closing import ClosedLoop, close_loop
 from shake_ros.core.discovery.search import Policy
@@ -23,12 +24,12 @@ def main(arguments: Sequence[str]) -> int:
     fitting.add_arguments(command, hold_needed=True)
     given = command.parse_args(list(arguments))
     fitting.check_output(given.out, given.force)
-    table = fitting.declared_table(given.config, given.set)
-    free = fitting.declared_parameters(given.model)
-    pool = fitting.all_candidates(given.model)
-    learn, hold = fitting.read_records(given.learn, given.hold)
+    declared = MODELS[given.model]
+    declared.changed(given.set)  # a wrong name is told before the work
+    learn, hold = fitting.read_records(given.learn, given.hold, declared.driven_by)
+    table = declared.table(given.config, given.set, learn)
     with Bar("close_loop") as bar:
-        result = close_loop(table, free, pool, learn, hold, Policy(), bar)
+        result = close_loop(table, declared.free(), declared.candidates(), learn, hold, Policy(), bar, declared.model)
     write_folder(given.out, lambda folder: fill(folder, result, learn, hold, given.model), force=given.force)
     print("\n".join(close_loop_lines(result)))
     print(f"report: {given.out / 'report.html'}")

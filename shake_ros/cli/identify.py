@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shake_ros.cli import fitting
+from shake_ros.cli.declared import MODELS
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.closing import FittedModel, identify
 from shake_ros.data.results import IDENTIFY_SCHEMA, model_json, write_folder, write_json
@@ -20,11 +21,12 @@ def main(arguments: Sequence[str]) -> int:
     fitting.add_arguments(command, hold_needed=False)
     given = command.parse_args(list(arguments))
     fitting.check_output(given.out, given.force)
-    table = fitting.declared_table(given.config, given.set)
-    free = fitting.declared_parameters(given.model)
-    learn, hold = fitting.read_records(given.learn, given.hold)
+    declared = MODELS[given.model]
+    declared.changed(given.set)  # a wrong name is told before the work
+    learn, hold = fitting.read_records(given.learn, given.hold, declared.driven_by)
+    table = declared.table(given.config, given.set, learn)
     with Bar("identify") as bar:
-        model = identify(table, free, learn, hold, bar)
+        model = identify(table, declared.free(), learn, hold, bar, declared.model)
     names = [list(dict.fromkeys(r.name for r in records)) for records in (learn, hold)]
     write_folder(given.out, lambda folder: _fill(folder, model, names, given.model), force=given.force)
     print("\n".join(parameter_lines(model.parameters) + error_lines(model)))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
 from shake_ros.core.discovery.search import Step, held_out
 from shake_ros.core.effects import EFFECTS
-from shake_ros.core.identification.recordings import FULL, Record, RecordingProblem
+from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.report import figures_fit
 from shake_ros.report.page import Page
@@ -71,7 +71,7 @@ def step_section(page: Page, step: Step, baseline_hold: float) -> None:
 
 def model_sections(page: Page, result: ClosedLoop, hold: list[Record]) -> None:
     """Steps, errors, parameters, figures on the recordings held out, what remains."""
-    before_hold = held_out(RecordingProblem(hold), result.search.declared)
+    before_hold = held_out(RecordingProblem(hold, result.model), result.search.declared)
     for step in result.search.steps:
         step_section(page, step, before_hold)
         before_hold = step.chosen.hold
@@ -84,14 +84,15 @@ def model_sections(page: Page, result: ClosedLoop, hold: list[Record]) -> None:
     error_table(page, result.baseline, result.final)
     depends = [d for s in result.search.steps for d in s.chosen.candidate.depends_on]
     for record in {r.name: r for r in reversed(hold)}.values():
-        runs = figures_fit.free_runs(record, result.baseline.table, result.final.table)
+        runs = figures_fit.free_runs(record, result.baseline.table, result.final.table, result.model)
         page.figure(figures_fit.time_histories(record, *runs), f"{record.name} (held out): liveliest two seconds")
         if record.acceleration is not None:
             page.figure(figures_fit.spectra(record, *runs), f"{record.name}: spectrum of the acceleration")
-            page.figure(
-                figures_fit.residual_figure(record, *runs, depends, FULL.moved_mass(result.final.table)),
-                f"{record.name}: residual force against what the effect depends on",
-            )
+        mass = result.model.moved_mass(result.final.table)
+        page.figure(
+            figures_fit.residual_figure(record, *runs, depends, mass, result.model),
+            f"{record.name}: residual against what the effect depends on",
+        )
     page.heading("Parameters")
     parameter_table(page, result.baseline.parameters, result.final.parameters)
     page.heading("What remains")

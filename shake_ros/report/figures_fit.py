@@ -64,22 +64,20 @@ def time_histories(record: Record, before: np.ndarray, after: np.ndarray, second
     """Velocity and acceleration of the liveliest stretch, measured and simulated before and after."""
     span = liveliest(record, seconds)
     time = np.arange(len(record.commands))[span] * record.sample_time
-    figure = Figure(figsize=(9.5, 5.2), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    for axes, measured, column, label in (
-        (upper, record.velocity, 1, "velocity [m/s]"),
-        (lower, record.acceleration, 2, "acceleration [m/s²]"),
-    ):
-        if measured is None:
-            continue
+    channels = [(record.velocity, 1, "velocity [m/s]")]
+    if record.acceleration is not None:
+        channels.append((record.acceleration, 2, "acceleration [m/s²]"))
+    figure = Figure(figsize=(9.5, 2.6 * len(channels)), layout="constrained")
+    rows = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (measured, column, label) in zip(rows, channels, strict=True):
         simulated = [
             low_pass(r[:, column], record.sample_time) if column == 1 else r[:, column] for r in (before, after)
         ]
         axes.plot(time, measured[span], color=MEASURED, linewidth=1.6, label="measured")
         axes.plot(time, simulated[0][span], color=BEFORE, linewidth=1.1, label="declared model")
         axes.plot(time, simulated[1][span], color=AFTER, linewidth=1.1, linestyle="--", label="extended model")
-        tidy(axes, "time [s]" if column == 2 else "", label)
-    upper.legend(loc="upper right", frameon=False, ncols=3)
+        tidy(axes, "time [s]" if axes is rows[-1] else "", label)
+    rows[0].legend(loc="upper right", frameon=False, ncols=3)
     return figure
 
 
@@ -125,26 +123,32 @@ def residual_figure(
     moved_mass: float,
     model: Model = FULL,
 ) -> Figure:
-    """Residual force M·(measured − simulated acceleration) against what the effect depends on, before and after."""
-    names = [n for n in depends_on if n in LABELS and n not in ("frequency", "direction")] or [
-        "load_pressure",
-        "velocity",
-    ]
+    """Residual force M·(measured − simulated acceleration) against what the effect depends on, before and after.
+
+    Where the recording has no acceleration, the residual is that of the velocity.
+    """
+    known = model.quantities(record, before)
+    wanted = dict.fromkeys(n for n in depends_on if n in known and n != "direction")
+    names = list(wanted) or [n for n in ("load_pressure", "valve_opening", "velocity") if n in known][-2:]
+    force_label = "residual force [N]" if moved_mass != 1.0 else "residual force per mass [m/s²]"
+    label_y = "residual velocity [m/s]" if record.acceleration is None else force_label
     figure = Figure(figsize=(9.5, 3.4), layout="constrained")
     row = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
-    assert record.acceleration is not None
     for axes, name in zip(row, names, strict=True):
         for run_, colour, label in ((before, BEFORE, "declared"), (after, AFTER, "extended")):
             x = model.quantities(record, run_)[name][record.start :] * SCALES.get(name, 1.0)
-            force = moved_mass * (record.acceleration - run_[:, 2])[record.start :]
-            axes.plot(x, force, ".", color=colour, markersize=1.4, alpha=0.35, rasterized=True)
+            if record.acceleration is None:
+                rest = (record.velocity - low_pass(run_[:, 1], record.sample_time))[record.start :]
+            else:
+                rest = moved_mass * (record.acceleration - run_[:, 2])[record.start :]
+            axes.plot(x, rest, ".", color=colour, markersize=1.4, alpha=0.35, rasterized=True)
             edges = np.quantile(x, np.linspace(0, 1, 31))
             group = np.clip(np.searchsorted(edges, x) - 1, 0, 29)
             count = np.maximum(np.bincount(group, minlength=30), 1)
             mean_x = np.bincount(group, x, minlength=30) / count
-            mean_force = np.bincount(group, force, minlength=30) / count
+            mean_force = np.bincount(group, rest, minlength=30) / count
             axes.plot(mean_x, mean_force, color=colour, linewidth=2.2, label=label)
-        tidy(axes, LABELS[name], "residual force [N]" if axes is row[0] else "")
+        tidy(axes, LABELS[name], label_y if axes is row[0] else "")
     row[0].legend(frameon=False)
     return figure
 

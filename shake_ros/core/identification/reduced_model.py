@@ -10,7 +10,8 @@ from shake_ros.core.identification.free_parameters import Declared
 from shake_ros.core.identification.recordings import Record, low_pass
 from shake_ros.core.plant.reduced import ReducedParameters
 from shake_ros.core.plant.reduced_simulation import initial_state, run_batch
-from shake_ros.core.plant.reduced_table import NAMES, ReducedTable
+from shake_ros.core.plant.reduced_table import reduced_table
+from shake_ros.core.plant.small_table import SmallTable
 from shake_ros.core.quantities import ShakeError
 
 FREQUENCIES = np.geomspace(0.5, 60.0, 16)  # natural frequencies of the first guess [Hz]
@@ -52,7 +53,7 @@ class ReducedModel:
 REDUCED = ReducedModel()
 
 
-def first_table(records: list[Record]) -> ReducedTable:
+def first_table(records: list[Record]) -> SmallTable:
     """The linear model on a grid of frequency and damping that comes nearest to the measured velocity.
 
     Raises
@@ -60,9 +61,8 @@ def first_table(records: list[Record]) -> ReducedTable:
     ShakeError : the velocity goes against the command, or does not answer it.
     """
     grid = [(2.0 * math.pi * f, z) for f in FREQUENCIES for z in DAMPINGS]
-    vectors = np.zeros((len(grid), len(NAMES)))
-    neutral = ReducedTable(ReducedParameters(beta1=-1.0, beta2=-1.0, beta3=1.0, beta4=0.0, beta5=0.0)).vector()
-    vectors[:] = neutral
+    neutral = reduced_table(ReducedParameters(beta1=-1.0, beta2=-1.0, beta3=1.0, beta4=0.0, beta5=0.0)).vector()
+    vectors = np.tile(neutral, (len(grid), 1))
     vectors[:, 0] = [-w * w for w, _ in grid]
     vectors[:, 1] = [-2.0 * z * w for w, z in grid]
     vectors[:, 2] = [w * w for w, _ in grid]  # a gain of 1 m/s per command
@@ -83,4 +83,4 @@ def first_table(records: list[Record]) -> ReducedTable:
     beta = ReducedParameters(
         beta1=-(omega**2), beta2=-2.0 * damping * omega, beta3=gain * omega**2, beta4=0.0, beta5=0.0
     )
-    return ReducedTable(beta)
+    return reduced_table(beta)

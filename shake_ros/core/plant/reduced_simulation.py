@@ -23,8 +23,9 @@ from shake_ros.core.effects.position_dependent_friction import dry_level
 from shake_ros.core.effects.specimen_resonance import spring_force
 from shake_ros.core.effects.spool_deadband import effective_spool
 from shake_ros.core.plant.integration import delayed
-from shake_ros.core.plant.reduced_table import ReducedTable, records
+from shake_ros.core.plant.reduced_table import REDUCED_LAYOUT
 from shake_ros.core.plant.simulation import NOTHING, series, workers
+from shake_ros.core.plant.small_table import SmallTable
 from shake_ros.core.valve.simplified import play
 
 LONGEST_STEP = 1e-3  # [s] between two evaluations of friction and forces
@@ -196,7 +197,7 @@ def simulate(p, commands, track, y0, dt, out):
 def initial_state(vector: np.ndarray, position: float, velocity: float, command: float) -> np.ndarray:
     """State at the first sample: position [m], velocity [m/s], valve settled at the command, no acceleration."""
     y = np.zeros(STATES)
-    p = records(vector)[0]
+    p = REDUCED_LAYOUT.records(vector)[0]
     y[POSITION] = y[SENSED_POSITION] = position
     y[SENSED_POSITION] -= p.position_sensor_lag_time_constant * velocity
     y[VELOCITY] = velocity
@@ -211,14 +212,14 @@ def run_batch(
 
     Parameters
     ----------
-    vectors : shape (m, len(reduced_table.NAMES)). starts : shape (m, STATES). commands : shape (n,) [-].
+    vectors : shape (m, len(REDUCED_LAYOUT.names)). starts : shape (m, STATES). commands : shape (n,) [-].
     sample_time [s]. track : measured position, shape (n,) [m], or empty.
 
     Returns
     -------
     shape (m, n, OUTPUTS), columns as COLUMNS.
     """
-    rows = records(vectors)
+    rows = REDUCED_LAYOUT.records(vectors)
     commands = series("command", commands, len(commands))
     track = series("position", track, len(commands)) if len(track) else NOTHING
     result = np.empty((len(rows), len(commands), OUTPUTS))
@@ -232,7 +233,7 @@ def run_batch(
 
 
 def run(
-    table: ReducedTable,
+    table: SmallTable,
     commands: np.ndarray,
     sample_time: float,
     *,
