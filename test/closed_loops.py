@@ -1,0 +1,130 @@
+"""Hidden tables closed once per session, for all tests that look at a side of the result.
+
+`named(case)` searches a short recording with another held out; `command(case)` runs the whole command on bags. Both
+screen the full list of effects (but for SHORT_LISTS) and refit few of them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest import mock
+
+import numpy as np
+from hidden_table import SAMPLE_TIME, Hidden, record
+
+from shake_ros import __main__
+from shake_ros.cli import close_loop as close_loop_command
+from shake_ros.cli import fitting
+from shake_ros.core.discovery import closing
+from shake_ros.core.discovery.closing import ClosedLoop
+from shake_ros.core.discovery.search import Policy, Search, search
+from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.data.recordings import write_table_recording
+from shake_ros.settings import load_table
+
+SECONDS = 3.0
+LEAN = Policy(refits=3, evaluations=4, polished=2, final_evaluations=8, converging=12, most_effects=1)
+FEW_STARTS = 8
+DEAD_BAND = 0.02
+CASES: dict[str, dict[str, Any]] = {
+    "nothing": {},
+    "spool_deadband": {"hidden": Hidden(dead_band=DEAD_BAND)},
+    "soft_zone": {"soft_zone_depth": 0.6},
+    "asymmetric_flow_gain": {"hidden": Hidden(flow_asymmetry=0.1)},
+    "specimen_resonance": {"hidden": Hidden(flexible_mass=120.0)},
+    "payload_error": {"mass": 750.0},
+}
+CLOSE_LOOP = close_loop_command.close_loop
+COMMANDS = ("nothing", "spool_deadband")
+SHORT_LISTS = {
+    "payload_error": ("payload_error", "tank_back_pressure", "supply_droop"),
+    "specimen_resonance": ("specimen_resonance", "base_flexibility", "spool_hysteresis"),
+}
+_folder = tempfile.TemporaryDirectory(prefix="shake_ros-closed-")
+
+
+class Named(NamedTuple):
+    """A search with what it was done on."""
+
+    search: Search
+    declared: Fit
+    learn: RecordingProblem
+    hold: RecordingProblem
+
+
+class Command(NamedTuple):
+    """A run of `close_loop`: exit code, what it printed, its folder, and the result inside."""
+
+    code: int
+    printed: str
+    out: Path
+    result: ClosedLoop
+    learn: list[Record]
+    hold: list[Record]
+
+
+def recording(case: str, seed: int, name: str, seconds: float = SECONDS) -> Record:
+    """A recording of a case's table as a fit takes it."""
+    made = record(seed, seconds, **CASES[case])
+    return Record(name, SAMPLE_TIME, made.commands, made.position, made.acceleration)
+
+
+def bag(case: str, seed: int, path: Path, seconds: float = SECONDS) -> Path:
+    """The same recording as a rosbag2 folder."""
+    made = record(seed, seconds, **CASES[case])
+    time = np.arange(len(made.commands)) * SAMPLE_TIME
+    return write_table_recording(path, time, made.commands, made.position, made.acceleration)
+
+
+@functools.cache
+def declared_fit(case: str) -> tuple[Fit, RecordingProblem]:
+    """The declared model fitted to the learning recording of a case, from the catalogue's values."""
+    problem = RecordingProblem([recording(case, 1, "learn")])
+    free = FreeParameters(load_table("bergamo"), fitting.declared_parameters("full"))
+    return fit(problem, free, free.start(), evaluations=15, tolerance=1e-4), problem
+
+
+@functools.cache
+def named(case: str) -> Named:
+    """The search for what a case's table has beyond the declared model; from the command where that runs anyway."""
+    if case in COMMANDS:
+        run = command(case)
+        learn, hold = RecordingProblem(run.learn), RecordingProblem(run.hold)
+        return Named(run.result.search, run.result.baseline.fit, learn, hold)
+    declared, learn = declared_fit(case)
+    hold = RecordingProblem([recording(case, 2, "hold")])
+    pool = [c for c in fitting.all_candidates("full") if c.effect in SHORT_LISTS.get(case, (c.effect,))]
+    return Named(search(learn, hold, declared, tuple(pool), LEAN), declared, learn, hold)
+
+
+@functools.cache
+def command(case: str) -> Command:
+    """`close_loop` on two bags of a case's table."""
+    folder = Path(_folder.name) / case
+    learn, hold = bag(case, 1, folder / "learn"), bag(case, 2, folder / "hold")
+    results: list[ClosedLoop] = []
+
+    def kept(*arguments: Any, **more: Any) -> ClosedLoop:
+        results.append(CLOSE_LOOP(*arguments, **more))
+        return results[-1]
+
+    output, out = io.StringIO(), folder / "out"
+    given = ["close_loop", "--learn", str(learn), "--hold", str(hold), "--out", str(out)]
+    with (
+        mock.patch.object(close_loop_command, "close_loop", kept),
+        mock.patch.object(close_loop_command, "Policy", return_value=LEAN),
+        mock.patch.object(closing, "STARTS", FEW_STARTS),
+        mock.patch.object(closing, "REFINED", 1),
+        contextlib.redirect_stdout(output),
+        contextlib.redirect_stderr(io.StringIO()),
+    ):
+        code = __main__.main(given)
+    records = fitting.read_records([learn], [hold])
+    return Command(code, output.getvalue(), out, results[0], *records)

@@ -1,0 +1,76 @@
+"""What a residual depends on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from closed_loops import named
+
+from shake_ros.core.discovery.remaining import GROUPS, band_share, explained_share, remaining
+from shake_ros.core.effects import PLACES
+
+X = np.linspace(-1.0, 1.0, 24000)
+NAMES = {"position", "velocity", "direction", "load_pressure", "valve_opening", "flow", "time", "frequency"}
+
+
+def test_line_is_explained_but_for_its_rise_within_the_groups() -> None:
+    closed = 1.0 - 1.0 / GROUPS**2
+    assert explained_share(X, X) == pytest.approx(closed, abs=2e-3)
+
+
+def test_noise_on_a_function_takes_its_share_of_the_variance() -> None:
+    noise = np.random.default_rng(0).standard_normal(len(X))
+    step = np.sign(X)
+    assert explained_share(step + 2.0 * noise, X) == pytest.approx(1.0 / 5.0, abs=0.02)
+
+
+def test_chance_explains_nothing() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        assert explained_share(rng.standard_normal(2400), rng.standard_normal(2400)) < 0.015
+
+
+def test_direction_has_two_groups_and_explains_what_changes_with_it() -> None:
+    direction = np.sign(np.sin(40.0 * X))
+    assert explained_share(3.0 * direction, direction) == pytest.approx(1.0, abs=1e-3)
+    assert explained_share(np.cos(40.0 * X), direction) < 0.01
+
+
+def test_quantity_that_stands_still_explains_nothing() -> None:
+    assert explained_share(X, np.zeros_like(X)) < 1e-12
+
+
+def test_narrow_band_is_found_at_its_frequency() -> None:
+    time = np.arange(20000) * 0.001
+    noise = 0.1 * np.random.default_rng(2).standard_normal(len(time))
+    share, centre = band_share(np.sin(2.0 * np.pi * 7.0 * time) + noise, 0.001)
+    assert share > 0.9
+    assert centre == pytest.approx(7.0, rel=0.13)
+    assert band_share(noise, 0.001)[0] < 0.4
+
+
+def test_nothing_remains_above_the_noise_of_a_table_of_the_declared_kind() -> None:
+    found = named("nothing")
+    rest = remaining(found.hold, found.search)
+    assert not rest.above_noise
+    assert rest.place is None
+    assert rest.depends_on == ()
+    assert 0.7 < rest.ratio < 1.15
+    assert rest.text.startswith("nothing above the noise")
+
+
+def test_nothing_remains_above_the_noise_once_the_effect_is_added() -> None:
+    found = named("soft_zone")
+    assert not remaining(found.hold, found.search).above_noise
+
+
+def test_what_the_declared_model_leaves_of_a_valve_with_unequal_edges_goes_with_direction() -> None:
+    found = named("asymmetric_flow_gain")
+    without = type(found.search)(found.declared, (), found.declared)
+    rest = remaining(found.hold, without)
+    assert rest.above_noise
+    assert rest.ratio > 5.0
+    assert set(rest.depends_on) <= NAMES
+    assert {"direction", "valve_opening", "velocity", "flow"} & set(rest.depends_on)
+    assert rest.place in PLACES
+    assert "times the sensor noise; it goes with" in rest.text or "mostly about" in rest.text

@@ -1,0 +1,82 @@
+"""What the declared model lacks is named from short recordings of a table that the independent model simulated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from closed_loops import DEAD_BAND, LEAN, named
+
+from shake_ros.core.discovery.search import best_per_candidate, held_out, mean_square, on_problem
+from shake_ros.core.identification.uncertainty import estimates
+
+EFFECTS = ["spool_deadband", "soft_zone", "asymmetric_flow_gain", "specimen_resonance"]
+TRUTH = {  # what the hidden tables have, by the names of the parameters that the search frees
+    "spool_deadband": {"effects.spool_deadband.width": DEAD_BAND},
+    "soft_zone": {"effects.soft_zone.depth": 0.6},
+    "asymmetric_flow_gain": {"effects.asymmetric_flow_gain.asymmetry": 0.1},
+    "specimen_resonance": {"effects.specimen_resonance.mass": 120.0, "effects.specimen_resonance.frequency": 6.0},
+}
+
+
+def test_nothing_is_named_where_nothing_is_missing() -> None:
+    found = named("nothing")
+    assert found.search.steps == ()
+    assert found.search.final is found.declared
+    assert held_out(found.hold, found.search.final) < 2.0 * found.hold.noise_cost()
+
+
+@pytest.mark.parametrize("case", EFFECTS)
+def test_effect_that_the_table_has_is_the_one_named(case: str) -> None:
+    steps = named(case).search.steps
+    assert [s.chosen.candidate.effect for s in steps] == [case]
+    assert steps[0].alternatives == ()
+
+
+@pytest.mark.parametrize("case", EFFECTS)
+def test_screening_already_puts_the_effect_first(case: str) -> None:
+    screened = best_per_candidate(named(case).search.steps[0].screened)
+    assert screened[0].candidate.effect == case
+    gains = [s.gain for s in screened]
+    assert gains == sorted(gains, reverse=True)
+    assert len({s.candidate.effect for s in screened}) == len(screened)
+
+
+@pytest.mark.parametrize("case", EFFECTS)
+def test_values_of_the_effect_are_found(case: str) -> None:
+    found = named(case)
+    final = {e.name: e for e in estimates(found.search.final, found.learn.blocks())}
+    for name, value in TRUTH[case].items():
+        assert final[name].value == pytest.approx(value, rel=0.05)
+
+
+@pytest.mark.parametrize("case", EFFECTS)
+def test_with_the_effect_the_held_out_recording_is_explained_down_to_its_noise(case: str) -> None:
+    found = named(case)
+    before, after = held_out(found.hold, found.declared), held_out(found.hold, found.search.final)
+    assert before > 30.0 * found.hold.noise_cost()
+    assert after < 2.5 * found.hold.noise_cost()
+
+
+@pytest.mark.parametrize("case", EFFECTS)
+def test_ranking_goes_from_the_best_and_starts_with_the_chosen(case: str) -> None:
+    step = named(case).search.steps[0]
+    assert step.ranking[0] is step.chosen
+    scores = [a.score for a in step.ranking]
+    assert scores == sorted(scores)
+    assert len(step.ranking) <= LEAN.refits
+    assert all(np.isfinite([a.learn, a.hold, a.screened_gain]).all() for a in step.ranking)
+
+
+def test_specimen_of_another_mass_is_not_told_from_another_pressure_difference() -> None:
+    steps = named("payload_error").search.steps
+    assert len(steps) == 1
+    group = {steps[0].chosen.candidate.effect, *steps[0].alternatives}
+    assert group == {"payload_error", "tank_back_pressure"}
+
+
+def test_same_solution_on_other_recordings_has_their_residuals() -> None:
+    found = named("nothing")
+    moved = on_problem(found.hold, found.declared)
+    assert np.array_equal(moved.x, found.declared.x)
+    assert mean_square(moved.residuals) == held_out(found.hold, found.declared)
+    assert moved.cost == pytest.approx(0.5 * mean_square(moved.residuals) * len(moved.residuals))

@@ -1,0 +1,174 @@
+"""Signals of a recording as a fit sees them: filters, noise, pieces, weights, errors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from closed_loops import declared_fit, recording
+from hidden_table import ACCELERATION_NOISE, POSITION_NOISE, POSITION_STEP, SAMPLE_TIME, Hidden, record
+
+from shake_ros.core.identification.recordings import (
+    BLOCK,
+    SETTLE,
+    Record,
+    RecordingProblem,
+    derivative,
+    low_pass,
+    relative_error,
+    white_deviation,
+    windows,
+)
+
+TIME = np.arange(5000) * 0.001
+SENSOR = math.hypot(POSITION_NOISE, POSITION_STEP / math.sqrt(12.0))
+
+
+def still(name: str, seconds: float, sample_time: float = 0.001) -> Record:
+    n = round(seconds / sample_time)
+    ramp = np.arange(n) * sample_time
+    return Record(name, sample_time, ramp, ramp, ramp)
+
+
+@pytest.mark.parametrize("frequency", [1.0, 5.0, 15.0])
+def test_low_pass_shifts_no_phase_and_keeps_the_operating_band(frequency: float) -> None:
+    wave = np.sin(2.0 * np.pi * frequency * TIME)
+    assert np.max(np.abs(low_pass(wave, 0.001) - wave)[500:-500]) < 0.01
+
+
+def test_low_pass_takes_out_what_lies_an_octave_and_a_half_above_its_bandwidth() -> None:
+    wave = np.sin(2.0 * np.pi * 120.0 * TIME)
+    assert np.max(np.abs(low_pass(wave, 0.001))[500:-500]) < 2e-4
+
+
+def test_low_pass_of_a_pulse_is_symmetric_about_it() -> None:
+    pulse = np.zeros(4001)
+    pulse[2000] = 1.0
+    answer = low_pass(pulse, 0.001)
+    assert np.argmax(answer) == 2000
+    assert answer[1500:2000] == pytest.approx(answer[2001:2501][::-1], abs=1e-12)
+
+
+def test_low_pass_works_along_the_last_axis() -> None:
+    rows = np.random.default_rng(0).standard_normal((3, 2000))
+    assert low_pass(rows, 0.001)[1] == pytest.approx(low_pass(rows[1], 0.001))
+
+
+def test_recordings_of_100_hz_pass_the_low_pass_unchanged() -> None:
+    values = np.random.default_rng(0).standard_normal(500)
+    assert np.array_equal(low_pass(values, 0.01), values)
+
+
+def test_derivative_of_a_measured_sine_is_its_velocity() -> None:
+    omega = 2.0 * np.pi * 3.0
+    velocity = derivative(0.05 * np.sin(omega * TIME), 0.001)
+    assert velocity[500:-500] == pytest.approx(0.05 * omega * np.cos(omega * TIME)[500:-500], abs=1e-3)
+
+
+@pytest.mark.parametrize("deviation", [1e-5, 0.05, 7.0])
+def test_white_noise_is_estimated_within_three_per_cent(deviation: float) -> None:
+    values = deviation * np.random.default_rng(3).standard_normal(20000)
+    assert white_deviation(values) == pytest.approx(deviation, rel=0.03)
+
+
+def test_dynamics_below_the_sampling_rate_are_not_taken_for_noise() -> None:
+    noise = 0.05 * np.random.default_rng(3).standard_normal(len(TIME))
+    motion = 5.0 * np.sin(2.0 * np.pi * 10.0 * TIME) + 0.5 * np.sin(2.0 * np.pi * 40.0 * TIME)
+    assert white_deviation(motion + noise) == pytest.approx(0.05, rel=0.05)
+
+
+def test_jumps_of_the_friction_force_are_not_taken_for_noise() -> None:
+    rng = np.random.default_rng(4)
+    jumps = 2.0 * np.sign(np.sin(2.0 * np.pi * 8.0 * TIME + 0.3))
+    impacts = np.where(rng.random(len(TIME)) < 0.01, 5.0, 0.0)
+    noise = 0.05 * rng.standard_normal(len(TIME))
+    assert white_deviation(jumps + impacts + noise) == pytest.approx(0.05, rel=0.3)
+    assert np.std(np.diff(jumps + impacts + noise)) > 0.5
+
+
+@pytest.mark.parametrize("hidden", [Hidden(), Hidden(dead_band=0.02)])
+def test_sensor_noise_of_a_table_that_sticks_and_slips_is_found(hidden: Hidden) -> None:
+    made = record(1, 6.0, hidden)
+    found = Record("r", SAMPLE_TIME, made.commands, made.position, made.acceleration)
+    assert found.position_noise() == pytest.approx(SENSOR, rel=0.1)
+    assert found.acceleration_noise() == pytest.approx(ACCELERATION_NOISE, rel=0.3)
+
+
+def test_velocity_noise_is_the_scatter_that_passes_the_filter() -> None:
+    noise = 1e-5 * np.random.default_rng(5).standard_normal(20000)
+    record_ = Record("r", 0.001, noise, noise)
+    assert record_.velocity_noise() == pytest.approx(float(np.std(record_.velocity[1000:-1000])), rel=0.1)
+
+
+def test_relative_error_of_a_scaled_signal_is_the_scale() -> None:
+    wave = np.sin(2.0 * np.pi * 2.0 * TIME)
+    assert relative_error(wave, 0.9 * wave) == pytest.approx(0.1)
+    assert relative_error(wave + 7.0, np.full_like(wave, 7.0)) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_short_recordings_are_looked_at_whole() -> None:
+    records = [still("a", 6.0), still("b", 9.0)]
+    assert windows(records, 15.0) is records
+
+
+def test_pieces_of_long_recordings_have_the_asked_length_and_reach_both_ends() -> None:
+    records = [still("a", 40.0), still("b", 20.0)]
+    pieces = windows(records, 15.0, 2.5)
+    assert [p.name for p in pieces] == ["a"] * 4 + ["b"] * 2
+    assert sum(len(p.commands) for p in pieces) * 0.001 == pytest.approx(15.0)
+    assert pieces[0].commands[0] == 0.0
+    assert pieces[3].commands[-1] == records[0].commands[-1]
+    assert pieces[5].position[-1] == records[1].position[-1]
+
+
+def test_pieces_of_a_recording_without_accelerometer_have_none() -> None:
+    whole = still("a", 40.0)
+    without = Record("a", 0.001, whole.commands, whole.position)
+    assert all(p.acceleration is None for p in windows([without], 10.0))
+
+
+def test_compared_part_starts_after_the_pressures_have_settled() -> None:
+    assert still("a", 10.0).start * 0.001 == pytest.approx(SETTLE)
+    assert still("a", 1.0).start == 250
+
+
+def test_right_model_leaves_the_weighted_residuals_of_the_noise() -> None:
+    declared, problem = declared_fit("nothing")
+    mean_square = float(np.mean(declared.residuals**2))
+    assert mean_square == pytest.approx(problem.noise_cost(), rel=0.35)
+
+
+def test_velocity_and_acceleration_of_one_instant_share_a_block_of_time() -> None:
+    problem = RecordingProblem([recording("nothing", 1, "a"), recording("nothing", 2, "b")])
+    blocks = problem.blocks()
+    n = len(problem.records[0].commands) - problem.records[0].start
+    assert blocks.shape == (4 * n,)
+    assert np.array_equal(blocks[:n], blocks[n : 2 * n])
+    assert set(np.bincount(blocks)) == {2 * round(BLOCK / SAMPLE_TIME)}
+    assert not set(blocks[: 2 * n]) & set(blocks[2 * n :])
+
+
+def test_recording_without_accelerometer_is_fitted_on_its_velocity() -> None:
+    declared, _ = declared_fit("nothing")
+    whole = recording("nothing", 2, "b")
+    problem = RecordingProblem([Record("b", SAMPLE_TIME, whole.commands, whole.position)])
+    vector = declared.free.vectors(declared.x)
+    errors = problem.errors(vector[0])
+    assert set(errors["b"]) == {"velocity"}
+    assert errors["b"]["velocity"] < 0.01
+    assert set(problem.noise()) == {"velocity"}
+    assert problem.residuals(vector).shape == (1, len(whole.commands) - problem.records[0].start)
+
+
+def test_segments_of_one_recording_give_one_error() -> None:
+    declared, _ = declared_fit("nothing")
+    whole = recording("nothing", 2, "b")
+    assert whole.acceleration is not None
+    halves = [
+        Record("b", SAMPLE_TIME, whole.commands[s], whole.position[s], whole.acceleration[s])
+        for s in (slice(0, 2000), slice(2000, None))
+    ]
+    errors = RecordingProblem(halves).errors(declared.free.vectors(declared.x)[0])
+    assert list(errors) == ["b"]
+    assert errors["b"]["acceleration"] < 0.03
