@@ -95,6 +95,6 @@ def overview(
     named = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing added"
     history.plot(time, runs_of_record[1][span, 2], color=AFTER, linewidth=1.1, linestyle="--", label=f"with {named}")
     tidy(history, "time [s]", "acceleration [m/s²]")
-    history.legend(frameon=False, fontsize=9, loc="upper right")
+    history.legend(frameon=False, fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     tracking_axes(figure.add_subplot(grid[1, :]), before, after)
     return png(figure)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import welch
 
-from shake_ros.core.discovery.search import Search
+from shake_ros.core.discovery.search import Search, mean_square
 from shake_ros.core.identification.recordings import RecordingProblem
 
 ABOVE = 1.15  # ratio of residual to noise from which something remains
@@ -111,5 +111,9 @@ def remaining(problem: RecordingProblem, search: Search) -> Remaining:
 
 
 def _nearest_place(search: Search) -> str | None:
-    """Place of the candidate that came nearest to explaining the rest."""
-    return search.rejected[0].candidate.place if search.rejected else None
+    """Place of the candidate that explains some of the rest, though not enough to be added."""
+    if not search.rejected:
+        return None
+    learned = mean_square(search.final.residuals)
+    near = [a for a in search.rejected if a.learn < (1.0 - SHARE) * learned]
+    return near[0].candidate.place if near else None
