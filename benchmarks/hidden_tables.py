@@ -3,8 +3,8 @@
 Written from the equation sheet and the definitions of the effects alone; nothing of shake_ros is imported. What differs
 from the package on purpose: classical Runge–Kutta of fixed steps of 25 µs with the dry friction split off and solved
 implicitly, a friction that saturates linearly at 0.7 mm/s, the valve's hysteresis as dry friction on the spool (3.19)
-instead of a play of the command, another rounding of the flow's root, and sensors of its own. A weak position loop keeps
-the table centred; the recorded command is the one that reaches the valve.
+instead of a play of the command, another rounding of the flow's root, and sensors of its own. A weak position loop
+keeps the table centred; the recorded command is the one that reaches the valve.
 """
 
 from __future__ import annotations
@@ -135,9 +135,7 @@ HIDDEN: dict[str, Hidden] = {
     "friction_asymmetry": Hidden(1e-2, 0.95, "friction", signed=True),
     "position_dependent_friction": Hidden(1e3, 2e7, "friction"),
     "presliding_friction": Hidden(1e-5, 8e-3, "friction"),
-    "film_friction": Hidden(
-        1e-2, 0.9, "friction", companions={"film_velocity": (0.1, 0.4), "film_time": (0.05, 1.0)}
-    ),
+    "film_friction": Hidden(1e-2, 0.9, "friction", companions={"film_velocity": (0.1, 0.4), "film_time": (0.05, 1.0)}),
     "quadratic_drag": Hidden(10.0, 5e5, "friction"),
     "constant_force": Hidden(5.0, 2e4, "force", signed=True),
     "stiffness_to_ground": Hidden(100.0, 1e7, "force"),
@@ -344,7 +342,7 @@ def drive(t, excitation, noise, step_size, commands, out):
     y[PS] = t.supply
     k, work = np.zeros((4, STATES)), np.zeros(STATES)
     h = SAMPLE / SUBSTEPS
-    late = int(round(t.command_delay / h))
+    late = round(t.command_delay / h)
     for i in range(len(excitation)):
         wanted = 0.0 if i == 0 else commands[i - 1]
         a = rates(t, y, i * SAMPLE, wanted, regular_friction(t, y), d)
@@ -415,7 +413,7 @@ def declared_truth(seed: int) -> Truth:
 
 
 def record(truth: Truth, excitation: np.ndarray, noise: float, rng: Any) -> dict[str, np.ndarray]:
-    """One recording: command, position, acceleration, each of shape (n,). `noise` scales the sensors' noise; 0: none."""
+    """One recording: command, position, acceleration, each (n,). `noise` scales the sensors' noise; 0: none."""
     n = len(excitation)
     scatter = rng.standard_normal((n, 2)) * (POSITION_NOISE * noise, ACCELERATION_NOISE * noise)
     commands, out = np.zeros(n), np.zeros((n, 3))

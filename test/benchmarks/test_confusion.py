@@ -1,0 +1,63 @@
+"""The short version of benchmarks/confusion.py: effects hidden by another simulator are named, and nothing is made up."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
+
+import confusion
+import hidden_tables
+import numpy as np
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return {row["case"]["effect"]: row for row in confusion.main(["--quick"]).values()}
+
+
+@pytest.mark.parametrize("effect", ["spool_deadband", "accelerometer_lag"])
+def test_an_effect_hidden_by_another_simulator_is_named(rows, effect):
+    assert confusion.is_hit(rows[effect])
+    assert confusion.is_place(rows[effect])
+
+
+@pytest.mark.parametrize("effect", ["spool_deadband", "accelerometer_lag"])
+def test_after_adding_it_the_held_out_error_is_near_the_noise(rows, effect):
+    row = rows[effect]
+    for name, error in row["after"].items():
+        assert error < 1.5 * row["floor"][name]
+        assert error < 0.5 * row["before"][name]
+
+
+def test_where_nothing_is_missing_nothing_is_named(rows):
+    assert rows["none"]["named"] == []
+    assert not rows["none"]["remaining"]["above_noise"]
+
+
+def test_the_strength_is_such_that_the_acceleration_changes_as_much_as_wanted():
+    commands = hidden_tables.excitations(3, 0.3)
+    base = hidden_tables.declared_truth(3)
+    table = hidden_tables.with_effect(base, "spool_deadband", 0.1, commands, 3)
+    assert hidden_tables.acceleration_change(base, table, commands) == pytest.approx(0.1, rel=0.1)
+
+
+def test_the_hidden_tables_use_nothing_of_the_package():
+    text = Path(hidden_tables.__file__).read_text(encoding="utf-8")
+    assert "import shake_ros" not in text and "from shake_ros" not in text
+
+
+def test_every_listed_effect_of_the_full_model_can_be_hidden():
+    pool = {c.effect for c in confusion.candidates(quick=False)}
+    assert pool == {name for name, h in hidden_tables.HIDDEN.items() if h.listed}
+
+
+def test_the_independent_simulator_does_not_depend_on_its_step(monkeypatch):
+    excitation = hidden_tables.excitations(1, 0.2)["learn_ladder"]
+    table = hidden_tables.declared_truth(1)
+    coarse = hidden_tables.record(table, excitation, 0.0, np.random.default_rng(0))["acceleration"]
+    y = np.zeros((len(excitation), 3))
+    commands = np.zeros(len(excitation))
+    hidden_tables.drive(table, excitation, np.zeros((len(excitation), 2)), 0.0, commands, y)
+    assert np.array_equal(coarse, y[:, 2])
