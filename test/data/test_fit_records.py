@@ -1,0 +1,76 @@
+"""Recordings on disk become records of a fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.fit_records import SHORTEST, read_fit_records
+from shake_ros.data.recordings import write_table_recording
+
+TIME = np.arange(4000) * 0.001
+ANGLE = 4.0 * np.pi * TIME
+
+
+def bag(path: Path, keep: np.ndarray | None = None, **changes: Any) -> Path:
+    arrays = {
+        "time": TIME,
+        "valve_command": 0.5 * np.cos(ANGLE),
+        "position": 0.05 * np.sin(ANGLE),
+        "acceleration": -0.05 * (4.0 * np.pi) ** 2 * np.sin(ANGLE),
+        **changes,
+    }
+    if keep is not None:
+        arrays = {name: None if values is None else values[keep] for name, values in arrays.items()}
+    return write_table_recording(path, **arrays)
+
+
+def without(first: float, last: float) -> np.ndarray:
+    return (first > TIME) | (last <= TIME)
+
+
+def test_record_holds_what_was_recorded(tmp_path: Path) -> None:
+    (record,), findings = read_fit_records([bag(tmp_path / "run")])
+    assert record.name == "run"
+    assert record.sample_time == pytest.approx(0.001)
+    assert record.commands == pytest.approx(0.5 * np.cos(ANGLE))
+    assert record.position == pytest.approx(0.05 * np.sin(ANGLE))
+    assert record.acceleration == pytest.approx(-0.05 * (4.0 * np.pi) ** 2 * np.sin(ANGLE))
+    assert record.velocity[500:-500] == pytest.approx(0.2 * np.pi * np.cos(ANGLE)[500:-500], abs=1e-3)
+    assert findings == []
+
+
+def test_recording_without_accelerometer_gives_a_record_without_it(tmp_path: Path) -> None:
+    (record,), _ = read_fit_records([bag(tmp_path / "run", acceleration=None)])
+    assert record.acceleration is None
+
+
+def test_gap_makes_two_records_of_one_name_and_is_told(tmp_path: Path) -> None:
+    records, findings = read_fit_records([bag(tmp_path / "run", without(1.5, 1.8))])
+    assert [r.name for r in records] == ["run", "run"]
+    assert [len(r.commands) for r in records] == [1500, 2200]
+    assert records[1].commands[0] == pytest.approx(0.5 * np.cos(4.0 * np.pi * 1.8))
+    assert any(line.startswith("run: /shake/joint_states") for line in findings)
+
+
+def test_stretch_too_short_for_the_dynamics_is_left_out(tmp_path: Path) -> None:
+    assert SHORTEST > 0.5
+    (record,), _ = read_fit_records([bag(tmp_path / "run", without(0.5, 0.6))])
+    assert len(record.commands) == 3400
+
+
+def test_recording_of_short_stretches_alone_is_refused(tmp_path: Path) -> None:
+    keep = (TIME % 0.6) < 0.5
+    with pytest.raises(ShakeError, match="run: no stretch of 1 s without a gap"):
+        read_fit_records([bag(tmp_path / "run", keep)])
+
+
+def test_two_recordings_of_one_name_are_refused(tmp_path: Path) -> None:
+    first = bag(tmp_path / "a" / "run")
+    second = bag(tmp_path / "b" / "run")
+    with pytest.raises(ShakeError, match="'run' is given twice"):
+        read_fit_records([first, second])

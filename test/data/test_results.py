@@ -1,0 +1,193 @@
+"""Result folders are whole or not there, and report.json keeps its contract."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from closed_loops import command
+
+from shake_ros.core.effects import EFFECTS, PLACES
+from shake_ros.core.identification.uncertainty import Estimate
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.results import close_loop_json, parameters_json, write_folder, write_json
+
+QUANTITIES = {"position", "velocity", "direction", "load_pressure", "valve_opening", "flow", "time", "frequency"}
+
+
+def number(value: Any) -> bool:
+    return isinstance(value, float) and math.isfinite(value)
+
+
+def check_parameters(content: Any) -> None:
+    assert isinstance(content, dict) and content
+    for name, entry in content.items():
+        assert isinstance(name, str)
+        assert set(entry) == {"value", "std_error", "unit"}
+        assert number(entry["value"])
+        assert entry["std_error"] is None or (number(entry["std_error"]) and entry["std_error"] >= 0.0)
+        assert isinstance(entry["unit"], str)
+
+
+def check_error(content: Any, learn: list[str], hold: list[str]) -> None:
+    assert set(content) == {"learn", "hold"}
+    for role, names in (("learn", learn), ("hold", hold)):
+        assert list(content[role]) == names
+        for entry in content[role].values():
+            assert set(entry) == {"velocity", "acceleration"}
+            assert all(number(e) and e >= 0.0 for e in entry.values())
+
+
+def check_report(report: Any) -> None:
+    """The whole contract of report.json of `close_loop`."""
+    assert list(report) == ["schema", "model", "recordings", "noise", "baseline", "steps", "final", "remaining"]
+    assert report["schema"] == "shake_ros.close_loop/1"
+    assert report["model"] in ("full", "reduced")
+    assert set(report["recordings"]) == {"learn", "hold"}
+    learn, hold = report["recordings"]["learn"], report["recordings"]["hold"]
+    assert set(report["noise"]) == {"velocity", "acceleration"}
+    assert all(number(n) and n > 0.0 for n in report["noise"].values())
+    for part in (report["baseline"], report["final"]):
+        assert set(part) == {"parameters", "error"}
+        check_parameters(part["parameters"])
+        check_error(part["error"], learn, hold)
+    assert isinstance(report["steps"], list)
+    for step in report["steps"]:
+        keys = {"effect", "alternatives", "place", "parameters", "evidence", "error"}
+        assert set(step) - {"depends_on"} == keys
+        assert set(step.get("depends_on", [])) <= QUANTITIES
+        assert step["effect"] in {*EFFECTS, "unlisted"}
+        assert isinstance(step["alternatives"], list)
+        assert set(step["alternatives"]) <= set(EFFECTS) - {step["effect"]}
+        assert step["place"] in PLACES
+        check_parameters(step["parameters"])
+        assert isinstance(step["evidence"], dict)
+        check_error(step["error"], learn, hold)
+    remaining = report["remaining"]
+    assert set(remaining) == {"above_noise", "place", "depends_on", "text"}
+    assert isinstance(remaining["above_noise"], bool)
+    assert remaining["place"] is None or remaining["place"] in PLACES
+    assert set(remaining["depends_on"]) <= QUANTITIES
+    assert isinstance(remaining["text"], str) and remaining["text"]
+
+
+def refuse(name: str) -> None:
+    raise AssertionError(f"{name} in JSON")
+
+
+def read(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+
+
+@pytest.mark.parametrize("case", ["spool_deadband", "nothing"])
+def test_report_of_a_closed_loop_keeps_the_contract(case: str) -> None:
+    run = command(case)
+    report = read(run.out / "report.json")
+    check_report(report)
+    assert report["recordings"] == {"learn": ["learn"], "hold": ["hold"]}
+    assert report == json.loads(json.dumps(close_loop_json(run.result, ["learn"], ["hold"], "full")))
+
+
+def test_step_of_the_report_names_the_effect_with_its_parameters_and_evidence() -> None:
+    report = read(command("spool_deadband").out / "report.json")
+    (step,) = report["steps"]
+    assert step["effect"] == "spool_deadband"
+    assert step["place"] == "valve"
+    assert list(step["parameters"]) == ["effects.spool_deadband.width"]
+    assert step["parameters"]["effects.spool_deadband.width"]["value"] == pytest.approx(0.02, rel=0.05)
+    assert report["final"]["error"] == step["error"]
+    assert step["evidence"]["ranking"][0]["effect"] == "spool_deadband"
+    assert "lowest error on the recordings held out" in step["evidence"]["why"]
+    before, after = (report[k]["error"]["hold"]["hold"]["acceleration"] for k in ("baseline", "final"))
+    assert after < 0.1 * before
+
+
+def test_steps_are_empty_where_nothing_is_missing() -> None:
+    report = read(command("nothing").out / "report.json")
+    assert report["steps"] == []
+    assert report["final"] == report["baseline"]
+    assert report["remaining"]["above_noise"] is False
+    assert report["remaining"]["place"] is None
+    assert report["remaining"]["depends_on"] == []
+
+
+def test_parameter_on_a_bound_has_null_for_a_standard_error() -> None:
+    content = parameters_json([Estimate("a.b", 2.0, None, "N"), Estimate("a.c", 3.0, 0.5, "m")])
+    assert content == {
+        "a.b": {"value": 2.0, "std_error": None, "unit": "N"},
+        "a.c": {"value": 3.0, "std_error": 0.5, "unit": "m"},
+    }
+
+
+def leave_a_file(folder: Path) -> None:
+    (folder / "new.txt").write_text("new", encoding="utf-8")
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(p.name for p in folder.iterdir())
+
+
+def test_folder_appears_with_its_content(tmp_path: Path) -> None:
+    write_folder(tmp_path / "deep" / "out", leave_a_file)
+    assert names(tmp_path / "deep") == ["out"]
+    assert names(tmp_path / "deep" / "out") == ["new.txt"]
+    assert (tmp_path / "deep" / "out").stat().st_mode & 0o777 == 0o755
+
+
+@pytest.mark.parametrize("interruption", [KeyboardInterrupt(), ShakeError("bad"), OSError(28, "No space left")])
+def test_interrupted_run_leaves_no_half_written_folder(tmp_path: Path, interruption: BaseException) -> None:
+    def fill(folder: Path) -> None:
+        leave_a_file(folder)
+        raise interruption
+
+    with pytest.raises(type(interruption)):
+        write_folder(tmp_path / "out", fill)
+    assert names(tmp_path) == []
+
+
+def test_interrupted_replacement_leaves_the_earlier_folder_as_it_was(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "old.txt").write_text("old", encoding="utf-8")
+
+    def fill(folder: Path) -> None:
+        leave_a_file(folder)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_folder(tmp_path / "out", fill, force=True)
+    assert names(tmp_path) == ["out"]
+    assert names(tmp_path / "out") == ["old.txt"]
+
+
+def test_existing_folder_is_not_touched_without_force(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "old.txt").write_text("old", encoding="utf-8")
+    with pytest.raises(ShakeError, match=r"out: exists already \(--force replaces it\)"):
+        write_folder(tmp_path / "out", leave_a_file)
+    assert names(tmp_path) == ["out"]
+    assert names(tmp_path / "out") == ["old.txt"]
+
+
+def test_force_replaces_the_whole_folder(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "old.txt").write_text("old", encoding="utf-8")
+    write_folder(tmp_path / "out", leave_a_file, force=True)
+    assert names(tmp_path) == ["out"]
+    assert names(tmp_path / "out") == ["new.txt"]
+
+
+def test_folder_below_a_file_is_one_clear_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(ShakeError, match="cannot be made") as caught:
+        write_folder(tmp_path / "file" / "out", leave_a_file)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_json_holds_no_nan(tmp_path: Path, value: float) -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_folder(tmp_path / "out", lambda folder: write_json(folder / "report.json", {"error": value}))
+    assert names(tmp_path) == []
