@@ -335,13 +335,13 @@ def step(t, y, time, h, u, k, work):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def drive(t, excitation, noise, step_size, commands, out):
+def drive(t, excitation, noise, step_size, commands, out, substeps):
     """Closed weak loop over a whole recording; `out` gets position, velocity, acceleration of every sample."""
     y, d = np.zeros(STATES), np.zeros(STATES)
     y[PA] = y[PB] = 0.5 * (t.supply + t.tank)
     y[PS] = t.supply
     k, work = np.zeros((4, STATES)), np.zeros(STATES)
-    h = SAMPLE / SUBSTEPS
+    h = SAMPLE / substeps
     late = round(t.command_delay / h)
     for i in range(len(excitation)):
         wanted = 0.0 if i == 0 else commands[i - 1]
@@ -352,8 +352,8 @@ def drive(t, excitation, noise, step_size, commands, out):
         out[i, 0], out[i, 1] = seen, y[V]
         out[i, 2] = (1.0 + t.accelerometer_scale) * felt + t.accelerometer_bias + noise[i, 1]
         commands[i] = min(max(excitation[i] - LOOP_GAIN * seen, -1.0), 1.0)
-        for j in range(SUBSTEPS):
-            back = (i * SUBSTEPS + j - late) // SUBSTEPS
+        for j in range(substeps):
+            back = (i * substeps + j - late) // substeps
             step(t, y, i * SAMPLE + j * h, h, commands[max(back, 0)], k, work)
 
 
@@ -412,12 +412,14 @@ def declared_truth(seed: int) -> Truth:
     )
 
 
-def record(truth: Truth, excitation: np.ndarray, noise: float, rng: Any) -> dict[str, np.ndarray]:
+def record(
+    truth: Truth, excitation: np.ndarray, noise: float, rng: Any, substeps: int = SUBSTEPS
+) -> dict[str, np.ndarray]:
     """One recording: command, position, acceleration, each (n,). `noise` scales the sensors' noise; 0: none."""
     n = len(excitation)
     scatter = rng.standard_normal((n, 2)) * (POSITION_NOISE * noise, ACCELERATION_NOISE * noise)
     commands, out = np.zeros(n), np.zeros((n, 3))
-    drive(truth, excitation, scatter, POSITION_STEP if noise > 0.0 else 0.0, commands, out)
+    drive(truth, excitation, scatter, POSITION_STEP if noise > 0.0 else 0.0, commands, out, substeps)
     return {"command": commands, "position": out[:, 0], "velocity": out[:, 1], "acceleration": out[:, 2]}
 
 

@@ -45,6 +45,9 @@ ENTRY_POINTS: dict[str, Entry] = {
     "figures": Entry("shake_ros.cli.figures", "figures of the thesis drawn again: fluid, friction, valve, effects"),
     "sensitivity": Entry("shake_ros.cli.sensitivity", "what each parameter does to the motion (thesis 6.3.4)"),
     "thd": Entry("shake_ros.cli.thd", "harmonic table of a recording"),
+    "multisine_split": Entry(
+        "shake_ros.cli.multisine_split", "linear, even and odd parts and noise of a multi-sine's response"
+    ),
     "record_scale": Entry("shake_ros.cli.record_scale", "read, correct and scale an accelerogram into the envelope"),
 }
 NODES = {name: entry for name, entry in ENTRY_POINTS.items() if entry.is_node}

@@ -3,8 +3,8 @@
 Over whole periods the Fourier lines of a response are multiples of 1/period. What changes from period to period is
 noise; what repeats on a line that the excitation leaves out is nonlinear distortion: even orders on even lines, odd
 orders on odd lines (an excitation on odd lines keeps the two apart). On the excited lines stands the best linear
-approximation with odd distortion in it, whose level the odd lines left out between them tell. What little the excitation
-itself has on a line left out, because a loop feeds distortion back, is taken off with the gain of its neighbours.
+approximation with odd distortion in it, whose level the odd lines left out between them tell. What little the
+excitation itself has on a line left out, because a loop feeds distortion back, is taken off with its neighbours' gain.
 
 Source: R. Pintelon and J. Schoukens, System Identification: A Frequency Domain Approach (2012), chapters 3.7 and 4.3.
 Verified against closed forms of static nonlinearities.
@@ -32,7 +32,7 @@ class MultisineSplit:
 
     Attributes
     ----------
-    frequency : [Hz]. response : complex amplitude of the mean period, corrected on lines left out [unit of the response].
+    frequency : [Hz]. response : complex amplitude of the mean period, corrected on lines left out [its unit].
     noise : standard deviation of those amplitudes through noise, from the scatter of the periods; NaN for one period.
     excited, odd : which lines are excited, which are odd multiples of 1/period.
     gain : response per excitation on excited lines, NaN elsewhere.
@@ -194,7 +194,7 @@ def _neighbouring_gain(number: NDArray[np.int64], excited: NDArray[np.bool_], ga
 def _odd_level(
     number: NDArray[np.int64], response: Complexes, noise: Floats, excited: NDArray[np.bool_], odd: NDArray[np.bool_]
 ) -> Floats:
-    """Amplitude of odd distortion on each line: measured where odd lines are left out, interpolated in power between."""
+    """Amplitude of odd distortion on each line: measured on odd lines left out, interpolated in power between."""
     band = (number >= number[excited].min()) & (number <= number[excited].max())
     telling = odd & ~excited
     if not np.any(telling & band):

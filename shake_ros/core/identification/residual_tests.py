@@ -3,8 +3,8 @@
 A model that lacks nothing leaves a residual that no past and no input predicts. Both tests look at ±25 lags and decide
 at 99 %: whiteness by the portmanteau statistic of Ljung and Box, independence by the quadratic form of the
 cross-correlations with their covariance under independence. Sources: L. Ljung, System Identification (1999), 16.6;
-G. Ljung, G. Box, Biometrika 65 (1978). The error is split by the coherence of the residual with the input: what a linear
-filter of the input explains is "unmodelled linear dynamics", what is left above the noise "nonlinear".
+G. Ljung, G. Box, Biometrika 65 (1978). The error is split by the coherence of the residual with the input: what a
+linear filter of the input explains is "unmodelled linear dynamics", what is left above the noise "nonlinear".
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ class ResidualTest:
     ----------
     autocorrelation : lags 0 … LAGS, shape (LAGS + 1,). cross_correlation : lags −LAGS … LAGS, shape (2 LAGS + 1,);
         positive lags: the residual follows the input.
-    auto_bound, cross_bound : of a single lag at 99 %. auto_p, cross_p : probability of as much by chance, all lags together.
+    auto_bound, cross_bound : of a single lag at 99 %.
+    auto_p, cross_p : probability of as much by chance, all lags together.
     """
 
     autocorrelation: Floats
@@ -139,7 +140,7 @@ def _joint_covariance(e: Floats, u: Floats, lags: int) -> Floats:
 
 
 def _quadratic_form(values: Floats, covariance: Floats) -> tuple[float, int]:
-    """Σ of the squares of the independent components of `values`, and their number; components of no weight are left out."""
+    """Σ of the squares of the independent components of `values`, and the number of those that have weight."""
     weights, vectors = np.linalg.eigh(covariance)
     kept = weights > 1e-3 * weights.max()
     return float(np.sum((vectors[:, kept].T @ values) ** 2 / weights[kept])), int(kept.sum())

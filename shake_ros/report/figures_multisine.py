@@ -1,0 +1,39 @@
+"""Figure of a multisine's response split into linear, even and odd nonlinear parts and noise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from shake_ros.core.analysis.multisine_split import MultisineSplit
+
+
+def draw_split(path: Path, title: str, split: MultisineSplit, unit: str, highest: float) -> None:
+    """Write a PNG with the amplitude of every line up to `highest` [Hz], by what stands on it."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, 5.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.add_subplot()
+    shown = split.frequency <= highest
+    amplitude = np.maximum(np.abs(split.response), 1e-12)
+    kinds = (
+        (split.excited, "C0", "o", "excited lines: linear part with odd distortion"),
+        (~split.odd & ~split.excited, "C2", "v", "even lines left out: even distortion"),
+        (split.odd & ~split.excited, "C3", "^", "odd lines left out: odd distortion"),
+    )
+    for chosen, colour, marker, label in kinds:
+        at = shown & chosen
+        if np.any(at):
+            axis.plot(split.frequency[at], amplitude[at], marker, color=colour, markersize=4, label=label)
+    if np.any(np.isfinite(split.noise)):
+        axis.plot(split.frequency[shown], split.noise[shown], color="0.5", linewidth=0.8, label="noise (standard dev.)")
+    axis.set_yscale("log")
+    axis.set_xlabel("frequency [Hz]")
+    axis.set_ylabel(f"amplitude of a line [{unit}]")
+    axis.grid(alpha=0.3, which="both")
+    axis.legend(loc="upper right", fontsize="small")
+    figure.suptitle(title, fontsize="medium")
+    figure.savefig(path, dpi=110, format="png")
