@@ -11,6 +11,7 @@ from shake_ros.cli.declared import MODELS
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.closing import ClosedLoop, close_loop
 from shake_ros.core.discovery.search import Policy
+from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.recordings import Record
 from shake_ros.data.results import close_loop_json, write_folder, write_json
 from shake_ros.report.close_loop_page import close_loop_page
@@ -32,6 +33,10 @@ def main(arguments: Sequence[str]) -> int:
         result = close_loop(table, declared.free(), declared.candidates(), learn, hold, Policy(), bar, declared.model)
     write_folder(given.out, lambda folder: fill(folder, result, learn, hold, given.model), force=given.force)
     print("\n".join(close_loop_lines(result)))
+    if given.model == "axis":
+        for name, before in position_errors(result.baseline.table, learn + hold).items():
+            after = position_errors(result.final.table, [r for r in learn + hold if r.name == name])[name]
+            print(f"position of the free run, {name}: {1e3 * before:.3f} → {1e3 * after:.3f} mm rms")
     print(f"report: {given.out / 'report.html'}")
     return 0
 

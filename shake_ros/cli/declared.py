@@ -8,10 +8,12 @@ from dataclasses import Field, dataclass
 from typing import Any
 
 from shake_ros.core.discovery.candidates import Candidate, candidates
+from shake_ros.core.identification.axis_model import AXIS, InverseDynamics
 from shake_ros.core.identification.free_parameters import Declared, FreeParameter, free_parameter
 from shake_ros.core.identification.recordings import FULL, Model, Record
 from shake_ros.core.identification.reduced_model import REDUCED, first_table
 from shake_ros.core.plant import parameters
+from shake_ros.core.plant.axis import AXIS_LAYOUT
 from shake_ros.core.plant.reduced_table import REDUCED_LAYOUT
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.settings import find, load_table, read_yaml
@@ -97,9 +99,18 @@ def declare_reduced(config: str | None, learn: list[Record]) -> Declared:
     return first_table(learn)
 
 
+def declare_axis(config: str | None, learn: list[Record]) -> Declared:
+    """The axis of a YAML file with the section `axis`; without one, by inverse dynamics."""
+    if config is None:
+        return InverseDynamics(learn).solve()
+    path = find("table", config)
+    return AXIS_LAYOUT.table(read_yaml(path), str(path))
+
+
 MODELS: dict[str, DeclaredModel] = {
     "full": DeclaredModel("full", FULL, parameters.FIELDS, "effects", "valve_command", declare_full),
     "reduced": DeclaredModel(
         "reduced", REDUCED, REDUCED_LAYOUT.fields, "reduced_effects", "valve_command", declare_reduced
     ),
+    "axis": DeclaredModel("axis", AXIS, AXIS_LAYOUT.fields, "axis_effects", "force", declare_axis),
 }

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from shake_ros.cli import fitting
 from shake_ros.cli.declared import MODELS
 from shake_ros.cli.progress import Bar
-from shake_ros.core.discovery.closing import FittedModel, identify
+from shake_ros.core.discovery.closing import FittedModel, identify, identify_inverse
+from shake_ros.core.identification.axis_model import position_errors
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import IDENTIFY_SCHEMA, model_json, write_folder, write_json
 from shake_ros.report.text import error_lines, parameter_lines
 from shake_ros.settings import save_table
@@ -19,21 +23,40 @@ def main(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     command = argparse.ArgumentParser(prog="identify", description=__doc__)
     fitting.add_arguments(command, hold_needed=False)
+    command.add_argument(
+        "--method",
+        choices=("free_run", "inverse_dynamics"),
+        default="free_run",
+        help="what is fitted: the error of the free run, or (model axis) that of the force (default: free_run)",
+    )
     given = command.parse_args(list(arguments))
+    if given.method == "inverse_dynamics" and given.model != "axis":
+        raise ShakeError(f"--method inverse_dynamics: needs --model axis, not {given.model}")
     fitting.check_output(given.out, given.force)
     declared = MODELS[given.model]
     declared.changed(given.set)  # a wrong name is told before the work
     learn, hold = fitting.read_records(given.learn, given.hold, declared.driven_by)
     table = declared.table(given.config, given.set, learn)
+    if given.method == "inverse_dynamics":
+        model = identify_inverse(table, declared.free(), learn, hold)
+        return _finish(given, model, learn, hold)
     with Bar("identify") as bar:
         model = identify(table, declared.free(), learn, hold, bar, declared.model)
+    return _finish(given, model, learn, hold)
+
+
+def _finish(given: argparse.Namespace, model: FittedModel, learn: list[Record], hold: list[Record]) -> int:
+    """Write the results and print them."""
     names = [list(dict.fromkeys(r.name for r in records)) for records in (learn, hold)]
-    write_folder(given.out, lambda folder: _fill(folder, model, names, given.model), force=given.force)
+    extra = {"position_error": position_errors(model.table, learn + hold)} if given.model == "axis" else {}
+    write_folder(given.out, lambda folder: _fill(folder, model, names, given.model, extra), force=given.force)
     print("\n".join(parameter_lines(model.parameters) + error_lines(model)))
+    for name, error in extra.get("position_error", {}).items():
+        print(f"position of the free run, {name}: {1e3 * error:.3f} mm rms")
     return 0
 
 
-def _fill(folder: Path, model: FittedModel, names: list[list[str]], kind: str) -> None:
+def _fill(folder: Path, model: FittedModel, names: list[list[str]], kind: str, extra: Mapping[str, Any]) -> None:
     content = {"schema": IDENTIFY_SCHEMA, "model": kind, "recordings": dict(zip(("learn", "hold"), names, strict=True))}
-    write_json(folder / "report.json", {**content, **model_json(model)})
+    write_json(folder / "report.json", {**content, **model_json(model), **extra})
     save_table(folder / "table.yaml", model.table, f"Fitted to {', '.join(names[0])} by identify.")

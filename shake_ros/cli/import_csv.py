@@ -1,4 +1,4 @@
-"""`import_csv`: a laboratory's table of columns → a recording on our topics."""
+"""`import_csv`: a laboratory's table of columns (text, or a .mat file's variables) → a recording on our topics."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.columns import Column, read_columns
+from shake_ros.data.mat_file import read_mat_columns
 from shake_ros.data.recordings import read_table_recording, write_table_recording
 
 SIGNALS = {
@@ -26,7 +27,8 @@ def parser() -> argparse.ArgumentParser:
     command = argparse.ArgumentParser(
         prog="import_csv",
         description="Columns of a text table become topics of a recording: valve_command, joint_states, imu, force.",
-        epilog="COL is a column's name or its number from 1; '*scale' takes it to SI units, as in 'CHANNEL0*0.01'.",
+        epilog="COL is a column's name or its number from 1, or the name of a variable of a .mat file; "
+        "'*scale' takes it to SI units, as in 'CHANNEL0*0.01'.",
     )
     command.add_argument("file", type=Path)
     clock = command.add_mutually_exclusive_group(required=True)
@@ -48,7 +50,8 @@ def main(arguments: Sequence[str]) -> int:
     columns = {name: Column.parse(text) for name in names if (text := getattr(given, name)) is not None}
     if given.skip is not None and given.skip < 0:
         raise ShakeError(f"--skip {given.skip}: a number of lines is needed")
-    values = read_columns(given.file, columns, given.skip)
+    is_mat = given.file.suffix.lower() == ".mat"
+    values = read_mat_columns(given.file, columns) if is_mat else read_columns(given.file, columns, given.skip)
     time = values["time"] if "time" in values else _steps(len(values["position"]), given.rate)
     _check_time(given.file, time)
     write_table_recording(

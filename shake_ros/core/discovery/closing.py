@@ -13,6 +13,7 @@ import numpy as np
 from shake_ros.core.discovery.candidates import Candidate
 from shake_ros.core.discovery.remaining import Remaining, remaining
 from shake_ros.core.discovery.search import CONVERGED, Policy, Search, mean_square, search
+from shake_ros.core.identification.axis_model import AXIS, InverseDynamics
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import Declared, FreeParameter, FreeParameters
 from shake_ros.core.identification.recordings import FULL, Model, Record, RecordingProblem, windows
@@ -80,13 +81,15 @@ def fit_declared(problem: RecordingProblem, explore: RecordingProblem, free: Fre
     return fit(problem, free, best.x, evaluations=60, tolerance=CONVERGED)
 
 
-def fitted_model(result: Fit, learn: RecordingProblem, hold: RecordingProblem | None) -> FittedModel:
-    """Parameters with standard errors and free-run errors of a fit."""
+def fitted_model(
+    result: Fit, learn: RecordingProblem, hold: RecordingProblem | None, blocks: np.ndarray | None = None
+) -> FittedModel:
+    """Parameters with standard errors and free-run errors of a fit; `blocks` of its residuals where not those of learn."""
     vector = result.free.vectors(result.x)[0]
     return FittedModel(
         result,
         result.free.table(result.x),
-        tuple(estimates(result, learn.blocks())),
+        tuple(estimates(result, learn.blocks() if blocks is None else blocks)),
         learn.errors(vector),
         hold.errors(vector) if hold else {},
     )
@@ -105,6 +108,17 @@ def identify(
     explore = RecordingProblem(windows(learn, FIRST_LOOK), model)
     result = fit_declared(problem, explore, FreeParameters(table, free), progress)
     return fitted_model(result, problem, RecordingProblem(hold, model) if hold else None)
+
+
+def identify_inverse(
+    table: Declared, free: Sequence[FreeParameter], learn: list[Record], hold: list[Record]
+) -> FittedModel:
+    """Fit a force-driven axis by its inverse dynamics; errors are those of free runs all the same."""
+    inverse = InverseDynamics(learn)
+    parameters = FreeParameters(table, free)
+    result = fit(inverse, parameters, parameters.start(), tolerance=CONVERGED)
+    held = RecordingProblem(hold, AXIS) if hold else None
+    return fitted_model(result, RecordingProblem(learn, AXIS), held, inverse.blocks())
 
 
 def close_loop(

@@ -20,6 +20,6 @@ class CommandDelay(Effect):
 
     place: ClassVar[str] = "timing"
     depends_on: ClassVar[tuple[str, ...]] = ("frequency",)
-    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced", "axis")
 
     delay: float = quantity("s", "dead time T", low=0.0, high=0.5, default=0.0)

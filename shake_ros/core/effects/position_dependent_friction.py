@@ -21,7 +21,7 @@ class PositionDependentFriction(Effect):
 
     place: ClassVar[str] = "friction"
     depends_on: ClassVar[tuple[str, ...]] = ("position", "direction")
-    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced", "axis")
 
     gradient: float = quantity("N/m", "change of the dry friction per position c_1", low=-1e6, high=1e6, default=0.0)
     curvature: float = quantity("N/m^2", "change per squared position c_2", low=-1e8, high=1e8, default=0.0)

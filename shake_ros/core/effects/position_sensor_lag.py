@@ -20,6 +20,6 @@ class PositionSensorLag(Effect):
 
     place: ClassVar[str] = "sensor"
     depends_on: ClassVar[tuple[str, ...]] = ("frequency",)
-    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced", "axis")
 
     time_constant: float = quantity("s", "time constant τ", low=0.0, high=0.5, default=0.0)

@@ -25,6 +25,7 @@ class PreslidingFriction(Effect):
 
     place: ClassVar[str] = "friction"
     depends_on: ClassVar[tuple[str, ...]] = ("position", "direction")
+    models: ClassVar[tuple[str, ...]] = ("full", "axis")
 
     distance: float = quantity(
         "m", "displacement z_s in which the dry friction builds up", low=0.0, high=1e-2, default=0.0

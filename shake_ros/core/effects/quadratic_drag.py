@@ -20,6 +20,6 @@ class QuadraticDrag(Effect):
 
     place: ClassVar[str] = "friction"
     depends_on: ClassVar[tuple[str, ...]] = ("velocity",)
-    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced", "axis")
 
     coefficient: float = quantity("N*s^2/m^2", "drag coefficient c", low=0.0, high=1e6, default=0.0)

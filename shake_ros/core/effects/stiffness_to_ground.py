@@ -20,6 +20,6 @@ class StiffnessToGround(Effect):
 
     place: ClassVar[str] = "force"
     depends_on: ClassVar[tuple[str, ...]] = ("position",)
-    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced", "axis")
 
     stiffness: float = quantity("N/m", "stiffness k", low=0.0, high=1e8, default=0.0)

@@ -55,6 +55,18 @@ def white_deviation(values: np.ndarray) -> float:
     )  # 924 = Σ of the squared binomials of order 6
 
 
+def resolution(values: np.ndarray) -> float:
+    """Smallest step between the levels of a quantised signal, next to nothing where it is not quantised.
+
+    >>> round(float(resolution(np.round(np.sin(np.arange(1000) / 50.0) / 0.005) * 0.005)), 6)
+    0.005
+    """
+    levels = np.unique(values)
+    steps = np.diff(levels)
+    steps = steps[steps > 1e-6 * (levels[-1] - levels[0])]
+    return float(steps.min()) if len(steps) else 0.0
+
+
 @dataclass(frozen=True)
 class Record:
     """One recording, all arrays of shape (n,), SI units; acceleration may be absent."""
@@ -77,8 +89,8 @@ class Record:
         return min(round(SETTLE / self.sample_time), len(self.commands) // 4)
 
     def position_noise(self) -> float:
-        """Standard deviation of the position noise [m]."""
-        return white_deviation(self.position)
+        """Standard deviation of the position noise, not below that of its rounding to steps [m]."""
+        return max(white_deviation(self.position), resolution(self.position) / math.sqrt(12.0))
 
     def velocity_noise(self) -> float:
         """Standard deviation of the noise that passes the velocity filter [m/s]."""

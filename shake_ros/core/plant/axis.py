@@ -1,0 +1,150 @@
+"""A positioning axis driven by a known force: mass, viscous and dry friction, offset, and the effects that fit it.
+
+    M v̇ = F − F_v v − F_c sign(v) − F_0 − effects
+
+The four-parameter model of the EMPS benchmark (Janot, Gautier, Brunot 2019). The viscous part is advanced exactly under
+a held force; dry friction is implicit, so that the axis sticks at v = 0.
+Verified against the closed form of sliding to rest.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from shake_ros.core.compiled import njit
+from shake_ros.core.effects.position_dependent_friction import dry_level
+from shake_ros.core.effects.presliding_friction import deflection
+from shake_ros.core.effects.unlisted import FORCE_OF_POSITION, FORCE_OF_VELOCITY, FRICTION_OF_POSITION
+from shake_ros.core.effects.unlisted import value as unlisted
+from shake_ros.core.plant.integration import delayed
+from shake_ros.core.plant.simulation import NOTHING, series, workers
+from shake_ros.core.plant.small_table import Layout
+from shake_ros.core.quantities import Parameters, quantity
+
+LONGEST_STEP = 1e-3  # [s] between two evaluations of friction and forces
+PRESLIDING_STEP = 1e-4  # [s] the same where dry friction builds up over a displacement
+COLUMNS = ("position", "velocity", "acceleration")
+OUTPUTS = 3
+POSITION, VELOCITY, ACCELERATION, BRISTLE, SENSED = range(5)
+STATES = 5
+
+
+@dataclass(frozen=True)
+class AxisParameters(Parameters):
+    """Parameters of a force-driven axis."""
+
+    mass: float = quantity("kg", "moved mass M", low=1e-6, high=1e6)
+    viscous: float = quantity("N*s/m", "viscous friction F_v", low=0.0, high=1e8)
+    coulomb: float = quantity("N", "dry friction F_c", low=0.0, high=1e7)
+    offset: float = quantity("N", "offset F_0 of the force", low=-1e7, high=1e7)
+
+
+AXIS_LAYOUT = Layout("axis", "axis", AxisParameters, forces_per_mass=False)
+
+
+@njit
+def carry(p, y, force, place, h):
+    """One step of length h in place under a held force; `place` is the position that forces depend on [m]."""
+    v, mass = y[VELOCITY], p.axis_mass
+    rate = p.axis_viscous / mass
+    left = math.exp(-rate * h)
+    reach = (1.0 - left) / rate / mass if rate * h > 1e-9 else h / mass  # velocity that a force leaves [m/s per N]
+    net = force - p.axis_offset - p.stiffness_to_ground_stiffness * place - unlisted(p, FORCE_OF_POSITION, place)
+    free = left * v + reach * net
+    if p.quadratic_drag_coefficient > 0.0 or p.unlisted_kind == FORCE_OF_VELOCITY:
+        middle = 0.5 * (v + free)
+        drag = p.quadratic_drag_coefficient * abs(middle) * middle + unlisted(p, FORCE_OF_VELOCITY, middle)
+        net -= drag
+        free -= reach * drag
+    dry = dry_level(
+        p.axis_coulomb, place, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature
+    )
+    dry = max(dry + unlisted(p, FRICTION_OF_POSITION, place), 0.0)
+    distance = p.presliding_friction_distance
+    if distance > 0.0:
+        moved = 0.5 * h * (v + free)
+        friction = dry * deflection(y[BRISTLE], 0.5 * moved, distance)
+        y[BRISTLE] = deflection(y[BRISTLE], 0.5 * h * (v + free - reach * friction), distance)
+        stuck = False
+    else:
+        stuck = abs(free) <= reach * dry
+        friction = free / reach if stuck else math.copysign(dry, free)
+    y[VELOCITY] = 0.0 if stuck else free - reach * friction
+    y[ACCELERATION] = 0.0 if stuck else (net - friction - p.axis_viscous * y[VELOCITY]) / mass
+    y[POSITION] += 0.5 * h * (v + y[VELOCITY])
+    tau = p.position_sensor_lag_time_constant
+    share = math.exp(-h / tau) if tau > 0.0 else 0.0
+    y[SENSED] = y[POSITION] + share * (y[SENSED] - y[POSITION])
+
+
+@njit
+def hold(p, y, force, place, duration):
+    """Advance y in place over `duration` under a held force."""
+    longest = PRESLIDING_STEP if p.presliding_friction_distance > 0.0 else LONGEST_STEP
+    steps = max(1, math.ceil(duration / longest - 1e-9))
+    for _ in range(steps):
+        carry(p, y, force, place, duration / steps)
+
+
+@njit
+def simulate(p, forces, track, y0, dt, out):
+    """Free run under recorded forces.
+
+    Parameters
+    ----------
+    p : parameter record. forces : shape (n,) [N]. track : measured position that position-dependent forces follow,
+        shape (n,), or (0,) for the simulated one [m]. y0 : first state, shape (STATES,). dt : [s].
+    out : result, shape (n, OUTPUTS), row k is the instant t_k, before force k acts.
+    """
+    y = y0.copy()
+    delay = p.command_delay_delay / dt
+    tau = p.position_sensor_lag_time_constant
+    for i in range(forces.shape[0]):
+        out[i, 0] = y[SENSED]
+        out[i, 1] = (y[POSITION] - y[SENSED]) / tau if tau > 1e-6 else y[VELOCITY]
+        out[i, 2] = y[ACCELERATION]
+        place = track[i] if track.shape[0] > 0 else y[POSITION]
+        late, timely, fraction = delayed(forces, i, delay)
+        if fraction > 1e-9:
+            hold(p, y, late, place, fraction * dt)
+        if fraction < 1.0:
+            hold(p, y, timely, place, (1.0 - fraction) * dt)
+
+
+def initial_state(position: float, velocity: float) -> np.ndarray:
+    """State at the first sample: position [m], velocity [m/s], contact unstressed."""
+    y = np.zeros(STATES)
+    y[POSITION] = y[SENSED] = position
+    y[VELOCITY] = velocity
+    return y
+
+
+def run_batch(
+    vectors: np.ndarray, start: np.ndarray, forces: np.ndarray, sample_time: float, track: np.ndarray = NOTHING
+) -> np.ndarray:
+    """Simulate many parameter sets under the same forces on all cores.
+
+    Parameters
+    ----------
+    vectors : shape (m, len(AXIS_LAYOUT.names)). start : shape (STATES,). forces : shape (n,) [N]. sample_time [s].
+    track : measured position, shape (n,) [m], or empty.
+
+    Returns
+    -------
+    shape (m, n, OUTPUTS), columns as COLUMNS.
+    """
+    rows = AXIS_LAYOUT.records(vectors)
+    forces = series("force", forces, len(forces))
+    track = series("position", track, len(forces)) if len(track) else NOTHING
+    result = np.empty((len(rows), len(forces), OUTPUTS))
+
+    def one(i: int) -> None:
+        simulate(rows[i], forces, track, start, sample_time, result[i])
+
+    with ThreadPoolExecutor(workers()) as pool:
+        list(pool.map(one, range(len(rows))))
+    return result
