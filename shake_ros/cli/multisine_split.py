@@ -25,8 +25,8 @@ PARTS = {
 SHOWN_BAND = 4.0  # multiples of the highest excited frequency in the figure
 METHOD = """\
 The excitation is the valve command. Without --period it is found where the command repeats itself. The first period is
-left out where two remain (--skip changes that). Even and odd distortion are apart only where odd lines alone are excited,
-and the odd part is known only where some odd lines are left out (grid: odd_random of the multisine)."""
+left out where two remain (--skip changes that). Even and odd distortion are apart only where odd lines alone are
+excited, and the odd part is known only where some odd lines are left out (grid: odd_random of the multisine)."""
 
 
 def parser() -> argparse.ArgumentParser:
