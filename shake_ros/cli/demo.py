@@ -137,7 +137,7 @@ def _run(folder: Path, settings: Mapping[str, Any], hidden: Hidden, bar: Bar, st
             bar.span(0.25 + 0.1 * i, 0.35 + 0.1 * i)
             recordings[name] = read_table_recording(record_run(work, name, settings, hidden, settings["declared"], bar))
         bar.span(0.45, 0.85)
-        result, learn, hold = _close(settings, recordings, bar)
+        result, learn, hold = close(settings, recordings, bar)
         save_table(
             folder / "extended_table.yaml", result.final.table, "The declared table, fitted and extended by demo."
         )
@@ -160,7 +160,7 @@ def _run(folder: Path, settings: Mapping[str, Any], hidden: Hidden, bar: Bar, st
     (folder / "summary.txt").write_text(lines(summary, tracks), encoding="utf-8")
 
 
-def _close(
+def close(
     settings: Mapping[str, Any], recordings: Mapping[str, TableRecording], bar: Bar
 ) -> tuple[ClosedLoop, list[Record], list[Record]]:
     """Step 3: fit the declared model to the recordings, find and add what it lacks."""
