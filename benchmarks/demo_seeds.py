@@ -14,10 +14,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from shake_ros.cli import demo  # noqa: E402
-from shake_ros.cli.progress import Bar  # noqa: E402
-from shake_ros.data.recordings import read_table_recording  # noqa: E402
-from shake_ros.settings import find, read_yaml, save_table  # noqa: E402
+from shake_ros.cli import demo
+from shake_ros.cli.progress import Bar
+from shake_ros.data.recordings import read_table_recording
+from shake_ros.settings import find, read_yaml, save_table
 
 HEAD = f"{'seed':>4}  {'hidden':<22}{'named':<46}{'held-out error before':>22}{'after':>10}{'seconds':>9}"
 
