@@ -44,6 +44,9 @@ ENTRY_POINTS: dict[str, Entry] = {
     "import_csv": Entry("shake_ros.cli.import_csv", "a laboratory's table of columns becomes a recording"),
     "figures": Entry("shake_ros.cli.figures", "figures of the thesis drawn again: fluid, friction, valve, effects"),
     "sensitivity": Entry("shake_ros.cli.sensitivity", "what each parameter does to the motion (thesis 6.3.4)"),
+    "frequency_response": Entry(
+        "shake_ros.cli.frequency_response", "gain, delay and coherence in a recording, plotted"
+    ),
     "thd": Entry("shake_ros.cli.thd", "harmonic table of a recording"),
     "multisine_split": Entry(
         "shake_ros.cli.multisine_split", "linear, even and odd parts and noise of a multi-sine's response"

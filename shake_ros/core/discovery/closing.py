@@ -84,7 +84,7 @@ def fit_declared(problem: RecordingProblem, explore: RecordingProblem, free: Fre
 def fitted_model(
     result: Fit, learn: RecordingProblem, hold: RecordingProblem | None, blocks: np.ndarray | None = None
 ) -> FittedModel:
-    """Parameters with standard errors and free-run errors of a fit; `blocks` of its residuals where not those of learn."""
+    """Parameters with standard errors and free-run errors; `blocks` of the fit's residuals where not those of learn."""
     vector = result.free.vectors(result.x)[0]
     return FittedModel(
         result,

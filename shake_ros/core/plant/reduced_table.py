@@ -15,5 +15,5 @@ REDUCED_LAYOUT = Layout(
 
 
 def reduced_table(parameters: ReducedParameters) -> SmallTable:
-    """The table (6.36) without effects."""
+    """The reduced table without effects."""
     return SmallTable(REDUCED_LAYOUT, parameters)
