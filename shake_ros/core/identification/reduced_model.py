@@ -72,9 +72,9 @@ def first_table(records: list[Record]) -> SmallTable:
         weight = 1.0 / max(float(np.sum(record.velocity[record.start :] ** 2)), 1e-300)
         cross += weight * (simulated @ record.velocity[record.start :])
         power += weight * np.sum(simulated**2, axis=1)
-    if not np.any(power > 0.0):
+    if all(not np.any(record.commands) for record in records):
         raise ShakeError(f"{records[0].name}: the command is zero throughout")
-    best = int(np.argmax(np.sign(cross) * cross**2 / np.maximum(power, 1e-300)))
+    best = int(np.argmax(cross**2 / np.maximum(power, 1e-300)))
     gain = float(cross[best] / power[best])
     if gain <= 0.0:
         names = ", ".join(dict.fromkeys(r.name for r in records))

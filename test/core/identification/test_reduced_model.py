@@ -1,0 +1,75 @@
+"""The reduced model in a fit: first guess, recovery of parameters and effects from recordings at 200 Hz."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from shake_ros.cli.declared import MODELS
+from shake_ros.core.discovery.closing import close_loop
+from shake_ros.core.discovery.search import Policy
+from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.reduced_model import REDUCED, first_table
+from shake_ros.core.plant.reduced import ReducedParameters
+from shake_ros.core.plant.reduced_simulation import run
+from shake_ros.core.plant.reduced_table import reduced_table
+from shake_ros.core.plant.small_table import SmallTable
+from shake_ros.core.quantities import ShakeError
+
+DT = 0.005
+TRUTH = reduced_table(ReducedParameters(beta1=-1600.0, beta2=-30.0, beta3=1000.0, beta4=-2.0, beta5=-10.0))
+
+
+def record(table: SmallTable, seed: int, acceleration: bool = False) -> Record:
+    """Twelve seconds of a multi-sine command at 200 Hz with a little noise."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(2400) * DT
+    phases = rng.uniform(0.0, 2.0 * np.pi, 12)
+    command = np.sum([np.cos(2 * np.pi * 0.5 * (k + 1) * time + p) for k, p in enumerate(phases)], axis=0)
+    command *= 0.5 / np.max(np.abs(command))
+    out = run(table, command, DT)
+    position = out[:, 0] + 1e-5 * rng.standard_normal(len(time))
+    sensed = out[:, 2] + 0.01 * rng.standard_normal(len(time)) if acceleration else None
+    return Record(f"run_{seed}", DT, command, position, sensed)
+
+
+def quiet(text: str, part: float) -> None:
+    """No progress bar."""
+
+
+def test_the_first_guess_comes_near_and_needs_no_declaration() -> None:
+    records = [record(TRUTH, 1)]
+    guess = first_table(records)
+    error = RecordingProblem(records, REDUCED).errors(guess.vector())["run_1"]["velocity"]
+    assert error < 0.3
+    assert guess.value("dynamics.beta3") / -guess.value("dynamics.beta1") == pytest.approx(1000.0 / 1600.0, rel=0.15)
+
+
+def test_a_velocity_against_the_command_is_told() -> None:
+    r = record(TRUTH, 1)
+    with pytest.raises(ShakeError, match="run_1: the velocity goes against the command"):
+        first_table([Record(r.name, DT, -r.commands, r.position)])
+
+
+def test_a_command_of_zero_is_told() -> None:
+    r = record(TRUTH, 1)
+    with pytest.raises(ShakeError, match="run_1: the command is zero"):
+        first_table([Record(r.name, DT, 0.0 * r.commands, r.position)])
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("spool_deadband.width", 0.08), ("command_delay.delay", 0.02), ("coulomb_friction.force", 1.5)],
+)
+def test_a_hidden_effect_is_named_from_recordings_without_an_accelerometer(name: str, value: float) -> None:
+    hidden = TRUTH.with_values({f"effects.{name}": value})
+    learn, hold = [record(hidden, 1), record(hidden, 2)], [record(hidden, 3)]
+    model = MODELS["reduced"]
+    pool = tuple(c for c in model.candidates() if c.effect != "specimen_resonance")
+    policy = Policy(most_effects=1)
+    result = close_loop(first_table(learn), model.free(), pool, learn, hold, policy, quiet, REDUCED)
+    step = result.search.steps[0]
+    assert name.partition(".")[0] in (step.chosen.candidate.effect, *step.alternatives)
+    assert result.final.hold["run_3"]["velocity"] < 0.3 * result.baseline.hold["run_3"]["velocity"]
+    if step.chosen.candidate.effect == name.partition(".")[0]:
+        assert result.final.table.value(f"effects.{name}") == pytest.approx(value, rel=0.1)

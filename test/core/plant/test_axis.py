@@ -1,0 +1,45 @@
+"""A force-driven axis: slides to rest as the closed form says, sticks, and follows a steady force."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from shake_ros.core.plant.axis import AXIS_LAYOUT, AxisParameters, initial_state, run_batch
+from shake_ros.core.plant.small_table import SmallTable
+
+PARAMETERS = AxisParameters(mass=100.0, viscous=200.0, coulomb=20.0, offset=0.0)
+AXIS = SmallTable(AXIS_LAYOUT, PARAMETERS)
+
+
+def free_run(table: SmallTable, forces: np.ndarray, velocity: float = 0.0, dt: float = 1e-3) -> np.ndarray:
+    return np.asarray(run_batch(table.vector()[None, :], initial_state(0.0, velocity), forces, dt)[0])
+
+
+def test_it_slides_to_rest_in_the_time_and_over_the_way_of_the_closed_form() -> None:
+    out = free_run(AXIS, np.zeros(2000), velocity=0.1)
+    rate, level = 2.0, 20.0 / 200.0  # F_v/M, F_c/F_v
+    at_rest = math.log1p(0.1 / level) / rate
+    way = (0.1 + level) * (1.0 - math.exp(-rate * at_rest)) / rate - level * at_rest
+    assert np.argmax(out[:, 1] == 0.0) * 1e-3 == pytest.approx(at_rest, abs=2e-3)
+    assert out[-1, 0] == pytest.approx(way, rel=1e-3)
+    assert np.all(out[-100:, 1:] == 0.0)
+
+
+def test_it_sticks_below_its_dry_friction_and_slides_above() -> None:
+    assert np.all(free_run(AXIS, np.full(500, 19.9))[:, 1] == 0.0)
+    assert free_run(AXIS, np.full(5000, 40.0))[-1, 1] == pytest.approx(20.0 / 200.0, rel=1e-3)
+
+
+def test_the_offset_counts_against_the_force() -> None:
+    table = AXIS.with_values({"axis.offset": -5.0})
+    assert free_run(table, np.full(5000, 40.0))[-1, 1] == pytest.approx(25.0 / 200.0, rel=1e-3)
+
+
+def test_presliding_springs_before_it_slides() -> None:
+    table = AXIS.with_values({"effects.presliding_friction.distance": 1e-4})
+    out = free_run(table, np.concatenate([np.full(1000, 10.0), np.zeros(1000)]))
+    assert 0.2e-4 < out[999, 0] < 5e-4  # without friction 0.05 m
+    assert out[-1, 0] < 0.9 * out[999, 0]
