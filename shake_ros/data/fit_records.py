@@ -65,7 +65,11 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
     for span in unbroken(recording):
         if not np.all(np.isfinite(drive[span])):
             raise ShakeError(f"{recording.name}: topic {driven_by} holds values that are not finite numbers")
+        if np.ptp(recording.position[span]) == 0.0:
+            continue  # at rest to the last digit: neither motion nor noise to weigh it by
         acceleration = None if recording.acceleration is None else recording.acceleration[span]
+        if acceleration is not None and np.ptp(acceleration) == 0.0:
+            acceleration = None  # a dead channel measures nothing
         records.append(
             Record(
                 recording.name,
@@ -75,6 +79,8 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
                 acceleration,
             )
         )
+    if not np.ptp(recording.position[np.isfinite(recording.position)]):
+        raise ShakeError(f"{recording.name}: joint_states: the position stands still throughout, nothing to fit")
     if not records:
         raise ShakeError(f"{recording.name}: no stretch of {SHORTEST:g} s without a gap or a leap of the position")
     return records

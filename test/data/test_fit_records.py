@@ -74,3 +74,14 @@ def test_two_recordings_of_one_name_are_refused(tmp_path: Path) -> None:
     second = bag(tmp_path / "b" / "run")
     with pytest.raises(ShakeError, match="'run' is given twice"):
         read_fit_records([first, second])
+
+
+def test_recording_of_a_table_at_rest_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ShakeError, match="run: joint_states: the position stands still throughout"):
+        read_fit_records([bag(tmp_path / "run", position=np.full(len(TIME), 0.02))])
+
+
+def test_dead_accelerometer_is_no_accelerometer(tmp_path: Path) -> None:
+    (record,), findings = read_fit_records([bag(tmp_path / "run", acceleration=np.zeros(len(TIME)))])
+    assert record.acceleration is None
+    assert any("imu: has the same value 0 throughout" in line for line in findings)
