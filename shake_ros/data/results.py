@@ -101,15 +101,28 @@ def write_folder(out: Path, fill: Callable[[Path], None], *, force: bool = False
         fill(workshop)
         workshop.chmod(0o755)
         if out.exists():
-            old = Path(tempfile.mkdtemp(prefix=f".{out.name}-old-", dir=out.parent))
-            os.replace(out, old / out.name)
-            os.replace(workshop, out)
-            shutil.rmtree(old, ignore_errors=True)
+            _exchange(workshop, out)
         else:
             os.replace(workshop, out)
     except BaseException:
         shutil.rmtree(workshop, ignore_errors=True)
         raise
+
+
+def _exchange(workshop: Path, out: Path) -> None:
+    """Put the new folder where the old one is; the old one stays where that fails."""
+    attic = Path(tempfile.mkdtemp(prefix=f".{out.name}-old-", dir=out.parent))
+    try:
+        os.replace(out, attic / "old")
+        try:
+            os.replace(workshop, out)
+        except BaseException:
+            os.replace(attic / "old", out)
+            raise
+    except OSError as error:
+        raise ShakeError(f"{out}: cannot be replaced ({error.strerror})") from None
+    finally:
+        shutil.rmtree(attic, ignore_errors=True)
 
 
 def write_json(path: Path, content: Any) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from closed_loops import command
 from shake_ros.core.effects import EFFECTS, PLACES
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.quantities import ShakeError
+from shake_ros.data import results
 from shake_ros.data.results import close_loop_json, parameters_json, write_folder, write_json
 
 QUANTITIES = {"position", "velocity", "direction", "load_pressure", "valve_opening", "flow", "time", "frequency"}
@@ -160,6 +162,32 @@ def test_interrupted_replacement_leaves_the_earlier_folder_as_it_was(tmp_path: P
         write_folder(tmp_path / "out", fill, force=True)
     assert names(tmp_path) == ["out"]
     assert names(tmp_path / "out") == ["old.txt"]
+
+
+def test_replacement_that_fails_at_the_last_moment_puts_the_earlier_folder_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "old.txt").write_text("old", encoding="utf-8")
+    replace = os.replace
+
+    def fail(source: Path, target: Path) -> None:
+        if (Path(source) / "new.txt").exists():
+            raise OSError(5, "Input/output error")
+        replace(source, target)
+
+    monkeypatch.setattr(results.os, "replace", fail)
+    with pytest.raises(ShakeError, match="out: cannot be replaced"):
+        write_folder(tmp_path / "out", leave_a_file, force=True)
+    assert names(tmp_path) == ["out"]
+    assert names(tmp_path / "out") == ["old.txt"]
+
+
+def test_folder_that_one_stands_in_is_not_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ShakeError, match="cannot be replaced"):
+        write_folder(Path("."), leave_a_file, force=True)
+    assert names(tmp_path) == []
 
 
 def test_existing_folder_is_not_touched_without_force(tmp_path: Path) -> None:
