@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import shutil
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -23,7 +24,7 @@ from shake_ros.core.identification.free_parameters import free_parameter
 from shake_ros.core.identification.harmonics import HarmonicProblem, HarmonicRun
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import unknown_name
+from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.fit_records import fit_records
 from shake_ros.data.recordings import TableRecording, read_table_recording
 from shake_ros.data.results import close_loop_json, write_folder, write_json
@@ -32,6 +33,7 @@ from shake_ros.report.figures_demo import overview
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
 DURATION = {"excitation": 11.0, "earthquake": 12.0}  # of the recordings [s]
+RUNS = ("excitation", "earthquake", "earthquake_again")  # recorded, each with sensor noise of its own
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,7 @@ def main(arguments: Sequence[str]) -> int:
     command.add_argument("--seed", type=int, default=1, help="chooses the hidden effect and the table's own values")
     command.add_argument("--hidden", metavar="EFFECT", help="hide this effect instead of the one the seed chooses")
     given = command.parse_args(list(arguments))
+    check_output(given.out)
     started = time.monotonic()
     settings = read_yaml(find("demo", "demo"))
     hidden = hide(settings, given.seed, given.hidden)
@@ -60,8 +63,16 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
+def check_output(out: Path) -> None:
+    """Refuse to replace what is not an earlier demo's result."""
+    if out.exists() and not (out / "summary.json").is_file() and not (out.is_dir() and not any(out.iterdir())):
+        raise ShakeError(f"{out}: exists already and is no demo's result; name another folder with --out")
+
+
 def hide(settings: Mapping[str, Any], seed: int, effect: str | None) -> Hidden:
     """Draw a table of its own from the seed, with one hidden effect."""
+    if seed < 0:
+        raise ShakeError(f"--seed {seed}: must not be negative")
     rng = np.random.default_rng(seed)
     table = load_table(settings["declared"])
     values = dict(settings["numerics"])
@@ -110,7 +121,7 @@ def record_run(work: Path, name: str, settings: Mapping[str, Any], hidden: Hidde
         settings[role],
         str(paths["observer"]),
         str(paths["controller"]),
-        seed=hidden.seed + len(name),
+        seed=len(RUNS) * hidden.seed + RUNS.index(name),
         duration=DURATION[role],
     )
     record(experiment, work / name, lambda part: bar(f"{name} over DDS", part))
@@ -144,8 +155,8 @@ def _run(folder: Path, settings: Mapping[str, Any], hidden: Hidden, bar: Bar, st
         bar.span(0.85, 0.95)
         model = str(folder / "extended_table.yaml")
         again = read_table_recording(record_run(work, "earthquake_again", settings, hidden, model, bar))
-        for name in ("excitation", "earthquake", "earthquake_again"):
-            (work / name).rename(folder / f"bag_{name}")
+        for name in RUNS:
+            shutil.move(work / name, folder / f"bag_{name}")  # may be another file system
     bar.span(0.95, 1.0)
     bar("report", 0.0)
     before = recordings["earthquake"]
