@@ -17,7 +17,7 @@ from shake_ros.settings import find, load_table, read_yaml
 HARMONICS = 15
 LOWEST_SHOWN = 3e-3  # [m/s²]
 OUTPUT, UNITS = {"position_sensor_lag": 0}, {0: "position [m]", 2: "acceleration [m/s²]"}
-IN_FULL_MODEL = tuple(name for name, effect in EFFECTS.items() if "full" in effect.models)
+IN_FULL_MODEL = tuple(name for name, effect in EFFECTS.items() if "full" in effect.models and name != "unlisted")
 
 
 def strength(name: str) -> dict[str, float]:

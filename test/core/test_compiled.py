@@ -30,7 +30,7 @@ import subprocess, sys
 from pathlib import Path
 import shake_ros.core.valve.ports as ports
 path = Path(ports.__file__)
-path.write_text(path.read_text().replace("min(max(spool + underlap, 0.0), 1.0)", "0.25"))
+path.write_text(path.read_text().replace("min(max(x, 0.0), 1.0)", "0.25"))
 print(subprocess.run([sys.executable, "-c", sys.argv[1]], capture_output=True, text=True, check=True).stdout)
 """
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,9 @@ def first(effect: str) -> str:
 
 
 def trial(effect: str) -> float:
-    return float(0.1 * min(dataclasses.fields(EFFECTS[effect])[0].metadata["high"], 1e3))
+    field = dataclasses.fields(EFFECTS[effect])[0]
+    value = 0.1 * min(field.metadata["high"], 1e3)
+    return float(math.ceil(value) if field.type == "int" else value)
 
 
 def test_an_absent_effect_has_its_neutral_values_and_no_entry_in_a_file() -> None:

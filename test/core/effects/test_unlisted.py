@@ -1,0 +1,86 @@
+"""The effect without a name: each kind acts where it says, on what it says, and is what a listed law would be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import reference_model as reference
+
+from shake_ros.core.effects import unlisted
+from shake_ros.core.plant.parameters import records
+from shake_ros.core.plant.simulation import run
+from shake_ros.settings import load_table
+
+SAMPLE = 0.001
+BERGAMO = load_table("bergamo")
+COMMANDS = reference.sine(0.4, 3.0, 1.0)
+
+
+def unnamed(kind: int, low: float, high: float, values: np.ndarray) -> dict[str, float]:
+    """Dotted names of an unlisted function with values on its nodes."""
+    nodes = {f"effects.unlisted.node_{i:02d}": float(v) for i, v in enumerate(values)}
+    return {"effects.unlisted.kind": kind, "effects.unlisted.low": low, "effects.unlisted.high": high, **nodes}
+
+
+def ramp(low: float, high: float) -> np.ndarray:
+    """Arguments of the nodes."""
+    return np.linspace(low, high, unlisted.NODES)
+
+
+SAME_AS_A_LISTED_LAW = {
+    "force of position is a spring": (
+        unnamed(unlisted.FORCE_OF_POSITION, -0.05, 0.05, 2e4 * ramp(-0.05, 0.05)),
+        {"effects.stiffness_to_ground.stiffness": 2e4},
+    ),
+    "friction of position has a gradient": (
+        unnamed(unlisted.FRICTION_OF_POSITION, -0.05, 0.05, 500.0 + 3e3 * ramp(-0.05, 0.05)),
+        {"friction.coulomb_level": 580.0, "effects.position_dependent_friction.gradient": 3e3},
+    ),
+    "force of velocity is viscous": (
+        unnamed(unlisted.FORCE_OF_VELOCITY, -0.5, 0.5, 800.0 * ramp(-0.5, 0.5)),
+        {"friction.viscous": 802.0},
+    ),
+    "flow gain of opening is another valve": (
+        unnamed(unlisted.FLOW_GAIN_OF_OPENING, -1.0, 1.0, np.full(unlisted.NODES, 0.1)),
+        {"valve.flow_coefficient": 1.1 * 1.81e-7},
+    ),
+    "leakage of load pressure is laminar": (
+        unnamed(unlisted.LEAKAGE_OF_LOAD_PRESSURE, -2e7, 2e7, 3e-12 * ramp(-2e7, 2e7)),
+        {"leakage.internal": 4e-12},
+    ),
+    "stiffness of load pressure is another oil": (
+        unnamed(unlisted.STIFFNESS_OF_LOAD_PRESSURE, -2e7, 2e7, np.full(unlisted.NODES, -0.3)),
+        {"bulk_modulus.modulus": 0.7 * 1.16e9},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SAME_AS_A_LISTED_LAW)
+def test_a_function_that_is_a_listed_law_moves_the_table_as_the_law_does(name: str) -> None:
+    function, law = SAME_AS_A_LISTED_LAW[name]
+    declared = run(BERGAMO, COMMANDS, SAMPLE)[:, 2]
+    with_function = run(BERGAMO.with_values(function), COMMANDS, SAMPLE)[:, 2]
+    with_law = run(BERGAMO.with_values(law), COMMANDS, SAMPLE)[:, 2]
+    assert np.std(with_law - declared) > 5e-3 * np.std(declared)
+    assert np.std(with_function - with_law) < 2e-2 * np.std(with_law - declared)
+
+
+def test_absent_whatever_its_nodes_say_at_kind_zero() -> None:
+    table = BERGAMO.with_values(unnamed(0, -1.0, 1.0, np.full(unlisted.NODES, 1e3)))
+    np.testing.assert_array_equal(run(table, COMMANDS, SAMPLE), run(BERGAMO, COMMANDS, SAMPLE))
+
+
+def test_between_nodes_the_function_is_linear() -> None:
+    values = np.arange(unlisted.NODES, dtype=float) ** 2
+    p = records(BERGAMO.with_values(unnamed(3, 0.0, 15.0, values)).vector())[0]
+    assert unlisted.interpolated(p, 3.5) == pytest.approx(12.5)
+
+
+def test_beyond_its_range_a_spring_goes_on_and_friction_stays() -> None:
+    values = np.arange(unlisted.NODES, dtype=float)
+    spring = records(BERGAMO.with_values(unnamed(unlisted.FORCE_OF_POSITION, 0.0, 15.0, values)).vector())[0]
+    friction = records(BERGAMO.with_values(unnamed(unlisted.FRICTION_OF_POSITION, 0.0, 15.0, values)).vector())[0]
+    assert unlisted.interpolated(spring, 20.0) == pytest.approx(20.0)
+    assert unlisted.interpolated(spring, -5.0) == pytest.approx(-5.0)
+    assert unlisted.interpolated(friction, 20.0) == 15.0
+    assert unlisted.interpolated(friction, -5.0) == 0.0
