@@ -2,6 +2,7 @@
 
     dry force → dry force · (1 + a sign(v))
 
+On a force-driven axis the viscous part differs by the same share; there the offset carries what the dry part alone has.
 Absent at a = 0.
 """
 
@@ -20,6 +21,6 @@ class FrictionAsymmetry(Effect):
 
     place: ClassVar[str] = "friction"
     depends_on: ClassVar[tuple[str, ...]] = ("direction",)
-    models: ClassVar[tuple[str, ...]] = ("full", "reduced")
+    models: ClassVar[tuple[str, ...]] = ("full", "reduced", "axis")
 
     asymmetry: float = quantity("-", "relative excess of dry friction for v > 0", low=-1.0, high=1.0, default=0.0)

@@ -41,7 +41,7 @@ class Unlisted(Effect):
 
     place: ClassVar[str] = "force"
     depends_on: ClassVar[tuple[str, ...]] = ()
-    models: ClassVar[tuple[str, ...]] = ("full", "axis")
+    models: ClassVar[tuple[str, ...]] = ("full",)
 
     kind: int = quantity("-", "what the function is of and where it acts, 0 for absent", low=0, high=6, default=0)
     low: float = quantity("argument", "argument at the first node", default=-1.0)

@@ -18,8 +18,6 @@ import numpy as np
 from shake_ros.core.compiled import njit
 from shake_ros.core.effects.position_dependent_friction import dry_level
 from shake_ros.core.effects.presliding_friction import deflection
-from shake_ros.core.effects.unlisted import FORCE_OF_POSITION, FORCE_OF_VELOCITY, FRICTION_OF_POSITION
-from shake_ros.core.effects.unlisted import value as unlisted
 from shake_ros.core.plant.integration import delayed
 from shake_ros.core.plant.simulation import NOTHING, series, workers
 from shake_ros.core.plant.small_table import Layout
@@ -50,20 +48,22 @@ AXIS_LAYOUT = Layout("axis", "axis", AxisParameters, forces_per_mass=False)
 def carry(p, y, force, place, h):
     """One step of length h in place under a held force; `place` is the position that forces depend on [m]."""
     v, mass = y[VELOCITY], p.axis_mass
-    rate = p.axis_viscous / mass
+    share = p.friction_asymmetry_asymmetry
+    viscous = p.axis_viscous * (1.0 + share if v > 0.0 else 1.0 - share)
+    rate = viscous / mass
     left = math.exp(-rate * h)
     reach = (1.0 - left) / rate / mass if rate * h > 1e-9 else h / mass  # velocity that a force leaves [m/s per N]
-    net = force - p.axis_offset - p.stiffness_to_ground_stiffness * place - unlisted(p, FORCE_OF_POSITION, place)
+    net = force - p.axis_offset - p.stiffness_to_ground_stiffness * place
     free = left * v + reach * net
-    if p.quadratic_drag_coefficient > 0.0 or p.unlisted_kind == FORCE_OF_VELOCITY:
+    if p.quadratic_drag_coefficient > 0.0:
         middle = 0.5 * (v + free)
-        drag = p.quadratic_drag_coefficient * abs(middle) * middle + unlisted(p, FORCE_OF_VELOCITY, middle)
+        drag = p.quadratic_drag_coefficient * abs(middle) * middle
         net -= drag
         free -= reach * drag
     dry = dry_level(
         p.axis_coulomb, place, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature
     )
-    dry = max(dry + unlisted(p, FRICTION_OF_POSITION, place), 0.0)
+    dry *= 1.0 + share if free > 0.0 else 1.0 - share
     distance = p.presliding_friction_distance
     if distance > 0.0:
         moved = 0.5 * h * (v + free)
@@ -74,11 +74,11 @@ def carry(p, y, force, place, h):
         stuck = abs(free) <= reach * dry
         friction = free / reach if stuck else math.copysign(dry, free)
     y[VELOCITY] = 0.0 if stuck else free - reach * friction
-    y[ACCELERATION] = 0.0 if stuck else (net - friction - p.axis_viscous * y[VELOCITY]) / mass
+    y[ACCELERATION] = 0.0 if stuck else (net - friction - viscous * y[VELOCITY]) / mass
     y[POSITION] += 0.5 * h * (v + y[VELOCITY])
     tau = p.position_sensor_lag_time_constant
-    share = math.exp(-h / tau) if tau > 0.0 else 0.0
-    y[SENSED] = y[POSITION] + share * (y[SENSED] - y[POSITION])
+    left = math.exp(-h / tau) if tau > 0.0 else 0.0
+    y[SENSED] = y[POSITION] + left * (y[SENSED] - y[POSITION])
 
 
 @njit

@@ -43,3 +43,9 @@ def test_presliding_springs_before_it_slides() -> None:
     out = free_run(table, np.concatenate([np.full(1000, 10.0), np.zeros(1000)]))
     assert 0.2e-4 < out[999, 0] < 5e-4  # without friction 0.05 m
     assert out[-1, 0] < 0.9 * out[999, 0]
+
+
+def test_friction_asymmetry_makes_dry_and_viscous_friction_differ_by_direction() -> None:
+    table = AXIS.with_values({"effects.friction_asymmetry.asymmetry": 0.25})
+    assert free_run(table, np.full(5000, 45.0))[-1, 1] == pytest.approx((45.0 - 25.0) / 250.0, rel=1e-3)
+    assert free_run(table, np.full(5000, -45.0))[-1, 1] == pytest.approx(-(45.0 - 15.0) / 150.0, rel=1e-3)
