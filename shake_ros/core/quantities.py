@@ -29,17 +29,25 @@ class UnknownName(ShakeError):
     """A name that is not known; the message lists the known ones and the nearest."""
 
 
+MOST_NAMED = 30  # names that an error lists
+
+
 def unknown_name(kind: str, name: object, known: Iterable[str], where: str = "") -> UnknownName:
-    """The error for `name`, which is not among `known`.
+    """The error for `name`, which is not among `known`; of very many known names the nearest are listed.
 
     >>> print(unknown_name("effect", "soft_zon", ["soft_zone", "dead_volume"]))
     unknown effect 'soft_zon' (did you mean 'soft_zone'?); known: dead_volume, soft_zone
     """
     names = sorted(known)
-    near = difflib.get_close_matches(str(name), names, n=1)
-    hint = f" (did you mean '{near[0]}'?)" if near else ""
+    wanted = str(name).rpartition(".")[2]
+    near = sorted(names, key=lambda n: -difflib.SequenceMatcher(None, wanted, n.rpartition(".")[2]).ratio())[
+        :MOST_NAMED
+    ]
+    close = difflib.get_close_matches(wanted, [n.rpartition(".")[2] for n in near], n=1)
+    hint = next((f" (did you mean '{n}'?)" for n in near if close and n.rpartition(".")[2] == close[0]), "")
     place = f"{where}: " if where else ""
-    return UnknownName(f"{place}unknown {kind} '{name}'{hint}; known: {', '.join(names)}")
+    listed = ", ".join(names) if len(names) <= MOST_NAMED else f"{', '.join(near)} and {len(names) - MOST_NAMED} more"
+    return UnknownName(f"{place}unknown {kind} '{name}'{hint}; known: {listed}")
 
 
 def quantity(
