@@ -36,6 +36,8 @@ class Policy:
     worth_polishing : ratio to the best score up to which a candidate is refitted further.
     least_gain : fall of the held-out cost below which an effect is not added. margin : relative difference of
     held-out cost within which two effects count as not told apart. most_effects : stop after that many.
+    rival : ratio to the best score up to which a candidate is converged as well, and is not told apart where the
+    fitted and the held-out recordings prefer different ones.
     least_screened : predicted gain below which a candidate is not refitted.
     at_noise : ratio to the cost that the noise alone leaves, up to which nothing more is looked for.
     clearly_above, weak, far_less : a function without a name is estimated where the held-out cost is more than
@@ -51,6 +53,7 @@ class Policy:
     converging: int = 60
     least_gain: float = 0.03
     margin: float = 0.03
+    rival: float = 1.3
     most_effects: int = 3
     least_screened: float = 0.003
     at_noise: float = 1.05
@@ -159,6 +162,18 @@ def on_problem(problem: Problem, result: Fit) -> Fit:
     return Fit(result.free, result.x, r, j, 0.5 * float(r @ r), len(result.x) + 1)
 
 
+def told_apart(best: Attempt, other: Attempt, policy: Policy) -> bool:
+    """Whether the recordings decide between the best attempt and another one.
+
+    They do not where the scores are all but equal, nor where the scores are near each other and the fitted recordings
+    speak for one of the two, those held out for the other.
+    """
+    if other.score <= (1.0 + policy.margin) * best.score:
+        return False
+    contrary = other.learn <= best.learn or other.hold <= best.hold
+    return not (contrary and other.score <= policy.rival * best.score)
+
+
 def one_step(
     problem: Problem,
     hold: Problem,
@@ -188,11 +203,16 @@ def one_step(
         return None, ()
     progress(f"converge {attempts[0].candidate.effect}", 0.95)
     best = polish(problem, hold, attempts[0], policy.converging, CONVERGED)
-    ranking = (best, *attempts[1:])
+    rivals = [
+        polish(problem, hold, a, policy.converging, CONVERGED) if a.score < policy.rival * best.score else a
+        for a in attempts[1:]
+    ]
+    ranking = tuple(sorted((best, *rivals), key=lambda a: a.score))
+    best = ranking[0]
     before_learn, before_hold = mean_square(current.residuals), held_out(hold, current)
     if best.learn > (1.0 - policy.least_gain) * before_learn or best.hold > (1.0 - policy.least_gain) * before_hold:
         return None, ranking
-    near = [a.candidate.effect for a in ranking[1:] if a.score <= (1.0 + policy.margin) * best.score]
+    near = [a.candidate.effect for a in ranking[1:] if not told_apart(best, a, policy)]
     return Step(best, ranking, tuple(near), tuple(screened)), ranking
 
 
