@@ -22,7 +22,6 @@ LOOP_GAIN = 2.0  # weak position loop [1/m]
 POSITION_NOISE = 8e-6  # [m] at noise level 1
 ACCELERATION_NOISE = 0.05  # [m/s²] at noise level 1
 POSITION_STEP = 4.6e-6  # [m]
-SATURATION = 7e-4  # speed at which dry friction is full [m/s]
 ROOT = 1e4  # pressure drop about which the flow's root is rounded [Pa]
 STATES = 17
 X, V, PA, PB, S, DS, PS, FILM, Q, DQ, R, DR, B, DB, LAGA, LAGX, Z = range(STATES)
@@ -48,6 +47,7 @@ class Truth(NamedTuple):
     rise: float = 300.0
     decay: float = 40.0
     viscous: float = 400.0
+    saturation: float = 7e-4  # speed at which dry friction is full [m/s]
     spool_deadband: float = 0.0
     spool_hysteresis: float = 0.0
     asymmetric_flow_gain: float = 0.0
@@ -289,7 +289,7 @@ def regular_friction(t, y):
     if t.presliding_friction > 0.0:
         return 0.0  # `rates` has it from its own state
     v = y[V] + y[DR]
-    return dry_level(t, v, y[X] + y[R], y[FILM]) * min(max(v / SATURATION, -1.0), 1.0)
+    return dry_level(t, v, y[X] + y[R], y[FILM]) * min(max(v / t.saturation, -1.0), 1.0)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -297,9 +297,9 @@ def implicit_friction(t, y, h, per_mass, per_base):
     """Velocity after a step of dry friction alone, solved implicitly, in place."""
     v = y[V] + y[DR]
     level = dry_level(t, v, y[X] + y[R], y[FILM])
-    slope = h * per_mass * level / SATURATION
+    slope = h * per_mass * level / t.saturation
     after = v / (1.0 + slope)
-    if abs(after) > SATURATION:
+    if abs(after) > t.saturation:
         after = v - h * per_mass * level * (1.0 if v > 0.0 else -1.0)
     impulse = (v - after) / per_mass
     if t.coupling_backlash > 0.0:
