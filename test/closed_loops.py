@@ -38,14 +38,12 @@ CASES: dict[str, dict[str, Any]] = {
     "spool_deadband": {"hidden": Hidden(dead_band=DEAD_BAND)},
     "soft_zone": {"soft_zone_depth": 0.6},
     "asymmetric_flow_gain": {"hidden": Hidden(flow_asymmetry=0.1)},
-    "specimen_resonance": {"hidden": Hidden(flexible_mass=120.0)},
     "payload_error": {"mass": 750.0},
 }
 CLOSE_LOOP = close_loop_command.close_loop
 COMMANDS = ("nothing", "spool_deadband")
 SHORT_LISTS = {
-    "payload_error": ("payload_error", "tank_back_pressure", "supply_droop"),
-    "specimen_resonance": ("specimen_resonance", "base_flexibility", "spool_hysteresis"),
+    "payload_error": ("payload_error", "tank_back_pressure"),
 }
 _folder = tempfile.TemporaryDirectory(prefix="shake_ros-closed-")
 
