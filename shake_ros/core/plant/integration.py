@@ -250,10 +250,17 @@ def advance_sample(p, y, late, timely, fraction, force, dt, k, stage, absolute, 
 
 
 @njit
+def sensed_velocity(p, y):
+    """Rate of what the position transducer shows [m/s]."""
+    tau = p.position_sensor_lag_time_constant
+    return (y[POSITION] - y[LAGGED_POSITION]) / tau if tau > 0.0 else y[VELOCITY]
+
+
+@njit
 def outputs(p, y, acceleration, row):
     """Measured channels and inner states of one instant into `row`, shape (OUTPUTS,)."""
     row[0] = position_sensor(p, y)
-    row[1] = y[VELOCITY]
+    row[1] = sensed_velocity(p, y)
     row[2] = accelerometer(p, y, acceleration)
     row[3] = chamber_pressure(p, y[PRESSURE_A])
     row[4] = chamber_pressure(p, y[PRESSURE_B])
