@@ -5,7 +5,7 @@ its several starts and standard errors, by the wall clock after start-up. Plainl
 trust-region method, differences by itself) on solve_ivp with the right-hand side of test/reference_model.py, from one
 start. A plain run takes many minutes, so it is timed in parts, and the parts and factors are printed: seconds per
 second of recording (the fastest of several methods on the first --part seconds of each recording), times the length,
-times the number of simulations, which a plain fit of a part of one recording needs to converge (or --evaluations).
+times the number of simulations that a fit by the same trust-region method takes from one start (or --evaluations).
 Both are asked for the accuracy that keeps the acceleration within about 0.1 %.
 """
 
@@ -19,7 +19,6 @@ from pathlib import Path
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import least_squares
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks"), str(ROOT / "test")]
@@ -29,14 +28,13 @@ import reference_model as reference  # noqa: E402
 
 from shake_ros.cli.fitting import declared_parameters  # noqa: E402
 from shake_ros.core.discovery.closing import identify  # noqa: E402
-from shake_ros.core.identification.recordings import Record, derivative, low_pass  # noqa: E402
+from shake_ros.core.identification.fit import fit  # noqa: E402
+from shake_ros.core.identification.free_parameters import FreeParameters  # noqa: E402
+from shake_ros.core.identification.recordings import Record, RecordingProblem  # noqa: E402
 from shake_ros.core.plant.simulation import workers  # noqa: E402
 from shake_ros.settings import load_table  # noqa: E402
 
 FIELDS = ("coulomb", "rise", "decay", "viscous", "modulus", "internal", "external", "flow")
-SCALES = np.array([50.0, 50.0, 2.0, 50.0, 1e8, 1e-12, 1e-12, 1e-8])
-HIGH = np.array([5e3, 5e3, 300.0, 2e4, 1e10, 5e-10, 5e-10, 1e-6]) / SCALES
-LOW = np.array([0.0, 0.0, 0.5, 0.0, 5e7, 0.0, 0.0, 2e-8]) / SCALES
 METHODS = ("RK45", "LSODA", "Radau")
 TOLERANCE = 1e-5
 
@@ -54,7 +52,7 @@ def recordings(seconds: float) -> list[Record]:
 
 def plain_run(x: np.ndarray, commands: np.ndarray, method: str) -> tuple[np.ndarray, np.ndarray]:
     """Velocity and acceleration of a free run with solve_ivp, the command held from sample to sample."""
-    c = reference.constants()._replace(mass=650.0, **dict(zip(FIELDS, (x * SCALES).tolist(), strict=True)))
+    c = reference.constants()._replace(mass=650.0, **dict(zip(FIELDS, x.tolist(), strict=True)))
     wanted = reference.spool_commands(commands, c.play)
     last = len(wanted) - 1
 
@@ -76,23 +74,10 @@ def plain_run(x: np.ndarray, commands: np.ndarray, method: str) -> tuple[np.ndar
     return solved.y[1], acceleration
 
 
-def plain_fit(records: list[Record], start: np.ndarray, method: str) -> int:
-    """A plain fit; returns the number of simulations of all records that it took."""
-    count = 0
-
-    def residuals(x: np.ndarray) -> np.ndarray:
-        nonlocal count
-        count += 1
-        parts = []
-        for r in records:
-            velocity, acceleration = plain_run(x, r.commands, method)
-            parts.append((low_pass(velocity, r.sample_time) - derivative(r.position, r.sample_time)) / 0.003)
-            assert r.acceleration is not None
-            parts.append((acceleration - r.acceleration) / 0.05)
-        return np.concatenate(parts)
-
-    least_squares(residuals, start, bounds=(LOW, HIGH), x_scale="jac", diff_step=2e-3, ftol=1e-6, xtol=1e-6)
-    return count
+def simulations(records: list[Record]) -> int:
+    """Simulations of all records that a fit from the catalogue's values takes with differences by forward steps."""
+    free = FreeParameters(load_table("bergamo"), declared_parameters("full"))
+    return fit(RecordingProblem(records), free, free.start(), evaluations=200, tolerance=1e-6).evaluations
 
 
 def shortened(record: Record, seconds: float) -> Record:
@@ -114,7 +99,7 @@ def main() -> None:
     command = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     command.add_argument("--seconds", type=float, default=15.0, help="length of each recording")
     command.add_argument("--part", type=float, default=1.0, help="seconds of each that are timed plainly")
-    command.add_argument("--evaluations", type=int, help="simulations of a plain fit (default: counted on a part)")
+    command.add_argument("--evaluations", type=int, help="simulations of a plain fit (default: counted)")
     given = command.parse_args()
     records = recordings(given.seconds)
     free, table = declared_parameters("full"), load_table("bergamo")
@@ -126,18 +111,15 @@ def main() -> None:
     seconds = min(timed(lambda: ours(records)) for _ in range(2))
     print(f"identify, three recordings of {given.seconds:g} s, 8 parameters, {workers()} cores: {seconds:.1f} s")
 
-    start = np.array([getattr(reference.constants(), f) for f in FIELDS]) / SCALES
+    start = np.array([getattr(reference.constants(), f) for f in FIELDS])
     pieces = [shortened(r, given.part) for r in records]
     costs = {}
     for method in METHODS:
         costs[method] = timed(lambda m=method: [plain_run(start, p.commands, m) for p in pieces]) / (3.0 * given.part)
         print(f"solve_ivp {method}: {costs[method]:.3f} s per second of recording")
     best = min(costs, key=lambda m: costs[m])
-    evaluations = given.evaluations
-    if evaluations is None:
-        some = [shortened(records[0], 0.15 * given.seconds)]
-        evaluations = plain_fit(some, start, best)
-        print(f"simulations of a plain fit, counted on the first {0.15 * given.seconds:.2g} s of one: {evaluations}")
+    evaluations = given.evaluations or simulations(records)
+    print(f"simulations of a fit by the same method from one start: {evaluations}")
     plain = costs[best] * 3.0 * given.seconds * evaluations
     print(f"plain fit: {costs[best]:.3f} × {3.0 * given.seconds:g} s × {evaluations} = {plain:.0f} s (scaled, not run)")
     print(f"ratio {plain / seconds:.0f}")

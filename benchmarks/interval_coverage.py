@@ -5,7 +5,8 @@ and one noise per seed, and counts how often the 90 % interval (value ± 1.645 s
 A parameter at a bound has no standard error and is counted apart. Wanted: 80 to 97 %. The fit starts from the truth, so
 that what is looked at is the interval and not the search. The friction of the other simulator saturates over a width
 that takes as much off near rest as the declared tanh(v/(1 mm/s)) does, so that the truth lies within the model;
-`--saturation 0.0007` shows what a wrong width does to the friction's parameters. `--own` makes the data with the package's own simulator: then
+`--saturation 0.0007` shows what a wrong width does to the friction's parameters. `--own` makes the data with the
+package's own simulator: then
 no difference between simulators is in it.
 """
 
