@@ -17,7 +17,8 @@ class Candidate:
     """One effect that may be missing.
 
     effect : its name. free : the parameters a refit frees. trials : values by dotted name, the strength first.
-    place, depends_on : where it acts and on what.
+    place, depends_on : where it acts and on what. resembles : effects that recordings can hardly tell from it, which
+    are refitted beside it though screening may pass them over.
     """
 
     effect: str
@@ -25,6 +26,7 @@ class Candidate:
     trials: tuple[Mapping[str, float], ...]
     place: str
     depends_on: tuple[str, ...]
+    resembles: tuple[str, ...] = ()
 
     @property
     def strength(self) -> FreeParameter:
@@ -53,8 +55,12 @@ def candidates(
             raise unknown_name("effect", effect, EFFECTS, where)
         if model not in EFFECTS[effect].models:
             continue
-        if not isinstance(entry, Mapping) or set(entry) != {"free", "trials"}:
-            raise ShakeError(f"{where}: {effect}: needs exactly the keys 'free' and 'trials'")
+        if not isinstance(entry, Mapping) or set(entry) - {"resembles"} != {"free", "trials"}:
+            raise ShakeError(f"{where}: {effect}: needs the keys 'free' and 'trials', and may have 'resembles'")
+        resembles = tuple(entry.get("resembles", ()))
+        for other in resembles:
+            if other not in EFFECTS:
+                raise unknown_name("effect", other, EFFECTS, f"{where}: {effect}: resembles")
         prefix = f"effects.{effect}."
         free = tuple(free_parameter(prefix + name, c, where, fields) for name, c in entry["free"].items())
         trials = tuple({prefix + name: float(v) for name, v in trial.items()} for trial in entry["trials"])
@@ -63,5 +69,5 @@ def candidates(
                 if name not in fields:
                     raise unknown_name("parameter", name, [f.name for f in free], where)
         kind = EFFECTS[effect]
-        result.append(Candidate(effect, free, trials, kind.place, kind.depends_on))
+        result.append(Candidate(effect, free, trials, kind.place, kind.depends_on, resembles))
     return tuple(result)

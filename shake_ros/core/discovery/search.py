@@ -174,6 +174,12 @@ def told_apart(best: Attempt, other: Attempt, policy: Policy) -> bool:
     return not (contrary and other.score <= policy.rival * best.score)
 
 
+def unscreened_likes(attempts: Sequence[Attempt], pool: tuple[Candidate, ...]) -> list[Candidate]:
+    """Candidates that the best attempt resembles and that screening has passed over."""
+    tried = {a.candidate.effect for a in attempts}
+    return [c for c in pool if c.effect in attempts[0].candidate.resembles and c.effect not in tried]
+
+
 def one_step(
     problem: Problem,
     hold: Problem,
@@ -201,6 +207,12 @@ def one_step(
     attempts.sort(key=lambda a: a.score)
     if not attempts:
         return None, ()
+    for candidate in unscreened_likes(attempts, pool):
+        own = [t for t in screened if t.candidate.effect == candidate.effect]
+        if own:
+            tried = attempt(explore, hold, first_look, own, policy.final_evaluations, 1e-3)
+            attempts.append(polish(problem, hold, tried, policy.final_evaluations))
+    attempts.sort(key=lambda a: a.score)
     progress(f"converge {attempts[0].candidate.effect}", 0.95)
     best = polish(problem, hold, attempts[0], policy.converging, CONVERGED)
     rivals = [

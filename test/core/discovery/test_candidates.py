@@ -56,9 +56,10 @@ FREE = {"depth": {"scale": 0.1}}
     ("content", "text"),
     [
         ({"soft_zon": {}}, "did you mean 'soft_zone'"),
-        ({"soft_zone": {"free": FREE}}, "soft_zone: needs exactly the keys 'free' and 'trials'"),
+        ({"soft_zone": {"free": FREE}}, "soft_zone: needs the keys 'free' and 'trials'"),
         ({"soft_zone": {"free": FREE, "trials": [{"dept": 0.5}]}}, "did you mean 'effects.soft_zone.depth'"),
         ({"soft_zone": {"free": {"depth": {}}, "trials": []}}, "needs a number 'scale'"),
+        ({"soft_zone": {"free": FREE, "trials": [], "resembles": ["dead_volum"]}}, "did you mean 'dead_volume'"),
     ],
 )
 def test_wrong_list_is_one_line_that_names_the_file(content: dict, text: str) -> None:
