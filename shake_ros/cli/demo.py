@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -56,8 +57,12 @@ def main(arguments: Sequence[str]) -> int:
     started = time.monotonic()
     settings = read_yaml(find("demo", "demo"))
     hidden = hide(settings, given.seed, given.hidden)
-    with Bar("demo") as bar:
-        write_folder(given.out, lambda folder: _run(folder, settings, hidden, bar, started), force=True)
+    try:
+        with Bar("demo") as bar:
+            write_folder(given.out, lambda folder: _run(folder, settings, hidden, bar, started), force=True)
+    except RuntimeError as error:  # a node of the graph died or is stuck
+        print(f"shake_ros demo: {error}", file=sys.stderr)
+        return 1
     print((given.out / "summary.txt").read_text(encoding="utf-8"), end="")
     print(f"report: {given.out / 'report.html'}")
     return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -49,6 +50,9 @@ def check_output(out: Path, force: bool) -> None:
     """Refuse an existing result folder before the work, not after it."""
     if out.exists() and not force:
         raise ShakeError(f"{out}: exists already (--force replaces it)")
+    above = next((folder for folder in out.absolute().parents if folder.exists()), None)
+    if above is None or not above.is_dir() or not os.access(above, os.W_OK):
+        raise ShakeError(f"{out}: cannot be made (no permission to write in {above})")
 
 
 def read_records(

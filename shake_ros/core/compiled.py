@@ -24,7 +24,7 @@ from typing import Any
 import numba
 
 PACKAGE = Path(__file__).resolve().parent.parent
-KEPT_CACHES = 3
+KEPT_CACHES = 8
 
 
 def source_hash(package: Path = PACKAGE) -> str:

@@ -145,8 +145,12 @@ def close_loop(
     baseline = fitted_model(declared, problem, held)
     found = search(problem, held, declared, pool, policy, progress, explore)
     progress("errors and what remains", 0.9)
-    models = [fitted_model(step.chosen.fit, problem, held) for step in found.steps]
-    if found.removed:
-        models[-1] = fitted_model(found.final, problem, held)
+    last = fitted_model(found.final, problem, held)
+    gone = tuple(f"effects.{effect}." for effect in found.removed)
+    models = []
+    for step in found.steps:
+        outdated = any(name.startswith(gone) for name in step.chosen.fit.free.names) if gone else False
+        final = outdated or step is found.steps[-1]
+        models.append(last if final else fitted_model(step.chosen.fit, problem, held))
     rest = remaining(held, found)
     return ClosedLoop(baseline, tuple(models), found, rest, problem.noise(), model)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import welch
 
 from shake_ros.core.discovery.search import Search, mean_square
-from shake_ros.core.identification.recordings import RecordingProblem
+from shake_ros.core.identification.recordings import RecordingProblem, low_pass
 
 ABOVE = 1.15  # ratio of residual to noise from which something remains
 GROUPS = 24  # quantile groups of a quantity
@@ -83,7 +83,7 @@ def residual_series(problem: RecordingProblem, search: Search) -> tuple[np.ndarr
         if record.acceleration is not None:
             rest, deviation = (record.acceleration - out[:, 2])[span], record.acceleration_noise()
         else:
-            rest, deviation = (record.velocity - out[:, 1])[span], record.velocity_noise()
+            rest, deviation = (record.velocity - low_pass(out[:, 1], record.sample_time))[span], record.velocity_noise()
         residuals.append(rest)
         square += float(rest @ rest)
         noise += len(rest) * deviation**2

@@ -96,8 +96,8 @@ def run(
 
     Returns
     -------
-    shape (n, 7): position and its rate as the transducer shows them [m], [m/s], acceleration [m/s²], P_A, P_B, P_s [Pa],
-    spool [-].
+    shape (n, 7): position and its rate as the transducer shows them [m], [m/s], acceleration [m/s²],
+    P_A, P_B, P_s [Pa], spool [-].
     """
     vector = parameters.vector()
     commands = series("valve command", commands, len(commands))

@@ -26,6 +26,6 @@ def envelope(table: TableParameters) -> Envelope:
     area = table.body.piston_area
     return Envelope(
         position=0.5 * table.body.stroke,
-        velocity=table.valve.flow_coefficient * math.sqrt(0.5 * pressure) / area,  # (3.17)
+        velocity=table.value("valve.flow_coefficient") * math.sqrt(0.5 * pressure) / area,  # (3.17)
         acceleration=area * pressure / table.moved_mass,  # (6.4)
     )
