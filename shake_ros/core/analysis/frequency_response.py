@@ -75,7 +75,8 @@ def frequency_response(given: Floats, answer: Floats, sample_time: float, window
     --------
     >>> u = np.random.default_rng(1).standard_normal(20000)
     >>> found = frequency_response(u, 2.0 * np.roll(u, 3), 1e-3, 0.5)
-    >>> tuple(round(value, 3) for value in found.at(20.0)[:2])  # gain 2, three samples late
+    >>> gain, delay = found.at(20.0)[:2]
+    >>> round(gain, 1), round(delay, 4)  # gain 2, three samples late
     (2.0, 0.003)
     """
     length = round(window / sample_time)
