@@ -1,9 +1,9 @@
 """The one `njit` of the package, with a cache that cannot go stale.
 
 numba keys its cache by the file of the function alone and does not notice an edit in a file that the
-function calls into. Here the cache folder's name carries a hash of every source file of the package and of
-the versions of numba, llvmlite, numpy and Python: any edit starts a fresh folder, an unchanged package
-starts warm in about a second.
+function calls into. Here the cache folder's name carries a hash of every source file of `core`, which imports nothing of the package
+outside itself, and of the versions of numba, llvmlite, numpy and Python: any edit there starts a fresh folder, an
+unchanged core starts warm in about a second.
 
 `error_model="numpy"` (division by zero gives inf, as on the hardware) and no `fastmath`: NaN must stay NaN,
 and a result must not depend on how a compiler reassociates a sum.
@@ -23,15 +23,15 @@ from typing import Any
 
 import numba
 
-PACKAGE = Path(__file__).resolve().parent.parent
+CORE = Path(__file__).resolve().parent
 KEPT_CACHES = 8
 
 
-def source_hash(package: Path = PACKAGE) -> str:
-    """Hash of the package's sources and of the versions that compiled code depends on, 16 hex digits."""
+def source_hash(core: Path = CORE) -> str:
+    """Hash of the core's sources and of the versions that compiled code depends on, 16 hex digits."""
     digest = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
-        digest.update(str(path.relative_to(package)).encode())
+    for path in sorted(core.rglob("*.py")):
+        digest.update(str(path.relative_to(core)).encode())
         digest.update(path.read_bytes())
     from importlib.metadata import version
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import reference_model as reference
 
-from shake_ros.core.compiled import PACKAGE, source_hash
+from shake_ros.core.compiled import CORE, source_hash
 from shake_ros.core.plant.simulation import run
 from shake_ros.settings import load_table
 
@@ -50,8 +50,8 @@ np.save(sys.argv[2], [run(load_table("bergamo").with_values(c), commands, 0.001)
 def copy(tmp_path: Path) -> Path:
     """A copy of the package and its configuration that may be edited."""
     skipped = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(PACKAGE, tmp_path / "shake_ros", ignore=skipped)
-    shutil.copytree(PACKAGE.parent / "config", tmp_path / "config")
+    shutil.copytree(CORE.parent, tmp_path / "shake_ros", ignore=skipped)
+    shutil.copytree(CORE.parent.parent / "config", tmp_path / "config")
     return tmp_path
 
 
@@ -80,18 +80,18 @@ def test_nothing_compiled_lies_among_the_sources(copy: Path) -> None:
     assert list((copy / "cache").rglob("*.nbc"))
 
 
-def test_hash_follows_every_source(copy: Path) -> None:
-    first = source_hash(copy / "shake_ros")
-    assert first == source_hash(PACKAGE)
+def test_hash_follows_every_source_of_the_core(copy: Path) -> None:
+    first = source_hash(copy / "shake_ros" / "core")
+    assert first == source_hash(CORE)
     path = copy / "shake_ros" / "core" / "friction" / "tustin.py"
     path.write_text(path.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    assert source_hash(copy / "shake_ros") != first
+    assert source_hash(copy / "shake_ros" / "core") != first
 
 
 def test_plain_python_gives_the_compiled_numbers(tmp_path: Path) -> None:
     commands = reference.sine(0.5, 8.0, 0.06)
     np.save(tmp_path / "commands.npy", commands)
-    python(PACKAGE.parent, SAME, str(tmp_path / "commands.npy"), str(tmp_path / "plain.npy"), NUMBA_DISABLE_JIT="1")
+    python(CORE.parent.parent, SAME, str(tmp_path / "commands.npy"), str(tmp_path / "plain.npy"), NUMBA_DISABLE_JIT="1")
     plain = np.load(tmp_path / "plain.npy")
     changes = {
         "effects.soft_zone.depth": 0.5,
