@@ -26,7 +26,7 @@ from shake_ros.core.compiled import njit
 from shake_ros.core.plant.integration import ABSOLUTE, STAGES, acceleration_now, advance_sample
 from shake_ros.core.plant.parameters import TableParameters, records
 from shake_ros.core.plant.simulation import initial_state
-from shake_ros.core.plant.states import BASE, CONTINUOUS, POSITION, STATES, VELOCITY
+from shake_ros.core.plant.states import BASE, CONTINUOUS, LAGGED_POSITION, POSITION, STATES, VELOCITY
 from shake_ros.core.quantities import OutOfBounds, ShakeError
 
 FINE = 1e-4  # relative local error of an integration step of the copy
@@ -94,6 +94,59 @@ def seek(p, y, start, target, whole, fraction, samples, omega, limit, dt, tolera
     return u
 
 
+@njit
+def ahead(state, reference, tau, dt):  # type: ignore[no-untyped-def]
+    """The reference continued by τ, with the jerk of its last two accelerations, (3,)."""
+    x, v, a = reference[0], reference[1], reference[2]
+    jerk = (a - state[REFERENCE_ACCELERATION]) / dt if state[STARTED] != 0.0 else 0.0
+    target = np.empty(3)
+    target[0] = x + tau * (v + tau * (a / 2.0 + tau * jerk / 6.0))
+    target[1] = v + tau * (a + tau * jerk / 2.0)
+    target[2] = a + tau * jerk
+    return target
+
+
+@njit
+def step(state, p, settings, rest, reference):  # type: ignore[no-untyped-def]
+    """One sample.
+
+    Parameters
+    ----------
+    state : array from `VirtualTable.initial_state` or the step before; not changed.
+    p : parameter record of the copy. settings : (6,) array from `pack`. rest : (STATES,) the copy at rest at 0 m.
+    reference : (3,) position [m], velocity [m/s], acceleration [m/s²] now
+
+    Returns
+    -------
+    state : new array; its velocity is not finite where the copy left the finite numbers.
+    u : the command for this sample [-]
+    virtual : (3,) position, velocity, acceleration of the copy now
+    """
+    whole, fraction, samples = int(settings[0]), settings[1], int(settings[2])
+    omega, limit, dt = settings[3], settings[4], settings[5]
+    following = state.copy()
+    table = following[HEAD:]
+    if state[STARTED] == 0.0:
+        table[:STATES] = rest
+        table[POSITION] = table[LAGGED_POSITION] = reference[0]
+    virtual = np.empty(3)
+    virtual[2] = acceleration_now(p, table, np.zeros(CONTINUOUS))
+    virtual[0], virtual[1] = table[POSITION] + table[BASE], table[VELOCITY]
+    target = ahead(state, reference, samples * dt, dt)
+    u = seek(p, table, state[COMMAND], target, whole, fraction, samples, omega, limit, dt, COARSE)
+    carry(p, table, u, whole, fraction, 1, dt, FINE)
+    following[STARTED], following[COMMAND], following[REFERENCE_ACCELERATION] = 1.0, u, reference[2]
+    return following, u, virtual
+
+
+@njit
+def follow(p, settings, rest, references, commands, virtual):  # type: ignore[no-untyped-def]
+    """A whole reference: row k of `virtual` (n, 3) and `commands` (n,) are filled from `references` (n, 3)."""
+    state = np.zeros(HEAD + rest.shape[0] + int(settings[0]) + 2)
+    for k in range(references.shape[0]):
+        state, commands[k], virtual[k] = step(state, p, settings, rest, references[k])
+
+
 class VirtualTable:
     """The copy of a table and the search for its command; holds no state of its own.
 
@@ -104,6 +157,10 @@ class VirtualTable:
     bandwidth : ω of the surface [rad/s]
     horizon : H [s], rounded to at least one sample; a dead time of the model is added to it.
     limit : largest command [-]
+
+    Attributes
+    ----------
+    record, settings, rest : what the compiled `step` takes.
     """
 
     def __init__(
@@ -111,65 +168,45 @@ class VirtualTable:
     ) -> None:
         if not (math.isfinite(horizon) and horizon > 0.0):
             raise OutOfBounds(f"model_horizon = {horizon!r} is not a positive number")
-        self.sample_time, self.bandwidth, self.limit = sample_time, bandwidth, limit
-        self._vector = model.vector()
-        self._record = records(self._vector)[0]
+        vector = model.vector()
+        self.record = records(vector)[0]
+        self.rest = initial_state(vector)
         delay = model.value("effects.command_delay.delay") / sample_time
-        self._whole, self._fraction = math.floor(delay), delay - math.floor(delay)
-        self._samples = max(1, round(horizon / sample_time)) + math.ceil(delay)
-        self._rates = np.zeros(CONTINUOUS)
-
-    @property
-    def size(self) -> int:
-        """Length of the state."""
-        return HEAD + STATES + self._whole + 2
+        whole = math.floor(delay)
+        samples = max(1, round(horizon / sample_time)) + math.ceil(delay)
+        self.settings = np.array([whole, delay - whole, samples, bandwidth, limit, sample_time])
+        self.size = HEAD + STATES + whole + 2
 
     def initial_state(self) -> NDArray[np.float64]:
         """Not started; the copy takes its place at the first reference."""
         return np.zeros(self.size)
 
-    def _ahead(self, state: NDArray[np.float64], reference: Sequence[float]) -> NDArray[np.float64]:
-        """The reference continued to the horizon, (3,)."""
-        x, v, a = reference
-        tau = self._samples * self.sample_time
-        jerk = (a - state[REFERENCE_ACCELERATION]) / self.sample_time if state[STARTED] else 0.0
-        return np.array(
-            [x + tau * (v + tau * (a / 2.0 + tau * jerk / 6.0)), v + tau * (a + tau * jerk / 2.0), a + tau * jerk]
-        )
-
     def step(
-        self, state: NDArray[np.float64], reference: Sequence[float]
+        self, state: NDArray[np.float64], reference: Sequence[float] | NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
-        """One sample.
-
-        Parameters
-        ----------
-        state : from `initial_state` or the step before; not changed.
-        reference : position [m], velocity [m/s], acceleration [m/s²] now
-
-        Returns
-        -------
-        (state, u, virtual) : new array; the command for this sample [-]; position, velocity and acceleration of the
-        virtual table now, (3,)
+        """One sample; arguments and results as of the compiled `step`.
 
         Raises
         ------
         ShakeError : the virtual table left the finite numbers.
         """
-        following = state.copy()
-        table = following[HEAD:]
-        if not state[STARTED]:
-            table[:STATES] = initial_state(self._vector, float(reference[0]))
-        acceleration = acceleration_now(self._record, table, self._rates)
-        virtual = np.array([table[POSITION] + table[BASE], table[VELOCITY], acceleration])
-        target = self._ahead(state, reference)
-        delay = (self._whole, self._fraction)
-        u = seek(
-            self._record, table, state[COMMAND], target, *delay, self._samples,
-            self.bandwidth, self.limit, self.sample_time, COARSE,
-        )  # fmt: skip
-        acceleration = carry(self._record, table, u, *delay, 1, self.sample_time, FINE)
-        if not math.isfinite(acceleration):
+        wanted = np.array(reference, dtype=np.float64)
+        following, u, virtual = step(state, self.record, self.settings, self.rest, wanted)
+        if not math.isfinite(following[HEAD + VELOCITY]):
             raise ShakeError("controller: the virtual table left the finite numbers")
-        following[STARTED], following[COMMAND], following[REFERENCE_ACCELERATION] = 1.0, u, reference[2]
         return following, float(u), virtual
+
+    def follow(self, references: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Commands (n,) [-] and motion (n, 3) of the virtual table along a reference (n, 3), as `step` makes them.
+
+        The copy does not see the real table, so both can be computed before a run and serve any law.
+
+        Raises
+        ------
+        ShakeError : the virtual table left the finite numbers.
+        """
+        commands, virtual = np.empty(len(references)), np.empty((len(references), 3))
+        follow(self.record, self.settings, self.rest, np.ascontiguousarray(references), commands, virtual)
+        if not np.isfinite(virtual).all():
+            raise ShakeError("controller: the virtual table left the finite numbers")
+        return commands, virtual

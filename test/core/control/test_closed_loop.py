@@ -163,6 +163,18 @@ def test_virtual_table_leaves_its_state_untouched(declared: TableParameters) -> 
     np.testing.assert_array_equal(first[0], second[0])
 
 
+def test_virtual_table_along_a_whole_reference_is_the_same_as_step_by_step(
+    declared: TableParameters, earthquake: Program
+) -> None:
+    virtual = VirtualTable(declared.with_values(EFFECTS["command_delay"]), DT, 100.0, 0.004, 1.0)
+    commands, motion = virtual.follow(earthquake.samples(1500, 200))
+    state = virtual.initial_state()
+    for k in range(200):
+        state, u, place = virtual.step(state, earthquake.at(1500 + k))
+        assert u == commands[k]
+        np.testing.assert_array_equal(place, motion[k])
+
+
 def test_two_runs_of_the_loop_are_the_same_to_the_bit(declared: TableParameters, earthquake: Program) -> None:
     runs = [
         simulate_closed_loop(
