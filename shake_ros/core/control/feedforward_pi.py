@@ -15,6 +15,7 @@ from shake_ros.core.compiled import njit
 from shake_ros.core.control.law import LawParameters, saturate, winds_up
 from shake_ros.core.quantities import quantity
 
+CODE = 1
 STATES = 1
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shake_ros.core.compiled import njit
 from shake_ros.core.control.law import LawParameters, saturate
 
+CODE = 0
 STATES = 0
 
 

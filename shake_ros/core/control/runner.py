@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.control import CONTROLLERS, feedforward_pi, hold, sliding_mode, super_twisting
 from shake_ros.core.control.law import LawParameters
+from shake_ros.core.control.selected import HEAD, feedforward_law, initial_head, step_controller
 from shake_ros.core.control.virtual_table import VirtualTable
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
@@ -20,7 +21,6 @@ KERNELS: dict[str, Any] = {
     "sliding_mode": sliding_mode,
     "super_twisting": super_twisting,
 }
-HEAD = 2  # of the state: whether it has started, and the decaying offset of the start
 
 
 class Controller:
@@ -57,20 +57,28 @@ class Controller:
         if model is not None:
             p = parameters
             self._virtual = VirtualTable(model, self.sample_time, p.model_bandwidth, p.model_horizon, p.limit)
-        self._packed = self._kernels.pack(parameters, model is not None)
-        self._law = slice(HEAD, HEAD + self._kernels.STATES)
-        start_time = parameters.start_time
-        self._decay = math.exp(-self.sample_time / start_time) if start_time > 0.0 else 0.0
+        self.code: int = self._kernels.CODE
+        self.packed: NDArray[np.float64] = self._kernels.pack(parameters, model is not None)
+        self._end = HEAD + self._kernels.STATES
 
-    def initial_state(self) -> NDArray[np.float64]:
-        """Not started, all integrals zero."""
-        return np.zeros(self._law.stop + (self._virtual.size if self._virtual else 0))
+    def initial_state(self, command: float = 0.0, start_time: float | None = None) -> NDArray[np.float64]:
+        """Not started, all integrals zero.
+
+        Parameters
+        ----------
+        command : at which the first sample begins [-]: zero, or the last one of the controller before.
+        start_time : time constant in which the difference fades [s]; None takes the parameters' own.
+        """
+        fading = self.parameters.start_time if start_time is None else start_time
+        decay = math.exp(-self.sample_time / fading) if fading > 0.0 else 0.0
+        head = initial_head(self._kernels.STATES, decay, float(command))
+        return np.concatenate([head, np.zeros(self._virtual.size if self._virtual else 0)])
 
     def step(self, state: NDArray[np.float64], reference: Any, estimate: Any) -> tuple[NDArray[np.float64], float]:
         """One sample.
 
-        The first sample's command is zero: an offset takes the feedback's first demand away and then decays with
-        `start_time`, so that switching on away from the reference makes no bump.
+        The first sample's command is that of `initial_state`: an offset takes the difference to the law's first demand
+        away and then fades with the start time, so that switching on away from the reference makes no bump.
 
         Parameters
         ----------
@@ -93,15 +101,10 @@ class Controller:
             raise ShakeError(f"controller: reference {r.tolist()} or estimate {z.tolist()} not finite")
         following = np.empty_like(state)
         if self._virtual is None:
-            command = self._kernels.feedforward(self._packed, r)
+            command = feedforward_law(self.code, self.packed, r)
         else:
-            following[self._law.stop :], command, r = self._virtual.step(state[self._law.stop :], reference)
-        offset = state[1] * self._decay
-        if state[0] == 0.0 and self._decay > 0.0:
-            _, demand = self._kernels.step(state[self._law], self._packed, r, z, command, self.sample_time)
-            offset = -demand
-        law, u = self._kernels.step(state[self._law], self._packed, r, z, command + offset, self.sample_time)
-        following[0] = 1.0
-        following[1] = offset
-        following[self._law] = law
+            following[self._end :], command, r = self._virtual.step(state[self._end :], reference)
+        following[: self._end], u = step_controller(
+            self.code, state[: self._end], self.packed, r, z, command, self.sample_time
+        )
         return following, float(u)

@@ -27,6 +27,7 @@ from shake_ros.core.plant.reduced import ReducedParameters
 from shake_ros.core.plant.reduced import pack as pack_reduced
 from shake_ros.core.quantities import quantity
 
+CODE = 2
 STATES = 1
 LEAST_GAIN = 0.2  # share of β_3 below which β_3 ± G is not let fall, so that the division stays sound
 

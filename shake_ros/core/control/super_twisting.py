@@ -20,6 +20,7 @@ from shake_ros.core.compiled import njit
 from shake_ros.core.control.law import LawParameters, saturate, winds_up
 from shake_ros.core.quantities import quantity
 
+CODE = 3
 STATES = 2
 
 
