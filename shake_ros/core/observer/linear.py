@@ -21,6 +21,7 @@ from shake_ros.core.plant import reduced
 from shake_ros.core.plant.reduced import ReducedParameters, transition
 from shake_ros.core.quantities import quantity
 
+CODE = 2
 STATES = 4
 
 
@@ -62,21 +63,20 @@ def pack(parameters: LinearObserver, sample_time: float) -> NDArray[np.float64]:
     return np.concatenate([reduced.pack(parameters), kalman_gain(parameters, sample_time)])
 
 
-def initial_state(position: float) -> NDArray[np.float64]:
-    """At rest at a position [m], no disturbance."""
-    return np.array([position, 0.0, 0.0, 0.0])
+def started(estimate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The state that continues from an estimate (3,), without a disturbance."""
+    return np.append(estimate, 0.0)
 
 
 @njit
-def step(state, parameters, position, command, dt):  # type: ignore[no-untyped-def]
-    """One sample; arguments and results as in `sliding_mode.step`, with a (4,) state."""
+def observe(state, parameters, position, command, dt, estimate):  # type: ignore[no-untyped-def]
+    """One sample, in place; arguments as in `sliding_mode.observe`, with a (4,) state."""
     phi, gamma = transition(parameters, abs(command), dt)
     jerk = parameters[2] * command + state[3]
-    following = np.empty(4)
     for i in range(3):
-        following[i] = phi[i, 0] * state[0] + phi[i, 1] * state[1] + phi[i, 2] * state[2] + gamma[i] * jerk
-    following[3] = state[3]
-    innovation = position - following[0]
-    for i in range(4):
-        following[i] += parameters[5 + i] * innovation
-    return following, following[:3].copy()
+        estimate[i] = phi[i, 0] * state[0] + phi[i, 1] * state[1] + phi[i, 2] * state[2] + gamma[i] * jerk
+    innovation = position - estimate[0]
+    for i in range(3):
+        estimate[i] += parameters[5 + i] * innovation
+        state[i] = estimate[i]
+    state[3] += parameters[8] * innovation

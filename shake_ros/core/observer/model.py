@@ -10,17 +10,20 @@ to the disturbance. Not in the thesis. Verified against: a model equal to the pl
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shake_ros.core.compiled import njit
+from shake_ros.core.observer.carried import carry_copy, copy_at, dead_time, motion_now, sensed_position
 from shake_ros.core.observer.linear import LinearObserver, kalman_gain
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
-from shake_ros.core.plant.table import Table
-from shake_ros.core.quantities import ShakeError, choice
+from shake_ros.core.quantities import choice
+
+CODE = 3
+PRESSURE, WHOLE = 4, 5  # places in the packed parameters
 
 
 @dataclass(frozen=True)
@@ -30,42 +33,43 @@ class ModelObserver(LinearObserver):
     model: str = choice("table configuration of the model")
 
 
-class ModelFilter:
-    """`initial_state` and `step` of the observer on one table at one sample time.
+def pack(parameters: ModelObserver, model: TableParameters, sample_time: float) -> NDArray[np.float64]:
+    """Four gains, pressure per acceleration and dead time as an array (7,)."""
+    # half the load pressure's change per change of acceleration, M/(2 A_p)
+    mass = model.moved_mass + model.value("effects.payload_error.mass")
+    return np.array(
+        [*kalman_gain(parameters, sample_time), 0.5 * mass / model.body.piston_area, *dead_time(model, sample_time)]
+    )
 
-    The state is the copy's state with the disturbance [m/s³] behind it.
+
+def started(
+    estimate: NDArray[np.float64], model: TableParameters, sample_time: float, command: float
+) -> NDArray[np.float64]:
+    """The state that continues from an estimate (3,) under a command, without a disturbance: `copy_at` and 0."""
+    return np.append(copy_at(estimate, model, sample_time, command), 0.0)
+
+
+@njit
+def observe(state, parameters, p, position, command, dt, work, estimate):  # type: ignore[no-untyped-def]
+    """One sample, in place.
+
+    Parameters
+    ----------
+    state : (STATES + history + 1,) array: the copy's states, its past commands, the disturbance [m/s³]
+    parameters : (7,) array from `pack`
+    p : the model's record (`plant.parameters.records`)
+    position, command, dt, estimate : as in `sliding_mode.observe`
+    work : from `carried.work`
     """
-
-    def __init__(self, parameters: ModelObserver, sample_time: float, model: TableParameters | None) -> None:
-        if model is None:
-            raise ShakeError(f"observer 'model': the table '{parameters.model}' of its model was not handed over")
-        silent = {f"sensors.{name}_noise": 0.0 for name in ("position", "acceleration", "pressure")}
-        self._table = Table(model.with_values({**silent, "sensors.position_bits": 0}), sample_time)
-        self._gain = kalman_gain(parameters, sample_time)
-        self._sample_time = sample_time
-        # half the load pressure's change per change of acceleration, M/(2 A_p)
-        mass = model.moved_mass + model.value("effects.payload_error.mass")
-        self._pressure = 0.5 * mass / model.body.piston_area
-
-    def initial_state(self, position: float) -> NDArray[np.float64]:
-        """At rest at a position [m], no disturbance."""
-        return np.append(self._table.initial_state(position), 0.0)
-
-    def step(
-        self, state: NDArray[np.float64], position: float, command: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """One sample; arguments and results as in `sliding_mode.step`."""
-        table, disturbance = self._table.advance(state[:-1], command), state[-1]
-        innovation = position - self._table.measure(table, 0).position
-        to_position, to_velocity, to_acceleration, to_disturbance = self._gain * innovation
-        table[POSITION] += to_position
-        table[LAGGED_POSITION] += to_position
-        table[VELOCITY] += to_velocity
-        push = self._pressure * (to_acceleration + self._sample_time * disturbance)
-        table[PRESSURE_A] += push
-        table[PRESSURE_B] -= push
-        m = self._table.measure(table, 0)
-        if not math.isfinite(m.truth_acceleration):
-            raise ShakeError("observer: the model's state left the finite numbers")
-        estimate = np.array([m.truth_position, m.truth_velocity, m.truth_acceleration])
-        return np.append(table, disturbance + to_disturbance), estimate
+    last = state.shape[0] - 1
+    carry_copy(p, state, last, command, parameters[WHOLE], parameters[WHOLE + 1], dt, work)
+    innovation = position - sensed_position(p, state)
+    disturbance = state[last]
+    state[POSITION] += parameters[0] * innovation
+    state[LAGGED_POSITION] += parameters[0] * innovation
+    state[VELOCITY] += parameters[1] * innovation
+    push = parameters[PRESSURE] * (parameters[2] * innovation + dt * disturbance)
+    state[PRESSURE_A] += push
+    state[PRESSURE_B] -= push
+    state[last] = disturbance + parameters[3] * innovation
+    motion_now(p, state, work, estimate)

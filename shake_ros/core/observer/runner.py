@@ -3,33 +3,32 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.observer import OBSERVERS, linear, sliding_mode
-from shake_ros.core.observer.model import ModelFilter, ModelObserver
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.reduced import ReducedParameters
-from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
+from shake_ros.core.observer import OBSERVERS, linear, model, sliding_mode
+from shake_ros.core.observer.carried import work
+from shake_ros.core.observer.selected import NO_MODEL
+from shake_ros.core.plant.parameters import TableParameters, records
+from shake_ros.core.quantities import OutOfBounds, Parameters, ShakeError, unknown_name
 
+Array = NDArray[np.float64]
 KERNELS: dict[str, Any] = {
     "sliding_mode": sliding_mode,
     "linear": linear,
+    "model": model,
 }
+CARRYING = ("model",)  # kinds that carry a table
 
 
-class CompiledFilter:
-    """`initial_state` and `step` of an observer that is one compiled kernel with packed parameters."""
+class Compiled(NamedTuple):
+    """What `selected.step_observer` takes: number of the kind, packed parameters, the model's record."""
 
-    def __init__(self, kernels: Any, parameters: ReducedParameters, sample_time: float) -> None:
-        self.initial_state = kernels.initial_state
-        self._step, self._packed, self._sample_time = kernels.step, kernels.pack(parameters, sample_time), sample_time
-
-    def step(self, state: NDArray[np.float64], position: float, command: float) -> Any:
-        """One sample: (state, estimate)."""
-        return self._step(state, self._packed, position, command, self._sample_time)
+    code: int
+    packed: Array
+    record: Any
 
 
 class Observer:
@@ -40,7 +39,7 @@ class Observer:
     kind : a name in `OBSERVERS`.
     parameters : of that kind's class.
     sample_time : [s]
-    model : the table that the observer `model` carries; needed by that kind alone.
+    model : the table that an observer of CARRYING carries; the others do without.
 
     Raises
     ------
@@ -48,7 +47,7 @@ class Observer:
     """
 
     def __init__(
-        self, kind: str, parameters: ReducedParameters, sample_time: float, model: TableParameters | None = None
+        self, kind: str, parameters: Parameters, sample_time: float, model: TableParameters | None = None
     ) -> None:
         if kind not in OBSERVERS:
             raise unknown_name("observer", kind, OBSERVERS)
@@ -59,27 +58,45 @@ class Observer:
         self.kind = kind
         self.parameters = parameters
         self.sample_time = float(sample_time)
-        self._filter: Any
-        if isinstance(parameters, ModelObserver):
-            self._filter = ModelFilter(parameters, self.sample_time, model)
+        kernels = KERNELS[kind]
+        self._observe, self._started = kernels.observe, kernels.started
+        self._model = model if kind in CARRYING else None
+        if kind not in CARRYING:
+            self.compiled = Compiled(kernels.CODE, kernels.pack(parameters, self.sample_time), NO_MODEL)
+        elif self._model is None:
+            named = getattr(parameters, "model", "")
+            raise ShakeError(f"observer '{kind}': the table '{named}' of its model was not handed over")
         else:
-            self._filter = CompiledFilter(KERNELS[kind], parameters, self.sample_time)
+            packed = kernels.pack(parameters, self._model, self.sample_time)
+            self.compiled = Compiled(kernels.CODE, packed, records(self._model.vector())[0])
+        self._work = work()
 
-    def initial_state(self, position: float) -> NDArray[np.float64]:
+    def initial_state(self, position: float) -> Array:
         """At rest at a position [m]."""
         if not math.isfinite(position):
             raise ShakeError(f"observer: initial position is {position!r}")
-        state: NDArray[np.float64] = self._filter.initial_state(float(position))
+        return self.started(np.array([position, 0.0, 0.0]), 0.0)
+
+    def started(self, estimate: Array, command: float) -> Array:
+        """The state that continues from the estimate of another observer under the command that stands.
+
+        Parameters
+        ----------
+        estimate : (3,) position [m], velocity [m/s], acceleration [m/s²]
+        command : [-]
+        """
+        if self._model is not None:
+            state: Array = self._started(estimate, self._model, self.sample_time, command)
+        else:
+            state = self._started(estimate)
         return state
 
-    def step(
-        self, state: NDArray[np.float64], measured_position: float, u_previous: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def step(self, state: Array, measured_position: float, u_previous: float) -> tuple[Array, Array]:
         """One sample.
 
         Parameters
         ----------
-        state : from `initial_state` or the step before; not changed.
+        state : from `initial_state`, `started` or the step before; not changed.
         measured_position : now [m]
         u_previous : command held since the sample before [-]
 
@@ -89,9 +106,17 @@ class Observer:
 
         Raises
         ------
-        ShakeError : a measurement or command that is not a finite number.
+        ShakeError : a measurement or command that is not a finite number; a carried model that left the finite numbers.
         """
         if not (math.isfinite(measured_position) and math.isfinite(u_previous)):
             raise ShakeError(f"observer: position {measured_position!r}, command {u_previous!r} not finite")
-        following, estimate = self._filter.step(state, float(measured_position), float(u_previous))
+        following, estimate = state.copy(), np.empty(3)
+        _, packed, record = self.compiled
+        given = float(measured_position), float(u_previous), self.sample_time
+        if self._model is None:
+            self._observe(following, packed, *given, estimate)
+        else:
+            self._observe(following, packed, record, *given, self._work, estimate)
+            if not np.isfinite(estimate).all():
+                raise ShakeError("observer: the model's state left the finite numbers")
         return following, estimate

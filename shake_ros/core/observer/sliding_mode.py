@@ -25,6 +25,7 @@ from shake_ros.core.plant import reduced
 from shake_ros.core.plant.reduced import ReducedParameters, advance
 from shake_ros.core.quantities import quantity
 
+CODE = 1
 STATES = 3
 
 
@@ -47,9 +48,9 @@ def pack(parameters: SlidingModeObserver, sample_time: float) -> NDArray[np.floa
     return np.concatenate([reduced.pack(p), np.array(gains)])
 
 
-def initial_state(position: float) -> NDArray[np.float64]:
-    """At rest at a position [m]."""
-    return np.array([position, 0.0, 0.0])
+def started(estimate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The state that continues from an estimate (3,)."""
+    return np.array(estimate, dtype=np.float64)
 
 
 @njit
@@ -59,21 +60,17 @@ def injection(error, gain, boundary, dt):  # type: ignore[no-untyped-def]
 
 
 @njit
-def step(state, parameters, position, command, dt):  # type: ignore[no-untyped-def]
-    """One sample.
+def observe(state, parameters, position, command, dt, estimate):  # type: ignore[no-untyped-def]
+    """One sample, in place.
 
     Parameters
     ----------
-    state : (3,) array, estimate at the sample before
+    state : (3,) array, estimate at the sample before; becomes that of now
     parameters : (11,) array from `pack`
     position : measured position now [m]
     command : u held since the sample before [-]
     dt : sample time [s]
-
-    Returns
-    -------
-    state : (3,) new array
-    estimate : (3,) new array, position [m], velocity [m/s], acceleration [m/s²] now
+    estimate : (3,) array for the result: position [m], velocity [m/s], acceleration [m/s²] now
     """
     following = advance(state, parameters, command, 0.0, dt)
     gain1, gain2, gain3 = parameters[5], parameters[6], parameters[7]
@@ -86,4 +83,6 @@ def step(state, parameters, position, command, dt):  # type: ignore[no-untyped-d
         if abs(s) < 1.0:  # E_3: z̃_3 − ẑ_3 = λ_2 s
             s = injection(gain2 * s, gain3, parameters[10], dt)
             following[2] += dt * gain3 * s
-    return following, following.copy()
+    for i in range(STATES):
+        state[i] = following[i]
+        estimate[i] = following[i]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shake_ros.core.observer import OBSERVERS, linear, sliding_mode
-from shake_ros.core.observer.runner import KERNELS, Observer
+from shake_ros.core.observer import OBSERVERS, linear, selected, sliding_mode
+from shake_ros.core.observer.runner import CARRYING, KERNELS, Observer
 from shake_ros.core.plant import reduced
 from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import ShakeError, UnknownName
@@ -163,15 +163,20 @@ def test_linear_observer_has_no_steady_error_under_a_null_shift() -> None:
 
 def test_sliding_mode_feeds_a_stage_only_once_the_one_before_has_reached_its_surface() -> None:
     packed = sliding_mode.pack(load_variant("observer", "sliding_mode", OBSERVERS)[1], DT)
-    rest = sliding_mode.initial_state(0.0)
-    far, _ = sliding_mode.step(rest, packed, 1e-3, 0.0, DT)  # 1 mm: far beyond dt λ_1 = 30 µm
+
+    def fed(position: float) -> Array:
+        estimate = np.empty(3)
+        sliding_mode.observe(np.zeros(3), packed, position, 0.0, DT, estimate)
+        return estimate
+
+    far = fed(1e-3)  # 1 mm: far beyond dt λ_1 = 30 µm
     assert far[0] == pytest.approx(0.03 * DT)
     assert far[1] == far[2] == 0.0
-    near, _ = sliding_mode.step(rest, packed, 10e-6, 0.0, DT)  # first surface reached: the position is the measurement
+    near = fed(10e-6)  # first surface reached: the position is the measurement
     assert near[0] == pytest.approx(10e-6)
     assert near[1] == pytest.approx(2.5 * DT)  # second saturated
     assert near[2] == 0.0
-    nearest, _ = sliding_mode.step(rest, packed, 2e-6, 0.0, DT)  # 2 µm/ms is within dt λ_2: all three are fed
+    nearest = fed(2e-6)  # 2 µm/ms is within dt λ_2: all three are fed
     assert nearest[1] == pytest.approx(2e-3)
     assert nearest[2] == pytest.approx(5.0 * DT)
 
@@ -227,10 +232,54 @@ def test_model_observer_sees_through_effects_that_its_table_has() -> None:
     assert knowing[1] < 0.3 * declared[1]
 
 
-@pytest.mark.parametrize("name", sorted(KERNELS))
+def whole_run(observer: Observer, positions: Array, commands: Array) -> Array:
+    """Estimates by the one compiled step."""
+    code, packed, record = observer.compiled
+    state, space, estimates = observer.initial_state(positions[0]), selected.work(), np.empty((len(positions), 3))
+    for k, position in enumerate(positions):
+        command = commands[k - 1] if k else 0.0
+        selected.step_observer(code, state, packed, record, position, command, DT, space, estimates[k])
+    return estimates
+
+
+@pytest.mark.parametrize("name", CONFIGURATIONS)
+def test_one_compiled_step_for_all_gives_the_numbers_of_the_face(name: str) -> None:
+    commands = excitation(60)
+    positions = 1e-3 * np.sin(np.arange(60) * 0.05)
+    np.testing.assert_array_equal(
+        whole_run(built(name), positions, commands), observe(built(name), positions, commands)
+    )
+
+
+def test_one_compiled_step_knows_no_other_number() -> None:
+    estimate = np.zeros(3)
+    selected.step_observer(99, np.zeros(3), np.zeros(3), selected.NO_MODEL, 0.0, 0.0, DT, selected.work(), estimate)
+    assert np.isnan(estimate).all()
+
+
+def test_codes_of_the_observers_differ() -> None:
+    assert set(KERNELS) == set(OBSERVERS)
+    assert len({kernels.CODE for kernels in KERNELS.values()}) == len(KERNELS)
+
+
+@pytest.mark.parametrize("name", CONFIGURATIONS)
+def test_observer_continues_from_an_estimate(name: str) -> None:
+    observer = built(name)
+    estimate, command = np.array([0.01, 0.15, -1.2]), 0.24
+    _, found = observer.step(observer.started(estimate, command), 0.01 + 0.15 * DT - 0.6 * DT**2, command)
+    assert found[0] == pytest.approx(0.01 + 0.15 * DT, abs=2e-6)
+    assert found[1] == pytest.approx(0.15 - 1.2 * DT, abs=2e-3)
+    assert found[2] == pytest.approx(-1.2, abs=0.3)
+
+
+@pytest.mark.parametrize("name", sorted(set(KERNELS) - set(CARRYING)))
 def test_compiled_observer_equals_plain_python(name: str) -> None:
     kernels = KERNELS[name]
     packed = kernels.pack(load_variant("observer", name, OBSERVERS)[1], DT)
-    state = kernels.initial_state(0.0)
-    plain = getattr(kernels.step, "py_func", kernels.step)
-    np.testing.assert_array_equal(kernels.step(state, packed, 2e-5, 0.1, DT)[0], plain(state, packed, 2e-5, 0.1, DT)[0])
+    plain = getattr(kernels.observe, "py_func", kernels.observe)
+    results = []
+    for function in (kernels.observe, plain):
+        state, estimate = kernels.started(np.array([0.0, 0.1, 1.0])), np.empty(3)
+        function(state, packed, 2e-5, 0.1, DT, estimate)
+        results.append(np.append(state, estimate))
+    np.testing.assert_array_equal(*results)

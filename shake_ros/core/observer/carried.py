@@ -1,0 +1,102 @@
+"""The copy of a table that an observer carries: started at an estimate, advanced by a sample, read as motion.
+
+The copy's state is that of `plant.table.Table`: the states of plant/states.py and behind them the latest commands,
+newest first, which a dead time needs. Everything compiled works in place.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.compiled import njit
+from shake_ros.core.plant.integration import (
+    ABSOLUTE,
+    STAGES,
+    acceleration_now,
+    advance_sample,
+    position_sensor,
+    spool_command,
+)
+from shake_ros.core.plant.parameters import TableParameters, records
+from shake_ros.core.plant.simulation import TOLERANCE, initial_state
+from shake_ros.core.plant.states import (
+    BASE,
+    BASE_RATE,
+    CONTINUOUS,
+    POSITION,
+    PRESSURE_A,
+    PRESSURE_B,
+    SPOOL,
+    STATES,
+    VELOCITY,
+)
+
+WEIGHED = 3  # corrections of the load pressure at the start; its law is linear but for the chambers' limits
+
+
+def work() -> NDArray[np.float64]:
+    """(STAGES + 2, CONTINUOUS) array in which the compiled functions work; any number of observers may share it."""
+    return np.vstack([np.zeros((STAGES + 1, CONTINUOUS)), ABSOLUTE])
+
+
+def dead_time(model: TableParameters, sample_time: float) -> tuple[float, float]:
+    """Whole samples and fraction of a sample of the model's dead time."""
+    delay = model.value("effects.command_delay.delay") / sample_time
+    return math.floor(delay), delay - math.floor(delay)
+
+
+def copy_at(
+    estimate: NDArray[np.float64], model: TableParameters, sample_time: float, command: float
+) -> NDArray[np.float64]:
+    """State of a copy that is at position, velocity and acceleration (3,) under a command that has stood.
+
+    The spool has followed the command, and the load pressure is the one that makes the acceleration, as far as
+    supply and tank allow.
+    """
+    vector = model.vector()
+    p = records(vector)[0]
+    y = initial_state(vector, float(estimate[0]))
+    y[VELOCITY] = estimate[1]
+    if command != 0.0:
+        y[SPOOL] = spool_command(p, y, command)
+    rates = np.zeros(CONTINUOUS)
+    low, high = model.supply.tank_pressure, model.supply.supply_pressure
+    per_acceleration = 0.5 * model.moved_mass / model.body.piston_area
+    if estimate[1] != 0.0 or estimate[2] != 0.0:
+        for _ in range(WEIGHED):
+            push = per_acceleration * (estimate[2] - acceleration_now(p, y, rates))
+            y[PRESSURE_A] = min(max(y[PRESSURE_A] + push, low), high)
+            y[PRESSURE_B] = min(max(y[PRESSURE_B] - push, low), high)
+    whole, _ = dead_time(model, sample_time)
+    return np.concatenate([y, np.full(int(whole) + 2, command)])
+
+
+@njit
+def carry_copy(p, y, end, command, whole, fraction, dt, work):  # type: ignore[no-untyped-def]
+    """One sample under a held command; the commands stand in y[STATES:end]."""
+    past = y[STATES:end]
+    for i in range(past.shape[0] - 1, 0, -1):
+        past[i] = past[i - 1]
+    past[0] = min(max(command, -1.0), 1.0)
+    late, timely = past[int(whole) + 1], past[int(whole)]
+    advance_sample(
+        p, y, late, timely, fraction, 0.0, dt, work[:STAGES], work[STAGES], work[STAGES + 1], TOLERANCE
+    )  # fmt: skip
+
+
+@njit
+def sensed_position(p, y):  # type: ignore[no-untyped-def]
+    """What the model's position sensor shows, without noise and steps [m]."""
+    half = 0.5 * p.sensors_position_range
+    return min(max(position_sensor(p, y), -half), half)
+
+
+@njit
+def motion_now(p, y, work, motion):  # type: ignore[no-untyped-def]
+    """Absolute position [m], velocity [m/s] and acceleration [m/s²] of the copy into `motion`, (3,)."""
+    motion[0] = y[POSITION] + y[BASE]
+    motion[1] = y[VELOCITY] + y[BASE_RATE]
+    motion[2] = acceleration_now(p, y, work[STAGES])
