@@ -13,6 +13,7 @@ import yaml
 from shake_ros.core.identification.free_parameters import Declared
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
+from shake_ros.core.safety.causes import InterlockParameters
 
 P = TypeVar("P", bound=Parameters)
 
@@ -107,6 +108,12 @@ def load_table(name: str) -> TableParameters:
     """The table of config/table/<name>.yaml, or of a YAML file given by path."""
     path = find("table", name)
     return TableParameters.from_mapping(read_yaml(path), str(path))
+
+
+def load_interlock(name: str) -> InterlockParameters:
+    """The interlock of config/interlock/<name>.yaml, or of a YAML file given by path."""
+    path = find("interlock", name)
+    return InterlockParameters.from_mapping(read_yaml(path), str(path))
 
 
 def save_table(path: Path, table: Declared, comment: str) -> None:

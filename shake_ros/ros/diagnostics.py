@@ -147,6 +147,19 @@ class Diagnostics:
             values=[KeyValue(key=name, value=str(value)) for name, value in values.items()],
         )
 
+    def event(self, part: str, level: int, text: str, values: dict[str, object]) -> None:
+        """Publish something that has just happened, beside the report of every second, so that a recording has it."""
+        status = DiagnosticStatus(
+            level=LEVELS[level],
+            name=f"{self._node.get_fully_qualified_name().lstrip('/')}: {part}",
+            message=text,
+            hardware_id="shake_ros",
+            values=[KeyValue(key=name, value=str(value)) for name, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
     def publish(self) -> None:
         """Publish the status, stamped with the wall clock."""
         message = DiagnosticArray(status=[self.status()])

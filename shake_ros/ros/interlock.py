@@ -1,76 +1,156 @@
-"""What stands between a command and the valve: enable, stop and reset, stale commands, two commanders.
-
-Thin and without ROS: stamps in, valve command out. The state of the hold is text for /diagnostics.
-"""
+"""The interlock in a node: its parameters, its services, its words on /diagnostics. Plant and bridge have the same."""
 
 from __future__ import annotations
 
-from shake_ros.ros.diagnostics import ERROR, OK, WARN
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.core.safety.causes import CAUSES, INDICATE, InterlockParameters
+from shake_ros.core.safety.interlock import STAGES, Interlock, Trip
+from shake_ros.core.safety.rates import LastSecond
+from shake_ros.ros import interface
+from shake_ros.ros.diagnostics import ERROR, WARN
+from shake_ros.ros.frame import Frame
+from shake_ros.settings import load_interlock
+
+NOT_FINITE = "command_not_finite"
+TWO_COMMANDERS = "two_commanders"
 
 
-class Interlock:
-    """Decides which command acts.
+class NodeInterlock:
+    """One interlock and what the outside sees of it.
 
     Parameters
     ----------
-    enabled : whether commands act from the start.
-    stale_after : a command older than this [ns] takes the table to a safe hold.
-    ramp_time : from full command to zero in a safe hold [ns].
+    name : configuration in config/interlock, or a YAML file.
+    enabled : whether the start sequence begins by itself.
+    on_reset : called after a reset that was accepted.
+
+    `guard` is held while a service touches the interlock; a node whose samples come in another thread takes it too.
     """
 
-    def __init__(self, enabled: bool, stale_after: int, ramp_time: int) -> None:
-        self.enabled = enabled
-        self.stopped = False
-        self.fault = ""
-        self.holds = 0
-        self._stale_after = stale_after
-        self._ramp_time = ramp_time
-        self._command = 0.0
-        self._stamp = -1
-        self._acting = 0.0
-        self._last = -1
-        self._holding = False
+    def __init__(self, frame: Frame, name: str, enabled: bool, on_reset: Callable[[], None] = lambda: None) -> None:
+        self.frame = frame
+        self.guard = threading.RLock()
+        self._on_reset = on_reset
+        configured = load_interlock(name)
+        self._live = frame.parameters.declare(configured, "interlock.", accept=self._accept)
+        self.tracks = self._live.value.response("tracking_error").active
+        if self.tracks and frame.lockstep:
+            raise ShakeError(
+                "interlock.causes.tracking_error: in lock-step it must be 'none' (its reader is not awaited)"
+            )
+        self._built = True
+        self.lock = Interlock(self._live.take(), enabled)
+        self._announced = 0
+        self._missed = LastSecond()
+        self._clock_offset = time.time_ns() - time.monotonic_ns()
+        self._open_services()
+        frame.diagnostics.condition = self.condition
+        frame.diagnostics.values |= {
+            "safe_holds": lambda: self.lock.holds,
+            "stage": lambda: STAGES[self.lock.stage],
+            "span": lambda: f"{self.lock.gain:.3f}",
+            "trips": lambda: " ".join(f"{cause}:{count}" for cause, count in sorted(self.lock.counts.items())),
+        }
 
-    def command(self, stamp: int, u: float) -> None:
-        """A new command u in [−1, 1] for the instant `stamp` [ns]; larger ones are clipped."""
-        self._stamp = stamp
-        self._command = min(max(u, -1.0), 1.0)
+    def _accept(self, parameters: InterlockParameters) -> None:
+        if getattr(self, "_built", False) and parameters.response("tracking_error").active and not self.tracks:
+            raise ShakeError(
+                f"causes.tracking_error.action = '{parameters.response('tracking_error').action}': this node reads no "
+                "reference; start it with an interlock that watches the tracking error"
+            )
 
-    def reset(self) -> None:
-        """Forget stop and fault."""
-        self.stopped = False
-        self.fault = ""
+    def _open_services(self) -> None:
+        for service, answer in (
+            (interface.ENABLE, self._enable),
+            (interface.STOP, self._stop),
+            (interface.RESET, self._reset),
+        ):
+            self.frame.node.create_service(service.type, service.name, answer)
 
-    def act(self, now: int) -> float:
-        """The command that acts from `now` [ns] on."""
-        elapsed = now - self._last if self._last >= 0 else 0
-        self._last = now
-        if self.stopped or not self.enabled or self._stamp < 0:
-            self._acting = 0.0
-            return 0.0
-        stale = now - self._stamp > self._stale_after
-        if not (stale or self.fault):
-            self._holding = False
-            self._acting = self._command
-            return self._acting
-        if not self._holding:
-            self._holding = True
-            self.holds += 1
-        step = elapsed / self._ramp_time if self._ramp_time > 0 else 1.0
-        self._acting = max(0.0, self._acting - step) if self._acting > 0.0 else min(0.0, self._acting + step)
-        return self._acting
+    def refresh(self) -> None:
+        """Between two samples: take changed parameters, say what has tripped."""
+        if self._live.changed:
+            self.lock.apply(self._live.take())
+        if self.lock.trip_count != self._announced:
+            count = self.lock.trip_count - self._announced
+            self._announced = self.lock.trip_count
+            for trip in list(self.lock.trips)[-count:]:
+                self._announce(trip)
+
+    def _announce(self, trip: Trip) -> None:
+        level = WARN if trip.action == INDICATE else ERROR
+        values: dict[str, object] = {
+            "cause": trip.cause,
+            "time_ns": trip.time,
+            "value": trip.value,
+            "limit": trip.limit,
+            "unit": CAUSES[trip.cause].unit,
+            "action": trip.action,
+        }
+        self.frame.diagnostics.event("interlock", level, str(trip), values)
+        log = self.frame.node.get_logger()
+        if level == WARN:
+            log.warning(f"{trip.cause}: {trip}", throttle_duration_sec=1.0)
+        else:
+            log.error(f"{trip.action}: {trip}", throttle_duration_sec=1.0)
+
+    def tick(self, now: int, missed: int) -> None:
+        """Each period of real time: how many deadlines were missed, and whether the clock has jumped."""
+        if missed:
+            self._missed.add(now, missed)
+        self.lock.compare(now, "deadline_overruns", float(self._missed.total(now)))
+        offset = time.time_ns() - time.monotonic_ns()
+        jump = abs(offset - self._clock_offset) * 1e-9
+        self._clock_offset = offset
+        self.lock.compare(now, "clock_jump", jump)
+
+    def refused(self, now: int, reason: str) -> None:
+        """A command that is no command: NaN, infinite, unreadable."""
+        self.lock.report(now, NOT_FINITE, 1.0, reason)
+
+    def foreign(self, now: int, reason: str) -> None:
+        """A command that the one controller cannot have sent."""
+        self.lock.report(now, TWO_COMMANDERS, 1.0, reason, stands=False)
+
+    def look_for_two(self) -> None:
+        """Whether more than one node publishes commands."""
+        topic = interface.VALVE_COMMAND.name
+        publishers = self.frame.node.count_publishers(topic)
+        if publishers > 1:
+            self.lock.report(self.frame.now(), TWO_COMMANDERS, float(publishers), f"{publishers} publishers on {topic}")
+        else:
+            self.lock.clear(TWO_COMMANDERS)
 
     def condition(self) -> tuple[int, str]:
         """Level and text of the present state."""
-        if self.fault:
-            return ERROR, f"safe hold: {self.fault}"
-        if self.stopped:
-            return WARN, "stopped; waiting for reset"
-        if not self.enabled:
-            return WARN, "not enabled"
-        if self._stamp < 0:
-            return WARN, "waiting for the first command"
-        if self._holding:
-            age = (self._last - self._stamp) * 1e-9
-            return ERROR, f"safe hold: no command for {age:.3f} s"
-        return OK, "running"
+        with self.guard:
+            self.look_for_two()
+            return self.lock.condition()
+
+    def _enable(self, request: Any, response: Any) -> Any:
+        with self.guard:
+            blocked = self.lock.hold_severity and request.data and not self.lock.enabled
+            if not blocked:
+                self.lock.enable(request.data)
+            response.success, response.message = not blocked, self.lock.condition()[1]
+        return response
+
+    def _stop(self, _request: Any, response: Any) -> Any:
+        with self.guard:
+            self.lock.stop(self.frame.now())
+            response.success, response.message = True, self.lock.condition()[1]
+        return response
+
+    def _reset(self, _request: Any, response: Any) -> Any:
+        with self.guard:
+            self.look_for_two()
+            response.success, response.message = self.lock.reset()
+            if response.success:
+                self.frame.diagnostics.clear()
+                self._on_reset()
+        return response

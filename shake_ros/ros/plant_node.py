@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
-from typing import Any
 
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import Parameters, choice, quantity
+from shake_ros.core.safety.power_unit import PowerUnit, PowerUnitParameters
 from shake_ros.ros import interface
-from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.frame import FIRST_STAMP, Frame, node_settings
-from shake_ros.ros.interlock import Interlock
+from shake_ros.ros.interlock import NodeInterlock
 from shake_ros.settings import load_table
 
 
@@ -25,8 +25,7 @@ class PlantParameters(Parameters):
     duration: float = quantity("s", "stop after this, 0 for never", low=0.0, high=1e6)
     start_position: float = quantity("m", "position of the table at the start", low=-10.0, high=10.0)
     enabled: bool = quantity("", "moves from the start, without the service `enable`")
-    stale_after: float = quantity("s", "a command older than this leads to a safe hold", low=0.001, high=10.0)
-    ramp_time: float = quantity("s", "from full command to zero in a safe hold", low=0.0, high=10.0)
+    interlock: str = choice("configuration in config/interlock, or a YAML file")
 
 
 class Plant:
@@ -35,7 +34,9 @@ class Plant:
     def __init__(self, frame: Frame) -> None:
         self.frame = frame
         self.ticks = not frame.lockstep
-        settings = PlantParameters.from_mapping(node_settings("plant"), "config/node/plant.yaml")
+        content = node_settings("plant")
+        unit = PowerUnitParameters.from_mapping(content.pop("power_unit", {}), "config/node/plant.yaml: power_unit")
+        settings = PlantParameters.from_mapping(content, "config/node/plant.yaml")
         own = frame.parameters.declare(settings).value
         self._seed = own.seed
         self._live = frame.parameters.declare(load_table(own.table), accept=self._table)
@@ -48,12 +49,19 @@ class Plant:
         self._ticked = False
         self._started = 0.0
         self._late_commands = 0
-        self._lock = Interlock(own.enabled, round(own.stale_after * SECOND), round(own.ramp_time * SECOND))
+        self._interlock = NodeInterlock(frame, own.interlock, own.enabled)
+        self._lock = self._interlock.lock
+        supply = self._live.value.supply
+        self._unit = PowerUnit(
+            frame.parameters.declare(unit, "power_unit.").value,
+            supply.supply_pressure,
+            supply.tank_pressure,
+            self._lock.stage,
+        )
+        self._supplied = supply.supply_pressure
+        self._reference, self._reference_stamp = math.nan, -1
         self._open_topics()
-        self._open_services()
-        frame.diagnostics.condition = self._condition
         frame.diagnostics.values |= {
-            "safe_holds": lambda: self._lock.holds,
             "late_commands": lambda: self._late_commands,
             "sample": lambda: self._k,
         }
@@ -72,14 +80,8 @@ class Plant:
         self._commands = self.frame.reader(
             interface.VALVE_COMMAND, self._on_command, self._on_refused, self._on_doubled
         )
-
-    def _open_services(self) -> None:
-        for service, answer in (
-            (interface.ENABLE, self._on_enable),
-            (interface.STOP, self._on_stop),
-            (interface.RESET, self._on_reset),
-        ):
-            self.frame.node.create_service(service.type, service.name, answer)
+        tracks = self._interlock.tracks
+        self._references = self.frame.reader(interface.REFERENCE, self._on_reference) if tracks else None
 
     def start(self) -> None:
         """In lock-step the first measurement sets the loop going."""
@@ -97,6 +99,9 @@ class Plant:
             self._late_commands += 0 <= newest < stamp - steps * self.frame.period
             for _ in range(steps):
                 self._advance(stamp)
+            self._interlock.tick(stamp, steps - 1)
+        if self._references is not None:
+            self._references.take()
         self._ticked = True
         self._stamp = stamp
         self._publish()
@@ -116,12 +121,27 @@ class Plant:
         self._truth.send(stamp, measured.truth_position, measured.truth_velocity, measured.truth_acceleration)
         if self._clock is not None:
             self._clock.send(stamp)
+        self._lock.observe(
+            stamp, measured.position, measured.acceleration, measured.pressure_supply, self._reference_at(stamp)
+        )
+        self._interlock.refresh()
         self.frame.diagnostics.cycles += 1
+
+    def _reference_at(self, stamp: int) -> float:
+        """The reference of this instant or the one before [m]; NaN where there is none."""
+        return self._reference if 0 <= stamp - self._reference_stamp <= self.frame.period else math.nan
 
     def _advance(self, now: int) -> None:
         if self._live.changed:
             self._simulation = self._table(self._live.take())
-        self._state = self._simulation.advance(self._state, self._lock.act(now))
+            self._supplied = self._live.value.supply.supply_pressure
+            self._unit.change_high_pressure(self._supplied)
+        u = self._lock.act(now)
+        pressure = self._unit.advance(self._lock.stage, self.frame.sample_time)
+        if pressure != self._supplied:
+            self._simulation.set_supply_pressure(pressure)
+            self._supplied = pressure
+        self._state = self._simulation.advance(self._state, u)
         self._k += 1
 
     def _stop_when_done(self, samples: int) -> None:
@@ -137,9 +157,14 @@ class Plant:
             self._lock.command(stamp, u)
             self._step()
         else:
-            self._refuse(f"command for {stamp * 1e-9:.6f} s while the table is at {self._stamp * 1e-9:.6f} s")
+            reason = f"command for {stamp * 1e-9:.6f} s while the table is at {self._stamp * 1e-9:.6f} s"
+            self._interlock.foreign(self._stamp, reason)
 
-    def _on_refused(self, stamp: int, _reason: str) -> None:
+    def _on_reference(self, stamp: int, position: float, *_: float) -> None:
+        self._reference, self._reference_stamp = position, stamp
+
+    def _on_refused(self, stamp: int, reason: str) -> None:
+        self._interlock.refused(self._stamp, reason)
         if self.frame.lockstep and stamp == self._stamp:
             self._step()  # under the last good command, until that is stale
 
@@ -152,34 +177,8 @@ class Plant:
         self._publish()
 
     def _on_doubled(self, stamp: int) -> None:
-        self._refuse(f"second command for {stamp * 1e-9:.6f} s: two publishers on {interface.VALVE_COMMAND.name}?")
-
-    def _refuse(self, fault: str) -> None:
-        self._lock.fault = fault
-        self.frame.diagnostics.fault("command", fault)
-
-    def _condition(self) -> tuple[int, str]:
-        publishers = self.frame.node.count_publishers(interface.VALVE_COMMAND.name)
-        if publishers > 1 and not self._lock.fault:
-            self._refuse(f"{publishers} publishers on {interface.VALVE_COMMAND.name}")
-        return self._lock.condition()
-
-    def _on_enable(self, request: Any, response: Any) -> Any:
-        self._lock.enabled = request.data
-        response.success, response.message = True, self._lock.condition()[1]
-        return response
-
-    def _on_stop(self, _request: Any, response: Any) -> Any:
-        self._lock.stopped = True
-        response.success, response.message = True, self._lock.condition()[1]
-        return response
-
-    def _on_reset(self, _request: Any, response: Any) -> Any:
-        self._lock.reset()
-        self.frame.diagnostics.clear()
-        text = self._condition()[1]
-        response.success, response.message = not self._lock.fault, text
-        return response
+        reason = f"second command for {stamp * 1e-9:.6f} s: two publishers on {interface.VALVE_COMMAND.name}?"
+        self._interlock.foreign(self._stamp, reason)
 
 
 def build(frame: Frame) -> Plant:

@@ -116,7 +116,7 @@ def main() -> int:
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     topics = ("truth", "/diagnostics")
     # a slow machine must not make a good command stale
-    plant = NodeSpec("plant", {"stale_after": 0.3})
+    plant = NodeSpec("plant", {"interlock.causes.stale_command.threshold": 0.3})
     with (
         Listener(topics, lockstep=False, domain_id=domain) as listener,
         Graph([plant], domain_id=domain, lockstep=False) as graph,

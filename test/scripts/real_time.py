@@ -43,7 +43,9 @@ def nodes(seconds: float, fifo: bool) -> list[NodeSpec]:
         NodeSpec("observer", common),
         NodeSpec("controller", common),
         # a slow machine must not end the run in a safe hold
-        NodeSpec("plant", {**common, "duration": seconds, "stale_after": 0.5}, reads=TOPICS[:-1]),
+        NodeSpec(
+            "plant", {**common, "duration": seconds, "interlock.causes.stale_command.threshold": 0.5}, reads=TOPICS[:-1]
+        ),
     ]
 
 

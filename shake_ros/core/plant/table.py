@@ -66,6 +66,10 @@ class Table:
         self._row = np.zeros(OUTPUTS)
         self._absolute = ABSOLUTE.copy()
 
+    def set_supply_pressure(self, pressure: float) -> None:
+        """From the next sample on, the power unit delivers `pressure` [Pa] (it starts, stops or fails)."""
+        self._record["supply_supply_pressure"] = pressure
+
     def initial_state(self, position: float = 0.0) -> np.ndarray:
         """State at rest at `position` [m], valve at null."""
         return np.concatenate([initial_state(self._vector, position), np.zeros(self._history)])

@@ -1,0 +1,362 @@
+"""The interlock: which command acts, and at which stage the hydraulics are.
+
+    off → low → high → run          sequenced, each stage for its time and confirmed by the hydraulics
+    run → hold                      program interlock: the command ramps to zero, the pressure stays on
+    run → hold → high → low → off   orderly stop, and `program_stop`
+    any → off                       hydraulic interlock: valve to null and pressure off, at once; then `reset`, `enable`
+
+Explicit times go in [ns]; nothing here reads a clock, so the same calls give the same answers. After every hold and
+every start the master gain ramps from zero to the span.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from shake_ros.core.safety import sensors
+from shake_ros.core.safety.causes import (
+    CAUSES,
+    HYDRAULIC,
+    PROGRAM_HOLD,
+    PROGRAM_STOP,
+    SENSED,
+    SEVERITY,
+    InterlockParameters,
+)
+
+SECOND = 1_000_000_000
+OFF, LOW, HIGH, RUN = range(4)
+STAGES = ("off", "low pressure", "high pressure", "run")
+OK, WARN, ERROR = range(3)
+MOST_TRIPS = 64  # kept for reports
+HOLDS = SEVERITY[PROGRAM_HOLD]
+STOPS = SEVERITY[PROGRAM_STOP]
+TRIPS = SEVERITY[HYDRAULIC]
+# `reset` may leave these behind while they stand, else nothing could bring the table back
+ACKNOWLEDGED = ("position_soft", "tracking_error")
+COMMAND_CAUSES = ("command_not_finite", "command_range", "command_jump")
+
+
+@dataclass(frozen=True)
+class Trip:
+    """What happened, when [ns], with which value against which limit [unit of the cause], and what followed."""
+
+    cause: str
+    time: int
+    value: float
+    limit: float
+    action: str
+    text: str = ""
+
+    def __str__(self) -> str:
+        if self.text:
+            return self.text
+        unit = CAUSES[self.cause].unit
+        side = "below" if CAUSES[self.cause].below else "beyond"
+        return f"{self.cause} {self.value:.4g} {side} {self.limit:.4g} {unit}".removesuffix(" -")
+
+
+@dataclass
+class _Standing:
+    """A cause that stands, or is latched."""
+
+    trip: Trip
+    severity: int
+    latched: bool
+    stands: bool
+    acknowledged: bool = False
+
+    @property
+    def acts(self) -> int:
+        """Severity of what it asks for now."""
+        return 0 if self.acknowledged else self.severity
+
+
+class Interlock:
+    """Sensors, commands and requests in; the acting command and the stage out.
+
+    Parameters
+    ----------
+    parameters : stages, span and causes.
+    enabled : whether the start sequence begins by itself.
+    """
+
+    def __init__(self, parameters: InterlockParameters, enabled: bool) -> None:
+        self.enabled = enabled
+        self.stage = OFF
+        self.trips: deque[Trip] = deque(maxlen=MOST_TRIPS)
+        self.counts: Counter[str] = Counter()
+        self.trip_count = 0
+        self.holds = 0
+        self.gain = 0.0
+        self._ceiling = RUN
+        self._active: dict[str, _Standing] = {}
+        self._severity = 0
+        self._command = 0.0
+        self._stamp = -1
+        self._acting = 0.0
+        self._last = -1
+        self._since = -1
+        self._observed = -1
+        self._holding = False
+        self._memory = sensors.fresh_memory()
+        self._values = np.zeros(len(SENSED))
+        self._limits = np.zeros(len(SENSED))
+        self.apply(parameters)
+        if enabled:
+            self._sequence(0, RUN)
+
+    def apply(self, parameters: InterlockParameters) -> None:
+        """Take other parameters, between two samples."""
+        self.parameters = parameters
+        for place, name in enumerate(SENSED):
+            response = parameters.response(name)
+            absent = -math.inf if CAUSES[name].below else math.inf
+            self._limits[place] = response.threshold if response.active else absent
+        self._stale = self._nanoseconds("stale_command")
+        self._lost = self._nanoseconds("command_lost")
+        self._first_age = min(self._stale, self._lost)
+        self._range = self._limit("command_range")
+        self._jump = self._limit("command_jump")
+        self._distance = self._limit("tracking_error")
+        self._ramp = parameters.ramp_time * SECOND
+        self._rise = parameters.span_time * SECOND
+
+    def _limit(self, name: str) -> float:
+        response = self.parameters.response(name)
+        return response.threshold if response.active else math.inf
+
+    def _nanoseconds(self, name: str) -> float:
+        limit = self._limit(name)
+        return round(limit * SECOND) if math.isfinite(limit) else math.inf
+
+    # what comes in
+
+    def command(self, stamp: int, u: float) -> None:
+        """A new finite command u in [−1, 1] for the instant `stamp` [ns]; larger ones are clipped."""
+        if self._active:
+            for name in COMMAND_CAUSES:
+                self.clear(name)
+        if abs(u) > self._range:
+            self.report(stamp, "command_range", abs(u))
+        u = min(max(u, -1.0), 1.0)
+        if self._stamp >= 0 and abs(u - self._command) > self._jump:
+            self.report(stamp, "command_jump", abs(u - self._command))
+        self._stamp = stamp
+        self._command = u
+
+    def observe(
+        self, now: int, position: float, acceleration: float, supply_pressure: float, reference: float = math.nan
+    ) -> None:
+        """Look at one sample: [m], [m/s²], [Pa]; the reference at that instant [m] where there is one."""
+        elapsed = (now - self._observed) / SECOND if self._observed >= 0 else 0.0
+        self._observed = now
+        p = self.parameters
+        supply = supply_pressure if self.stage == RUN else math.inf
+        moving = abs(self._acting) > p.moving_command
+        count = sensors.watch(
+            self._limits,
+            self._memory,
+            self._values,
+            position,
+            acceleration,
+            supply,
+            moving,
+            elapsed,
+            p.velocity_time,
+            p.plausibility_bandwidth,
+        )
+        distance = abs(position - reference)
+        if count or self._active or distance > self._distance:
+            self._judge(now, distance)
+
+    def _judge(self, now: int, distance: float) -> None:
+        """Which sensed causes stand, one by one."""
+        for place, name in enumerate(SENSED):
+            value, limit = float(self._values[place]), float(self._limits[place])
+            stands = not value >= limit if CAUSES[name].below else value > limit
+            self._update(name, now, value, stands)
+        if not math.isnan(distance):
+            self._update("tracking_error", now, distance, distance > self._distance)
+
+    def report(self, now: int, cause: str, value: float, text: str = "", stands: bool = True) -> None:
+        """A cause that others have seen; one that does not stand is an event, which only a latch keeps."""
+        self._update(cause, now, value, True, text)
+        if not stands and cause in self._active:
+            self._update(cause, now, value, False)
+
+    def compare(self, now: int, cause: str, value: float, text: str = "") -> None:
+        """A value that others have measured, against its threshold."""
+        if value > self._limit(cause):
+            self._update(cause, now, value, True, text)
+        elif self._active:
+            self.clear(cause)
+
+    def clear(self, cause: str) -> None:
+        """The cause does not stand any more; a latch keeps it until `reset`."""
+        self._update(cause, 0, 0.0, False)
+
+    def enable(self, wanted: bool, ceiling: int = RUN) -> None:
+        """Begin the start sequence, up to stage `ceiling`, or an orderly stop."""
+        self.enabled = wanted
+        self._ceiling = ceiling
+
+    def stop(self, now: int) -> None:
+        """The service `stop`."""
+        self.report(now, "stop", 1.0, "stopped; waiting for reset", stands=False)
+        if "stop" in self._active:
+            self._active["stop"].latched = True
+
+    def reset(self) -> tuple[bool, str]:
+        """Forget what is latched; refused with its reason while something stands.
+
+        A stale command is forgotten with it: the table waits for a new one.
+        """
+        now = self._last
+        if self._stamp >= 0 and now - self._stamp > self._first_age:
+            self._stamp = -1
+            self.clear("stale_command")
+            self.clear("command_lost")
+        for name, standing in self._active.items():
+            if standing.stands and standing.severity >= HOLDS and standing.latched and name not in ACKNOWLEDGED:
+                return False, f"{standing.trip} still stands"
+        for name in list(self._active):
+            if self._active[name].stands and name in ACKNOWLEDGED:
+                self._active[name].acknowledged = True
+            else:
+                del self._active[name]
+        self._weigh()
+        return True, self.condition()[1]
+
+    def _update(self, name: str, now: int, value: float, stands: bool, text: str = "") -> None:
+        standing = self._active.get(name)
+        if standing is None:
+            response = self.parameters.response(name)
+            if not stands or not response.active:
+                return
+            trip = Trip(name, now, value, response.threshold, response.action, text)
+            severity = SEVERITY[response.action]
+            self._active[name] = _Standing(trip, severity, response.latch or severity >= STOPS, True)
+            self.trips.append(trip)
+            self.counts[name] += 1
+            self.trip_count += 1
+        else:
+            standing.stands = stands
+            if not stands and (not standing.latched or standing.acknowledged):
+                del self._active[name]
+        self._weigh()
+
+    def _weigh(self) -> None:
+        """The hardest action that anything asks for, and what follows at once."""
+        self._severity = max((one.acts for one in self._active.values()), default=0)
+        if self._severity >= TRIPS:
+            self.stage = OFF
+            self._acting = self.gain = 0.0
+        if self._severity >= STOPS and not self.parameters.enable_after_reset:
+            self.enabled = False
+
+    # what goes out
+
+    def act(self, now: int, confirmed: int = RUN) -> float:
+        """The command that acts from `now` [ns] on; `confirmed` is the stage that the hydraulics have reached."""
+        elapsed = now - self._last if self._last >= 0 else 0
+        self._last = now
+        if self.stage == RUN and self._stamp >= 0:
+            age = now - self._stamp
+            if age > self._first_age or self._active:
+                self._update("stale_command", now, age / SECOND, age > self._stale, "")
+                self._update("command_lost", now, age / SECOND, age > self._lost, "")
+        wanted = self._wanted()
+        if self.stage != wanted:
+            self._sequence(now, confirmed)
+        if self.stage != RUN:
+            self._acting = self.gain = 0.0
+            return 0.0
+        if self._severity >= HOLDS or wanted != RUN:
+            return self._hold(elapsed)
+        self._holding = False
+        if self._stamp < 0:
+            self._acting = 0.0
+            return 0.0
+        span = self.parameters.span
+        if self.gain != span:
+            step = elapsed / self._rise if self._rise > 0.0 else 1.0
+            self.gain = min(span, self.gain + step) if self.gain < span else max(span, self.gain - step)
+        self._acting = self.gain * self._command
+        return self._acting
+
+    def _hold(self, elapsed: int) -> float:
+        if not self._holding:
+            self._holding = True
+            self.holds += 1
+        self.gain = 0.0
+        step = elapsed / self._ramp if self._ramp > 0.0 else 1.0
+        self._acting = max(0.0, self._acting - step) if self._acting > 0.0 else min(0.0, self._acting + step)
+        return self._acting
+
+    def _wanted(self) -> int:
+        """The stage to go to."""
+        return OFF if self._severity >= STOPS or not self.enabled else self._ceiling
+
+    def _sequence(self, now: int, confirmed: int) -> None:
+        """Up: stage by stage, each confirmed and for its time. Down: from a hold, then through low pressure."""
+        p = self.parameters
+        times = (0.0, p.low_pressure_time * SECOND, p.high_pressure_time * SECOND)
+        wanted = self._wanted()
+        while self.stage < wanted and confirmed >= self.stage:
+            if self._since < 0 or self.stage == OFF:
+                self._since = now
+            if now - self._since < times[self.stage]:
+                return
+            self.stage += 1
+            self._since = now
+        while self.stage > wanted:
+            if self.stage == RUN and self._acting != 0.0:
+                return
+            if self.stage == LOW and now - self._since < times[LOW]:
+                return
+            self.stage -= 1
+            self._since = now
+
+    @property
+    def hold_severity(self) -> int:
+        """0 while commands may act; else the rank of the action in force."""
+        return self._severity if self._severity >= HOLDS else 0
+
+    @property
+    def value(self) -> dict[str, float]:
+        """The sensed values of the last sample by cause."""
+        return dict(zip(SENSED, self._values.tolist(), strict=True))
+
+    def condition(self) -> tuple[int, str]:
+        """Level and text of the present state."""
+        acting = [one for one in self._active.values() if one.acts >= HOLDS]
+        if acting:
+            return self._blocked(max(acting, key=lambda one: one.acts))
+        if not self.enabled:
+            return WARN, "not enabled" if self.stage == OFF else f"not enabled; stops at {STAGES[self.stage]}"
+        if self.stage < self._ceiling or self.stage != RUN:
+            return WARN, f"starting: {STAGES[self.stage]}"
+        if self._stamp < 0:
+            return WARN, "waiting for the first command"
+        noted = [str(one.trip) for one in self._active.values()]
+        return (WARN, f"running; {'; '.join(noted)}") if noted else (OK, "running")
+
+    def _blocked(self, standing: _Standing) -> tuple[int, str]:
+        trip = standing.trip
+        if trip.cause == "stop":
+            return WARN, trip.text
+        if trip.cause in ("stale_command", "command_lost"):
+            age = (self._last - self._stamp) * 1e-9 if self._stamp >= 0 else trip.value
+            what = f"no command for {age:.3f} s"
+        else:
+            what = str(trip)
+        if standing.severity >= TRIPS:
+            return ERROR, f"hydraulic interlock: {what}; waiting for reset"
+        if standing.severity >= STOPS:
+            return ERROR, f"program stop: {what}; waiting for reset"
+        return ERROR, f"safe hold: {what}" + ("; waiting for reset" if standing.latched and not trip.text else "")
