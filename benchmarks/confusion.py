@@ -167,7 +167,7 @@ def is_place(row: dict[str, Any]) -> bool:
 
 def is_confident_mistake(row: dict[str, Any]) -> bool:
     """An unlisted truth named as a listed effect that leaves nothing above the noise."""
-    return answer(row) not in ("unlisted", NONE) and not row["remaining"]["above_noise"]
+    return "unlisted" not in row["named"] and answer(row) != NONE and not row["remaining"]["above_noise"]
 
 
 def rate(rows: Sequence[dict[str, Any]], wanted: Any) -> str:

@@ -1,9 +1,9 @@
 """The one `njit` of the package, with a cache that cannot go stale.
 
 numba keys its cache by the file of the function alone and does not notice an edit in a file that the
-function calls into. Here the cache folder's name carries a hash of every source file of `core`, which imports nothing
-of the package outside itself, and of the versions of numba, llvmlite, numpy and Python: any edit there starts a fresh
-folder, an unchanged core starts warm in about a second.
+function calls into. Here the cache folder's name carries a hash of every source file of `core`, which
+imports nothing of the package outside itself, and of the versions of numba, llvmlite, numpy and Python:
+any edit there starts a fresh folder, an unchanged core starts warm in about a second.
 
 `error_model="numpy"` (division by zero gives inf, as on the hardware) and no `fastmath`: NaN must stay NaN,
 and a result must not depend on how a compiler reassociates a sum.

@@ -25,6 +25,7 @@ LABELS = {
     "flow": "relative flow [sqrt(Pa)]",
     "time": "time [s]",
     "frequency": "frequency [Hz]",
+    "phase": "time within the period [s]",
 }
 SCALES = {"position": 1e3, "load_pressure": 1e-5}
 FUNCTIONS = {  # kind of effects/unlisted.py → its quantity, label and scale
@@ -34,6 +35,8 @@ FUNCTIONS = {  # kind of effects/unlisted.py → its quantity, label and scale
     4: ("valve_opening", "relative change of flow gain [-]", 1.0),
     5: ("load_pressure", "additional leakage [cm³/s]", 1e6),
     6: ("load_pressure", "relative change of stiffness [-]", 1.0),
+    7: ("time", "relative change of flow gain [-]", 1.0),
+    8: ("phase", "relative change of supply pressure [-]", 1.0),
 }
 
 

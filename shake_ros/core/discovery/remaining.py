@@ -18,6 +18,9 @@ from shake_ros.core.identification.recordings import RecordingProblem, low_pass
 ABOVE = 1.15  # ratio of residual to noise from which something remains
 GROUPS = 24  # quantile groups of a quantity
 SHARE = 0.05  # explained share of the residual's variance from which it depends on a quantity
+MEMORYLESS = (
+    0.1  # gain that every function without a name stays below where something with states of its own is missing
+)
 BAND_SHARE = 0.6  # share of the power within a third of an octave from which it depends on frequency
 PLACES = {
     "position": "force",
@@ -102,12 +105,25 @@ def remaining(problem: RecordingProblem, search: Search) -> Remaining:
         return Remaining(False, ratio, None, (), shares, text)
     in_band, centre = band_share(rest, problem.records[0].sample_time)
     shares["frequency"] = in_band if in_band > BAND_SHARE else 0.0
+    if nothing_fits(search):
+        best = max(search.unnamed.gains.values()) if search.unnamed else 0.0
+        text = (
+            f"the residual is {ratio:.2f} times the sensor noise; no function of position, velocity, opening, load "
+            f"pressure or time would take more than {100.0 * best:.0f} % off it: something with a motion of its own, "
+            "such as a resonance that is not linear"
+        )
+        return Remaining(True, ratio, "structure", ("frequency",), shares, text)
     order = sorted((name for name, share in shares.items() if share > SHARE), key=lambda name: -shares[name])
     place = next((PLACES[name] for name in order if name in PLACES), _nearest_place(search))
     where = f", mostly about {centre:.1f} Hz" if shares["frequency"] else ""
     depends = f"; it goes with {', '.join(order)}" if order else "; it follows no single quantity"
     text = f"the residual is {ratio:.2f} times the sensor noise{where}{depends}"
     return Remaining(True, ratio, place, tuple(order), shares, text)
+
+
+def nothing_fits(search: Search) -> bool:
+    """Whether functions without a name were tried in the last round and none promised anything."""
+    return search.unnamed is not None and max(search.unnamed.gains.values(), default=1.0) < MEMORYLESS
 
 
 def _nearest_place(search: Search) -> str | None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import Candidate
 from shake_ros.core.discovery.screening import Screened, screen
-from shake_ros.core.discovery.unlisted import best_unlisted
+from shake_ros.core.discovery.unlisted import Unnamed, best_unlisted
 from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import RecordingProblem
@@ -90,13 +90,18 @@ class Step:
 
 @dataclass(frozen=True)
 class Search:
-    """Declared fit, steps, final fit; `rejected` is the ranking of the last round, which nothing passed."""
+    """Declared fit, steps, final fit.
+
+    rejected : the ranking of the last round, which nothing passed. unnamed : functions without a name that were tried
+    in it.
+    """
 
     declared: Fit
     steps: tuple[Step, ...]
     final: Fit
     removed: tuple[str, ...] = ()
     rejected: tuple[Attempt, ...] = field(default=())
+    unnamed: Unnamed | None = None
 
 
 def mean_square(residuals: np.ndarray) -> float:
@@ -243,26 +248,26 @@ def or_unlisted(
     ranking: tuple[Attempt, ...],
     policy: Policy,
     progress: Progress,
-) -> Step | None:
+) -> tuple[Step | None, Unnamed | None]:
     """The step, or one that adds a function without a name where the listed effects explain too little.
 
     A function is estimated only where the held-out residual stands clearly above the noise and the best listed effect
-    leaves most of it; it replaces a listed effect only where it leaves far less.
+    leaves most of it; it replaces a listed effect only where it leaves far less. What was looked at comes with it.
     """
     before = held_out(hold, current)
     listed = step.chosen.hold if step else before
     if before < policy.clearly_above * hold.noise_cost() or listed < policy.weak * before:
-        return step
+        return step, None
     found = best_unlisted(
         problem, explore, current, on_problem(explore, current), lambda f: held_out(hold, f), progress
     )
-    if found is None:
-        return step
-    candidate, result, gain = found
+    if found.best is None:
+        return step, found
+    candidate, result, gain = found.best
     tried = Attempt(candidate, result, mean_square(result.residuals), held_out(hold, result), gain)
     if tried.hold > policy.far_less * listed or tried.learn > policy.far_less * mean_square(current.residuals):
-        return step
-    return Step(tried, (tried, *ranking), (), ())
+        return step, found
+    return Step(tried, (tried, *ranking), (), ()), found
 
 
 def search(
@@ -285,9 +290,10 @@ def search(
     current, steps, left = declared, list[Step](), pool
     explore = explore or problem
     ranking: tuple[Attempt, ...] = ()
+    unnamed: Unnamed | None = None
     while len(steps) < policy.most_effects and left and not at_noise(problem, hold, current, policy):
         step, ranking = one_step(problem, hold, explore, current, left, policy, progress)
-        step = or_unlisted(problem, hold, explore, current, step, ranking, policy, progress)
+        step, unnamed = or_unlisted(problem, hold, explore, current, step, ranking, policy, progress)
         if step is None:
             break
         steps.append(step)
@@ -298,7 +304,7 @@ def search(
             break
     progress("are all needed?", 0.0)
     kept, current, removed = prune(problem, hold, steps, current, policy)
-    return Search(declared, tuple(kept), current, removed, ranking)
+    return Search(declared, tuple(kept), current, removed, ranking, unnamed)
 
 
 def without(problem: Problem, hold: Problem, current: Fit, dropped: Candidate, policy: Policy) -> tuple[Fit, float]:

@@ -12,13 +12,17 @@ Beyond its range a force of position goes on with the slope of its end, as a spr
     4  relative change of flow gain [-] of opening  C_v (1 + y(x_s*))
     5  flow across the piston [m³/s] of load pressure, added to the leakage
     6  relative change of stiffness [-] of load pressure  E (1 + y(P_L))
+    7  relative change of flow gain [-] of time           C_v (1 + y(t))
+    8  relative change of supply pressure [-] of the phase of a period high − low   P_s (1 + y(t mod T))
 
-Absent at kind 0. The search names it `unlisted` where the residual stands above the noise and no listed effect explains
-it; the nodes are then the evidence of what a new law would have to say.
+The function of kind 8 is periodic. Time counts from the start of a recording. Absent at kind 0. The search names it
+`unlisted` where the residual stands above the noise and no listed effect explains it; the nodes are then the evidence
+of what a new law would have to say.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -33,6 +37,8 @@ FORCE_OF_VELOCITY = 3
 FLOW_GAIN_OF_OPENING = 4
 LEAKAGE_OF_LOAD_PRESSURE = 5
 STIFFNESS_OF_LOAD_PRESSURE = 6
+FLOW_GAIN_OF_TIME = 7
+SUPPLY_OF_PHASE = 8
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,7 @@ class Unlisted(Effect):
     depends_on: ClassVar[tuple[str, ...]] = ()
     models: ClassVar[tuple[str, ...]] = ("full",)
 
-    kind: int = quantity("-", "what the function is of and where it acts, 0 for absent", low=0, high=6, default=0)
+    kind: int = quantity("-", "what the function is of and where it acts, 0 for absent", low=0, high=8, default=0)
     low: float = quantity("argument", "argument at the first node", default=-1.0)
     high: float = quantity("argument", "argument at the last node", default=1.0)
     node_00: float = quantity("kind", "value at node 0", default=0.0)
@@ -86,6 +92,10 @@ def interpolated(p, argument):
         p.unlisted_node_15,
     )
     place = (argument - p.unlisted_low) / (p.unlisted_high - p.unlisted_low) * (NODES - 1)
+    if p.unlisted_kind == SUPPLY_OF_PHASE:
+        place = (place / (NODES - 1) - math.floor(place / (NODES - 1))) * NODES
+        i = int(place)
+        return nodes[i % NODES] + (place - i) * (nodes[(i + 1) % NODES] - nodes[i % NODES])
     if p.unlisted_kind != FORCE_OF_POSITION:
         place = min(max(place, 0.0), NODES - 1.0)
     i = min(max(int(place), 0), NODES - 2)

@@ -17,6 +17,7 @@ from scipy.signal import butter, sosfiltfilt
 from shake_ros.core.identification.free_parameters import Declared
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import initial_state, run, run_batch
+from shake_ros.core.plant.states import CLOCK, VELOCITY
 
 CUTOFF = 40.0  # bandwidth of the velocity filter [Hz], (6.3.3.2)
 ORDER = 4  # per pass; forward and backward make the thesis's 8
@@ -69,13 +70,17 @@ def resolution(values: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class Record:
-    """One recording, all arrays of shape (n,), SI units; acceleration may be absent."""
+    """One recording or a piece of it, all arrays of shape (n,), SI units; acceleration may be absent.
+
+    begin : time of the first sample since the recording's start [s].
+    """
 
     name: str
     sample_time: float
     commands: np.ndarray
     position: np.ndarray
     acceleration: np.ndarray | None = None
+    begin: float = 0.0
     velocity: np.ndarray = field(init=False)
     track: np.ndarray = field(init=False)
 
@@ -125,7 +130,8 @@ def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[
         for first in np.linspace(0, len(r.commands) - length, count).astype(int):
             span = slice(first, first + length)
             acceleration = None if r.acceleration is None else r.acceleration[span]
-            pieces.append(Record(r.name, r.sample_time, r.commands[span], r.position[span], acceleration))
+            begin = r.begin + first * r.sample_time
+            pieces.append(Record(r.name, r.sample_time, r.commands[span], r.position[span], acceleration, begin))
     return pieces
 
 
@@ -151,14 +157,17 @@ class FullModel:
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration for rows of parameters, each of shape (m, n)."""
         starts = np.array([initial_state(v, record.track[0]) for v in vectors])
-        starts[:, 1] = record.velocity[0]
+        starts[:, VELOCITY] = record.velocity[0]
+        starts[:, CLOCK] = record.begin
         out = run_batch(vectors, starts, record.commands, record.sample_time, track=record.track)
         return out[:, :, 0], out[:, :, 1]
 
     def run(self, table: Declared, record: Record) -> np.ndarray:
         """Free run with the columns of plant.simulation.COLUMNS."""
         assert isinstance(table, TableParameters)
-        return run(table, record.commands, record.sample_time, position=record.track)
+        state = initial_state(table.vector(), record.track[0])
+        state[VELOCITY], state[CLOCK] = record.velocity[0], record.begin
+        return run(table, record.commands, record.sample_time, position=record.track, state=state)
 
     def quantities(self, record: Record, simulated: np.ndarray) -> dict[str, np.ndarray]:
         """What a residual may depend on, each of shape (n,)."""
@@ -171,7 +180,7 @@ class FullModel:
             "load_pressure": load,
             "valve_opening": opening,
             "flow": opening * np.sqrt(np.maximum(simulated[:, 5] - np.sign(opening) * load, 0.0)),
-            "time": np.arange(len(load)) * record.sample_time,
+            "time": record.begin + np.arange(len(load)) * record.sample_time,
         }
 
     def moved_mass(self, table: Declared) -> float:
@@ -242,6 +251,14 @@ class RecordingProblem:
             if record.acceleration is not None:
                 parts.append(numbers)
             first = int(numbers[-1]) + 1
+        return np.concatenate(parts)
+
+    def times(self) -> np.ndarray:
+        """Time since its recording's start of each residual, shape (n,) [s]."""
+        parts = []
+        for record in self.records:
+            time = record.begin + np.arange(record.start, len(record.commands)) * record.sample_time
+            parts += [time] if record.acceleration is None else [time, time]
         return np.concatenate(parts)
 
     def errors(self, vector: np.ndarray) -> dict[str, dict[str, float]]:

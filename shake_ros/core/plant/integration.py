@@ -21,6 +21,7 @@ from shake_ros.core.plant.right_hand_side import active_states, chamber_pressure
 from shake_ros.core.plant.shear_frame import LARGEST_STOREYS
 from shake_ros.core.plant.states import (
     BRISTLE,
+    CLOCK,
     CONTINUOUS,
     DECLARED,
     DEFLECTION,
@@ -246,6 +247,7 @@ def advance_sample(p, y, late, timely, fraction, force, dt, k, stage, absolute, 
         acceleration = hold(p, y, late, force, fraction * dt, n, k, stage, absolute, tolerance)
     if fraction < 1.0:
         acceleration = hold(p, y, timely, force, (1.0 - fraction) * dt, n, k, stage, absolute, tolerance)
+    y[CLOCK] += dt
     return acceleration
 
 

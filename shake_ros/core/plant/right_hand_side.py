@@ -20,11 +20,13 @@ from shake_ros.core.effects.spool_deadband import effective_spool
 from shake_ros.core.effects.supply_droop import pressure_rate
 from shake_ros.core.effects.unlisted import (
     FLOW_GAIN_OF_OPENING,
+    FLOW_GAIN_OF_TIME,
     FORCE_OF_POSITION,
     FORCE_OF_VELOCITY,
     FRICTION_OF_POSITION,
     LEAKAGE_OF_LOAD_PRESSURE,
     STIFFNESS_OF_LOAD_PRESSURE,
+    SUPPLY_OF_PHASE,
 )
 from shake_ros.core.effects.unlisted import value as unlisted
 from shake_ros.core.friction.selected import (
@@ -48,6 +50,7 @@ from shake_ros.core.plant.states import (
     BASE,
     BASE_RATE,
     BRISTLE,
+    CLOCK,
     DECLARED,
     DEFLECTION,
     EXTENDED,
@@ -100,11 +103,11 @@ def active_states(p):
 
 
 @njit
-def port_flows(p, spool, pressure_a, pressure_b, pressure_supply):
-    """Flow into A, out of B, and drawn from the supply (3.17), (6.12) [m³/s]."""
+def port_flows(p, spool, clock, pressure_a, pressure_b, pressure_supply):
+    """Flow into A, out of B, and drawn from the supply (3.17), (6.12) [m³/s] at a time of the recording [s]."""
     x_e = effective_spool(spool, p.spool_deadband_width)
     c_v = p.valve_flow_coefficient * flow_factor(spool, p.asymmetric_flow_gain_asymmetry)
-    c_v *= 1.0 + unlisted(p, FLOW_GAIN_OF_OPENING, spool)
+    c_v *= 1.0 + unlisted(p, FLOW_GAIN_OF_OPENING, spool) + unlisted(p, FLOW_GAIN_OF_TIME, clock)
     delta = p.valve_laminar_pressure
     p_t = p.supply_tank_pressure + p.tank_back_pressure_pressure
     plus = c_v * opening(x_e, p.valve_underlap, p.valve_radial_clearance)
@@ -179,11 +182,11 @@ def chamber_pressure(p, liquid_pressure):
 
 
 @njit
-def pipeline_flows(p, y, p_a, p_b, p_s, rates):
+def pipeline_flows(p, y, clock, p_a, p_b, p_s, rates):
     """Flow into A, out of B and drawn from the supply [m³/s] with pipelines; their rates into `rates`."""
     length, diameter, rho, eta = p.pipelines_length, p.pipelines_diameter, p.pipelines_density, p.pipelines_viscosity
     p_1, p_2 = chamber_pressure(p, y[LINE_PRESSURE_A]), chamber_pressure(p, y[LINE_PRESSURE_B])
-    q_1, q_2, q_s = port_flows(p, y[SPOOL], p_1, p_2, p_s)
+    q_1, q_2, q_s = port_flows(p, y[SPOOL], clock, p_1, p_2, p_s)
     q_a, q_b = y[LINE_FLOW_A], y[LINE_FLOW_B]
     stiffness = p.bulk_modulus_modulus / half_volume(length, diameter)
     rates[LINE_PRESSURE_A] = stiffness * (q_1 - q_a)
@@ -194,15 +197,16 @@ def pipeline_flows(p, y, p_a, p_b, p_s, rates):
 
 
 @njit
-def pressure_rates(p, y, p_a, p_b, piston, piston_velocity, rates):
+def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
     """Ṗ_A and Ṗ_B (6.5), (6.6), (6.11) into `rates`; returns the flow drawn from the supply [m³/s]."""
     p_s = y[PRESSURE_SUPPLY] if p.supply_droop_resistance != 0.0 else p.supply_supply_pressure
+    p_s *= 1.0 + unlisted(p, SUPPLY_OF_PHASE, clock)
     dead = p.dead_volume_volume
     if p.pipelines_length > 0.0:
-        q_a, q_b, q_s = pipeline_flows(p, y, p_a, p_b, p_s, rates)
+        q_a, q_b, q_s = pipeline_flows(p, y, clock, p_a, p_b, p_s, rates)
         dead += half_volume(p.pipelines_length, p.pipelines_diameter)
     else:
-        q_a, q_b, q_s = port_flows(p, y[SPOOL], p_a, p_b, p_s)
+        q_a, q_b, q_s = port_flows(p, y[SPOOL], clock, p_a, p_b, p_s)
     e_0, p_0, m = p.bulk_modulus_modulus, p.bulk_modulus_reference_pressure, p.pressure_dependent_bulk_modulus_slope
     alpha, kappa = p.entrained_air_fraction, p.entrained_air_polytropic_exponent
     if m != 0.0 or alpha != 0.0:
@@ -258,7 +262,7 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
     piston = x + y[ROD] if split else x
     piston_velocity = v + y[ROD_RATE] if split else v
     p_a, p_b = chamber_pressure(p, y[PRESSURE_A]), chamber_pressure(p, y[PRESSURE_B])
-    q_s = pressure_rates(p, y, p_a, p_b, piston, piston_velocity, rates)
+    q_s = pressure_rates(p, y, start[CLOCK], p_a, p_b, piston, piston_velocity, rates)
 
     film, memory = (y[FILM], y[FRICTION_MEMORY]) if n > DECLARED else (0.0, 0.0)
     moved, velocity_start = x - start[POSITION], start[VELOCITY]

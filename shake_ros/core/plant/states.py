@@ -43,4 +43,5 @@ FRICTION_AT_STOP = CONTINUOUS + 5  # Stribeck part of friction when the contact 
 FRICTION_RISE = CONTINUOUS + 6  # Stribeck part of friction now F_s(γ, t_d) [N]
 VALVE = CONTINUOUS + 7  # first of the eight states of the detailed valve, see valve/detailed.py
 VALVE_TIME = CONTINUOUS + 15  # time within the dither's period [s]
-STATES = CONTINUOUS + 16
+CLOCK = CONTINUOUS + 16  # time since the start of the recording, held over a sample [s]
+STATES = CONTINUOUS + 17

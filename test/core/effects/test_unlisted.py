@@ -52,6 +52,14 @@ SAME_AS_A_LISTED_LAW = {
         unnamed(unlisted.STIFFNESS_OF_LOAD_PRESSURE, -2e7, 2e7, np.full(unlisted.NODES, -0.3)),
         {"bulk_modulus.modulus": 0.7 * 1.16e9},
     ),
+    "flow gain that time leaves alone is another valve": (
+        unnamed(unlisted.FLOW_GAIN_OF_TIME, 0.0, 1.0, np.full(unlisted.NODES, 0.1)),
+        {"valve.flow_coefficient": 1.1 * 1.81e-7},
+    ),
+    "supply of a constant phase function is another supply": (
+        unnamed(unlisted.SUPPLY_OF_PHASE, 0.0, 0.2, np.full(unlisted.NODES, -0.1)),
+        {"supply.supply_pressure": 0.9 * 206e5},
+    ),
 }
 
 
@@ -84,3 +92,21 @@ def test_beyond_its_range_a_spring_goes_on_and_friction_stays() -> None:
     assert unlisted.interpolated(spring, -5.0) == pytest.approx(-5.0)
     assert unlisted.interpolated(friction, 20.0) == 15.0
     assert unlisted.interpolated(friction, -5.0) == 0.0
+
+
+def test_a_flow_gain_of_time_is_another_valve_from_then_on() -> None:
+    late = np.where(ramp(0.0, 1.0) > 0.55, 0.3, 0.0)
+    with_function = run(BERGAMO.with_values(unnamed(unlisted.FLOW_GAIN_OF_TIME, 0.0, 1.0, late)), COMMANDS, SAMPLE)
+    declared = run(BERGAMO, COMMANDS, SAMPLE)
+    stronger = run(BERGAMO.with_values({"valve.flow_coefficient": 1.3 * 1.81e-7}), COMMANDS, SAMPLE)
+    np.testing.assert_array_equal(with_function[:500], declared[:500])
+    np.testing.assert_allclose(with_function[-200:, 1], stronger[-200:, 1], rtol=0.02, atol=2e-3)
+
+
+def test_the_function_of_phase_closes_upon_itself() -> None:
+    values = np.sin(2.0 * np.pi * np.arange(unlisted.NODES) / unlisted.NODES)
+    p = records(BERGAMO.with_values(unnamed(unlisted.SUPPLY_OF_PHASE, 0.0, 0.25, values)).vector())[0]
+    times = np.linspace(0.0, 1.0, 201)
+    found = [unlisted.interpolated(p, t) for t in times]
+    np.testing.assert_allclose(found, np.sin(2.0 * np.pi * times / 0.25), atol=0.03)
+    assert unlisted.interpolated(p, 0.1) == pytest.approx(unlisted.interpolated(p, 7.35))

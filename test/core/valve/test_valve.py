@@ -19,7 +19,7 @@ BERGAMO = load_table("bergamo")
 
 def flows(spool: float, p_a: float, p_b: float, **changes: float) -> tuple[float, float, float]:
     table = BERGAMO.with_values({f"valve.{name}": value for name, value in changes.items()})
-    return port_flows(records(table.vector())[0], spool, p_a, p_b, BERGAMO.supply.supply_pressure)
+    return port_flows(records(table.vector())[0], spool, 0.0, p_a, p_b, BERGAMO.supply.supply_pressure)
 
 
 def test_root_is_odd_laminar_near_zero_and_the_root_beyond() -> None:
