@@ -24,6 +24,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("core.effects",),
     ("core.plant",),
     ("core.control", "core.observer", "core.reference", "core.analysis", "core.safety"),
+    ("core.loop",),
     ("core.identification",),
     ("core.discovery",),
     ("settings",),

@@ -33,6 +33,11 @@ class Controller:
     sample_time : [s]
     model : table whose virtual copy makes the feedforward; needed where `parameters.model` names one.
 
+    Attributes
+    ----------
+    code, packed : what `selected.step_controller` takes. law_size : length of the state without the virtual table's.
+    virtual : the virtual table of the model, None without one.
+
     Raises
     ------
     UnknownName, ShakeError : unknown kind, parameters of another kind, sample time not positive, model missing.
@@ -53,13 +58,13 @@ class Controller:
         self._kernels = KERNELS[kind]
         if parameters.model and model is None:
             raise ShakeError(f"controller '{kind}': the table '{parameters.model}' of its model was not handed over")
-        self._virtual = None
+        self.virtual: VirtualTable | None = None
         if model is not None:
             p = parameters
-            self._virtual = VirtualTable(model, self.sample_time, p.model_bandwidth, p.model_horizon, p.limit)
+            self.virtual = VirtualTable(model, self.sample_time, p.model_bandwidth, p.model_horizon, p.limit)
         self.code: int = self._kernels.CODE
         self.packed: NDArray[np.float64] = self._kernels.pack(parameters, model is not None)
-        self._end = HEAD + self._kernels.STATES
+        self.law_size = HEAD + self._kernels.STATES
 
     def initial_state(self, command: float = 0.0, start_time: float | None = None) -> NDArray[np.float64]:
         """Not started, all integrals zero.
@@ -72,7 +77,7 @@ class Controller:
         fading = self.parameters.start_time if start_time is None else start_time
         decay = math.exp(-self.sample_time / fading) if fading > 0.0 else 0.0
         head = initial_head(self._kernels.STATES, decay, float(command))
-        return np.concatenate([head, np.zeros(self._virtual.size if self._virtual else 0)])
+        return np.concatenate([head, np.zeros(self.virtual.size if self.virtual else 0)])
 
     def step(self, state: NDArray[np.float64], reference: Any, estimate: Any) -> tuple[NDArray[np.float64], float]:
         """One sample.
@@ -100,11 +105,11 @@ class Controller:
         if not (np.isfinite(r).all() and np.isfinite(z).all()):
             raise ShakeError(f"controller: reference {r.tolist()} or estimate {z.tolist()} not finite")
         following = np.empty_like(state)
-        if self._virtual is None:
+        if self.virtual is None:
             command = feedforward_law(self.code, self.packed, r)
         else:
-            following[self._end :], command, r = self._virtual.step(state[self._end :], reference)
-        following[: self._end], u = step_controller(
-            self.code, state[: self._end], self.packed, r, z, command, self.sample_time
+            following[self.law_size :], command, r = self.virtual.step(state[self.law_size :], reference)
+        following[: self.law_size], u = step_controller(
+            self.code, state[: self.law_size], self.packed, r, z, command, self.sample_time
         )
         return following, float(u)

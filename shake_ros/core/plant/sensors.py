@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shake_ros.core.plant.parameters import SensorParameters
 
 BLOCK = 4096  # samples of noise made at a time
 CHANNELS = 5
+
+
+def normal_draws(seed: int, samples: int) -> NDArray[np.float64]:
+    """Standard normal draws of the first samples, (samples, CHANNELS), the same as `SensorNoise` takes one by one."""
+    blocks = [_block(seed, i) for i in range(-(-samples // BLOCK))]
+    return np.concatenate(blocks)[:samples] if blocks else np.zeros((0, CHANNELS))
+
+
+def _block(seed: int, block: int) -> NDArray[np.float64]:
+    generator = np.random.Generator(np.random.Philox(key=seed, counter=[0, 0, 0, block]))
+    return generator.standard_normal((BLOCK, CHANNELS))
 
 
 class SensorNoise:
@@ -28,8 +40,7 @@ class SensorNoise:
         """Standard normal draws of sample k, one per channel."""
         block, place = divmod(k, BLOCK)
         if block != self._block:
-            generator = np.random.Generator(np.random.Philox(key=self._seed, counter=[0, 0, 0, block]))
-            self._draws = generator.standard_normal((BLOCK, CHANNELS)).tolist()
+            self._draws = _block(self._seed, block).tolist()
             self._block = block
         return self._draws[place]
 

@@ -1,0 +1,1 @@
+"""The closed loop as one compiled function, what it is judged by, and the tables on which it is judged."""

@@ -1,0 +1,203 @@
+"""Plant, sensors, observer, controller and reference as one compiled function; many loops side by side on all cores.
+
+The same semantics and the same numbers as `control.closed_loop.simulate_closed_loop`, which steps the objects of the
+nodes, and so as the graph in lock-step. The virtual table of a model feedforward does not see the real table; it
+runs along the reference once and serves every law (`VirtualTable.follow`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.compiled import njit
+from shake_ros.core.control.closed_loop import ClosedLoop
+from shake_ros.core.control.runner import Controller
+from shake_ros.core.control.selected import feedforward_law, step_controller
+from shake_ros.core.observer.runner import Observer
+from shake_ros.core.observer.selected import NO_MODEL, step_observer, work
+from shake_ros.core.plant.integration import ABSOLUTE, OUTPUTS, STAGES, acceleration_now, advance_sample, outputs
+from shake_ros.core.plant.parameters import TableParameters, records
+from shake_ros.core.plant.sensors import normal_draws
+from shake_ros.core.plant.simulation import TOLERANCE, workers
+from shake_ros.core.plant.states import BASE, BASE_RATE, CONTINUOUS, POSITION, STATES, VELOCITY
+from shake_ros.core.plant.table import Table
+from shake_ros.core.quantities import ShakeError
+
+Array = NDArray[np.float64]
+Result = TypeVar("Result")
+TRUE_STATES = 0  # in place of an observer's CODE: the controller is given the true states
+MEASURED = 5  # columns of `measured`: position, acceleration, P_A, P_B, P_s
+NOTHING = np.zeros(0)
+NO_MOTION = np.zeros((0, 3))
+
+
+@njit
+def read_sensors(p, noise, shown, measured):  # type: ignore[no-untyped-def]
+    """Noise and the position converter's steps and range on what the sensors see, as `plant.sensors.SensorNoise`.
+
+    Parameters
+    ----------
+    p : parameter record. noise : (5,) standard normal draws. shown : (OUTPUTS,) row of `integration.outputs`.
+    measured : (5,) result, position [m], acceleration [m/s²], P_A, P_B, P_s [Pa]
+    """
+    position = shown[0] + p.sensors_position_noise * noise[0]
+    if p.sensors_position_bits > 0.0:
+        step = p.sensors_position_range / 2.0**p.sensors_position_bits
+        position = np.rint(position / step) * step
+    half = 0.5 * p.sensors_position_range
+    measured[0] = min(max(position, -half), half)
+    measured[1] = shown[2] + p.sensors_acceleration_noise * noise[1]
+    for i in range(3):
+        measured[2 + i] = shown[3 + i] + p.sensors_pressure_noise * noise[2 + i]
+
+
+@njit
+def run_loop(p, plant, observer, seen, law, state, reference, feedforward, timing, noise, space, out):  # type: ignore[no-untyped-def]
+    """One closed loop, sample by sample.
+
+    Parameters
+    ----------
+    p : parameter record of the plant. plant : its first state with the past commands behind it; changed in place.
+    observer : (code, packed, record). seen : the observer's first state, changed in place.
+    law : (code, packed). state : the controller's first state.
+    reference : (n, 3). feedforward : commands (n,) and motion (n, 3) of a virtual table, or both empty.
+    timing : (dt [s], delay of the command in samples, whole samples and fraction of the plant's own dead time)
+    noise : (n, 5) standard normal draws. space : from `observer.selected.work`.
+    out : estimate (n, 3), truth (n, 3), command (n,), measured (n, 5)
+
+    Returns
+    -------
+    number of samples before a value was not finite, n where none was.
+    """
+    observer_code, observer_packed, model = observer
+    law_code, law_packed = law
+    commands, motion = feedforward
+    dt, delay, whole, fraction = timing
+    estimate, truth, command, measured = out
+    k_stage, stage, absolute = np.zeros((STAGES, CONTINUOUS)), np.zeros(CONTINUOUS), ABSOLUTE.copy()
+    shown, past = np.zeros(OUTPUTS), plant[STATES:]
+    u = 0.0
+    for k in range(reference.shape[0]):
+        acceleration = acceleration_now(p, plant, stage)
+        outputs(p, plant, acceleration, shown)
+        read_sensors(p, noise[k], shown, measured[k])
+        truth[k, 0] = plant[POSITION] + plant[BASE]
+        truth[k, 1] = plant[VELOCITY] + plant[BASE_RATE]
+        truth[k, 2] = acceleration
+        if observer_code == TRUE_STATES:
+            estimate[k] = truth[k]
+        else:
+            step_observer(observer_code, seen, observer_packed, model, measured[k, 0], u, dt, space, estimate[k])
+        if not math.isfinite(estimate[k, 0] + estimate[k, 1] + estimate[k, 2]):
+            return k
+        if commands.shape[0] > 0:
+            state, u = step_controller(law_code, state, law_packed, motion[k], estimate[k], commands[k], dt)
+        else:
+            own = feedforward_law(law_code, law_packed, reference[k])
+            state, u = step_controller(law_code, state, law_packed, reference[k], estimate[k], own, dt)
+        command[k] = u
+        for i in range(past.shape[0] - 1, 0, -1):
+            past[i] = past[i - 1]
+        acting = command[k - delay] if k >= delay else 0.0
+        past[0] = min(max(acting, -1.0), 1.0)
+        advance_sample(
+            p, plant, past[whole + 1], past[whole], fraction, 0.0, dt, k_stage, stage, absolute, TOLERANCE
+        )  # fmt: skip
+        if not math.isfinite(plant[VELOCITY] + plant[POSITION] + u):
+            return k
+    return reference.shape[0]
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A closed loop to be run.
+
+    Attributes
+    ----------
+    table : the plant with its sensors. seed : of the sensor noise.
+    observer : estimates from the measured position; None hands the true states to the controller.
+    controller : the law. reference : (n, 3) position [m], velocity [m/s], acceleration [m/s²].
+    feedforward : commands (n,) and motion (n, 3) of the controller's virtual table along this reference; None, with a
+        controller that has one, computes them.
+    delay : samples by which a command reaches the valve late. start : initial position of the table [m].
+    """
+
+    table: TableParameters
+    observer: Observer | None
+    controller: Controller
+    reference: Array
+    feedforward: tuple[Array, Array] | None = None
+    seed: int = 0
+    delay: int = 0
+    start: float = 0.0
+
+
+def simulate(loop: Loop) -> tuple[ClosedLoop, int]:
+    """Run a loop in compiled code.
+
+    Returns
+    -------
+    (run, samples) : the run, and the number of its samples that are finite; the rows behind them are NaN.
+
+    Raises
+    ------
+    ShakeError : sample times differ, or the feedforward is of another length than the reference.
+    """
+    dt, n = loop.controller.sample_time, len(loop.reference)
+    if loop.observer is not None and loop.observer.sample_time != dt:
+        raise ShakeError(f"closed loop: sample times {loop.observer.sample_time:g} and {dt:g} s differ")
+    reference = np.ascontiguousarray(loop.reference, dtype=np.float64)
+    feedforward = loop.feedforward
+    if feedforward is None:
+        virtual = loop.controller.virtual
+        feedforward = (NOTHING, NO_MOTION) if virtual is None else virtual.follow(reference)
+    elif len(feedforward[0]) != n or feedforward[1].shape != (n, 3):
+        raise ShakeError(f"closed loop: feedforward of {len(feedforward[0])} samples for a reference of {n}")
+    out = np.full((n, 3), np.nan), np.full((n, 3), np.nan), np.full(n, np.nan), np.full((n, MEASURED), np.nan)
+    table = Table(loop.table, dt, loop.seed)
+    plant = table.initial_state(loop.start)
+    observer, seen = (TRUE_STATES, NOTHING, NO_MODEL), np.zeros(0)
+    if loop.observer is not None:
+        observer, seen = tuple(loop.observer.compiled), loop.observer.initial_state(table.measure(plant, 0).position)
+    delay = loop.table.value("effects.command_delay.delay") / dt
+    whole = math.floor(delay)
+    finite = run_loop(
+        records(loop.table.vector())[0],
+        plant,
+        observer,
+        seen,
+        (loop.controller.code, loop.controller.packed),
+        loop.controller.initial_state()[: loop.controller.law_size],
+        reference,
+        feedforward,
+        (dt, loop.delay, whole, delay - whole),
+        normal_draws(loop.seed, n),
+        work(),
+        out,
+    )
+    estimate, truth, command, measured = out
+    for rows in out:
+        rows[finite:] = np.nan
+    return ClosedLoop(dt, reference, estimate, truth, command, measured), finite
+
+
+def run_batch(
+    loops: Sequence[Loop], judge: Callable[[int, ClosedLoop], Result], done: Callable[[int], None] = lambda count: None
+) -> list[Result]:
+    """Run many loops on all cores without the GIL; `judge(i, run)` keeps of a run what is wanted.
+
+    `done` is told the number of loops that have ended, from the calling thread.
+    """
+    result: list[Result] = []
+    with ThreadPoolExecutor(workers()) as pool:
+        for value in pool.map(lambda i: judge(i, simulate(loops[i])[0]), range(len(loops))):
+            result.append(value)
+            done(len(result))
+    return result
