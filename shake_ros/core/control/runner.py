@@ -8,7 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.control import CONTROLLERS, feedforward_pi, hold, sliding_mode, super_twisting
+from shake_ros.core.control import (
+    CONTROLLERS,
+    feedforward_pi,
+    hold,
+    minimal_control_synthesis,
+    pid,
+    sliding_mode,
+    super_twisting,
+    super_twisting_implicit,
+    three_variable,
+)
 from shake_ros.core.control.law import LawParameters
 from shake_ros.core.control.selected import HEAD, feedforward_law, initial_head, step_controller
 from shake_ros.core.control.virtual_table import VirtualTable
@@ -20,6 +30,10 @@ KERNELS: dict[str, Any] = {
     "feedforward_pi": feedforward_pi,
     "sliding_mode": sliding_mode,
     "super_twisting": super_twisting,
+    "pid": pid,
+    "super_twisting_implicit": super_twisting_implicit,
+    "three_variable": three_variable,
+    "minimal_control_synthesis": minimal_control_synthesis,
 }
 
 

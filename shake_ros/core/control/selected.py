@@ -10,7 +10,16 @@ from __future__ import annotations
 import numpy as np
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.control import feedforward_pi, hold, sliding_mode, super_twisting
+from shake_ros.core.control import (
+    feedforward_pi,
+    hold,
+    minimal_control_synthesis,
+    pid,
+    sliding_mode,
+    super_twisting,
+    super_twisting_implicit,
+    three_variable,
+)
 
 LARGEST_STATES = 32  # no law has more of its own states
 STARTED, OFFSET, START_COMMAND, DECAY = range(4)  # of a controller's state, before the law's own
@@ -28,6 +37,14 @@ def feedforward_law(code, packed, reference):  # type: ignore[no-untyped-def]
         return sliding_mode.feedforward(packed, reference)
     if code == super_twisting.CODE:
         return super_twisting.feedforward(packed, reference)
+    if code == minimal_control_synthesis.CODE:
+        return minimal_control_synthesis.feedforward(packed, reference)
+    if code == pid.CODE:
+        return pid.feedforward(packed, reference)
+    if code == super_twisting_implicit.CODE:
+        return super_twisting_implicit.feedforward(packed, reference)
+    if code == three_variable.CODE:
+        return three_variable.feedforward(packed, reference)
     return hold.feedforward(packed, reference)
 
 
@@ -40,6 +57,14 @@ def step_law(code, state, packed, reference, estimate, feedforward, dt):  # type
         return sliding_mode.step(state, packed, reference, estimate, feedforward, dt)
     if code == super_twisting.CODE:
         return super_twisting.step(state, packed, reference, estimate, feedforward, dt)
+    if code == minimal_control_synthesis.CODE:
+        return minimal_control_synthesis.step(state, packed, reference, estimate, feedforward, dt)
+    if code == pid.CODE:
+        return pid.step(state, packed, reference, estimate, feedforward, dt)
+    if code == super_twisting_implicit.CODE:
+        return super_twisting_implicit.step(state, packed, reference, estimate, feedforward, dt)
+    if code == three_variable.CODE:
+        return three_variable.step(state, packed, reference, estimate, feedforward, dt)
     return hold.step(state, packed, reference, estimate, feedforward, dt)
 
 
