@@ -1,7 +1,7 @@
 """PID control (5.2): u = K_P e + K_I ∫e + K_D ė with e = x_ref − x̂.
 
-The derivative is ẋ_ref − v̂ of the observer, or the position error's own, filtered: K_D s/(1 + s/ω_d), solved exactly for
-an error that is linear between samples. The integral stops while the command is saturated and it pushes further.
+The derivative is ẋ_ref − v̂ of the observer, or the position error's own, filtered: K_D s/(1 + s/ω_d), exact for an
+error that is linear between samples. The integral stops while the command is saturated and it pushes further.
 Verified against: the difference equation by hand; the closed-form response of the filtered derivative to a ramp.
 """
 

@@ -7,8 +7,8 @@ variables. With x/u = β_3/(s (s² − β_2 s − β_1)) the loop's x/x_ref is f
     K_dr = K_df,  K_vr = K_vf − β_1/β_3 + K_df c_1,  K_ar = K_af − β_2/β_3 + (K_vf − β_1/β_3) c_1 + K_df c_2
 
 with c_1 = 2 ξ_f/ω_f, c_2 = 1/ω_f² of the filter, zero without one (`matched`). Under a model feedforward T is S, so
-that the law acts on the error alone, and the filter is out. Verified against: the difference equation by hand; the frequency response of the
-reduced loop.
+that the law acts on the error alone, and the filter is out. Verified against: the difference equation by hand; the
+frequency response of the reduced loop.
 """
 
 from __future__ import annotations
