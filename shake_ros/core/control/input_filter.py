@@ -28,3 +28,11 @@ def advance(x, v, wish_before, wish, frequency, damping, dt):  # type: ignore[no
     x, v = free_motion(x - wish_before + lag, v - slope, frequency, damping, dt)
     x, v = x + wish - lag, v + slope
     return x, v, frequency**2 * (wish - x) - 2.0 * damping * frequency * v  # (5.1)
+
+
+@njit
+def moving(reference, frequency, damping):  # type: ignore[no-untyped-def]
+    """(x, ẋ, ẍ)_ref of a filter that has followed the reference for long, its acceleration being constant."""
+    lag, spread = 2.0 * damping / frequency, 1.0 / frequency**2
+    x, v, a = reference[0], reference[1], reference[2]
+    return x - lag * v + (lag * lag - spread) * a, v - lag * a, a

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.control.input_filter import advance
+from shake_ros.core.control.input_filter import advance, moving
 from shake_ros.core.control.law import LawParameters, saturate
 from shake_ros.core.quantities import quantity
 
@@ -76,8 +76,11 @@ def feedforward(parameters, reference):  # type: ignore[no-untyped-def]
 def step(state, parameters, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
     """One sample; as in `feedforward_pi.step`, state (started, wish [m], filter's x [m] and ẋ [m/s])."""
     x, v, a = reference[0], reference[1], reference[2]
-    if parameters[1] > 0.0 and state[0] != 0.0:
-        x, v, a = advance(state[2], state[3], state[1], reference[0], parameters[1], parameters[2], dt)  # (5.1)
+    if parameters[1] > 0.0:
+        if state[0] != 0.0:
+            x, v, a = advance(state[2], state[3], state[1], reference[0], parameters[1], parameters[2], dt)  # (5.1)
+        else:
+            x, v, a = moving(reference, parameters[1], parameters[2])
     there = parameters[3] * x + parameters[4] * v + parameters[5] * a  # (5.3)
     back = parameters[6] * estimate[0] + parameters[7] * estimate[1] + parameters[8] * estimate[2]  # (5.4)
     following = np.empty(4)
