@@ -63,7 +63,7 @@ def pack(parameters: LinearObserver, sample_time: float) -> NDArray[np.float64]:
     return np.concatenate([reduced.pack(parameters), kalman_gain(parameters, sample_time)])
 
 
-def started(estimate: NDArray[np.float64]) -> NDArray[np.float64]:
+def started(estimate: NDArray[np.float64], sample_time: float) -> NDArray[np.float64]:
     """The state that continues from an estimate (3,), without a disturbance."""
     return np.append(estimate, 0.0)
 

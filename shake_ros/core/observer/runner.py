@@ -8,9 +8,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.observer import OBSERVERS, linear, model, sliding_mode
+from shake_ros.core.observer import (
+    OBSERVERS,
+    linear,
+    model,
+    model_sliding_mode,
+    robust_exact_differentiator,
+    sliding_mode,
+)
 from shake_ros.core.observer.carried import work
-from shake_ros.core.observer.selected import NO_MODEL
+from shake_ros.core.observer.selected import NO_MODEL, observe_run
 from shake_ros.core.plant.parameters import TableParameters, records
 from shake_ros.core.quantities import OutOfBounds, Parameters, ShakeError, unknown_name
 
@@ -19,8 +26,10 @@ KERNELS: dict[str, Any] = {
     "sliding_mode": sliding_mode,
     "linear": linear,
     "model": model,
+    "robust_exact_differentiator": robust_exact_differentiator,
+    "model_sliding_mode": model_sliding_mode,
 }
-CARRYING = ("model",)  # kinds that carry a table
+CARRYING = ("model", "model_sliding_mode")  # kinds that carry a table
 
 
 class Compiled(NamedTuple):
@@ -88,7 +97,7 @@ class Observer:
         if self._model is not None:
             state: Array = self._started(estimate, self._model, self.sample_time, command)
         else:
-            state = self._started(estimate)
+            state = self._started(estimate, self.sample_time)
         return state
 
     def step(self, state: Array, measured_position: float, u_previous: float) -> tuple[Array, Array]:
@@ -120,3 +129,28 @@ class Observer:
             if not np.isfinite(estimate).all():
                 raise ShakeError("observer: the model's state left the finite numbers")
         return following, estimate
+
+    def run(self, positions: Array, commands: Array) -> Array:
+        """Estimates of a whole recording, (n, 3), from rest; the numbers of `step`, in compiled code.
+
+        Parameters
+        ----------
+        positions : (n,) measured [m]
+        commands : (n,) command k is held from sample k to the next [-]
+
+        Raises
+        ------
+        ShakeError : series of different length, a value that is not finite, a model that left the finite numbers.
+        """
+        given, held = np.ascontiguousarray(positions, float), np.ascontiguousarray(commands, float)
+        if given.ndim != 1 or given.shape != held.shape or not given.size:
+            raise ShakeError(f"observer: positions of shape {given.shape} and commands of shape {held.shape}")
+        if not (np.isfinite(given).all() and np.isfinite(held).all()):
+            raise ShakeError("observer: a position or command is not finite")
+        estimates = np.empty((given.size, 3))
+        state = self.initial_state(given[0])
+        code, packed, record = self.compiled
+        observe_run(code, state, packed, record, given, held, self.sample_time, self._work, estimates)
+        if not np.isfinite(estimates).all():
+            raise ShakeError("observer: the estimate left the finite numbers")
+        return estimates

@@ -18,11 +18,11 @@ from __future__ import annotations
 import numpy as np
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.observer import linear, model, sliding_mode
+from shake_ros.core.observer import linear, model, model_sliding_mode, robust_exact_differentiator, sliding_mode
 from shake_ros.core.observer.carried import work
 from shake_ros.core.plant.parameters import NAMES, records
 
-__all__ = ["NO_MODEL", "step_observer", "work"]
+__all__ = ["NO_MODEL", "observe_run", "step_observer", "work"]
 
 NO_MODEL = records(np.zeros(len(NAMES)))[0]
 
@@ -49,5 +49,24 @@ def step_observer(code, state, packed, record, position, command, dt, space, est
         linear.observe(state, packed, position, command, dt, estimate)
     elif code == model.CODE:
         model.observe(state, packed, record, position, command, dt, space, estimate)
+    elif code == robust_exact_differentiator.CODE:
+        robust_exact_differentiator.observe(state, packed, position, command, dt, estimate)
+    elif code == model_sliding_mode.CODE:
+        model_sliding_mode.observe(state, packed, record, position, command, dt, space, estimate)
     else:
         estimate[:] = np.nan
+
+
+@njit
+def observe_run(code, state, packed, record, positions, commands, dt, space, estimates):  # type: ignore[no-untyped-def]
+    """A whole run; arguments as in `step_observer`.
+
+    Parameters
+    ----------
+    positions : (n,) measured [m]
+    commands : (n,) command k is held from sample k to the next [-]; none acts before the first
+    estimates : (n, 3) array for the result
+    """
+    for k in range(positions.shape[0]):
+        command = commands[k - 1] if k > 0 else 0.0
+        step_observer(code, state, packed, record, positions[k], command, dt, space, estimates[k])

@@ -48,7 +48,7 @@ def pack(parameters: SlidingModeObserver, sample_time: float) -> NDArray[np.floa
     return np.concatenate([reduced.pack(p), np.array(gains)])
 
 
-def started(estimate: NDArray[np.float64]) -> NDArray[np.float64]:
+def started(estimate: NDArray[np.float64], sample_time: float) -> NDArray[np.float64]:
     """The state that continues from an estimate (3,)."""
     return np.array(estimate, dtype=np.float64)
 

@@ -1,0 +1,119 @@
+"""The observer's node over DDS: another observer while it runs, without a bump, or a refusal with its reason."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+
+from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.control.closed_loop import ClosedLoop, simulate_closed_loop
+from shake_ros.core.control.runner import Controller
+from shake_ros.core.plant.table import Table
+from shake_ros.data.reference_program import build_program
+from shake_ros.ros import interface
+from shake_ros.ros.conversions import SECOND
+from shake_ros.ros.frame import Frame
+from shake_ros.ros.loop import build_node, ros_context
+from shake_ros.ros.observer_node import ObserverNode, build
+from shake_ros.settings import load_table, load_variant
+
+DT = 0.001
+FIRST, SAMPLES = 2000, 900
+TIMEOUT = 60.0
+ARGUMENTS = ["--ros-args", "-p", "lockstep:=true"]
+
+
+@pytest.fixture(scope="module")
+def motion() -> ClosedLoop:
+    """A sine of 20 mm and 2 Hz as the table plays it under a feedforward PI law."""
+    kind, parameters = load_variant("controller", "feedforward_pi_tuned", CONTROLLERS)
+    table, law = Table(load_table("bergamo"), DT, seed=2), Controller(kind, parameters, DT)
+    return simulate_closed_loop(table, None, law, build_program("sine_20mm_2hz", DT), FIRST + SAMPLES)
+
+
+class Bench:
+    """The node, and in the same process what feeds it, hears it and sets its parameters, each through DDS."""
+
+    def __init__(self, domain: int, context: Any) -> None:
+        self.node = build_node(build, "observer", context, [*ARGUMENTS, "-p", "observer:=linear_bergamo"])
+        assert isinstance(self.node, ObserverNode)
+        self.driver = Frame("driver", context, ARGUMENTS)
+        self.positions = self.driver.writer(interface.JOINT_STATES)
+        self.commands = self.driver.writer(interface.VALVE_COMMAND)
+        self.estimates: list[tuple[float, ...]] = []
+        self.driver.reader(interface.ESTIMATE, lambda _stamp, *values: self.estimates.append(values))
+        self.client = self.driver.node.create_client(SetParameters, "observer/set_parameters")
+        self.executor = SingleThreadedExecutor(context=context)
+        for one in (self.node.frame.node, self.driver.node):
+            self.executor.add_node(one)
+        writers, readers = (self.positions, self.commands), (self.node._writer,)
+        self.until(lambda: all(w.publisher.get_subscription_count() for w in (*writers, *readers)))
+        self.until(self.client.service_is_ready)
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + TIMEOUT
+        while not condition():
+            assert time.monotonic() < deadline
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def name(self, observer: str) -> tuple[bool, str]:
+        """Set the parameter `observer` by its service."""
+        request = SetParameters.Request(parameters=[Parameter("observer", value=observer).to_parameter_msg()])
+        answer = self.client.call_async(request)
+        self.until(answer.done)
+        result = answer.result().results[0]
+        return result.successful, result.reason
+
+    def play(self, run: ClosedLoop, first: int, last: int) -> np.ndarray:
+        """Samples first … last − 1 in lock-step; the estimates, (n, 3)."""
+        heard = len(self.estimates)
+        for count, k in enumerate(range(first, last), heard + 1):
+            stamp = SECOND + k * 1_000_000
+            self.positions.send(stamp, run.measured[k, 0])
+            self.until(lambda count=count: len(self.estimates) == count)
+            self.commands.send(stamp, run.command[k])
+        return np.array(self.estimates[heard:])
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        for frame in (self.node.frame, self.driver):
+            frame.close()
+
+
+@pytest.fixture
+def bench(ros_domain: int) -> Iterator[Bench]:
+    with ros_context([], domain_id=ros_domain) as context:
+        made = Bench(ros_domain, context)
+        yield made
+        made.close()
+
+
+def test_observer_changes_while_it_runs_without_a_bump(bench: Bench, motion: ClosedLoop) -> None:
+    k = FIRST
+    before = bench.play(motion, k, k := k + 400)
+    for name in ("model_sliding_mode", "robust_exact_differentiator", "sliding_mode_tuned", "model"):
+        assert bench.name(name) == (True, "")
+        after = bench.play(motion, k, k + 60)
+        truth = motion.truth[k - 1 : k + 1]
+        jump = np.abs((after[0] - before[-1]) - (truth[1] - truth[0]))
+        assert bench.node._condition()[1].startswith(name.removesuffix("_tuned"))
+        assert np.all(jump < [1e-4, 0.01, 1.0]), name  # of 20 mm, 0.25 m/s and 3 m/s²
+        before, k = after, k + 60
+
+
+def test_observer_that_is_not_known_is_refused_with_the_known_ones_and_nothing_changes(
+    bench: Bench, motion: ClosedLoop
+) -> None:
+    bench.play(motion, FIRST, FIRST + 5)
+    successful, reason = bench.name("modl")
+    assert not successful
+    assert "unknown observer 'modl' (did you mean 'model'?)" in reason
+    bench.play(motion, FIRST + 5, FIRST + 10)
+    assert bench.node._condition()[1].startswith("linear")
