@@ -10,10 +10,12 @@ from pathlib import Path
 
 from shake_ros.cli.declared import DEFAULT_TABLE, MODELS
 from shake_ros.core.discovery.candidates import Candidate
+from shake_ros.core.identification import experiments
 from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.fit_records import read_fit_records
+from shake_ros.settings import find, read_yaml
 
 
 def add_arguments(command: argparse.ArgumentParser, hold_needed: bool) -> None:
@@ -44,6 +46,12 @@ def declared_parameters(model: str) -> list[FreeParameter]:
 def all_candidates(model: str) -> tuple[Candidate, ...]:
     """Every effect with its trials, from config/discovery."""
     return MODELS[model].candidates()
+
+
+def recordings_to_make() -> tuple[experiments.Candidate, ...]:
+    """The catalogue of recordings of which the most helpful is named, from config/experiment."""
+    path = find("experiment", "catalogue")
+    return experiments.catalogue(read_yaml(path), str(path))
 
 
 def check_output(out: Path, force: bool) -> None:

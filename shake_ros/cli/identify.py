@@ -11,11 +11,13 @@ from shake_ros.cli import fitting
 from shake_ros.cli.declared import MODELS
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.closing import FittedModel, identify, identify_inverse
-from shake_ros.core.identification.axis_model import position_errors
+from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
+from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.results import IDENTIFY_SCHEMA, model_json, write_folder, write_json
-from shake_ros.report.text import error_lines, parameter_lines
+from shake_ros.data.results import IDENTIFY_SCHEMA, diagnosis_json, model_json, write_folder, write_json
+from shake_ros.report.identify_page import identify_page
+from shake_ros.report.text import diagnosis_lines, error_lines, parameter_lines
 from shake_ros.settings import save_table
 
 
@@ -39,24 +41,36 @@ def main(arguments: Sequence[str]) -> int:
     table = declared.table(given.config, given.set, learn)
     if given.method == "inverse_dynamics":
         model = identify_inverse(table, declared.free(), learn, hold)
-        return _finish(given, model, learn, hold)
+        blocks = InverseDynamics(learn).blocks()
+        found = diagnose(model.fit, learn, hold, fitting.recordings_to_make(), declared.model, blocks)
+        return _finish(given, model, found, learn, hold)
     with Bar("identify") as bar:
+        bar.span(0.0, 0.85)
         model = identify(table, declared.free(), learn, hold, bar, declared.model)
-    return _finish(given, model, learn, hold)
+        bar.span(0.85, 1.0)
+        bar("residuals and what would help", 0.0)
+        found = diagnose(model.fit, learn, hold, fitting.recordings_to_make(), declared.model)
+    return _finish(given, model, found, learn, hold)
 
 
-def _finish(given: argparse.Namespace, model: FittedModel, learn: list[Record], hold: list[Record]) -> int:
+def _finish(
+    given: argparse.Namespace, model: FittedModel, found: Diagnosis, learn: list[Record], hold: list[Record]
+) -> int:
     """Write the results and print them."""
     names = [list(dict.fromkeys(r.name for r in records)) for records in (learn, hold)]
     extra = {"position_error": position_errors(model.table, learn + hold)} if given.model == "axis" else {}
-    write_folder(given.out, lambda folder: _fill(folder, model, names, given.model, extra), force=given.force)
-    print("\n".join(parameter_lines(model.parameters) + error_lines(model)))
+    write_folder(given.out, lambda folder: _fill(folder, model, found, names, given.model, extra), force=given.force)
+    print("\n".join(parameter_lines(model.parameters) + error_lines(model) + diagnosis_lines(found)))
     for name, error in extra.get("position_error", {}).items():
         print(f"position of the free run, {name}: {1e3 * error:.3f} mm rms")
+    print(f"report: {given.out / 'report.html'}")
     return 0
 
 
-def _fill(folder: Path, model: FittedModel, names: list[list[str]], kind: str, extra: Mapping[str, Any]) -> None:
+def _fill(
+    folder: Path, model: FittedModel, found: Diagnosis, names: list[list[str]], kind: str, extra: Mapping[str, Any]
+) -> None:
     content = {"schema": IDENTIFY_SCHEMA, "model": kind, "recordings": dict(zip(("learn", "hold"), names, strict=True))}
-    write_json(folder / "report.json", {**content, **model_json(model), **extra})
+    write_json(folder / "report.json", {**content, **model_json(model), **extra, "diagnosis": diagnosis_json(found)})
+    (folder / "report.html").write_text(identify_page(model, found, *names), encoding="utf-8")
     save_table(folder / "table.yaml", model.table, f"Fitted to {', '.join(names[0])} by identify.")

@@ -10,8 +10,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
 from shake_ros.core.discovery.search import Attempt, Step
+from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.quantities import ShakeError
 
@@ -29,6 +32,39 @@ def model_json(model: FittedModel) -> dict[str, Any]:
     return {
         "parameters": parameters_json(model.parameters),
         "error": {"learn": model.learn, "hold": model.hold},
+    }
+
+
+def _judgement_json(judgement: Judgement) -> dict[str, Any]:
+    test, split = judgement.test, judgement.split
+    return {
+        "recording": judgement.name,
+        "held_out": judgement.held_out,
+        "channel": judgement.channel,
+        "white": None if test is None else test.white,
+        "white_p": None if test is None else test.auto_p,
+        "independent": None if test is None else test.independent,
+        "independent_p": None if test is None else test.cross_p,
+        "mean_square": {"linear": split.linear, "nonlinear": split.nonlinear, "noise": split.noise},
+        "noise": judgement.noise,
+        "noise_from": judgement.noise_from,
+    }
+
+
+def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Residual tests, correlation of the estimates (null at bounds), combinations left open, the recording to make."""
+    known = diagnosis.identifiability
+    rows = [[float(c) if np.isfinite(c) else None for c in row] for row in known.correlation]
+    return {
+        "residuals": [_judgement_json(j) for j in diagnosis.judgements],
+        "correlation": {"names": list(known.names), "matrix": rows},
+        "not_identified": [{"weights": c.weights, "deviation": c.deviation} for c in known.left_open],
+        "relative_deviation": dict(zip(known.names, known.deviations.tolist(), strict=True)),
+        "helpful_recordings": [
+            {"name": b.candidate.name, "relative_deviation": dict(zip(known.names, b.deviations.tolist(), strict=True))}
+            for b in diagnosis.benefits
+        ],
+        "text": f"{known.text}; {diagnosis.advice}",
     }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
+from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.uncertainty import Estimate
 
 
@@ -40,3 +41,13 @@ def close_loop_lines(result: ClosedLoop) -> list[str]:
     if not result.search.steps:
         lines += ["", "nothing is added: no effect lowers the error of the recordings held out"]
     return [*lines, "", f"remaining: {result.remaining.text}"]
+
+
+def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
+    """Residual tests per recording, then what the recordings identify and which one would help."""
+    lines = [f"{'residual':<36}{'white':>8}{'independent':>13}  the error is"]
+    for j in diagnosis.judgements:
+        white, free = ("yes" if j.test.white else "no", "yes" if j.test.independent else "no") if j.test else ("–", "–")
+        lines.append(f"{('hold ' if j.held_out else 'learn ') + j.name:<36}{white:>8}{free:>13}  {j.split.text}")
+    said = (diagnosis.identifiability.text, diagnosis.advice)
+    return [*lines, *(f"{sentence[0].upper()}{sentence[1:]}." for sentence in said)]

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from shake_ros.core.identification.free_parameters import Declared
+from shake_ros.core.identification.noise import periodic_deviation, resolution, white_deviation
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import initial_state, run, run_batch
 from shake_ros.core.plant.states import CLOCK, VELOCITY
@@ -22,7 +24,8 @@ from shake_ros.core.plant.states import CLOCK, VELOCITY
 CUTOFF = 40.0  # bandwidth of the velocity filter [Hz], (6.3.3.2)
 ORDER = 4  # per pass; forward and backward make the thesis's 8
 SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pressures are not known there
-BLOCK = 0.5  # length of a block of time for standard errors [s]
+BLOCK = 0.5  # length of a block of time for standard errors [s], shorter where the recordings would give less than
+BLOCKS = 24  # blocks in all: with fewer, the scatter of the blocks tells too little of itself
 MODEL_FLOOR = 2e-3  # weights do not fall below this part of a channel's rms: no model is better than that
 
 
@@ -37,35 +40,6 @@ def low_pass(values: np.ndarray, sample_time: float) -> np.ndarray:
 def derivative(position: np.ndarray, sample_time: float) -> np.ndarray:
     """Low-passed central difference of a position, shape (n,) [m] → [m/s]."""
     return low_pass(np.gradient(position, sample_time), sample_time)
-
-
-def white_deviation(values: np.ndarray) -> float:
-    """Standard deviation of the white noise in a signal whose dynamics lie well below the sampling rate.
-
-    The sixth difference removes the dynamics; its median magnitude is not fooled by the few samples about each jump of
-    the friction force, whose spectrum reaches up to the Nyquist frequency. `values` of shape (n,), result in its unit.
-
-    >>> noise = np.random.default_rng(1).standard_normal(100000)
-    >>> slow = np.sin(np.arange(100000) / 10.0)
-    >>> bool(abs(white_deviation(100.0 * slow + noise) - 1.0) < 0.02)
-    True
-    """
-    sixth = np.diff(values, n=6)
-    return float(
-        np.median(np.abs(sixth)) / (0.674490 * math.sqrt(924.0))
-    )  # 924 = Σ of the squared binomials of order 6
-
-
-def resolution(values: np.ndarray) -> float:
-    """Smallest step between the levels of a quantised signal, next to nothing where it is not quantised.
-
-    >>> round(float(resolution(np.round(np.sin(np.arange(1000) / 50.0) / 0.005) * 0.005)), 6)
-    0.005
-    """
-    levels = np.unique(values)
-    steps = np.diff(levels)
-    steps = steps[steps > 1e-6 * (levels[-1] - levels[0])]
-    return float(steps.min()) if len(steps) else 0.0
 
 
 @dataclass(frozen=True)
@@ -97,17 +71,29 @@ class Record:
         """Standard deviation of the position noise, not below that of its rounding to steps [m]."""
         return max(white_deviation(self.position), resolution(self.position) / math.sqrt(12.0))
 
+    @cached_property
+    def noise_from_periods(self) -> dict[str, float]:
+        """Standard deviation of what changes from period to period of a command that repeats; empty where none does."""
+        span = slice(self.start, None)
+        found = {"velocity": periodic_deviation(self.velocity[span], self.commands[span])}
+        if self.acceleration is not None:
+            found["acceleration"] = periodic_deviation(self.acceleration[span], self.commands[span])
+        return {channel: value for channel, value in found.items() if value is not None}
+
     def velocity_noise(self) -> float:
-        """Standard deviation of the noise that passes the velocity filter [m/s]."""
+        """Standard deviation of the noise that passes the velocity filter [m/s], not below that of its rounding."""
         rng = np.random.default_rng(0)
         white = rng.standard_normal(20000)
         gain = float(np.std(derivative(white, self.sample_time)[1000:-1000]))
+        if "velocity" in self.noise_from_periods:
+            rounding = gain * resolution(self.position) / math.sqrt(12.0)
+            return max(self.noise_from_periods["velocity"], rounding)
         return gain * self.position_noise()
 
     def acceleration_noise(self) -> float:
         """Standard deviation of the acceleration noise [m/s²]."""
         assert self.acceleration is not None
-        return white_deviation(self.acceleration)
+        return self.noise_from_periods.get("acceleration", white_deviation(self.acceleration))
 
 
 def relative_error(measured: np.ndarray, simulated: np.ndarray) -> float:
@@ -244,9 +230,11 @@ class RecordingProblem:
     def blocks(self) -> np.ndarray:
         """Number of the block of time that each residual belongs to, shape (n,): velocity and acceleration share it."""
         parts, first = [], 0
+        seconds = sum((len(r.commands) - r.start) * r.sample_time for r in self.records)
+        block = min(BLOCK, seconds / BLOCKS)
         for record in self.records:
             n = len(record.commands) - record.start
-            numbers = first + (np.arange(n) * record.sample_time / BLOCK).astype(int)
+            numbers = first + np.arange(n) // max(round(block / record.sample_time), 1)
             parts.append(numbers)
             if record.acceleration is not None:
                 parts.append(numbers)

@@ -70,7 +70,7 @@ class ErrorSplit:
         """A sentence for a report."""
         total = max(self.linear + self.nonlinear + self.noise, 1e-300)
         shares = [100.0 * part / total for part in (self.linear, self.nonlinear, self.noise)]
-        return "unmodelled linear dynamics {:.0f} %, nonlinear {:.0f} %, noise {:.0f} % of the error".format(*shares)
+        return "unmodelled linear dynamics {:.0f} %, nonlinear {:.0f} %, noise {:.0f} %".format(*shares)
 
 
 def _series(residual: ArrayLike, excitation: ArrayLike, shortest: int) -> tuple[Floats, Floats]:

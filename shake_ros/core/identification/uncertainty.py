@@ -16,7 +16,7 @@ from shake_ros.core.identification.fit import Fit
 
 @dataclass(frozen=True)
 class Estimate:
-    """One fitted parameter: value and standard error in its unit; None where it rests on a bound."""
+    """One fitted parameter: value and standard error in its unit; None where it rests on a bound or does not act."""
 
     name: str
     value: float
@@ -31,13 +31,15 @@ def at_bound(result: Fit) -> np.ndarray:
 
 
 def covariance(result: Fit, blocks: np.ndarray) -> np.ndarray:
-    """Covariance of x for the parameters that are free to move, shape (p, p); NaN for those on a bound.
+    """Covariance of x for the parameters that are free to move, shape (p, p).
+
+    NaN for those on a bound and for those that the residuals do not depend on.
 
     Parameters
     ----------
     blocks : number of the block of time that each residual belongs to, shape (n,).
     """
-    inside = ~at_bound(result)
+    inside = ~at_bound(result) & np.any(result.jacobian != 0.0, axis=0)
     j = result.jacobian[:, inside]
     inverse = np.linalg.pinv(j.T @ j, rcond=1e-12)
     count = int(blocks.max()) + 1

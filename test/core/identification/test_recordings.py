@@ -11,13 +11,13 @@ from hidden_table import ACCELERATION_NOISE, POSITION_NOISE, POSITION_STEP, SAMP
 
 from shake_ros.core.identification.recordings import (
     BLOCK,
+    BLOCKS,
     SETTLE,
     Record,
     RecordingProblem,
     derivative,
     low_pass,
     relative_error,
-    white_deviation,
     windows,
 )
 
@@ -64,27 +64,6 @@ def test_derivative_of_a_measured_sine_is_its_velocity() -> None:
     omega = 2.0 * np.pi * 3.0
     velocity = derivative(0.05 * np.sin(omega * TIME), 0.001)
     assert velocity[500:-500] == pytest.approx(0.05 * omega * np.cos(omega * TIME)[500:-500], abs=1e-3)
-
-
-@pytest.mark.parametrize("deviation", [1e-5, 0.05, 7.0])
-def test_white_noise_is_estimated_within_three_per_cent(deviation: float) -> None:
-    values = deviation * np.random.default_rng(3).standard_normal(20000)
-    assert white_deviation(values) == pytest.approx(deviation, rel=0.03)
-
-
-def test_dynamics_below_the_sampling_rate_are_not_taken_for_noise() -> None:
-    noise = 0.05 * np.random.default_rng(3).standard_normal(len(TIME))
-    motion = 5.0 * np.sin(2.0 * np.pi * 10.0 * TIME) + 0.5 * np.sin(2.0 * np.pi * 40.0 * TIME)
-    assert white_deviation(motion + noise) == pytest.approx(0.05, rel=0.05)
-
-
-def test_jumps_of_the_friction_force_are_not_taken_for_noise() -> None:
-    rng = np.random.default_rng(4)
-    jumps = 2.0 * np.sign(np.sin(2.0 * np.pi * 8.0 * TIME + 0.3))
-    impacts = np.where(rng.random(len(TIME)) < 0.01, 5.0, 0.0)
-    noise = 0.05 * rng.standard_normal(len(TIME))
-    assert white_deviation(jumps + impacts + noise) == pytest.approx(0.05, rel=0.3)
-    assert np.std(np.diff(jumps + impacts + noise)) > 0.5
 
 
 @pytest.mark.parametrize("hidden", [Hidden(), Hidden(dead_band=0.02)])
@@ -145,7 +124,10 @@ def test_velocity_and_acceleration_of_one_instant_share_a_block_of_time() -> Non
     n = len(problem.records[0].commands) - problem.records[0].start
     assert blocks.shape == (4 * n,)
     assert np.array_equal(blocks[:n], blocks[n : 2 * n])
-    assert set(np.bincount(blocks)) == {2 * round(BLOCK / SAMPLE_TIME)}
+    sizes = np.bincount(blocks)
+    assert len(sizes) >= BLOCKS
+    assert np.max(sizes) <= 2 * round(BLOCK / SAMPLE_TIME)
+    assert set(sizes[: len(sizes) // 2 - 1]) == {np.max(sizes)}
     assert not set(blocks[: 2 * n]) & set(blocks[2 * n :])
 
 

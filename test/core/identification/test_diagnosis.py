@@ -1,0 +1,65 @@
+"""Diagnosis of a fit: a model that lacks nothing passes the tests, one that does fails them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from shake_ros.core.identification.diagnosis import Judgement, diagnose
+from shake_ros.core.identification.fit import fit
+from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
+from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.simulation import run
+from shake_ros.settings import load_table
+
+TABLE = load_table("bergamo").with_values({"friction.coulomb_level": 400.0})
+NOISE = 0.05
+
+
+def recorded(table: TableParameters, seed: int, acceleration: bool = True) -> Record:
+    rng = np.random.default_rng(seed)
+    time = np.arange(3000) * 1e-3
+    command = 0.15 * sum(np.cos(2.0 * np.pi * f * time + rng.uniform(0.0, 6.0)) for f in (0.7, 1.9, 3.3, 7.1))
+    out = run(table, command, 1e-3)
+    position = out[:, 0] + 8e-6 * rng.standard_normal(3000)
+    felt = out[:, 2] + NOISE * rng.standard_normal(3000)
+    return Record(f"run{seed}", 1e-3, command, position, felt if acceleration else None)
+
+
+def judged(truth: TableParameters, acceleration: bool = True) -> tuple[Judgement, ...]:
+    learn, hold = [recorded(truth, 1, acceleration)], [recorded(truth, 2, acceleration)]
+    names = {"friction.coulomb_level": {"scale": 50.0}, "valve.flow_coefficient": {"scale": 1e-8}}
+    free = FreeParameters(TABLE, [free_parameter(n, c, "here") for n, c in names.items()])
+    result = fit(RecordingProblem(learn), free, free.start(), evaluations=10)
+    return diagnose(result, learn, hold, ()).judgements
+
+
+def test_a_model_that_lacks_nothing_leaves_noise_in_every_recording() -> None:
+    first, second = judged(TABLE)
+    assert (first.name, first.held_out, second.name, second.held_out) == ("run1", False, "run2", True)
+    for j in (first, second):
+        assert j.test is not None
+        assert j.test.independent
+        assert j.split.noise > 0.9 * (j.split.linear + j.split.nonlinear + j.split.noise)
+        assert j.noise == pytest.approx(NOISE, rel=0.1)
+
+
+def test_a_table_with_a_soft_zone_leaves_a_residual_that_is_not_noise() -> None:
+    soft = TABLE.with_values(
+        {
+            "effects.soft_zone.depth": 0.8,
+            "effects.soft_zone.threshold": 9e5,
+            "effects.soft_zone.sharpness": 8.8e-6,
+        }
+    )
+    for j in judged(soft):
+        assert j.test is not None
+        assert not j.test.white
+        assert j.split.linear + j.split.nonlinear > j.split.noise
+
+
+def test_without_an_accelerometer_the_velocity_is_judged_at_its_independent_samples() -> None:
+    for j in judged(TABLE, acceleration=False):
+        assert j.channel == "velocity"
+        assert j.sample_time == pytest.approx(0.012, rel=0.1)
