@@ -71,6 +71,7 @@ def _fill(
     folder: Path, model: FittedModel, found: Diagnosis, names: list[list[str]], kind: str, extra: Mapping[str, Any]
 ) -> None:
     content = {"schema": IDENTIFY_SCHEMA, "model": kind, "recordings": dict(zip(("learn", "hold"), names, strict=True))}
-    write_json(folder / "report.json", {**content, **model_json(model), **extra, "diagnosis": diagnosis_json(found)})
+    write_json(folder / "report.json", {**content, **model_json(model), **extra})
+    write_json(folder / "diagnosis.json", diagnosis_json(found))
     (folder / "report.html").write_text(identify_page(model, found, *names), encoding="utf-8")
     save_table(folder / "table.yaml", model.table, f"Fitted to {', '.join(names[0])} by identify.")

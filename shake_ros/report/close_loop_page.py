@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
 from shake_ros.core.discovery.search import Step, held_out
 from shake_ros.core.effects import EFFECTS
+from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.report import figures_fit
+from shake_ros.report.identification_section import diagnosis_section
 from shake_ros.report.page import Page
 
 
@@ -99,11 +101,15 @@ def model_sections(page: Page, result: ClosedLoop, hold: list[Record]) -> None:
     page.paragraph(result.remaining.text[0].upper() + result.remaining.text[1:] + ".")
 
 
-def close_loop_page(result: ClosedLoop, learn: list[Record], hold: list[Record]) -> str:
+def close_loop_page(
+    result: ClosedLoop, learn: list[Record], hold: list[Record], diagnosis: Diagnosis | None = None
+) -> str:
     """The whole page as HTML."""
     named = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing"
     learned = ", ".join(dict.fromkeys(r.name for r in learn))
     held = ", ".join(dict.fromkeys(r.name for r in hold))
     page = Page("What does the model lack?", f"Learned on {learned}; held out {held}. Missing: {named}.")
     model_sections(page, result, hold)
+    if diagnosis:
+        diagnosis_section(page, diagnosis)
     return page.render()

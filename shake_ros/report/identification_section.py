@@ -19,7 +19,7 @@ def judgement_row(judgement: Judgement) -> list[str]:
     parts = [f"{100.0 * part / total:.0f} %" for part in (split.linear, split.nonlinear, split.noise)]
     unit = "m/s²" if judgement.channel == "acceleration" else "m/s"
     return [
-        f"{judgement.name} ({'held out' if judgement.held_out else 'fitted'})",
+        f"{judgement.name}, {'held out' if judgement.held_out else 'fitted'}",
         judgement.channel,
         verdict(test.white, test.auto_p) if test else "too short",
         verdict(test.independent, test.cross_p) if test else "too short",

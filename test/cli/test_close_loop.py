@@ -75,9 +75,9 @@ def test_command_says_that_nothing_is_missing() -> None:
 
 
 @pytest.mark.parametrize("case", ["spool_deadband", "nothing"])
-def test_result_folder_holds_report_page_and_table_and_nothing_else(case: str) -> None:
+def test_result_folder_holds_report_diagnosis_page_and_table_and_nothing_else(case: str) -> None:
     done = command(case)
-    assert sorted(p.name for p in done.out.iterdir()) == ["report.html", "report.json", "table.yaml"]
+    assert sorted(p.name for p in done.out.iterdir()) == ["diagnosis.json", "report.html", "report.json", "table.yaml"]
     assert sorted(p.name for p in done.out.parent.iterdir()) == ["hold", "learn", "out"]
 
 

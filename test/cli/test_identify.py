@@ -56,6 +56,22 @@ def test_fitted_table_loads_again(out: Path) -> None:
         assert table.value(name) == pytest.approx(entry["value"], rel=1e-12)
 
 
+def test_residual_tests_and_what_the_recordings_identify_are_reported(out: Path) -> None:
+    report = json.loads((out / "report.json").read_text(encoding="utf-8"))
+    diagnosis = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+    assert [(r["recording"], r["held_out"]) for r in diagnosis["residuals"]] == [("first", False), ("second", True)]
+    assert diagnosis["residuals"][0]["noise_from"] == "band"
+    matrix = diagnosis["correlation"]["matrix"]
+    assert diagnosis["correlation"]["names"] == list(report["parameters"])
+    assert matrix[4][4] == pytest.approx(1.0)
+    best = diagnosis["helpful_recordings"][0]
+    assert best["name"] in diagnosis["text"]
+    assert max(best["relative_deviation"].values()) < max(diagnosis["relative_deviation"].values())
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "What do these recordings identify?" in page
+    assert "independent of the drive" in page
+
+
 def test_recordings_held_out_are_not_needed(
     bags: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from shake_ros.core.identification.experiments import Benefit, Candidate, advice, benefits
-from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.fit import Fit, jacobian
 from shake_ros.core.identification.identifiability import Identifiability, identifiability
 from shake_ros.core.identification.recordings import CUTOFF, FULL, Model, Record, RecordingProblem
 from shake_ros.core.identification.residual_tests import LAGS, ErrorSplit, ResidualTest, error_split, residual_test
@@ -107,5 +107,10 @@ def diagnose(
     judged = judge(problem, vector, False)
     if hold:
         judged += judge(RecordingProblem(list(hold), model), vector, True)
-    known = identifiability(result, problem.blocks() if blocks is None else blocks)
+    blocks = problem.blocks() if blocks is None else blocks
+    if len(blocks) != len(result.residuals):  # fitted to a part of the recordings
+        residuals = problem.residuals(vector[None, :])[0]
+        derivative = jacobian(problem, result.free, result.x, residuals)
+        result = replace(result, residuals=residuals, jacobian=derivative)
+    known = identifiability(result, blocks)
     return Diagnosis(tuple(judged), known, tuple(benefits(result, known, learn, candidates, model)))
