@@ -52,6 +52,9 @@ ENTRY_POINTS: dict[str, Entry] = {
     "multisine_split": Entry(
         "shake_ros.cli.multisine_split", "linear, even and odd parts and noise of a multi-sine's response"
     ),
+    "measured_runs": Entry(
+        "shake_ros.cli.measured_runs", "the real table's harmonics against printed and fitted models"
+    ),
     "record_scale": Entry("shake_ros.cli.record_scale", "read, correct and scale an accelerogram into the envelope"),
 }
 NODES = {name: entry for name, entry in ENTRY_POINTS.items() if entry.is_node}

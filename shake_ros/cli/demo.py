@@ -17,12 +17,11 @@ import numpy as np
 import yaml
 
 from shake_ros.cli import fitting
+from shake_ros.cli.measured_runs import ALL, fit_runs, read_problem
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.closing import ClosedLoop, close_loop
-from shake_ros.core.discovery.measured_runs import MeasuredRuns, Variant, study
+from shake_ros.core.discovery.measured_runs import MeasuredRuns
 from shake_ros.core.discovery.search import Policy
-from shake_ros.core.identification.free_parameters import free_parameter
-from shake_ros.core.identification.harmonics import HarmonicProblem, HarmonicRun
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
@@ -93,22 +92,8 @@ def hide(settings: Mapping[str, Any], seed: int, effect: str | None) -> Hidden:
 
 def measured_runs(bar: Bar) -> MeasuredRuns:
     """Step 1: the five measured runs of the real table."""
-    content = read_yaml(find("measured", "harmonics"))
-    runs = [HarmonicRun(r["amplitude"], r["frequency"], r["harmonics"]) for r in content["runs"]]
-    table = load_table("bergamo").with_values({"body.specimen_mass": content["specimen_mass"]})
-    path = find("discovery", "measured_runs")
-    content = read_yaml(path)
-    variants = [
-        Variant(
-            name,
-            entry["effect"],
-            tuple(free_parameter(n, c, str(path)) for n, c in entry["free"].items()),
-            tuple(entry["trials"]),
-        )
-        for name, entry in content["variants"].items()
-    ]
-    free = fitting.declared_parameters("full")
-    return study(table, free, variants, HarmonicProblem(runs), bar, content["declared"])
+    problem, table = read_problem(find("measured", "harmonics"))
+    return fit_runs(problem, table, [ALL], bar)
 
 
 def record_run(work: Path, name: str, settings: Mapping[str, Any], hidden: Hidden, model: str, bar: Bar) -> Path:

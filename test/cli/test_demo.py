@@ -13,7 +13,7 @@ import pytest
 from closed_loops import command
 
 from shake_ros import __main__
-from shake_ros.cli import demo
+from shake_ros.cli import demo, measured_runs
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.measured_runs import MeasuredRuns
 from shake_ros.core.effects import EFFECTS
@@ -36,10 +36,10 @@ def measured() -> MeasuredRuns:
     def short(path: Path) -> object:
         return few if path.name == "measured_runs.yaml" else read_yaml(path)
 
-    study = demo.study
+    study = measured_runs.study
     with (
-        mock.patch.object(demo, "read_yaml", short),
-        mock.patch.object(demo, "study", lambda *a, **m: study(*a, **{**m, "starts": 3})),
+        mock.patch.object(measured_runs, "read_yaml", short),
+        mock.patch.object(measured_runs, "study", lambda *a, **m: study(*a, **{**m, "starts": 3})),
         contextlib.redirect_stderr(io.StringIO()),
         Bar("test") as bar,
     ):

@@ -18,17 +18,23 @@ from shake_ros.core.identification.harmonics import HarmonicProblem
 from shake_ros.core.plant.parameters import TableParameters
 
 SHORT, LONG = 12, 30  # most trial points of a first fit and of a final one
+STARTS = 16  # random starts looked at around each centre
+AGAIN = 9  # seed of the leader's last fit
 Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to extend the declared model: the effect it stands for, parameters it frees, values to try first."""
+    """One way to extend the declared model: the effect it stands for, parameters it frees, values to try first.
+
+    `seed` draws its random starts, so that a variant gives the same whichever others are tried beside it.
+    """
 
     name: str
     effect: str
     free: tuple[FreeParameter, ...]
     trials: tuple[Mapping[str, float], ...]
+    seed: int
 
 
 @dataclass(frozen=True)
@@ -92,6 +98,32 @@ def best_of(
     return fit(problem, free, best.x, evaluations=LONG, tolerance=1e-4)
 
 
+def extended_fit(
+    problem: HarmonicProblem, base: Fit, others: Sequence[np.ndarray], variant: Variant, starts: int = STARTS
+) -> Fit:
+    """A fitted model extended by a variant: from each of its trials at each of `others`.
+
+    Parameters
+    ----------
+    base : the fitted model. others : values of its parameters to start from, in units of its scales.
+    """
+    extended = FreeParameters(base.free.table(base.x), [*base.free.free, *variant.free])
+    centres = []
+    for values in variant.trials:
+        for other in others:
+            x = extended.x_of(values)
+            x[: len(other)] = other
+            centres.append(x)
+    return best_of(problem, extended, centres, starts, variant.seed)
+
+
+def second_effect(runs: MeasuredRuns, variant: Variant, starts: int = STARTS) -> FittedVariant:
+    """The best model of a study with one more extension, fitted from that model's solution."""
+    best = runs.best
+    name = f"{best.name} + {variant.name}" if best.name else variant.name
+    return FittedVariant(name, variant.effect, extended_fit(runs.problem, best.fit, [best.fit.x], variant, starts))
+
+
 def study(
     table: TableParameters,
     free: Sequence[FreeParameter],
@@ -99,7 +131,7 @@ def study(
     problem: HarmonicProblem,
     progress: Progress,
     first: Sequence[Mapping[str, float]] = (),
-    starts: int = 16,
+    starts: int = STARTS,
 ) -> MeasuredRuns:
     """Fit the declared model and every variant; the best variant once more from starts around its solution.
 
@@ -115,20 +147,16 @@ def study(
     declared = best_of(problem, declared_free, centres, 2 * starts, 0)
     result = []
     for i, variant in enumerate(variants):
-        progress(variant.name, (i + 1) / (len(variants) + 1))
-        extended = FreeParameters(declared_free.table(declared.x), [*free, *variant.free])
-        centres = []
-        for values in variant.trials:
-            for others in (declared.x, *(declared_free.x_of(f) for f in first)):
-                x = extended.x_of(values)
-                x[: len(others)] = others
-                centres.append(x)
-        best = best_of(problem, extended, centres, starts, i + 1)
+        progress(variant.name, (i + 1) / (len(variants) + 2))
+        others = [declared.x, *(declared_free.x_of(values) for values in first)]
+        best = extended_fit(problem, declared, others, variant, starts)
         result.append(FittedVariant(variant.name, variant.effect, best))
-    progress("once more", 1.0)
+    if not result:
+        return MeasuredRuns(problem, FittedVariant("", "", declared), ())
+    progress("once more", (len(variants) + 1) / (len(variants) + 2))
     best_index = min(range(len(result)), key=lambda i: result[i].criterion)
     leader = result[best_index]
-    again = best_of(problem, leader.fit.free, [leader.fit.x] * 5, starts, len(variants) + 1)
+    again = best_of(problem, leader.fit.free, [leader.fit.x] * 5, starts, AGAIN)
     if again.cost < leader.fit.cost:
         result[best_index] = FittedVariant(leader.name, leader.effect, again)
     return MeasuredRuns(problem, FittedVariant("", "", declared), tuple(sorted(result, key=lambda v: v.criterion)))
