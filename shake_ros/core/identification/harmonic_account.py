@@ -47,7 +47,7 @@ class HarmonicAccount:
 
 
 def measured_distortion(problem: HarmonicProblem) -> np.ndarray:
-    """THD (6.1) of the measured amplitudes of each run, shape (number of runs,) [-]."""
+    """THD of the measured amplitudes of each run, shape (number of runs,) [-]."""
     return distortion(problem, problem.measured)
 
 
