@@ -33,12 +33,16 @@ class Entry:
 
 ENTRY_POINTS: dict[str, Entry] = {
     "plant": Entry("shake_ros.ros.plant_node", "simulated table: valve, cylinder, specimen, sensors"),
+    "hardware_bridge": Entry("shake_ros.ros.hardware_bridge_node", "the plant's face over a real table, by datagrams"),
     "reference_generator": Entry("shake_ros.ros.reference_node", "plays sine, multi-sine, sweep, pulse, step, quake"),
     "observer": Entry("shake_ros.ros.observer_node", "estimates velocity and acceleration from the position"),
     "controller": Entry("shake_ros.ros.controller_node", "follows the reference with the valve command"),
     "thd_analyzer": Entry("shake_ros.ros.thd_node", "live harmonics of the acceleration and their distortion"),
     "recorder": Entry("shake_ros.ros.recorder_node", "everything named into a rosbag2 recording; --recover PATH"),
     "player": Entry("shake_ros.ros.player_node", "a recording's messages again, with the recorded timing"),
+    "target_emulator": Entry(
+        "shake_ros.cli.target_emulator", "a target computer without ROS: the table behind the bridge's datagrams"
+    ),
     "demo": Entry("shake_ros.cli.demo", "the main job end to end: measured data, loop, missing effect, tracking"),
     "identify": Entry("shake_ros.cli.identify", "fit the declared model to recordings"),
     "close_loop": Entry("shake_ros.cli.close_loop", "find what the declared model lacks, add it, before and after"),

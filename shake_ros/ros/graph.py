@@ -40,6 +40,7 @@ LAST = ("recorder",)  # stopped after all that it may still hear from
 # Which sampled topics a node reads, for the plant to wait for.
 READS: dict[str, tuple[str, ...]] = {
     "plant": ("valve_command",),
+    "hardware_bridge": ("valve_command",),
     "reference_generator": ("joint_states",),
     "observer": ("joint_states", "valve_command"),
     "controller": ("reference", "estimate"),

@@ -27,15 +27,15 @@ class NodeInterlock:
     ----------
     name : configuration in config/interlock, or a YAML file.
     enabled : whether the start sequence begins by itself.
-    on_reset : called after a reset that was accepted.
+    before_reset : called before the interlock is reset.
 
     `guard` is held while a service touches the interlock; a node whose samples come in another thread takes it too.
     """
 
-    def __init__(self, frame: Frame, name: str, enabled: bool, on_reset: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, frame: Frame, name: str, enabled: bool, before_reset: Callable[[], None] = lambda: None) -> None:
         self.frame = frame
         self.guard = threading.RLock()
-        self._on_reset = on_reset
+        self._before_reset = before_reset
         configured = load_interlock(name)
         self._live = frame.parameters.declare(configured, "interlock.", accept=self._accept)
         self.tracks = self._live.value.response("tracking_error").active
@@ -149,8 +149,8 @@ class NodeInterlock:
     def _reset(self, _request: Any, response: Any) -> Any:
         with self.guard:
             self.look_for_two()
+            self._before_reset()
             response.success, response.message = self.lock.reset()
             if response.success:
                 self.frame.diagnostics.clear()
-                self._on_reset()
         return response

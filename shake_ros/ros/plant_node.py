@@ -15,6 +15,8 @@ from shake_ros.ros.frame import FIRST_STAMP, Frame, node_settings
 from shake_ros.ros.interlock import NodeInterlock
 from shake_ros.settings import load_table
 
+NEAR = 3  # periods between a measurement and the reference that it is compared with
+
 
 @dataclass(frozen=True)
 class PlantParameters(Parameters):
@@ -128,8 +130,8 @@ class Plant:
         self.frame.diagnostics.cycles += 1
 
     def _reference_at(self, stamp: int) -> float:
-        """The reference of this instant or the one before [m]; NaN where there is none."""
-        return self._reference if 0 <= stamp - self._reference_stamp <= self.frame.period else math.nan
+        """The newest reference [m]; NaN where there is none of about this instant."""
+        return self._reference if abs(stamp - self._reference_stamp) <= NEAR * self.frame.period else math.nan
 
     def _advance(self, now: int) -> None:
         if self._live.changed:

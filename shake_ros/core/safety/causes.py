@@ -66,6 +66,7 @@ CAUSES: dict[str, Cause] = {
     "supply_pressure_low": Cause("Pa", "supply pressure at the stage `run`", 1e8, below=True),
     "sensor_missing": Cause("s", "time without a finite reading of position and acceleration", 10.0),
 }
+NUMBERS: dict[str, int] = {name: number for number, name in enumerate(CAUSES, 1)}  # on the wire; 0 is none
 SENSED: tuple[str, ...] = (
     "position_soft",
     "position_hard",

@@ -328,6 +328,11 @@ class Interlock:
         return self._severity if self._severity >= HOLDS else 0
 
     @property
+    def tripped(self) -> bool:
+        """Whether a hydraulic interlock waits for reset."""
+        return self._severity >= TRIPS
+
+    @property
     def value(self) -> dict[str, float]:
         """The sensed values of the last sample by cause."""
         return dict(zip(SENSED, self._values.tolist(), strict=True))

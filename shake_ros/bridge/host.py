@@ -1,0 +1,153 @@
+"""The host's end of the link: asks for a session, takes measurements, sends commands, counts what it refuses."""
+
+from __future__ import annotations
+
+import secrets
+import select
+import socket
+import struct
+import time
+from collections import Counter
+
+from shake_ros.bridge import wire
+from shake_ros.bridge.session import Session, new_counts, numeric, session_key
+from shake_ros.core.quantities import ShakeError
+
+HELLO_PERIOD = 0.1  # [s] between two hellos
+SILENCE = 0.5  # after so long without a measurement [s] a new session is asked for
+BUFFER = 1 << 20  # of the socket [bytes]
+TIMESPEC = struct.Struct("@qq")
+SO_TIMESTAMPNS = 35  # of Linux, not in Python's socket module
+SECOND = 1_000_000_000
+MOST_AT_ONCE = 64  # datagrams that are looked at in one call
+
+
+def udp_socket(address: str, port: int) -> socket.socket:
+    """A bound socket whose datagrams bear the time of their arrival; raises ShakeError where it cannot be bound."""
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+        made.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        made.bind((numeric(address), port))
+        made.setblocking(False)
+    except (OSError, ShakeError) as error:
+        made.close()
+        raise ShakeError(f"address {address}:{port}: {getattr(error, 'strerror', None) or error}") from None
+    return made
+
+
+def receive(link: socket.socket) -> tuple[bytes, int, tuple[str, int]] | None:
+    """The next datagram, when it arrived [ns, wall clock] and from where; None where none waits."""
+    try:
+        data, ancillary, _, sender = link.recvmsg(wire.LARGEST, 64)
+    except BlockingIOError:
+        return None
+    except ConnectionError:  # nobody listened at the other end; the next try is as good
+        return b"", time.time_ns(), ("", 0)
+    for level, kind, content in ancillary:
+        if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS and len(content) >= TIMESPEC.size:
+            seconds, nanoseconds = TIMESPEC.unpack_from(content)
+            return data, seconds * SECOND + nanoseconds, sender
+    return data, time.time_ns(), sender
+
+
+class Host:
+    """One link to one target.
+
+    Parameters
+    ----------
+    address, port : of the target. local_address : of this machine. key : shared, empty for none.
+    """
+
+    def __init__(self, address: str, port: int, local_address: str, key: bytes) -> None:
+        self.target = (numeric(address), port)
+        self.key = key
+        self.session: Session | None = None
+        self.rejected: Counter[str] = new_counts()
+        self.received = 0
+        self.lost = 0
+        self.late = 0
+        self.sessions = 0
+        self._nonce = b""
+        self._asked = 0.0
+        self._heard = 0.0
+        self._socket = udp_socket(local_address, 0)
+
+    def receive(self, timeout: float) -> tuple[wire.Measurement, int] | None:
+        """The next new measurement and when it arrived [ns, wall clock]; None after `timeout` [s] without one."""
+        now = time.monotonic()
+        if self.session is None or now - self._heard > SILENCE:
+            self._ask(now)
+        for _ in range(MOST_AT_ONCE):
+            came = receive(self._socket)
+            if came is None:
+                if not select.select([self._socket], [], [], timeout)[0]:
+                    return None
+                continue
+            data, arrival, sender = came
+            try:
+                measurement = self._take(data, sender)
+            except wire.Rejected as rejected:
+                self.rejected[str(rejected)] += 1
+                continue
+            if measurement is not None:
+                return measurement, arrival
+        return None
+
+    def _ask(self, now: float) -> None:
+        if now - self._asked >= HELLO_PERIOD:
+            if not self._nonce:
+                self._nonce = secrets.token_bytes(wire.NONCE_SIZE)
+            self._asked = now
+            self._send(wire.hello(self.key, self._nonce))
+
+    def _take(self, data: bytes, sender: tuple[str, int]) -> wire.Measurement | None:
+        if not data and not sender[0]:
+            return None
+        head = wire.header(data)
+        if head.kind == wire.WELCOME:
+            return self._welcomed(data, head.session)
+        if head.kind != wire.MEASUREMENT:
+            raise wire.Rejected("kind")
+        session = self.session
+        if session is None or head.session != session.number:
+            raise wire.Rejected("session")
+        measurement = wire.read_measurement(session.key, data)
+        newest = session.window.newest
+        if not session.window.accept(measurement.sequence):
+            raise wire.Rejected("replay")
+        self._heard = time.monotonic()
+        self.received += 1
+        if measurement.sequence < newest:
+            self.late += 1
+            self.lost -= 1
+            return None
+        self.lost += measurement.sequence - newest - 1
+        return measurement
+
+    def _welcomed(self, data: bytes, number: int) -> None:
+        host_nonce, target_nonce = wire.read_welcome(self.key, data)
+        if not self._nonce or host_nonce != self._nonce:
+            raise wire.Rejected("session")
+        self._nonce = b""
+        self.session = Session(number, session_key(self.key, host_nonce, target_nonce))
+        self.sessions += 1
+        self._heard = time.monotonic()
+        self.send(0, 0.0, 0, 0)  # the first command begins the session
+
+    def send(self, answers: int, u: float, mode: int, flags: int) -> None:
+        """A command in answer to a measurement: raw value of the valve, stage asked for, flags."""
+        session = self.session
+        if session is not None:
+            message = wire.Command(session.number, session.next_sequence(), answers, u, mode, flags)
+            self._send(wire.command(session.key, message))
+
+    def _send(self, data: bytes) -> None:
+        try:
+            self._socket.sendto(data, self.target)
+        except OSError:  # a link that is down or full: the other end's watchdog is what counts
+            self.rejected["unsent"] += 1
+
+    def close(self) -> None:
+        """Give the socket back."""
+        self._socket.close()

@@ -1,0 +1,113 @@
+"""Command `target_emulator`: a target computer in a process without ROS, for the node `hardware_bridge`."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import os
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from shake_ros.bridge.emulator import Emulator, EmulatorParameters
+from shake_ros.bridge.faults import FAULTS, Switches, parse_fault
+from shake_ros.bridge.session import key_for, write_key
+from shake_ros.bridge.target import TargetLink
+from shake_ros.core.quantities import ShakeError
+from shake_ros.core.safety.power_unit import PowerUnitParameters
+from shake_ros.settings import find, load_interlock, load_table, read_yaml
+
+WHERE = "config/node/target_emulator.yaml"
+
+
+def parser() -> argparse.ArgumentParser:
+    """Arguments of the command."""
+    made = argparse.ArgumentParser(prog="target_emulator", description=(__doc__ or "").strip())
+    made.add_argument("--address", help="to listen on")
+    made.add_argument("--port", type=int, help="UDP port, 0 for a free one")
+    made.add_argument("--key", metavar="FILE", help="shared key; without it loopback addresses only")
+    made.add_argument("--make-key", type=Path, metavar="FILE", help="write a new key and end")
+    made.add_argument("--table", help="configuration in config/table, or a YAML file")
+    made.add_argument("--interlock", help="configuration in config/interlock, or a YAML file")
+    made.add_argument("--seed", type=int, help="of the sensor noise")
+    made.add_argument("--duration", type=float, default=0.0, help="end after this [s]; 0 = never")
+    made.add_argument("--priority", type=int, default=0, help="SCHED_FIFO priority, 0 = usual scheduling")
+    made.add_argument("--report", type=Path, metavar="FILE", help="write what happened as JSON at the end")
+    made.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="NAME@START+DURATION=VALUE",
+        help=f"one of {', '.join(FAULTS)}; standard input takes lines NAME=VALUE and 'NAME off'",
+    )
+    return made
+
+
+def settings(given: argparse.Namespace) -> tuple[EmulatorParameters, PowerUnitParameters]:
+    """The configuration with what the command line changes."""
+    content: dict[str, Any] = dict(read_yaml(find("node", "target_emulator")))
+    unit = PowerUnitParameters.from_mapping(content.pop("power_unit", {}), f"{WHERE}: power_unit")
+    changes = {
+        "address": given.address,
+        "port": given.port,
+        "key_file": given.key,
+        "table": given.table,
+        "interlock": given.interlock,
+        "seed": given.seed,
+    }
+    content |= {name: value for name, value in changes.items() if value is not None}
+    return EmulatorParameters.from_mapping(content, WHERE), unit
+
+
+def listen(switches: Switches) -> None:
+    """Faults by lines on standard input, in a thread of its own."""
+    for line in sys.stdin:
+        if not line.strip():
+            continue
+        try:
+            switches.switch(line)
+        except ShakeError as error:
+            print(f"target_emulator: {error}", file=sys.stderr, flush=True)
+
+
+def ask_for_priority(priority: int) -> None:
+    """SCHED_FIFO where the system allows it, else a warning."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (OSError, ValueError) as error:
+        print(f"target_emulator: runs without SCHED_FIFO ({error})", file=sys.stderr)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run until SIGINT, SIGTERM or the end of the duration; returns the exit code."""
+    given = parser().parse_args(list(arguments))
+    if given.make_key:
+        write_key(given.make_key)
+        return 0
+    own, unit = settings(given)
+    switches = Switches([parse_fault(text) for text in given.fault])
+    link = TargetLink(own.address, own.port, key_for(own.key_file, own.address))
+    try:
+        emulator = Emulator(own, load_table(own.table), unit, load_interlock(own.interlock), link, switches)
+        ending = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: ending.set())
+        threading.Thread(target=listen, args=(switches,), daemon=True).start()
+        if given.priority:
+            ask_for_priority(given.priority)
+        gc.collect()
+        gc.freeze()
+        print(f"ready {link.address[0]}:{link.address[1]}", flush=True)
+        samples = round(given.duration * own.rate)
+        emulator.run(lambda: not ending.is_set() and not 0 < samples <= emulator.samples)
+    finally:
+        link.close()
+    summary = json.dumps(emulator.summary())
+    if given.report:
+        given.report.write_text(summary + "\n", encoding="utf-8")
+    print(summary, flush=True)
+    return 0
