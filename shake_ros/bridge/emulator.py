@@ -166,7 +166,8 @@ class Emulator:
         status = lock.stage
         status |= wire.HOLDING if lock.hold_severity else 0
         status |= wire.TRIPPED if lock.tripped else 0
-        trip = NUMBERS[lock.trips[-1].cause] if lock.trips else 0
+        leading = lock.leading
+        trip = NUMBERS[leading.cause] if leading else 0
         sequence = self.link.send(
             now,
             read.position,

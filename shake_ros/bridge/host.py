@@ -8,6 +8,7 @@ import socket
 import struct
 import time
 from collections import Counter
+from collections.abc import Callable
 
 from shake_ros.bridge import wire
 from shake_ros.bridge.session import Session, new_counts, numeric, session_key
@@ -57,9 +58,13 @@ class Host:
     Parameters
     ----------
     address, port : of the target. local_address : of this machine. key : shared, empty for none.
+    clock : steady time [s].
     """
 
-    def __init__(self, address: str, port: int, local_address: str, key: bytes) -> None:
+    def __init__(
+        self, address: str, port: int, local_address: str, key: bytes, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._clock = clock
         self.target = (numeric(address), port)
         self.key = key
         self.session: Session | None = None
@@ -69,13 +74,13 @@ class Host:
         self.late = 0
         self.sessions = 0
         self._nonce = b""
-        self._asked = 0.0
+        self._asked = -HELLO_PERIOD
         self._heard = 0.0
         self._socket = udp_socket(local_address, 0)
 
     def receive(self, timeout: float) -> tuple[wire.Measurement, int] | None:
         """The next new measurement and when it arrived [ns, wall clock]; None after `timeout` [s] without one."""
-        now = time.monotonic()
+        now = self._clock()
         if self.session is None or now - self._heard > SILENCE:
             self._ask(now)
         for _ in range(MOST_AT_ONCE):
@@ -106,7 +111,8 @@ class Host:
             return None
         head = wire.header(data)
         if head.kind == wire.WELCOME:
-            return self._welcomed(data, head.session)
+            self._welcomed(data, head.session)
+            return None
         if head.kind != wire.MEASUREMENT:
             raise wire.Rejected("kind")
         session = self.session
@@ -116,7 +122,7 @@ class Host:
         newest = session.window.newest
         if not session.window.accept(measurement.sequence):
             raise wire.Rejected("replay")
-        self._heard = time.monotonic()
+        self._heard = self._clock()
         self.received += 1
         if measurement.sequence < newest:
             self.late += 1
@@ -132,7 +138,7 @@ class Host:
         self._nonce = b""
         self.session = Session(number, session_key(self.key, host_nonce, target_nonce))
         self.sessions += 1
-        self._heard = time.monotonic()
+        self._heard = self._clock()
         self.send(0, 0.0, 0, 0)  # the first command begins the session
 
     def send(self, answers: int, u: float, mode: int, flags: int) -> None:

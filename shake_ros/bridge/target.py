@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 import time
 from collections import Counter, OrderedDict
+from collections.abc import Callable
 
 from shake_ros.bridge import wire
 from shake_ros.bridge.host import MOST_AT_ONCE, receive, udp_socket
@@ -19,10 +20,11 @@ class TargetLink:
 
     Parameters
     ----------
-    address, port : to listen on; port 0 takes a free one. key : shared, empty for none.
+    address, port : to listen on; port 0 takes a free one. key : shared, empty for none. clock : steady time [s].
     """
 
-    def __init__(self, address: str, port: int, key: bytes) -> None:
+    def __init__(self, address: str, port: int, key: bytes, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
         self.key = key
         self.session: Session | None = None
         self.peer: tuple[str, int] = ("", 0)
@@ -56,7 +58,8 @@ class TargetLink:
     def _take(self, data: bytes, sender: tuple[str, int]) -> wire.Command | None:
         head = wire.header(data)
         if head.kind == wire.HELLO:
-            return self._offer(data, sender)
+            self._offer(data, sender)
+            return None
         if head.kind != wire.COMMAND:
             raise wire.Rejected("kind")
         session = self.session
@@ -73,12 +76,12 @@ class TargetLink:
             self.session, self.peer = session, sender
             self.sessions += 1
             self._offered.clear()
-        self._heard = time.monotonic()
+        self._heard = self._clock()
         self.received += 1
         return command if command.sequence == session.window.newest else None
 
     def _busy(self) -> bool:
-        return self.session is not None and time.monotonic() - self._heard < BUSY
+        return self.session is not None and self._clock() - self._heard < BUSY
 
     def _offer(self, data: bytes, sender: tuple[str, int]) -> None:
         nonce = wire.read_hello(self.key, data)
@@ -86,13 +89,14 @@ class TargetLink:
             raise wire.Rejected("session")
         for number, (_, host_nonce, target_nonce) in self._offered.items():
             if host_nonce == nonce:  # asked again: the answer was lost
-                return self._send(wire.welcome(self.key, number, nonce, target_nonce), sender)
+                self._send(wire.welcome(self.key, number, nonce, target_nonce), sender)
+                return
         own = secrets.token_bytes(wire.NONCE_SIZE)
         number = int.from_bytes(own[:8], "little")
         self._offered[number] = (Session(number, session_key(self.key, nonce, own)), nonce, own)
         while len(self._offered) > MOST_OFFERED:
             self._offered.popitem(last=False)
-        return self._send(wire.welcome(self.key, number, nonce, own), sender)
+        self._send(wire.welcome(self.key, number, nonce, own), sender)
 
     def send(self, *fields: float) -> int:
         """A measurement: the fields of `wire.Measurement` after the sequence. Returns its sequence, 0 if unsent."""

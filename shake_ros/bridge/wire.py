@@ -62,7 +62,7 @@ class Measurement(NamedTuple):
     answered: int  # sequence of the newest command that was taken, 0 before the first
     acting: float  # the command that acts
     status: int
-    trip: int  # number of the cause of the last trip, 0 for none
+    trip: int  # number of the cause in force, 0 for none
 
 
 class Command(NamedTuple):

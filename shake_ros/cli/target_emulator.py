@@ -17,6 +17,7 @@ from shake_ros.bridge.emulator import Emulator, EmulatorParameters
 from shake_ros.bridge.faults import FAULTS, Switches, parse_fault
 from shake_ros.bridge.session import key_for, write_key
 from shake_ros.bridge.target import TargetLink
+from shake_ros.bridge.vectors import vectors
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.power_unit import PowerUnitParameters
 from shake_ros.settings import find, load_interlock, load_table, read_yaml
@@ -31,6 +32,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--port", type=int, help="UDP port, 0 for a free one")
     made.add_argument("--key", metavar="FILE", help="shared key; without it loopback addresses only")
     made.add_argument("--make-key", type=Path, metavar="FILE", help="write a new key and end")
+    made.add_argument("--test-vector", action="store_true", help="print worked datagrams and end")
     made.add_argument("--table", help="configuration in config/table, or a YAML file")
     made.add_argument("--interlock", help="configuration in config/interlock, or a YAML file")
     made.add_argument("--seed", type=int, help="of the sensor noise")
@@ -87,6 +89,10 @@ def main(arguments: Sequence[str]) -> int:
     given = parser().parse_args(list(arguments))
     if given.make_key:
         write_key(given.make_key)
+        return 0
+    if given.test_vector:
+        for name, data in vectors().items():
+            print(f"{name}: {data.hex()}")
         return 0
     own, unit = settings(given)
     switches = Switches([parse_fault(text) for text in given.fault])

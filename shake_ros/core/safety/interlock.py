@@ -38,6 +38,8 @@ STOPS = SEVERITY[PROGRAM_STOP]
 TRIPS = SEVERITY[HYDRAULIC]
 # `reset` may leave these behind while they stand, else nothing could bring the table back
 ACKNOWLEDGED = ("position_soft", "tracking_error")
+# a sensor that lies is named before what it seems to say
+SENSORS_FIRST = sorted(enumerate(SENSED), key=lambda item: not item[1].startswith("sensor"))
 COMMAND_CAUSES = ("command_not_finite", "command_range", "command_jump")
 
 
@@ -176,7 +178,7 @@ class Interlock:
 
     def _judge(self, now: int, distance: float) -> None:
         """Which sensed causes stand, one by one."""
-        for place, name in enumerate(SENSED):
+        for place, name in SENSORS_FIRST:
             value, limit = float(self._values[place]), float(self._limits[place])
             stands = not value >= limit if CAUSES[name].below else value > limit
             self._update(name, now, value, stands)
@@ -219,8 +221,8 @@ class Interlock:
         now = self._last
         if self._stamp >= 0 and now - self._stamp > self._first_age:
             self._stamp = -1
-            self.clear("stale_command")
-            self.clear("command_lost")
+        self.clear("stale_command")
+        self.clear("command_lost")
         for name, standing in self._active.items():
             if standing.stands and standing.severity >= HOLDS and standing.latched and name not in ACKNOWLEDGED:
                 return False, f"{standing.trip} still stands"
@@ -333,6 +335,12 @@ class Interlock:
         return self._severity >= TRIPS
 
     @property
+    def leading(self) -> Trip | None:
+        """What is in force: of the hardest causes the first; None where nothing is."""
+        hardest = max(self._active.values(), key=lambda one: one.acts, default=None)
+        return hardest.trip if hardest else None
+
+    @property
     def value(self) -> dict[str, float]:
         """The sensed values of the last sample by cause."""
         return dict(zip(SENSED, self._values.tolist(), strict=True))
@@ -341,7 +349,7 @@ class Interlock:
         """Level and text of the present state."""
         acting = [one for one in self._active.values() if one.acts >= HOLDS]
         if acting:
-            return self._blocked(max(acting, key=lambda one: one.acts))
+            return self._blocked(max(acting, key=lambda one: one.acts))  # of equals the first
         if not self.enabled:
             return WARN, "not enabled" if self.stage == OFF else f"not enabled; stops at {STAGES[self.stage]}"
         if self.stage < self._ceiling or self.stage != RUN:

@@ -1,0 +1,97 @@
+"""The bridge in place of the plant: the closed loop over DDS and datagrams to an emulated target."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
+
+from driver import Driver
+from listener import Listener
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.ros.graph import Graph, NodeSpec
+from shake_ros.ros.hardware_bridge_node import build
+from shake_ros.ros.loop import build_node, ros_context
+from shake_ros.settings import config_folder
+
+PATIENCE = 40.0
+RELAXED = ("sensor_missing", "link_loss", "tracking_error", "clock_jump", "command_lost", "target_trip")
+
+
+@pytest.fixture
+def bridge(tmp_path: Path) -> Iterator[str]:
+    """An emulator on a free port; the path of the bridge's configuration for it."""
+    target = tmp_path / "target.yaml"
+    relaxed = (config_folder() / "interlock" / "target.yaml").read_text()
+    target.write_text(relaxed.replace("command_lost: {threshold: 0.2", "command_lost: {threshold: 5.0"))
+    command = [sys.executable, "-m", "shake_ros", "target_emulator", "--port", "0", "--interlock", str(target)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as emulator:
+        assert emulator.stdout is not None
+        port = emulator.stdout.readline().strip().rpartition(":")[2]
+        path = tmp_path / "bridge.yaml"
+        path.write_text((config_folder() / "bridge" / "emulator.yaml").read_text().replace("47800", port))
+        try:
+            yield str(path)
+        finally:
+            emulator.terminate()
+
+
+def wait_for(driver: Driver, service: str, **request: object) -> None:
+    """Call a service until it succeeds."""
+    deadline = time.monotonic() + PATIENCE
+    while not (answer := driver.service(service, **request))[0]:
+        assert time.monotonic() < deadline, answer
+        time.sleep(0.1)
+
+
+def test_loop_runs_over_the_bridge_as_over_the_plant_once_it_is_enabled(ros_domain, bridge) -> None:
+    # a busy machine must not trip what guards a real table
+    causes = {f"interlock.causes.{name}.action": "none" for name in RELAXED}
+    parameters = {"bridge": bridge, "interlock.causes.stale_command.threshold": 1.0, **causes}
+    nodes = [
+        NodeSpec("hardware_bridge", {**parameters, "realtime.enabled": True}),
+        NodeSpec("reference_generator", {"reference": "sine_20mm_2hz"}),
+        NodeSpec("observer"),
+        NodeSpec("controller"),
+    ]
+    topics = ("joint_states", "imu", "pressure_supply", "pressure_a", "/diagnostics")
+    with (
+        Listener(topics, lockstep=False, domain_id=ros_domain) as listener,
+        Driver(domain_id=ros_domain, node="hardware_bridge") as driver,
+    ):
+        driver.node.destroy_publisher(driver.publisher)
+        with Graph(nodes, domain_id=ros_domain, lockstep=False) as graph:
+            graph.wait_until_ready()
+            listener.wait_for_status("hardware_bridge", "not enabled", PATIENCE)
+            wait_for(driver, "enable", data=True)
+            status = listener.wait_for_status("hardware_bridge", "running", PATIENCE)
+            time.sleep(1.5)
+            assert driver.service("stop")[0]
+            listener.wait_for_status("hardware_bridge", "stopped; waiting for reset", PATIENCE)
+            wait_for(driver, "reset")
+            graph.stop()
+    moved = [message.position[0] for message in listener.messages("joint_states")]
+    assert max(moved) > 2e-3
+    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in listener.messages("imu")]
+    assert all(after > before for before, after in zip(stamps, stamps[1:], strict=False))
+    assert abs(stamps[-1] - time.time_ns()) < 60 * 10**9
+    assert {"clock.offset_s", "clock.drift_ppm", "link.lost", "link.rejected.tag"} <= set(status)
+    said = [s for m in listener.messages("/diagnostics") for s in m.status if s.name.endswith(": interlock")]
+    values = {item.key: item.value for item in said[-1].values}
+    assert (values["cause"], values["action"]) == ("stop", "hydraulic_interlock")
+    assert {"time_ns", "value", "limit", "unit"} <= set(values)
+
+
+def test_bridge_in_lockstep_is_refused(ros_domain) -> None:
+    with (
+        ros_context([], domain_id=ros_domain) as context,
+        pytest.raises(ShakeError, match="hardware_bridge runs in real time only"),
+    ):
+        build_node(build, "hardware_bridge", context, ["--ros-args", "-p", "lockstep:=true"])
