@@ -5,8 +5,9 @@ place of the reduced model: between samples a copy of the identified table is ad
 dead time, soft zone, friction and valve included. At a sample the first sign acts on the copy's position; once its
 surface is reached its equivalent injection is the velocity's error, and so on. The third stage's injection, a jerk,
 acts as the change of the load pressure that makes it. Each sign is solved implicitly, a boundary layer included. The
-fourth stage takes what the third needs steadily as the rate of a disturbance, so that an effect that the model lacks
-leaves no steady error; λ_4 = 0 leaves it out. Not in the thesis.
+fourth stage turns what the third needs steadily into a disturbance that is added to the command, so that a null shift,
+a wrong flow gain or a leakage that the model lacks leaves little error: what they disturb is a flow, and the copy's own
+compressibility, stiff or soft, turns the flow into pressure. λ_4 = 0 leaves the stage out. Not in the thesis.
 
 Range of validity: |velocity error| < λ_1. Verified against: a model equal to the plant; without noise the estimate
 converges onto the truth.
@@ -28,7 +29,7 @@ from shake_ros.core.quantities import Parameters, choice, quantity
 
 CODE = 5
 STAGES = 4
-PRESSURE, WHOLE = 2 * STAGES, 2 * STAGES + 1  # places in the packed parameters, behind λ and δ
+PER_COMMAND, PRESSURE, WHOLE = 2 * STAGES, 2 * STAGES + 1, 2 * STAGES + 2  # places in the packed, behind λ and δ
 
 
 @dataclass(frozen=True)
@@ -44,14 +45,15 @@ class ModelSlidingModeObserver(Parameters):
     boundary2: float = quantity("m/s", "boundary layer of the velocity error, 0 for a sign", low=0.0)
     boundary3: float = quantity("m/s^2", "boundary layer of the acceleration error, 0 for a sign", low=0.0)
     boundary4: float = quantity("m/s^3", "boundary layer of the disturbance's error, 0 for a sign", low=0.0)
+    jerk_per_command: float = quantity("m/s^3", "jerk that a unit of command makes, β_3 where the gains hold", low=1e-6)
 
 
 def pack(parameters: ModelSlidingModeObserver, model: TableParameters, sample_time: float) -> NDArray[np.float64]:
-    """λ, δ, pressure per acceleration and dead time as an array (11,)."""
+    """λ, δ, jerk per command, pressure per acceleration and dead time as an array (12,)."""
     p = parameters
     gains = [p.lambda1, p.lambda2, p.lambda3, p.lambda4, p.boundary1, p.boundary2, p.boundary3, p.boundary4]
     mass = model.moved_mass + model.value("effects.payload_error.mass")
-    return np.array([*gains, 0.5 * mass / model.body.piston_area, *dead_time(model, sample_time)])
+    return np.array([*gains, p.jerk_per_command, 0.5 * mass / model.body.piston_area, *dead_time(model, sample_time)])
 
 
 def started(
@@ -63,10 +65,9 @@ def started(
 
 @njit
 def observe(state, parameters, p, position, command, dt, work, estimate):  # type: ignore[no-untyped-def]
-    """One sample, in place; arguments as in `model.observe`, with the (11,) array from `pack`."""
+    """One sample, in place; arguments as in `model.observe`, with the (12,) array from `pack`."""
     last = state.shape[0] - 1
-    carry_copy(p, state, last, command, parameters[WHOLE], parameters[WHOLE + 1], dt, work)
-    jerk = state[last]
+    carry_copy(p, state, last, command + state[last], parameters[WHOLE], parameters[WHOLE + 1], dt, work)
     # (5.48), first stage
     gain = parameters[0]
     s = injection(position - sensed_position(p, state), gain, parameters[STAGES], dt)
@@ -79,11 +80,10 @@ def observe(state, parameters, p, position, command, dt, work, estimate):  # typ
         if abs(s) < 1.0:  # E_3
             s = injection(gain * s, parameters[2], parameters[STAGES + 2], dt)
             gain = parameters[2]
-            jerk += gain * s
+            push = parameters[PRESSURE] * dt * gain * s
+            state[PRESSURE_A] += push
+            state[PRESSURE_B] -= push
             if abs(s) < 1.0 and parameters[3] > 0.0:  # E_4
                 s = injection(gain * s, parameters[3], parameters[STAGES + 3], dt)
-                state[last] += dt * parameters[3] * s
-    push = parameters[PRESSURE] * dt * jerk
-    state[PRESSURE_A] += push
-    state[PRESSURE_B] -= push
+                state[last] += dt * parameters[3] * s / parameters[PER_COMMAND]
     motion_now(p, state, work, estimate)
