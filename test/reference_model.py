@@ -8,6 +8,7 @@ package; the numbers come from the table's YAML file.
 from __future__ import annotations
 
 import types
+from collections.abc import Callable
 from math import exp, tanh
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -148,19 +149,32 @@ def spool_commands(commands: np.ndarray, width: float) -> np.ndarray:
     return result
 
 
-def radau(commands: np.ndarray, sample_time: float, c: Constants, rtol: float = 1e-9) -> np.ndarray:
-    """Acceleration at every sample [m/s²], shape (n,): Radau from one change of the held command to the next."""
-    y, result = at_rest(c), np.empty(len(commands))
-    wanted = spool_commands(commands, c.play)
-    for k, command in enumerate(wanted):
-        result[k] = rates(y, command, c)[1]
+def radau(
+    commands: np.ndarray, sample_time: float, c: Constants, rtol: float = 1e-9, start: np.ndarray | None = None
+) -> np.ndarray:
+    """Acceleration at every sample [m/s²], shape (n,): Radau from one change of the held command to the next.
+
+    `start` : state at the first sample, shape (6,); at rest where not given.
+    """
+    y = at_rest(c) if start is None else start
+    return _radau(lambda state, command: rates(state, command, c), commands, sample_time, c, y, rtol * SCALES, rtol)
+
+
+def _radau(
+    rhs: Callable[[np.ndarray, float], tuple[float, ...]],
+    commands: np.ndarray,
+    sample_time: float,
+    c: Constants,
+    y: np.ndarray,
+    atol: np.ndarray,
+    rtol: float,
+) -> np.ndarray:
+    """The second of the rates at every sample."""
+    result = np.empty(len(commands))
+    for k, command in enumerate(spool_commands(commands, c.play)):
+        result[k] = rhs(y, command)[1]
         solver = Radau(
-            lambda _t, state, command=command: np.array(rates(state, command, c)),
-            0.0,
-            y,
-            sample_time,
-            rtol=rtol,
-            atol=rtol * SCALES,
+            lambda _t, state, command=command: np.array(rhs(state, command)), 0.0, y, sample_time, rtol=rtol, atol=atol
         )
         while solver.status == "running":
             solver.step()
@@ -168,6 +182,37 @@ def radau(commands: np.ndarray, sample_time: float, c: Constants, rtol: float = 
             raise RuntimeError(f"Radau failed in sample {k}")
         y = solver.y
     return result
+
+
+def rates_with_play(y: Any, wanted: float, c: Any, play: tuple[float, float, float, float]) -> tuple[float, ...]:
+    """Rates of eight states: table x, v; P_A, P_B, x_s*, ẋ_s*; piston x, v, which a gap parts from the table.
+
+    play : gap g [m], contact stiffness k [N/m], rod mass m_r [kg], damping ratio ζ of the contact on it [-]. With
+    q = (5 µm/g)² the contact is k (1 + q) stiff and damped by ζ + (1 − ζ) q/(1 + q).
+    """
+    gap, stiffness, rod_mass, ratio = play
+    of_piston = compiled_rates(np.array([y[6], y[7], y[2], y[3], y[4], y[5]]), wanted, c)
+    stiffer = (5e-6 / gap) ** 2
+    stiffness *= 1.0 + stiffer
+    damper = 2.0 * (ratio + (1.0 - ratio) * stiffer / (1.0 + stiffer)) * (stiffness * rod_mass) ** 0.5
+    apart, closing = y[6] - y[0], y[7] - y[1]
+    contact = 0.0
+    if apart > 0.5 * gap:
+        contact = max(stiffness * (apart - 0.5 * gap) + damper * closing, 0.0)
+    elif apart < -0.5 * gap:
+        contact = min(stiffness * (apart + 0.5 * gap) + damper * closing, 0.0)
+    of_table = contact / (c.mass - rod_mass)
+    return y[1], of_table, *of_piston[2:], y[7], (c.mass * of_piston[1] - contact) / rod_mass
+
+
+def radau_with_play(
+    commands: np.ndarray, sample_time: float, c: Constants, play: tuple[float, float, float, float], rtol: float = 1e-8
+) -> np.ndarray:
+    """Acceleration of the table at every sample [m/s²], shape (n,), with play between it and the rod."""
+    scales = np.concatenate([SCALES, SCALES[:2]])
+    scales[[0, 6]] = 1e-4
+    y = np.concatenate([at_rest(c), np.zeros(2)])
+    return _radau(lambda s, u: rates_with_play(s, u, c, play), commands, sample_time, c, y, rtol * scales, rtol)
 
 
 def fine_steps(commands: np.ndarray, sample_time: float, c: Constants, steps: int = 100) -> np.ndarray:

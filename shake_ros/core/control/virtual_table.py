@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.plant.integration import ABSOLUTE, STAGES, acceleration_now, advance_sample
+from shake_ros.core.plant.dormand_prince import STAGE, workspace
+from shake_ros.core.plant.integration import acceleration_now, advance_sample
 from shake_ros.core.plant.parameters import TableParameters, records
 from shake_ros.core.plant.simulation import initial_state
 from shake_ros.core.plant.states import BASE, CONTINUOUS, LAGGED_POSITION, POSITION, STATES, VELOCITY
@@ -40,18 +41,16 @@ HEAD = 3
 @njit
 def carry(p, y, u, whole, fraction, samples, dt, tolerance):  # type: ignore[no-untyped-def]
     """`y` (states, then past commands, newest first) carried in place over samples under a held command u."""
-    k = np.zeros((STAGES, CONTINUOUS))
-    stage = np.zeros(CONTINUOUS)
-    absolute = ABSOLUTE.copy()
+    work = workspace()
     past = y[STATES:]
-    acceleration = acceleration_now(p, y, stage)
+    acceleration = acceleration_now(p, y, work[STAGE])
+    known = False
     for _ in range(samples):
         for i in range(past.shape[0] - 1, 0, -1):
             past[i] = past[i - 1]
         past[0] = u
-        acceleration = advance_sample(
-            p, y, past[whole + 1], past[whole], fraction, 0.0, dt, k, stage, absolute, tolerance
-        )
+        acceleration = advance_sample(p, y, past[whole + 1], past[whole], fraction, 0.0, dt, work, known, tolerance)
+        known = True
     return acceleration
 
 

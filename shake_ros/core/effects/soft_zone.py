@@ -2,6 +2,7 @@
 
     h = 1 − d/2 [tanh(μ(P_L + P_Lt)) − tanh(μ(P_L − P_Lt))] / tanh(μ P_Lt),  P_L = P_A − P_B,  E → E h
 
+The two steps are evaluated as one fraction, h = 1 − d (1 + cosh 2μP_Lt)/(cosh 2μP_L + cosh 2μP_Lt), which is the same.
 With λ_1 and λ_2 of (6.20): d = 2 (λ_2/λ_1) tanh(μ P_Lt), and λ_1 belongs to E. So h = 1 − d at P_L = 0 and 1 far away.
 Table 6.9: d = 0.84, P_Lt = 9.2 bar. Absent at d = 0.
 """
@@ -32,5 +33,7 @@ class SoftZone(Effect):
 @njit
 def factor(load_pressure, depth, threshold, sharpness):
     """h of (6.20) with λ_1 = 1 [-]."""
-    rise = math.tanh(sharpness * (load_pressure + threshold)) - math.tanh(sharpness * (load_pressure - threshold))
-    return 1.0 - 0.5 * depth * rise / math.tanh(sharpness * threshold)
+    edge = math.exp(-2.0 * sharpness * threshold)
+    slope = 2.0 * sharpness * abs(load_pressure)
+    beyond = math.exp(slope - 2.0 * sharpness * threshold) + edge * math.exp(-slope)
+    return 1.0 - depth * (1.0 + edge) * (1.0 + edge) / (1.0 + edge * edge + beyond)

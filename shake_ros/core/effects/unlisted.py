@@ -107,3 +107,9 @@ def interpolated(p, argument):
 def value(p, kind, argument):
     """y where this kind is present, else 0, in the unit of the kind."""
     return interpolated(p, argument) if p.unlisted_kind == kind else 0.0
+
+
+@njit
+def follows_clock(p):
+    """Whether the function is one of time."""
+    return p.unlisted_kind == FLOW_GAIN_OF_TIME or p.unlisted_kind == SUPPLY_OF_PHASE

@@ -22,11 +22,12 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.control.selected import feedforward_law, step_controller
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.observer.selected import NO_MODEL, step_observer, work
-from shake_ros.core.plant.integration import ABSOLUTE, OUTPUTS, STAGES, acceleration_now, advance_sample, outputs
+from shake_ros.core.plant.dormand_prince import STAGE, workspace
+from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_sample, outputs
 from shake_ros.core.plant.parameters import TableParameters, records
 from shake_ros.core.plant.sensors import normal_draws
 from shake_ros.core.plant.simulation import TOLERANCE, workers
-from shake_ros.core.plant.states import BASE, BASE_RATE, CONTINUOUS, POSITION, STATES, VELOCITY
+from shake_ros.core.plant.states import BASE, BASE_RATE, POSITION, STATES, VELOCITY
 from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import ShakeError
 
@@ -81,11 +82,10 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, timin
     commands, motion = feedforward
     dt, delay, whole, fraction = timing
     estimate, truth, command, measured = out
-    k_stage, stage, absolute = np.zeros((STAGES, CONTINUOUS)), np.zeros(CONTINUOUS), ABSOLUTE.copy()
-    shown, past = np.zeros(OUTPUTS), plant[STATES:]
+    work, shown, past = workspace(), np.zeros(OUTPUTS), plant[STATES:]
     u = 0.0
     for k in range(reference.shape[0]):
-        acceleration = acceleration_now(p, plant, stage)
+        acceleration = acceleration_now(p, plant, work[STAGE])
         outputs(p, plant, acceleration, shown)
         read_sensors(p, noise[k], shown, measured[k])
         truth[k, 0] = plant[POSITION] + plant[BASE]
@@ -107,9 +107,7 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, timin
             past[i] = past[i - 1]
         acting = command[k - delay] if k >= delay else 0.0
         past[0] = min(max(acting, -1.0), 1.0)
-        advance_sample(
-            p, plant, past[whole + 1], past[whole], fraction, 0.0, dt, k_stage, stage, absolute, TOLERANCE
-        )  # fmt: skip
+        advance_sample(p, plant, past[whole + 1], past[whole], fraction, 0.0, dt, work, k > 0, TOLERANCE)
         if not math.isfinite(plant[VELOCITY] + plant[POSITION] + u):
             return k
     return reference.shape[0]

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
+from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import (
-    ABSOLUTE,
-    STAGES,
     acceleration_now,
     advance_sample,
     position_sensor,
@@ -38,8 +37,8 @@ WEIGHED = 3  # corrections of the load pressure at the start; its law is linear 
 
 
 def work() -> NDArray[np.float64]:
-    """(STAGES + 2, CONTINUOUS) array in which the compiled functions work; any number of observers may share it."""
-    return np.vstack([np.zeros((STAGES + 1, CONTINUOUS)), ABSOLUTE])
+    """Array in which the compiled functions work; any number of observers may share it."""
+    return np.asarray(workspace())
 
 
 def dead_time(model: TableParameters, sample_time: float) -> tuple[float, float]:
@@ -82,9 +81,7 @@ def carry_copy(p, y, end, command, whole, fraction, dt, work):  # type: ignore[n
         past[i] = past[i - 1]
     past[0] = min(max(command, -1.0), 1.0)
     late, timely = past[int(whole) + 1], past[int(whole)]
-    advance_sample(
-        p, y, late, timely, fraction, 0.0, dt, work[:STAGES], work[STAGES], work[STAGES + 1], TOLERANCE
-    )  # fmt: skip
+    advance_sample(p, y, late, timely, fraction, 0.0, dt, work, False, TOLERANCE)
 
 
 @njit
@@ -99,4 +96,4 @@ def motion_now(p, y, work, motion):  # type: ignore[no-untyped-def]
     """Absolute position [m], velocity [m/s] and acceleration [m/s²] of the copy into `motion`, (3,)."""
     motion[0] = y[POSITION] + y[BASE]
     motion[1] = y[VELOCITY] + y[BASE_RATE]
-    motion[2] = acceleration_now(p, y, work[STAGES])
+    motion[2] = acceleration_now(p, y, work[STAGE])

@@ -1,9 +1,11 @@
-"""Integration of the table: embedded Runge–Kutta 5(4) of Dormand and Prince with error control, one sample at a time.
+"""Integration of the table with error control, one sample at a time, by the steps of dormand_prince.py.
 
 Between two sampling instants the command is held (zero-order hold); within a sample the step adapts to the
 tolerance and never crosses the sample's end or the instant at which a delayed command arrives. The equation is
-non-stiff by construction (the play is exact, the pre-sliding law is a function of displacement, sroot is laminar near
-zero), so an explicit method of high order is the fastest that holds 0.1 %. Verified against Radau at rtol 1e-9.
+non-stiff by construction (spool and play are exact, the pre-sliding law is a function of displacement, sroot is
+laminar near zero), so an explicit method of high order is the fastest that holds 0.1 %: one step a sample as a rule,
+and because a new command does not change the rates of the table, the last stage of a sample is the first of the next.
+Verified against Radau at rtol 1e-9.
 """
 
 from __future__ import annotations
@@ -14,15 +16,17 @@ import numpy as np
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.effects.presliding_friction import deflection
+from shake_ros.core.effects.unlisted import follows_clock
 from shake_ros.core.friction.armstrong import CODE as ARMSTRONG
 from shake_ros.core.friction.armstrong import dwelt
 from shake_ros.core.friction.selected import is_dynamic
-from shake_ros.core.plant.right_hand_side import active_states, chamber_pressure, contact_end, right_hand_side
-from shake_ros.core.plant.shear_frame import LARGEST_STOREYS
+from shake_ros.core.plant.dormand_prince import PATH, STAGE, STAGES, dormand_prince, workspace
+from shake_ros.core.plant.hydraulics import chamber_pressure
+from shake_ros.core.plant.right_hand_side import active_states, contact_end, right_hand_side, table_rates
+from shake_ros.core.plant.spool_path import spool_path
 from shake_ros.core.plant.states import (
     BRISTLE,
     CLOCK,
-    CONTINUOUS,
     DECLARED,
     DEFLECTION,
     DWELL,
@@ -50,64 +54,11 @@ from shake_ros.core.valve.detailed import SPOOL as VALVE_SPOOL
 from shake_ros.core.valve.detailed import VALVE_STATES, carry_valve
 from shake_ros.core.valve.simplified import play
 
-STAGES = 7
 VALVE_PART = 1e-4  # [s] largest interval over which the table takes the detailed valve's spool as moving evenly
 SMALLEST_STEP = 1e-7  # [s] below it the step is taken whatever its error, so that nothing can hang
-# Error scale of each continuous state: absolute part in its unit, at tolerance 1.
-# The spool's speed is given twenty times the room of the rest: it acts only through the spool's position.
-ABSOLUTE = np.array(
-    [1e-2, 0.2, 1e6, 1e6, 0.2, 4000.0]  # declared
-    + [1e6, 1.0, 1e-2, 0.2, 1e-3, 0.2, 1e-2, 0.2, 5.0, 1e-2, 0.1]  # effects, friction memory
-    + [1e-4, 1e-4, 1e6, 1e6]  # pipelines
-    + LARGEST_STOREYS * [1e-2, 0.2]
-)
+LARGEST_GROWTH = 4.0  # of a step
+WHOLE = 0.24  # part of the wanted step from which a step's error tells of the next one; shorter ones were cut off
 OUTPUTS = 7  # columns of `simulate`: position, velocity, acceleration, P_A, P_B, P_s, spool
-
-
-@njit
-def _stage(p, y, k, weights, count, h, wanted, force, n, stage, out):
-    """State y + h Σ weights·k over `count` stages into `stage`, its rates into `out`; returns the acceleration."""
-    for i in range(n):
-        s = 0.0
-        for j in range(count):
-            s += weights[j] * k[j, i]
-        stage[i] = y[i] + h * s
-    return right_hand_side(p, stage, y, wanted, force, n, out)
-
-
-A2 = (1.0 / 5.0,)
-A3 = (3.0 / 40.0, 9.0 / 40.0)
-A4 = (44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0)
-A5 = (19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0)
-A6 = (9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0)
-A7 = (35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0)
-E1, E3, E4 = 71.0 / 57600.0, -71.0 / 16695.0, 71.0 / 1920.0  # fifth minus fourth order
-E5, E6, E7 = -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0
-
-
-@njit
-def dormand_prince(p, y, k, h, wanted, force, n, stage, absolute, tolerance):
-    """One trial step of size h from y with first-stage rates k[0]; result in `stage`, its rates in k[6].
-
-    Returns
-    -------
-    (error relative to the tolerance [-], acceleration at the end [m/s²])
-    """
-    _stage(p, y, k, A2, 1, h, wanted, force, n, stage, k[1])
-    _stage(p, y, k, A3, 2, h, wanted, force, n, stage, k[2])
-    _stage(p, y, k, A4, 3, h, wanted, force, n, stage, k[3])
-    _stage(p, y, k, A5, 4, h, wanted, force, n, stage, k[4])
-    _stage(p, y, k, A6, 5, h, wanted, force, n, stage, k[5])
-    acceleration = _stage(p, y, k, A7, 6, h, wanted, force, n, stage, k[6])
-    worst = 0.0
-    for i in range(n):
-        slip = E1 * k[0, i] + E3 * k[2, i] + E4 * k[3, i] + E5 * k[4, i] + E6 * k[5, i] + E7 * k[6, i]
-        error = abs(h * slip) / (absolute[i] + abs(y[i]))
-        if not error <= worst:  # also true for NaN
-            worst = error
-            if not math.isfinite(error):
-                break  # a later state must not hide it
-    return worst / tolerance, acceleration
 
 
 @njit
@@ -121,9 +72,15 @@ def spool_command(p, y, u):
 
 
 @njit
+def has_contact(p):
+    """Whether friction has a state of its own that follows the displacement since the step's start."""
+    return p.presliding_friction_distance > 0.0 or is_dynamic(p)
+
+
+@njit
 def settle_contact(p, y, end, duration, n):
     """Contact states of the friction at the end of an accepted step, in place; `y` still is the step's start."""
-    if p.presliding_friction_distance > 0.0 or is_dynamic(p):
+    if has_contact(p):
         moved = end[POSITION] - y[POSITION]
         v_0, v_1 = y[VELOCITY], end[VELOCITY]
         if n > DECLARED:
@@ -142,44 +99,50 @@ def settle_contact(p, y, end, duration, n):
 
 
 @njit
-def integrate(p, y, wanted, force, duration, n, k, stage, absolute, tolerance):
-    """Integrate y in place over `duration`, `wanted` as in `right_hand_side`; returns the last acceleration [m/s²]."""
+def integrate(p, y, wanted, force, duration, n, work, known, tolerance):
+    """Integrate y in place over `duration` in steps of about equal length; returns the last acceleration [m/s²].
+
+    wanted : as in `right_hand_side`. known : whether work[0] holds the rates at y. The size from which the next call
+    starts is the smallest that a step here asked for.
+    """
     if not math.isfinite(y[VELOCITY]):
         return math.nan  # a lost run ends here at once instead of in the smallest of steps
+    known = known and not has_contact(p) and not follows_clock(p)  # the contact has settled, the clock gone on
+    acceleration = 0.0 if known else table_rates(p, y, y, force, n, work[0])
     h = max(y[STEP_SIZE], SMALLEST_STEP)
-    done = 0.0
-    acceleration = right_hand_side(p, y, y, wanted, force, n, k[0])
-    while done < duration:
+    smallest = math.inf
+    done, last = 0.0, False
+    while not last:
         rest = duration - done
-        last = h >= rest * 0.999
-        step = rest if last else h
-        error, a_end = dormand_prince(p, y, k, step, wanted, force, n, stage, absolute, tolerance)
+        parts = max(math.ceil(rest / h - 1e-3), 1.0)
+        size = rest / parts
+        step = spool_path(p, y, wanted, size, work[PATH])
+        last = parts == 1.0 and step == size
+        error, a_end = dormand_prince(p, y, work, step, force, n)
+        error /= tolerance
         if not error <= 1.0 and step > SMALLEST_STEP:
-            shrink = 0.9 * error**-0.2 if error < 1e9 else 0.1
-            h = step * max(shrink, 0.1)
+            h = step * max(0.9 * error**-0.2, 0.1)
+            smallest = min(smallest, h)
+            last = False
             continue
-        settle_contact(p, y, stage, step, n)
+        settle_contact(p, y, work[STAGE], step, n)
         for i in range(n):
-            y[i] = stage[i]
-            k[0, i] = k[STAGES - 1, i]
-        if abs(y[SPOOL]) > 1.0:
-            y[SPOOL] = min(max(y[SPOOL], -1.0), 1.0)
-            y[SPOOL_RATE] = 0.0
-            right_hand_side(p, y, y, wanted, force, n, k[0])
+            y[i] = work[STAGE, i]
+            work[0, i] = work[STAGES - 1, i]
         acceleration = a_end
         if not math.isfinite(error):
             y[VELOCITY] = math.nan
             return math.nan
-        done = duration if last else done + step
-        grow = 0.9 * error**-0.2 if error > 1e-6 else 5.0
-        proposed = step * min(max(grow, 0.2), 5.0)
-        h = max(proposed, h) if last and step < h else proposed
-    y[STEP_SIZE] = h
+        done += step
+        if step > WHOLE * h or error > 0.5:
+            h = step * min(0.9 * max(error, 1e-6) ** -0.2, LARGEST_GROWTH)
+        smallest = min(smallest, h)
+    y[STEP_SIZE] = max(smallest, SMALLEST_STEP)
     return acceleration
 
 
 @njit
-def hold_detailed(p, y, u, force, duration, n, k, stage, absolute, tolerance):
+def hold_detailed(p, y, u, force, duration, n, work, known, tolerance):
     """`hold` with the detailed valve: the valve by its own fixed steps, the table along the spool's chords.
 
     The table does not act back on the pilot stage, so the valve goes ahead over each part of at most VALVE_PART and the
@@ -199,17 +162,18 @@ def hold_detailed(p, y, u, force, duration, n, k, stage, absolute, tolerance):
         y[VALVE_TIME] = (y[VALVE_TIME] + part) % (1.0 / p.valve_dither_frequency)
         y[SPOOL] = before
         y[SPOOL_RATE] = (valve[VALVE_SPOOL] / p.valve_spool_stroke - before) / part
-        acceleration = integrate(p, y, y[SPOOL_RATE], force, part, n, k, stage, absolute, tolerance)
+        acceleration = integrate(p, y, y[SPOOL_RATE], force, part, n, work, known, tolerance)
+        known = True
     return acceleration
 
 
 @njit
-def hold(p, y, u, force, duration, n, k, stage, absolute, tolerance):
+def hold(p, y, u, force, duration, n, work, known, tolerance):
     """Integrate y in place over `duration` under a held command; returns the acceleration at its end [m/s²]."""
     if p.valve_kind == DETAILED:
-        return hold_detailed(p, y, u, force, duration, n, k, stage, absolute, tolerance)
+        return hold_detailed(p, y, u, force, duration, n, work, known, tolerance)
     wanted = spool_command(p, y, u)
-    return integrate(p, y, wanted, force, duration, n, k, stage, absolute, tolerance)
+    return integrate(p, y, wanted, force, duration, n, work, known, tolerance)
 
 
 @njit
@@ -239,14 +203,19 @@ def delayed(commands, k, delay_samples):
 
 
 @njit
-def advance_sample(p, y, late, timely, fraction, force, dt, k, stage, absolute, tolerance):
-    """Integrate one sample in place: `late` acts for its first `fraction`, `timely` for the rest."""
+def advance_sample(p, y, late, timely, fraction, force, dt, work, known, tolerance):
+    """Integrate one sample in place: `late` acts for its first `fraction`, `timely` for the rest.
+
+    work : from `workspace`. known : whether work[0] holds the rates at y under this force, as the sample before left
+    them there. Returns the acceleration at the sample's end [m/s²].
+    """
     n = active_states(p)
     acceleration = 0.0
     if fraction > 1e-9:
-        acceleration = hold(p, y, late, force, fraction * dt, n, k, stage, absolute, tolerance)
+        acceleration = hold(p, y, late, force, fraction * dt, n, work, known, tolerance)
+        known = True
     if fraction < 1.0:
-        acceleration = hold(p, y, timely, force, (1.0 - fraction) * dt, n, k, stage, absolute, tolerance)
+        acceleration = hold(p, y, timely, force, (1.0 - fraction) * dt, n, work, known, tolerance)
     y[CLOCK] += dt
     return acceleration
 
@@ -289,18 +258,19 @@ def simulate(p, commands, forces, track, y0, dt, tolerance, out):
     out : result, shape (n, OUTPUTS), row k is the instant t_k, before command k acts.
     """
     y = y0.copy()
-    k = np.zeros((STAGES, CONTINUOUS))
-    stage = np.zeros(CONTINUOUS)
-    absolute = ABSOLUTE.copy()
+    work = workspace()
     delay = p.command_delay_delay / dt
     following = track.shape[0] > 0
-    acceleration = acceleration_now(p, y, stage)
+    acceleration = acceleration_now(p, y, work[STAGE])
+    force, known = 0.0, False
     for i in range(commands.shape[0]):
         if following:
             shift = track[i] - y[POSITION]
             y[POSITION] = track[i]
             y[LAGGED_POSITION] += shift
         outputs(p, y, acceleration, out[i])
-        force = forces[i] if forces.shape[0] > 0 else 0.0
+        before, force = force, forces[i] if forces.shape[0] > 0 else 0.0
         late, timely, fraction = delayed(commands, i, delay)
-        acceleration = advance_sample(p, y, late, timely, fraction, force, dt, k, stage, absolute, tolerance)
+        known = known and force == before and not following
+        acceleration = advance_sample(p, y, late, timely, fraction, force, dt, work, known, tolerance)
+        known = True

@@ -6,27 +6,18 @@ compiled function with other numbers. `p` is one record of plant/parameters.py.
 
 from __future__ import annotations
 
-from shake_ros.core.bulk_modulus.ifas import bulk_modulus
 from shake_ros.core.compiled import njit
-from shake_ros.core.effects.asymmetric_flow_gain import flow_factor
 from shake_ros.core.effects.base_flexibility import base_acceleration
-from shake_ros.core.effects.coupling_backlash import contact_force
+from shake_ros.core.effects.coupling_backlash import contact_force, has_play
 from shake_ros.core.effects.film_friction import film_rate
 from shake_ros.core.effects.position_dependent_friction import dry_level
 from shake_ros.core.effects.presliding_friction import deflection
-from shake_ros.core.effects.soft_zone import factor as soft_zone_factor
 from shake_ros.core.effects.specimen_resonance import spring_force
-from shake_ros.core.effects.spool_deadband import effective_spool
 from shake_ros.core.effects.supply_droop import pressure_rate
 from shake_ros.core.effects.unlisted import (
-    FLOW_GAIN_OF_OPENING,
-    FLOW_GAIN_OF_TIME,
     FORCE_OF_POSITION,
     FORCE_OF_VELOCITY,
     FRICTION_OF_POSITION,
-    LEAKAGE_OF_LOAD_PRESSURE,
-    STIFFNESS_OF_LOAD_PRESSURE,
-    SUPPLY_OF_PHASE,
 )
 from shake_ros.core.effects.unlisted import value as unlisted
 from shake_ros.core.friction.selected import (
@@ -43,8 +34,7 @@ from shake_ros.core.friction.selected import (
 )
 from shake_ros.core.friction.tustin import CODE as TUSTIN
 from shake_ros.core.friction.tustin import direction, level
-from shake_ros.core.plant.cavitation import acting_pressure
-from shake_ros.core.plant.pipelines import flow_rate, half_volume
+from shake_ros.core.plant.hydraulics import chamber_pressure, pressure_rates
 from shake_ros.core.plant.shear_frame import foot_force, storey_rates
 from shake_ros.core.plant.states import (
     BASE,
@@ -59,10 +49,6 @@ from shake_ros.core.plant.states import (
     FRICTION_RISE,
     LAGGED_ACCELERATION,
     LAGGED_POSITION,
-    LINE_FLOW_A,
-    LINE_FLOW_B,
-    LINE_PRESSURE_A,
-    LINE_PRESSURE_B,
     POSITION,
     PRESSURE_A,
     PRESSURE_B,
@@ -77,7 +63,6 @@ from shake_ros.core.plant.states import (
     VELOCITY,
 )
 from shake_ros.core.valve.detailed import CODE as DETAILED
-from shake_ros.core.valve.ports import opening, sroot
 from shake_ros.core.valve.simplified import spool_acceleration
 
 
@@ -92,7 +77,7 @@ def active_states(p):
         p.supply_droop_resistance != 0.0
         or p.film_friction_relief != 0.0
         or p.specimen_resonance_mass != 0.0
-        or p.coupling_backlash_gap != 0.0
+        or has_play(p.coupling_backlash_gap)
         or p.base_flexibility_compliance != 0.0
         or p.accelerometer_lag_time_constant != 0.0
         or p.position_sensor_lag_time_constant != 0.0
@@ -100,23 +85,6 @@ def active_states(p):
     ):
         return EXTENDED
     return DECLARED
-
-
-@njit
-def port_flows(p, spool, clock, pressure_a, pressure_b, pressure_supply):
-    """Flow into A, out of B, and drawn from the supply (3.17), (6.12) [m³/s] at a time of the recording [s]."""
-    x_e = effective_spool(spool, p.spool_deadband_width)
-    c_v = p.valve_flow_coefficient * flow_factor(spool, p.asymmetric_flow_gain_asymmetry)
-    c_v *= 1.0 + unlisted(p, FLOW_GAIN_OF_OPENING, spool) + unlisted(p, FLOW_GAIN_OF_TIME, clock)
-    delta = p.valve_laminar_pressure
-    p_t = p.supply_tank_pressure + p.tank_back_pressure_pressure
-    plus = c_v * opening(x_e, p.valve_underlap, p.valve_radial_clearance)
-    minus = c_v * opening(-x_e, p.valve_underlap, p.valve_radial_clearance)
-    a_from_supply = plus * sroot(pressure_supply - pressure_a, delta) if plus > 0.0 else 0.0
-    a_to_tank = minus * sroot(pressure_a - p_t, delta) if minus > 0.0 else 0.0
-    b_to_tank = plus * sroot(pressure_b - p_t, delta) if plus > 0.0 else 0.0
-    b_from_supply = minus * sroot(pressure_supply - pressure_b, delta) if minus > 0.0 else 0.0
-    return a_from_supply - a_to_tank, b_to_tank - b_from_supply, a_from_supply + b_from_supply
 
 
 @njit
@@ -176,64 +144,6 @@ def end_stop_force(p, position, velocity):
 
 
 @njit
-def chamber_pressure(p, liquid_pressure):
-    """Pressure that acts in a chamber, from the state [Pa]."""
-    return acting_pressure(liquid_pressure, p.cavitation_pressure, p.cavitation_width)
-
-
-@njit
-def pipeline_flows(p, y, clock, p_a, p_b, p_s, rates):
-    """Flow into A, out of B and drawn from the supply [m³/s] with pipelines; their rates into `rates`."""
-    length, diameter, rho, eta = p.pipelines_length, p.pipelines_diameter, p.pipelines_density, p.pipelines_viscosity
-    p_1, p_2 = chamber_pressure(p, y[LINE_PRESSURE_A]), chamber_pressure(p, y[LINE_PRESSURE_B])
-    q_1, q_2, q_s = port_flows(p, y[SPOOL], clock, p_1, p_2, p_s)
-    q_a, q_b = y[LINE_FLOW_A], y[LINE_FLOW_B]
-    stiffness = p.bulk_modulus_modulus / half_volume(length, diameter)
-    rates[LINE_PRESSURE_A] = stiffness * (q_1 - q_a)
-    rates[LINE_PRESSURE_B] = stiffness * (q_b - q_2)
-    rates[LINE_FLOW_A] = flow_rate(q_a, p_1, p_a, length, diameter, rho, eta)
-    rates[LINE_FLOW_B] = flow_rate(q_b, p_b, p_2, length, diameter, rho, eta)
-    return q_a, q_b, q_s
-
-
-@njit
-def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
-    """Ṗ_A and Ṗ_B (6.5), (6.6), (6.11) into `rates`; returns the flow drawn from the supply [m³/s]."""
-    p_s = y[PRESSURE_SUPPLY] if p.supply_droop_resistance != 0.0 else p.supply_supply_pressure
-    p_s *= 1.0 + unlisted(p, SUPPLY_OF_PHASE, clock)
-    dead = p.dead_volume_volume
-    if p.pipelines_length > 0.0:
-        q_a, q_b, q_s = pipeline_flows(p, y, clock, p_a, p_b, p_s, rates)
-        dead += half_volume(p.pipelines_length, p.pipelines_diameter)
-    else:
-        q_a, q_b, q_s = port_flows(p, y[SPOOL], clock, p_a, p_b, p_s)
-    e_0, p_0, m = p.bulk_modulus_modulus, p.bulk_modulus_reference_pressure, p.pressure_dependent_bulk_modulus_slope
-    alpha, kappa = p.entrained_air_fraction, p.entrained_air_polytropic_exponent
-    if m != 0.0 or alpha != 0.0:
-        e_a = bulk_modulus(p_a, e_0, m, alpha, kappa, p_0)
-        e_b = bulk_modulus(p_b, e_0, m, alpha, kappa, p_0)
-    else:
-        e_a = e_b = e_0
-    if p.soft_zone_depth != 0.0:
-        h = soft_zone_factor(p_a - p_b, p.soft_zone_depth, p.soft_zone_threshold, p.soft_zone_sharpness)
-        e_a *= h  # (6.18)
-        e_b *= h  # (6.19)
-    stiffer = 1.0 + unlisted(p, STIFFNESS_OF_LOAD_PRESSURE, p_a - p_b)
-    half = 0.5 * p.body_cylinder_volume
-    smallest = 0.02 * half  # the end stops keep the piston off the covers
-    v_a = max(half + p.body_piston_area * piston, smallest) + dead  # (6.11), (3.24)
-    v_b = max(half - p.body_piston_area * piston, smallest) + dead
-    across = p.leakage_internal * (p_a - p_b)  # (3.25)
-    if p.turbulent_leakage_coefficient != 0.0:
-        across += p.turbulent_leakage_coefficient * sroot(p_a - p_b, p.valve_laminar_pressure)
-    across += unlisted(p, LEAKAGE_OF_LOAD_PRESSURE, p_a - p_b)
-    swept = p.body_piston_area * piston_velocity
-    rates[PRESSURE_A] = stiffer * e_a / v_a * (q_a - p.leakage_external * p_a - across - swept)  # (6.5)
-    rates[PRESSURE_B] = stiffer * e_b / v_b * (-q_b - p.leakage_external * p_b + across + swept)  # (6.6)
-    return q_s
-
-
-@njit
 def right_hand_side(p, y, start, wanted, external_force, n, rates):
     """Rates of the first `n` states, into `rates`.
 
@@ -248,7 +158,6 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
     -------
     Absolute acceleration of the table, what an ideal accelerometer reads [m/s²].
     """
-    x, v = y[POSITION], y[VELOCITY]
     if p.valve_kind == DETAILED:
         rates[SPOOL] = wanted
         rates[SPOOL_RATE] = 0.0
@@ -257,8 +166,17 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
         limit = p.valve_rate_limit
         rates[SPOOL] = min(max(y[SPOOL_RATE], -limit), limit)
         rates[SPOOL_RATE] = spool_acceleration(y[SPOOL], y[SPOOL_RATE], wanted, omega_v, p.valve_damping)  # (3.19)
+    return table_rates(p, y, start, external_force, n, rates)
 
-    split = n > DECLARED and p.coupling_backlash_gap > 0.0
+
+@njit
+def table_rates(p, y, start, external_force, n, rates):
+    """`right_hand_side` without the spool, whose motion does not depend on the table: its two rates are left alone.
+
+    A function of its own because the integrator knows the spool in closed form and asks for the rest alone.
+    """
+    x, v = y[POSITION], y[VELOCITY]
+    split = n > DECLARED and has_play(p.coupling_backlash_gap)
     piston = x + y[ROD] if split else x
     piston_velocity = v + y[ROD_RATE] if split else v
     p_a, p_b = chamber_pressure(p, y[PRESSURE_A]), chamber_pressure(p, y[PRESSURE_B])
@@ -292,11 +210,11 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
         mass = max(mass - p.specimen_resonance_mass, 0.02 * mass)
     if p.frame_storeys > 0.0:
         on_table += foot_force(y, STOREY, p.frame_stiffness, p.frame_damping)
-    return extended_rates(p, y, q_s, on_rod, on_table, mass, split, rates)
+    return extended_rates(p, y, q_s, on_rod, on_table, mass, split, piston_velocity, rates)
 
 
 @njit
-def extended_rates(p, y, q_s, on_rod, on_table, mass, split, rates):
+def extended_rates(p, y, q_s, on_rod, on_table, mass, split, piston_velocity, rates):
     """Rates of the velocity and of the states that only effects have; returns the absolute acceleration [m/s²]."""
     base_acc = 0.0
     base = p.base_flexibility_compliance > 0.0
@@ -350,11 +268,13 @@ def extended_rates(p, y, q_s, on_rod, on_table, mass, split, rates):
         )
     rates[FILM] = 0.0
     if p.film_friction_relief != 0.0:
-        rates[FILM] = film_rate(y[FILM], y[VELOCITY], p.film_friction_full_film_velocity, p.film_friction_time_constant)
+        rates[FILM] = film_rate(
+            y[FILM], piston_velocity, p.film_friction_full_film_velocity, p.film_friction_time_constant
+        )
     if p.frame_storeys > 0.0:
         storeys = int(p.frame_storeys)
         storey_rates(y, STOREY, storeys, p.frame_mass, p.frame_stiffness, p.frame_damping, acceleration, rates)
-    rates[FRICTION_MEMORY] = memory_rate(p, y[VELOCITY], y[FRICTION_MEMORY])
+    rates[FRICTION_MEMORY] = memory_rate(p, piston_velocity, y[FRICTION_MEMORY])
     tau_a = p.accelerometer_lag_time_constant
     rates[LAGGED_ACCELERATION] = (acceleration - y[LAGGED_ACCELERATION]) / max(tau_a, 1e-5) if tau_a > 0.0 else 0.0
     tau_x = p.position_sensor_lag_time_constant

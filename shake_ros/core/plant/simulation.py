@@ -29,7 +29,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.core.valve.detailed import CODE as DETAILED
 from shake_ros.core.valve.detailed import VALVE_STATES, valve_at_rest
 
-TOLERANCE = 5e-6  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
+TOLERANCE = 2e-6  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
 NOTHING = np.zeros(0)
 COLUMNS = ("position", "velocity", "acceleration", "pressure_a", "pressure_b", "pressure_supply", "spool")
 

@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import (
-    ABSOLUTE,
     OUTPUTS,
-    STAGES,
     acceleration_now,
     advance_sample,
     outputs,
@@ -18,7 +17,7 @@ from shake_ros.core.plant.integration import (
 from shake_ros.core.plant.parameters import TableParameters, records
 from shake_ros.core.plant.sensors import SensorNoise
 from shake_ros.core.plant.simulation import TOLERANCE, initial_state
-from shake_ros.core.plant.states import BASE, BASE_RATE, CONTINUOUS, POSITION, STATES, VELOCITY
+from shake_ros.core.plant.states import BASE, BASE_RATE, POSITION, STATES, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
 
@@ -61,10 +60,8 @@ class Table:
         delay = parameters.value("effects.command_delay.delay") / sample_time
         self._whole, self._fraction = math.floor(delay), delay - math.floor(delay)
         self._history = self._whole + 2
-        self._k = np.zeros((STAGES, CONTINUOUS))
-        self._stage = np.zeros(CONTINUOUS)
+        self._work = workspace()
         self._row = np.zeros(OUTPUTS)
-        self._absolute = ABSOLUTE.copy()
 
     def set_supply_pressure(self, pressure: float) -> None:
         """From the next sample on, the power unit delivers `pressure` [Pa] (it starts, stops or fails)."""
@@ -76,7 +73,7 @@ class Table:
 
     def measure(self, state: np.ndarray, k: int) -> Measurement:
         """Sensors at sample k and the truth behind them; noise depends on the seed and k alone."""
-        acceleration = acceleration_now(self._record, state, self._stage)
+        acceleration = acceleration_now(self._record, state, self._work[STAGE])
         outputs(self._record, state, acceleration, self._row)
         position, _, measured, p_a, p_b, p_s, _ = self._row.tolist()
         read = self._noise.read(k, position, measured, p_a, p_b, p_s)
@@ -104,9 +101,8 @@ class Table:
             self._fraction,
             force,
             self.sample_time,
-            self._k,
-            self._stage,
-            self._absolute,
+            self._work,
+            False,
             self.tolerance,
         )
         if not math.isfinite(y[VELOCITY]) or not math.isfinite(y[POSITION]):

@@ -9,6 +9,7 @@ does not stiffen the equation. Source: thesis (3.19)–(3.22); verified against 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -49,3 +50,31 @@ def play(held, wanted, width):
 def spool_acceleration(spool, spool_rate, wanted, omega_v, damping):
     """ẍ_s* of (3.19) [1/s²]."""
     return omega_v * (omega_v * (wanted - spool) - 2.0 * damping * spool_rate)
+
+
+@njit
+def motion_weights(omega_v, damping, time):
+    """Weights (a, b, c) of the exact motion (3.19) under a held command w.
+
+    With d = x_s* − w and r = ẋ_s* at the start: x_s* = w + a d + b r and ẋ_s* = −ω_v² b d + c r after `time` [s].
+    Holds within stroke and rate limit, for any damping.
+
+    >>> a, b, c = motion_weights(2.0, 1.0, 0.5)  # critical: (1 + ω t) exp(−ω t), t exp(−ω t), (1 − ω t) exp(−ω t)
+    >>> [round(float(w) * math.e, 9) for w in (a, b, c)]
+    [2.0, 0.5, 0.0]
+    """
+    sigma = damping * omega_v
+    square = (1.0 - damping * damping) * omega_v * omega_v
+    small = square * time * time
+    if small > 1e-6:
+        omega_d = math.sqrt(square)
+        decay = math.exp(-sigma * time)
+        even, odd = decay * math.cos(omega_d * time), decay * math.sin(omega_d * time) / omega_d
+    elif small < -1e-6:
+        spread = math.sqrt(-square)
+        slow, fast = math.exp((spread - sigma) * time), math.exp(-(spread + sigma) * time)
+        even, odd = 0.5 * (slow + fast), 0.5 * (slow - fast) / spread
+    else:
+        decay = math.exp(-sigma * time)
+        even, odd = decay * (1.0 - 0.5 * small), decay * time * (1.0 - small / 6.0)
+    return even + sigma * odd, odd, even - sigma * odd

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 import reference_model as reference
 
-from shake_ros.core.plant.simulation import run
+from shake_ros.core.plant.dormand_prince import PATH, STAGE, dormand_prince, workspace
+from shake_ros.core.plant.parameters import records
+from shake_ros.core.plant.right_hand_side import table_rates
+from shake_ros.core.plant.simulation import initial_state, run
+from shake_ros.core.plant.spool_path import spool_path
+from shake_ros.core.plant.states import DECLARED, VELOCITY
 from shake_ros.settings import load_table
 
 SAMPLE = 0.001
@@ -54,12 +59,70 @@ def test_an_end_stop_hit_at_full_speed_is_within_a_hundredth() -> None:
     assert reference.nrmse(solution[:, 0], result[:, 0]) < 1e-3
 
 
+def test_an_end_stop_hit_at_full_speed_is_radau_to_a_hundredth() -> None:
+    c, commands = reference.constants(), np.ones(400)
+    states = reference.fine_steps(commands, SAMPLE, c, steps=400)
+    hit = int(np.argmax(states[:, 0] > c.half_stroke))
+    assert states[hit, 1] > 0.5  # m/s
+    tight = reference.radau(commands[hit - 3 : hit + 12], SAMPLE, c, start=states[hit - 3, :6])
+    assert reference.nrmse(tight, run(load_table("bergamo"), commands, SAMPLE)[hit - 3 : hit + 12, 2]) < 1e-2
+
+
 def test_error_falls_with_the_tolerance() -> None:
-    commands = reference.RUNS["u7: 0.8 at 5 Hz"][:500]
-    solution = reference.fine_steps(commands, SAMPLE, reference.constants())[:, 6]
+    commands = np.repeat(reference.RUNS["u7: 0.8 at 5 Hz"][:600:10], 10)
+    solution = reference.fine_steps(commands, SAMPLE, reference.constants())[::10, 6]
     table = load_table("bergamo")
-    errors = [reference.nrmse(solution, run(table, commands, SAMPLE, tolerance=t)[:, 2]) for t in (1e-3, 1e-5, 1e-7)]
+    errors = [
+        reference.nrmse(solution, run(table, commands[::10], 10 * SAMPLE, tolerance=t)[:, 2])
+        for t in (1e-2, 1e-4, 1e-6)
+    ]
     assert errors[0] > 3.0 * errors[1] > 9.0 * errors[2]
+
+
+def test_order_of_the_steps_is_five() -> None:
+    """Steps of equal length through one held command of a table whose friction and edges are smooth."""
+    smooth = {"friction.transition_velocity": 0.1, "valve.laminar_pressure": 1e6, "valve.underlap": 0.5}
+    p = records(load_table("bergamo").with_values(smooth).vector())[0]
+
+    def end(steps: int) -> float:
+        y, work = initial_state(load_table("bergamo").vector()), workspace()
+        h = 8e-3 / steps
+        for _ in range(steps):
+            table_rates(p, y, y, 0.0, DECLARED, work[0])
+            assert spool_path(p, y, 0.3, h, work[PATH]) == h
+            dormand_prince(p, y, work, h, 0.0, DECLARED)
+            y[:DECLARED] = work[STAGE, :DECLARED]
+        return y[VELOCITY]
+
+    exact = end(512)
+    errors = [abs(end(steps) - exact) for steps in (16, 32, 64)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(5.0, abs=0.6)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(5.0, abs=0.6)
+
+
+@pytest.mark.parametrize("gap", [2e-4, 2e-3])
+def test_play_between_rod_and_table_is_radau_to_a_hundredth(gap: float) -> None:
+    table = load_table("bergamo").with_values({"effects.coupling_backlash.gap": gap})
+    effect = table.effects["coupling_backlash"]
+    play = (gap, effect.stiffness, effect.rod_mass, effect.damping)
+    sample = 5e-3
+    commands = reference.sine(0.3, 8.0, 0.24)[::5]
+    tight = reference.radau_with_play(commands, sample, reference.constants(), play)
+    assert reference.nrmse(tight, run(table, commands, sample)[:, 2]) < 1e-2
+
+
+def test_the_smaller_the_play_the_nearer_the_declared_table() -> None:
+    commands = reference.sine(0.3, 4.0, 0.3)
+    rigid = run(load_table("bergamo"), commands, SAMPLE)[:, 2]
+
+    def distance(gap: float) -> float:
+        table = load_table("bergamo").with_values({"effects.coupling_backlash.gap": gap})
+        return reference.nrmse(rigid, run(table, commands, SAMPLE)[:, 2])
+
+    apart = [distance(gap) for gap in (1e-4, 1e-5, 2e-6, 5e-7)]
+    assert apart == sorted(apart, reverse=True)
+    assert apart[0] > 0.1
+    assert apart[-1] < 2e-3
 
 
 def test_a_lost_run_ends_at_once_and_says_nothing_finite() -> None:

@@ -1,0 +1,109 @@
+"""The hydraulic side of the right-hand side: ports, pipelines, leakage and the pressures of the chambers, (6.5)–(6.14).
+
+Each effect on the oil or the valve stands at its place; `p` is one record of plant/parameters.py. Verified against
+the same equations written a second time (test/reference_model.py).
+"""
+
+from __future__ import annotations
+
+from shake_ros.core.bulk_modulus.ifas import bulk_modulus
+from shake_ros.core.compiled import njit
+from shake_ros.core.effects.asymmetric_flow_gain import flow_factor
+from shake_ros.core.effects.soft_zone import factor as soft_zone_factor
+from shake_ros.core.effects.spool_deadband import effective_spool
+from shake_ros.core.effects.unlisted import (
+    FLOW_GAIN_OF_OPENING,
+    FLOW_GAIN_OF_TIME,
+    LEAKAGE_OF_LOAD_PRESSURE,
+    STIFFNESS_OF_LOAD_PRESSURE,
+    SUPPLY_OF_PHASE,
+)
+from shake_ros.core.effects.unlisted import value as unlisted
+from shake_ros.core.plant.cavitation import acting_pressure
+from shake_ros.core.plant.pipelines import flow_rate, half_volume
+from shake_ros.core.plant.states import (
+    LINE_FLOW_A,
+    LINE_FLOW_B,
+    LINE_PRESSURE_A,
+    LINE_PRESSURE_B,
+    PRESSURE_A,
+    PRESSURE_B,
+    PRESSURE_SUPPLY,
+    SPOOL,
+)
+from shake_ros.core.valve.ports import opening, sroot
+
+
+@njit
+def port_flows(p, spool, clock, pressure_a, pressure_b, pressure_supply):
+    """Flow into A, out of B, and drawn from the supply (3.17), (6.12) [m³/s] at a time of the recording [s]."""
+    x_e = effective_spool(spool, p.spool_deadband_width)
+    c_v = p.valve_flow_coefficient * flow_factor(spool, p.asymmetric_flow_gain_asymmetry)
+    c_v *= 1.0 + unlisted(p, FLOW_GAIN_OF_OPENING, spool) + unlisted(p, FLOW_GAIN_OF_TIME, clock)
+    delta = p.valve_laminar_pressure
+    p_t = p.supply_tank_pressure + p.tank_back_pressure_pressure
+    plus = c_v * opening(x_e, p.valve_underlap, p.valve_radial_clearance)
+    minus = c_v * opening(-x_e, p.valve_underlap, p.valve_radial_clearance)
+    a_from_supply = plus * sroot(pressure_supply - pressure_a, delta) if plus > 0.0 else 0.0
+    a_to_tank = minus * sroot(pressure_a - p_t, delta) if minus > 0.0 else 0.0
+    b_to_tank = plus * sroot(pressure_b - p_t, delta) if plus > 0.0 else 0.0
+    b_from_supply = minus * sroot(pressure_supply - pressure_b, delta) if minus > 0.0 else 0.0
+    return a_from_supply - a_to_tank, b_to_tank - b_from_supply, a_from_supply + b_from_supply
+
+
+@njit
+def chamber_pressure(p, liquid_pressure):
+    """Pressure that acts in a chamber, from the state [Pa]."""
+    return acting_pressure(liquid_pressure, p.cavitation_pressure, p.cavitation_width)
+
+
+@njit
+def pipeline_flows(p, y, clock, p_a, p_b, p_s, rates):
+    """Flow into A, out of B and drawn from the supply [m³/s] with pipelines; their rates into `rates`."""
+    length, diameter, rho, eta = p.pipelines_length, p.pipelines_diameter, p.pipelines_density, p.pipelines_viscosity
+    p_1, p_2 = chamber_pressure(p, y[LINE_PRESSURE_A]), chamber_pressure(p, y[LINE_PRESSURE_B])
+    q_1, q_2, q_s = port_flows(p, y[SPOOL], clock, p_1, p_2, p_s)
+    q_a, q_b = y[LINE_FLOW_A], y[LINE_FLOW_B]
+    stiffness = p.bulk_modulus_modulus / half_volume(length, diameter)
+    rates[LINE_PRESSURE_A] = stiffness * (q_1 - q_a)
+    rates[LINE_PRESSURE_B] = stiffness * (q_b - q_2)
+    rates[LINE_FLOW_A] = flow_rate(q_a, p_1, p_a, length, diameter, rho, eta)
+    rates[LINE_FLOW_B] = flow_rate(q_b, p_b, p_2, length, diameter, rho, eta)
+    return q_a, q_b, q_s
+
+
+@njit
+def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
+    """Ṗ_A and Ṗ_B (6.5), (6.6), (6.11) into `rates`; returns the flow drawn from the supply [m³/s]."""
+    p_s = y[PRESSURE_SUPPLY] if p.supply_droop_resistance != 0.0 else p.supply_supply_pressure
+    p_s *= 1.0 + unlisted(p, SUPPLY_OF_PHASE, clock)
+    dead = p.dead_volume_volume
+    if p.pipelines_length > 0.0:
+        q_a, q_b, q_s = pipeline_flows(p, y, clock, p_a, p_b, p_s, rates)
+        dead += half_volume(p.pipelines_length, p.pipelines_diameter)
+    else:
+        q_a, q_b, q_s = port_flows(p, y[SPOOL], clock, p_a, p_b, p_s)
+    e_0, p_0, m = p.bulk_modulus_modulus, p.bulk_modulus_reference_pressure, p.pressure_dependent_bulk_modulus_slope
+    alpha, kappa = p.entrained_air_fraction, p.entrained_air_polytropic_exponent
+    if m != 0.0 or alpha != 0.0:
+        e_a = bulk_modulus(p_a, e_0, m, alpha, kappa, p_0)
+        e_b = bulk_modulus(p_b, e_0, m, alpha, kappa, p_0)
+    else:
+        e_a = e_b = e_0
+    if p.soft_zone_depth != 0.0:
+        h = soft_zone_factor(p_a - p_b, p.soft_zone_depth, p.soft_zone_threshold, p.soft_zone_sharpness)
+        e_a *= h  # (6.18)
+        e_b *= h  # (6.19)
+    stiffer = 1.0 + unlisted(p, STIFFNESS_OF_LOAD_PRESSURE, p_a - p_b)
+    half = 0.5 * p.body_cylinder_volume
+    smallest = 0.02 * half  # the end stops keep the piston off the covers
+    v_a = max(half + p.body_piston_area * piston, smallest) + dead  # (6.11), (3.24)
+    v_b = max(half - p.body_piston_area * piston, smallest) + dead
+    across = p.leakage_internal * (p_a - p_b)  # (3.25)
+    if p.turbulent_leakage_coefficient != 0.0:
+        across += p.turbulent_leakage_coefficient * sroot(p_a - p_b, p.valve_laminar_pressure)
+    across += unlisted(p, LEAKAGE_OF_LOAD_PRESSURE, p_a - p_b)
+    swept = p.body_piston_area * piston_velocity
+    rates[PRESSURE_A] = stiffer * e_a / v_a * (q_a - p.leakage_external * p_a - across - swept)  # (6.5)
+    rates[PRESSURE_B] = stiffer * e_b / v_b * (-q_b - p.leakage_external * p_b + across + swept)  # (6.6)
+    return q_s
