@@ -7,6 +7,8 @@ import time
 from dataclasses import dataclass
 
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.pressure_bounds import PressureWatch
+from shake_ros.core.plant.states import PRESSURE_B
 from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import Parameters, choice, quantity
 from shake_ros.core.safety.power_unit import PowerUnit, PowerUnitParameters
@@ -45,6 +47,7 @@ class Plant:
         self._simulation = self._table(self._live.value)
         self._state = self._simulation.initial_state(own.start_position)
         self._simulation.measure(self._simulation.advance(self._state, 0.0), 0)  # compiles before the first sample
+        self._watch = PressureWatch(self._live.value, frame.sample_time)
         self._k = 0
         self._stamp = FIRST_STAMP
         self._samples = round(own.duration / frame.sample_time)
@@ -66,6 +69,7 @@ class Plant:
         frame.diagnostics.values |= {
             "late_commands": lambda: self._late_commands,
             "sample": lambda: self._k,
+            "pressures": lambda: "; ".join(self._watch.findings()) or "as oil can have them",
         }
 
     def _table(self, parameters: TableParameters) -> Table:
@@ -136,6 +140,7 @@ class Plant:
     def _advance(self, now: int) -> None:
         if self._live.changed:
             self._simulation = self._table(self._live.take())
+            self._watch = PressureWatch(self._live.value, self.frame.sample_time)
             self._supplied = self._live.value.supply.supply_pressure
             self._unit.change_high_pressure(self._supplied)
         u = self._lock.act(now)
@@ -144,6 +149,7 @@ class Plant:
             self._simulation.set_supply_pressure(pressure)
             self._supplied = pressure
         self._state = self._simulation.advance(self._state, u)
+        self._watch.observe(*self._state[: PRESSURE_B + 1])
         self._k += 1
 
     def _stop_when_done(self, samples: int) -> None:

@@ -8,6 +8,7 @@ ROS parameters, of a fit and of a report; the record's fields are the same names
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -219,6 +220,10 @@ class TableParameters:
 
     def vector(self) -> np.ndarray:
         """All numbers in the order of `NAMES`, shape (len(NAMES),)."""
+        return self._vector.copy()
+
+    @functools.cached_property
+    def _vector(self) -> np.ndarray:
         return np.array([self.value(name) for name in NAMES])
 
     @property

@@ -1,0 +1,94 @@
+"""Between which pressures the chambers can be, and the samples of a run that leave them.
+
+Below: with cavitation no chamber falls to its limit p_c. Without it, as the declared table stands, the oil of the model
+bears tension, so a pressure below absolute zero is possible and tells that the run left what the model describes.
+
+Above: a chamber beyond supply pressure takes in nothing, its edges and its leakages let oil out, so it rises only while
+the piston moves into it, V Ṗ/E ≤ A w with w the speed into the chamber, and the piston pays for it,
+M ẇ ≤ −A (P − P_s) + F (the other chamber is fed at no more than P_s and grows). Together, from the instant at which P
+passes P_s with the speed w_1,
+
+    ½ (V/E) (P − P_s − F/A)² ≤ ½ M w_1²,  so  P ≤ P_s + F/A + w sqrt(E M/V)
+
+with the largest speed w and force F and the smallest volume V of the run: inertia against the oil spring (2.25). Holds
+for a modulus that does not rise with pressure, without pipelines, base flexibility and play. Verified against violent
+runs with and without cavitation, and closely met by one that is shut at full speed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.plant.parameters import TableParameters
+
+SMALLEST_PART = 0.02  # of half the cylinder's volume, which the right-hand side keeps in a chamber
+
+
+def smallest_volume(table: TableParameters, reach: float) -> float:
+    """Volume of the smaller chamber where the piston is `reach` [m] off mid-stroke (6.11) [m³]."""
+    half = 0.5 * table.body.cylinder_volume
+    left = max(half - table.body.piston_area * reach, SMALLEST_PART * half)
+    return left + table.value("effects.dead_volume.volume")
+
+
+def highest_pressure(table: TableParameters, speed: float, reach: float, force: float = 0.0) -> float:
+    """Pressure that no chamber passes [Pa].
+
+    Parameters
+    ----------
+    speed : largest speed of the piston |v| [m/s]. reach : largest distance from mid-stroke |x| [m].
+    force : largest external force along the motion [N].
+    """
+    body = table.body
+    mass = table.moved_mass + max(table.value("effects.payload_error.mass"), 0.0)
+    surge = speed * math.sqrt(table.bulk_modulus.modulus * mass / smallest_volume(table, reach))
+    return table.value("supply.supply_pressure") + abs(force) / body.piston_area + surge
+
+
+class PressureWatch:
+    """Counts the samples at which a chamber's pressure is not one that oil can have.
+
+    Parameters
+    ----------
+    table : whose chambers are watched. sample_time : [s].
+    """
+
+    def __init__(self, table: TableParameters, sample_time: float) -> None:
+        self._table, self._sample_time = table, sample_time
+        self._limit = table.cavitation.pressure if table.cavitation.width > 0.0 else 0.0
+        self._below = {"pressure_a": 0, "pressure_b": 0}
+        self._speed = self._reach = 0.0
+        self._highest = -math.inf
+
+    def observe(self, position: float, velocity: float, pressure_a: float, pressure_b: float) -> None:
+        """Take in one sample of the true states [m], [m/s], [Pa] ×2."""
+        self._below["pressure_a"] += pressure_a < self._limit
+        self._below["pressure_b"] += pressure_b < self._limit
+        self._speed, self._reach = max(self._speed, abs(velocity)), max(self._reach, abs(position))
+        self._highest = max(self._highest, pressure_a, pressure_b)
+
+    def findings(self) -> tuple[str, ...]:
+        """One sentence for each thing that was seen; empty where all pressures are possible."""
+        bounded = self._limit > 0.0
+        below = f"below its cavitation limit {self._limit:g} Pa" if bounded else "below absolute zero"
+        reason = "" if bounded else ": the table has no cavitation"
+        found = [
+            f"{name} {below} for {1e3 * count * self._sample_time:g} ms{reason}"
+            for name, count in self._below.items()
+            if count
+        ]
+        bound = highest_pressure(self._table, self._speed, self._reach)
+        if self._highest > bound:
+            found.append(f"a chamber at {self._highest:.4g} Pa, above {bound:.4g} Pa that supply and inertia can make")
+        return tuple(found)
+
+
+def findings_of_run(table: TableParameters, result: NDArray[np.float64], sample_time: float) -> tuple[str, ...]:
+    """What `PressureWatch` finds in the result of a run, shape (n, 7)."""
+    watch = PressureWatch(table, sample_time)
+    for row in result:
+        watch.observe(row[0], row[1], row[3], row[4])
+    return watch.findings()
