@@ -246,9 +246,18 @@ def whole_run(observer: Observer, positions: Array, commands: Array) -> Array:
 def test_one_compiled_step_for_all_gives_the_numbers_of_the_face(name: str) -> None:
     commands = excitation(60)
     positions = 1e-3 * np.sin(np.arange(60) * 0.05)
-    np.testing.assert_array_equal(
-        whole_run(built(name), positions, commands), observe(built(name), positions, commands)
-    )
+    expected = observe(built(name), positions, commands)
+    np.testing.assert_array_equal(whole_run(built(name), positions, commands), expected)
+    np.testing.assert_array_equal(built(name).run(positions, commands), expected)
+
+
+@pytest.mark.parametrize(
+    ("positions", "commands", "reason"),
+    [([0.0, 0.1], [0.0], "shape"), ([], [], "shape"), ([0.0, math.nan], [0.0, 0.0], "not finite")],
+)
+def test_run_refuses_series_that_do_not_fit(positions: list[float], commands: list[float], reason: str) -> None:
+    with pytest.raises(ShakeError, match=reason):
+        built("linear").run(np.array(positions), np.array(commands))
 
 
 def test_one_compiled_step_knows_no_other_number() -> None:
