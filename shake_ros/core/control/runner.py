@@ -70,6 +70,7 @@ class Controller:
         self.parameters = parameters
         self.sample_time = float(sample_time)
         self._kernels = KERNELS[kind]
+        self._model = model
         if parameters.model and model is None:
             raise ShakeError(f"controller '{kind}': the table '{parameters.model}' of its model was not handed over")
         self.virtual: VirtualTable | None = None
@@ -79,6 +80,12 @@ class Controller:
         self.code: int = self._kernels.CODE
         self.packed: NDArray[np.float64] = self._kernels.pack(parameters, model is not None)
         self.law_size = HEAD + self._kernels.STATES
+
+    def carries_on(self, other: Controller) -> bool:
+        """Whether its virtual table is the same as that of `other`, so that one can go on with the other's state."""
+        p, q = self.parameters, other.parameters
+        same = (p.model_bandwidth, p.model_horizon, p.limit) == (q.model_bandwidth, q.model_horizon, q.limit)
+        return self.virtual is not None and self._model == other._model and same
 
     def initial_state(self, command: float = 0.0, start_time: float | None = None) -> NDArray[np.float64]:
         """Not started, all integrals zero.
@@ -127,3 +134,19 @@ class Controller:
             self.code, state[: self.law_size], self.packed, r, z, command, self.sample_time
         )
         return following, float(u)
+
+
+def switch(
+    old: Controller, state: NDArray[np.float64], new: Controller, command: float, switch_time: float
+) -> NDArray[np.float64]:
+    """State of `new`, which takes over from `old` at its last command without a bump.
+
+    The first command of `new` is `command`; the difference to what it would have demanded fades with `switch_time` [s].
+    A virtual table that both have goes on where it is, so that the model feedforward runs through.
+    """
+    if old.sample_time != new.sample_time:
+        raise ShakeError(f"controller: sample times {old.sample_time:g} and {new.sample_time:g} s differ")
+    following = new.initial_state(command, switch_time)
+    if new.carries_on(old):
+        following[new.law_size :] = state[old.law_size :]
+    return following

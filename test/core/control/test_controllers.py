@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.runner import HEAD, KERNELS, Controller
+from shake_ros.core.control.runner import KERNELS, Controller, switch
+from shake_ros.core.control.selected import HEAD
 from shake_ros.core.plant import reduced
 from shake_ros.core.quantities import OutOfBounds, ShakeError, UnknownName
-from shake_ros.settings import config_folder, load_variant
+from shake_ros.settings import config_folder, load_table, load_variant
 
 DT = 0.001
 CONFIGURATIONS = sorted(p.stem for p in (config_folder() / "controller").glob("*.yaml"))
@@ -190,3 +191,37 @@ def test_super_twisting_reaches_its_surface_under_a_constant_disturbance() -> No
     surface += p.surface_velocity * z[1] + p.surface_acceleration * z[2]
     assert abs(surface) < 0.2
     assert u == pytest.approx(-100.0 / beta[2], rel=0.05)
+
+
+@pytest.mark.parametrize("after", [n for n in CONFIGURATIONS if n != "none"])
+@pytest.mark.parametrize("before", ["feedforward_pi", "super_twisting_tuned", "sliding_mode"])
+def test_switch_between_controllers_makes_no_bump(before: str, after: str) -> None:
+    # a table that lags the sine a little; the command must not leave its own course by more than 2 % of the limit
+    def motion(k: int) -> np.ndarray:
+        phase = 4.0 * math.pi * k * DT
+        return 0.02 * np.array(
+            [math.sin(phase), 4.0 * math.pi * math.cos(phase), -(16.0 * math.pi**2) * math.sin(phase)]
+        )
+
+    old, new = built(before), built(after)
+    state, commands = old.initial_state(), []
+    for k in range(1200):
+        if k == 1000:
+            state = switch(old, state, new, commands[-1], 0.2)
+        state, u = (old if k < 1000 else new).step(state, motion(k), motion(k - 4))
+        commands.append(u)
+    assert commands[1000] == pytest.approx(commands[999], abs=1e-9)
+    assert max(abs(np.diff(commands[990:1200]))) < 0.02
+
+
+def test_switch_keeps_the_virtual_table_going() -> None:
+    model = load_table("bergamo")
+    kinds = [load_variant("controller", n, CONTROLLERS) for n in ("feedforward_pi_tuned", "super_twisting_tuned")]
+    old, new = (Controller(kind, parameters, DT, model) for kind, parameters in kinds)
+    state = old.initial_state()
+    for k in range(30):
+        state, u = old.step(state, (1e-4 * k, 0.1, 0.0), (1e-4 * k, 0.1, 0.0))
+    taken = switch(old, state, new, u, 0.2)
+    np.testing.assert_array_equal(taken[new.law_size :], state[old.law_size :])
+    fresh = switch(built("none"), built("none").initial_state(), new, u, 0.2)
+    assert not fresh[new.law_size :].any()

@@ -1,0 +1,196 @@
+"""Drive-file iteration: the reference of the next run from the acceleration that the last one missed.
+
+A shaking table is driven again and again with the same motion; what it missed is known after each run:
+
+    D' (f) = D(f) + L(f) [W(f) − A(f)],  L = μ B(f) γ²(f) H*(f) / (|H|² + ε max|H|²)
+
+with the drive D (the acceleration of the reference that is played), the wanted W and achieved acceleration A, the band B
+with soft edges, and H = S_AD/S_DD, γ² = |S_AD|²/(S_AA S_DD) from the runs themselves, averaged over neighbouring
+frequencies: learning is slow where the table does not answer in proportion. The drive is made to end at rest, its
+position and velocity follow by exact integration, and it is scaled back as a whole where it would leave its limits.
+
+The iteration stops where the error is small enough or no longer falls; the best drive is kept.
+The usual practice of earthquake testing (the thesis names it among the surveyed schemes and gives no equation).
+Verified against: a linear table with known response, which is inverted within the band; the simulated table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.quantities import Parameters, ShakeError, quantity
+
+Array = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+EDGE = 0.25  # of a corner frequency, over which the band fades
+
+
+@dataclass(frozen=True)
+class Iteration(Parameters):
+    """How a drive is corrected."""
+
+    learning_gain: float = quantity("-", "mu, share of the error that a run corrects", low=0.0, high=1.0)
+    lowest_frequency: float = quantity("Hz", "below which nothing is corrected", low=0.0)
+    highest_frequency: float = quantity("Hz", "above which nothing is corrected", low=0.1)
+    smoothing: float = quantity("Hz", "width over which the response is averaged", low=0.01)
+    regularisation: float = quantity("-", "epsilon, share of the largest response that is not inverted", low=0.0)
+    position_limit: float = quantity("m", "largest position of a drive", low=1e-6)
+    velocity_limit: float = quantity("m/s", "largest velocity of a drive", low=1e-6)
+    acceleration_limit: float = quantity("m/s^2", "largest acceleration of a drive", low=1e-6)
+    good_enough: float = quantity("-", "normalised error at which the iteration stops", low=0.0)
+    least_gain: float = quantity("-", "relative fall of the error in two runs below which it stops", low=0.0, high=1.0)
+    runs: int = quantity("-", "most runs", low=1, high=100)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: the acceleration that was played and that which the accelerometer measured, (n,) each [m/s²]."""
+
+    drive: Array
+    achieved: Array
+
+
+def error_in_band(wanted: Array, achieved: Array, sample_time: float, parameters: Iteration) -> float:
+    """Root mean square of the difference within the band over that of the wanted acceleration about its mean.
+
+    Outside the band nothing is corrected, and most of an accelerometer's noise lies there.
+    """
+    frequency = np.fft.rfftfreq(len(wanted), sample_time)
+    weight = band(frequency, parameters.lowest_frequency, parameters.highest_frequency)
+    missed = np.fft.irfft(weight * np.fft.rfft(achieved - wanted), len(wanted))
+    return float(np.sqrt(np.mean(missed**2)) / np.std(wanted))
+
+
+def band(frequency: Array, low: float, high: float) -> Array:
+    """B(f): one inside low … high [Hz], fading over `EDGE` of either corner outside.
+
+    >>> band(np.array([0.0, 1.0, 5.0, 10.0, 13.0]), 1.0, 10.0).tolist()
+    [0.0, 1.0, 1.0, 1.0, 0.0]
+    """
+    inside = np.clip(((1.0 + EDGE) * high - frequency) / (EDGE * high), 0.0, 1.0)
+    if low > 0.0:
+        inside = inside * np.clip((frequency - (1.0 - EDGE) * low) / (EDGE * low), 0.0, 1.0)
+    smooth: Array = inside * inside * (3.0 - 2.0 * inside)
+    return smooth
+
+
+def _averaged(spectrum: NDArray[np.generic], width: int) -> Complexes:
+    """Mean over `width` neighbours by a Hann window."""
+    window = np.hanning(width + 2)[1:-1]
+    padded = np.pad(spectrum.astype(np.complex128), width // 2, mode="edge")
+    return np.convolve(padded, window / window.sum(), mode="valid")[: len(spectrum)]
+
+
+def response(runs: Sequence[Run], sample_time: float, smoothing: float) -> tuple[Complexes, Array]:
+    """(H, γ²) of achieved over drive at the frequencies of `rfft`, from all runs.
+
+    Raises
+    ------
+    ShakeError : no runs, or runs of different lengths.
+    """
+    if not runs or len({len(part) for run in runs for part in (run.drive, run.achieved)}) != 1:
+        raise ShakeError("iteration: needs runs of one length")
+    n = len(runs[0].drive)
+    width = 2 * (max(1, round(smoothing * n * sample_time)) // 2) + 1
+    given = [np.fft.rfft(run.drive) for run in runs]
+    answer = [np.fft.rfft(run.achieved) for run in runs]
+    cross = _averaged(sum(a * d.conj() for a, d in zip(answer, given, strict=True)), width)
+    power = _averaged(sum(np.abs(d) ** 2 for d in given), width).real
+    answered = _averaged(sum(np.abs(a) ** 2 for a in answer), width).real
+    tiny = np.finfo(float).tiny
+    return cross / np.maximum(power, tiny), np.abs(cross) ** 2 / np.maximum(power * answered, tiny)
+
+
+def integrate(acceleration: Array, sample_time: float) -> Array:
+    """(n, 3) position, velocity, acceleration from rest, exact for an acceleration linear between samples."""
+    a, h = acceleration, sample_time
+    velocity = np.concatenate([[0.0], np.cumsum(h * (a[:-1] + a[1:]) / 2.0)])
+    position = np.concatenate([[0.0], np.cumsum(h * velocity[:-1] + h**2 * (2.0 * a[:-1] + a[1:]) / 6.0)])
+    return np.column_stack([position, velocity, a])
+
+
+def at_rest_in_the_end(correction: Array, sample_time: float) -> Array:
+    """The correction less a smooth course that takes its last velocity and position to zero, and its ends as well."""
+    tau = np.linspace(0.0, 1.0, len(correction))
+    weight = 16.0 * tau**2 * (1.0 - tau) ** 2
+    shapes = np.column_stack([weight, weight * (tau - 0.5)])
+    corrected = correction - correction[0] * (1.0 - tau) - correction[-1] * tau
+    ends = np.column_stack([integrate(shape, sample_time)[-1, :2] for shape in shapes.T])
+    missing = integrate(corrected, sample_time)[-1, :2]
+    return corrected - shapes @ np.linalg.solve(ends, missing)
+
+
+def next_drive(wanted: Array, runs: Sequence[Run], sample_time: float, parameters: Iteration) -> tuple[Array, float]:
+    """The reference of the next run.
+
+    Parameters
+    ----------
+    wanted : (n,) acceleration that the table should have [m/s²]
+    runs : at least one, oldest first; the last one is corrected, all of them give the response.
+
+    Returns
+    -------
+    (reference, factor) : (n, 3) position [m], velocity [m/s], acceleration [m/s²]; the factor by which it had to be
+    scaled to stay within its limits, 1 where it had not
+    """
+    p = parameters
+    found, coherence = response(runs, sample_time, p.smoothing)
+    last = runs[-1]
+    if len(wanted) != len(last.drive):
+        raise ShakeError(f"iteration: {len(wanted)} samples are wanted, the run has {len(last.drive)}")
+    frequency = np.fft.rfftfreq(len(wanted), sample_time)
+    weight = p.learning_gain * coherence * band(frequency, p.lowest_frequency, p.highest_frequency)
+    size = np.abs(found) ** 2
+    floor = p.regularisation * float(np.max(size[weight > 0.0], initial=0.0))
+    gain = weight * found.conj() / np.maximum(size + floor, np.finfo(float).tiny)
+    correction = np.fft.irfft(gain * np.fft.rfft(wanted - last.achieved), len(wanted))
+    drive = last.drive + at_rest_in_the_end(correction, sample_time)
+    states = integrate(drive, sample_time)
+    largest = np.max(np.abs(states), axis=0) / np.array([p.position_limit, p.velocity_limit, p.acceleration_limit])
+    factor = 1.0 / max(1.0, float(np.max(largest)))
+    return states * factor, factor
+
+
+def converged(errors: Sequence[float], parameters: Iteration) -> str:
+    """Why the iteration stops after these errors; empty where it goes on.
+
+    >>> settings = Iteration(learning_gain=0.8, lowest_frequency=0.2, highest_frequency=20.0, smoothing=0.5,
+    ...     regularisation=0.01, position_limit=0.1, velocity_limit=0.6, acceleration_limit=9.0, good_enough=0.05,
+    ...     least_gain=0.05, runs=8)
+    >>> converged([0.5, 0.2], settings), converged([0.5, 0.2, 0.04], settings), converged([0.5, 0.2, 0.2, 0.21], settings)
+    ('', 'good enough', 'no longer falls')
+    """
+    if errors[-1] <= parameters.good_enough:
+        return "good enough"
+    if len(errors) > 3 and min(errors[-2:]) > (1.0 - parameters.least_gain) * min(errors[:-2]):
+        return "no longer falls"
+    return "most runs" if len(errors) >= parameters.runs else ""
+
+
+def iterate(
+    wanted: Array, first: Array, play: Callable[[Array, int], Array], sample_time: float, parameters: Iteration
+) -> tuple[list[Array], list[float], str]:
+    """Run after run until `converged`.
+
+    Parameters
+    ----------
+    wanted : (n,) acceleration [m/s²]. first : (n, 3) reference of the first run.
+    play : plays a reference (n, 3) in the run of this number and returns the measured acceleration, (n,).
+
+    Returns
+    -------
+    (references, errors, reason) : one of each a run; the best run is that of the least error
+    """
+    references, errors, runs = [first], [], list[Run]()
+    while True:
+        achieved = play(references[-1], len(errors))
+        runs.append(Run(references[-1][:, 2], achieved))
+        errors.append(error_in_band(wanted, achieved, sample_time, parameters))
+        reason = converged(errors, parameters)
+        if reason:
+            return references, errors, reason
+        references.append(next_drive(wanted, runs, sample_time, parameters)[0])
