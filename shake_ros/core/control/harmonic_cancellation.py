@@ -9,7 +9,8 @@ G_n, the acceleration per acceleration added, starts at one, what a loop that fo
 from window to window, G_n' = G_n + κ (−ΔE_n − G_n ΔR_n)/ΔR_n. A window counts only where the wanted fundamental was
 the same in it and in the one before. The law under it, and a model feedforward, see nothing but another reference.
 
-Not in the thesis, which measures the distortion (6.1) and leaves it. Verified against: a linear loop with known lag, and
+Not in the thesis, which measures the distortion (6.1) and leaves it. Verified against: a linear loop with known lag,
+and
 the distortion of the simulated table's sine.
 """
 

@@ -4,8 +4,8 @@ A shaking table is driven again and again with the same motion; what it missed i
 
     D' (f) = D(f) + L(f) [W(f) − A(f)],  L = μ B(f) γ²(f) H*(f) / (|H|² + ε max|H|²)
 
-with the drive D (the acceleration of the reference that is played), the wanted W and achieved acceleration A, the band B
-with soft edges, and H = S_AD/S_DD, γ² = |S_AD|²/(S_AA S_DD) from the runs themselves, averaged over neighbouring
+with the drive D (the acceleration of the reference that is played), the wanted W and achieved acceleration A, the band
+B with soft edges, and H = S_AD/S_DD, γ² = |S_AD|²/(S_AA S_DD) from the runs themselves, averaged over neighbouring
 frequencies: learning is slow where the table does not answer in proportion. The drive is made to end at rest, its
 position and velocity follow by exact integration, and it is scaled back as a whole where it would leave its limits.
 
@@ -161,7 +161,7 @@ def converged(errors: Sequence[float], parameters: Iteration) -> str:
     >>> settings = Iteration(learning_gain=0.8, lowest_frequency=0.2, highest_frequency=20.0, smoothing=0.5,
     ...     regularisation=0.01, position_limit=0.1, velocity_limit=0.6, acceleration_limit=9.0, good_enough=0.05,
     ...     least_gain=0.05, runs=8)
-    >>> converged([0.5, 0.2], settings), converged([0.5, 0.2, 0.04], settings), converged([0.5, 0.2, 0.2, 0.21], settings)
+    >>> converged([0.5, 0.2], settings), converged([0.5, 0.04], settings), converged([0.5, 0.2, 0.2, 0.21], settings)
     ('', 'good enough', 'no longer falls')
     """
     if errors[-1] <= parameters.good_enough:

@@ -1,0 +1,123 @@
+"""The controller's node over DDS: another controller while it runs, without a bump; harmonics added to a reference."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+
+from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.control.runner import Controller, switch
+from shake_ros.ros import interface
+from shake_ros.ros.controller_node import ControllerNode, build
+from shake_ros.ros.conversions import SECOND
+from shake_ros.ros.frame import Frame
+from shake_ros.ros.loop import build_node, ros_context
+from shake_ros.settings import load_variant
+
+DT = 0.001
+TIMEOUT = 60.0
+ARGUMENTS = ["--ros-args", "-p", "lockstep:=true"]
+
+
+def motion(k: int) -> tuple[float, float, float]:
+    phase = 4.0 * math.pi * k * DT
+    return 0.02 * math.sin(phase), 0.08 * math.pi * math.cos(phase), -0.32 * math.pi**2 * math.sin(phase)
+
+
+class Bench:
+    """The node, and in the same process what feeds it, hears it and sets its parameters, each through DDS."""
+
+    def __init__(self, context: Any) -> None:
+        self.node = build_node(build, "controller", context, [*ARGUMENTS, "-p", "controller:=feedforward_pi_tuned"])
+        assert isinstance(self.node, ControllerNode)
+        self.driver = Frame("driver", context, ARGUMENTS)
+        self.references = self.driver.writer(interface.REFERENCE)
+        self.estimates = self.driver.writer(interface.ESTIMATE)
+        self.accelerations = self.driver.writer(interface.IMU)
+        self.commands: list[float] = []
+        self.driver.reader(interface.VALVE_COMMAND, lambda _stamp, u: self.commands.append(u))
+        self.client = self.driver.node.create_client(SetParameters, "controller/set_parameters")
+        self.executor = SingleThreadedExecutor(context=context)
+        for one in (self.node.frame.node, self.driver.node):
+            self.executor.add_node(one)
+        writers = self.references, self.estimates, self.node._writer
+        self.until(lambda: all(w.publisher.get_subscription_count() for w in writers))
+        self.until(self.client.service_is_ready)
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + TIMEOUT
+        while not condition():
+            assert time.monotonic() < deadline
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def set(self, name: str, value: Any) -> tuple[bool, str]:
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        answer = self.client.call_async(request)
+        self.until(answer.done)
+        result = answer.result().results[0]
+        return result.successful, result.reason
+
+    def play(self, first: int, last: int, acceleration: bool = False) -> list[float]:
+        """Samples first … last − 1 in lock-step; the commands."""
+        heard = len(self.commands)
+        for count, k in enumerate(range(first, last), heard + 1):
+            stamp = SECOND + k * 1_000_000
+            if acceleration:
+                self.accelerations.send(stamp, motion(k)[2])
+            self.references.send(stamp, *motion(k))
+            self.estimates.send(stamp, *motion(k - 4))
+            self.until(lambda count=count: len(self.commands) == count)
+        return self.commands[heard:]
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        for frame in (self.node.frame, self.driver):
+            frame.close()
+
+
+@pytest.fixture
+def bench(ros_domain: int) -> Iterator[Bench]:
+    with ros_context([], domain_id=ros_domain) as context:
+        made = Bench(context)
+        yield made
+        made.close()
+
+
+def test_controller_changes_while_it_runs_without_a_bump_as_in_the_core(bench: Bench) -> None:
+    names = ("feedforward_pi_tuned", "super_twisting_tuned", "three_variable")
+    laws = [Controller(*load_variant("controller", n, CONTROLLERS), DT) for n in names]
+    state, wanted, commands = laws[0].initial_state(), [], []
+    for i, name in enumerate(names):
+        if i > 0:
+            assert bench.set("controller", name) == (True, "")
+            state = switch(laws[i - 1], state, laws[i], wanted[-1], 0.2)
+        commands += bench.play(150 * i, 150 * (i + 1))
+        for k in range(150 * i, 150 * (i + 1)):
+            state, u = laws[i].step(state, motion(k), motion(k - 4))
+            wanted.append(u)
+    assert commands == wanted  # to the bit
+    for first in (150, 300):
+        assert abs(commands[first] - commands[first - 1]) < 1e-9
+        assert np.max(np.abs(np.diff(commands[first : first + 100]))) < 0.02
+    assert bench.set("controller", "three_variabl")[0] is False
+    assert bench.node._condition()[1] == "three_variable: running"
+
+
+def test_cancellation_waits_for_the_acceleration_of_each_sample_and_ends_when_told(bench: Bench) -> None:
+    bench.play(0, 3)
+    assert bench.set("harmonic_cancellation", True) == (True, "")
+    bench.play(3, 4)  # the change is taken over at this sample
+    bench.until(lambda: bool(bench.accelerations.publisher.get_subscription_count()))
+    bench.play(4, 20, acceleration=True)
+    assert bench.node._added is not None
+    assert bench.set("harmonic_cancellation", False) == (True, "")
+    bench.play(20, 21, acceleration=True)
+    bench.play(21, 24)
