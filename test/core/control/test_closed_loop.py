@@ -212,6 +212,29 @@ def test_tuning_functional_is_the_integral_of_the_squares() -> None:
 
 
 def test_tuning_finds_the_gain_of_least_cost_and_keeps_its_sign() -> None:
-    gains, cost = tune({"gain": -3.0}, [lambda g: still_run(g["gain"] + 1.5)], travel_price=0.0, evaluations=80)
+    counts: list[int] = []
+    gains, cost = tune(
+        {"gain": -3.0},
+        lambda g: normalised_cost(still_run(g["gain"] + 1.5), 0.0),
+        evaluations=80,
+        done=lambda count, best: counts.append(count),
+    )
     assert gains["gain"] == pytest.approx(-1.5, rel=1e-3)
     assert cost < 1e-2
+    assert counts == list(range(1, len(counts) + 1))
+
+
+def test_tuning_steps_back_from_gains_that_are_refused_or_lose_the_loop() -> None:
+    def cost(gains: dict[str, float]) -> float:
+        if gains["gain"] > 2.0:
+            raise ShakeError("gain is outside 0 … 2")
+        return math.nan if gains["gain"] > 1.8 else abs(gains["gain"] - 1.7)
+
+    gains, least = tune({"gain": 1.5}, cost, evaluations=60)
+    assert gains["gain"] == pytest.approx(1.7, rel=1e-2)
+    assert least < 0.02
+
+
+def test_gain_of_zero_cannot_be_tuned() -> None:
+    with pytest.raises(ShakeError, match=r"a gain of zero cannot be tuned: \['b'\]"):
+        tune({"a": 1.0, "b": 0.0}, lambda gains: 0.0, evaluations=5)
