@@ -52,6 +52,10 @@ ENTRY_POINTS: dict[str, Entry] = {
     "frequency_response": Entry(
         "shake_ros.cli.frequency_response", "gain, delay and coherence in a recording, plotted"
     ),
+    "tune": Entry(
+        "shake_ros.cli.tune", "gains of a controller over loads and perturbed tables, as a new configuration"
+    ),
+    "compare": Entry("shake_ros.cli.compare", "the controllers side by side on references, loads and perturbed tables"),
     "thd": Entry("shake_ros.cli.thd", "harmonic table of a recording"),
     "multisine_split": Entry(
         "shake_ros.cli.multisine_split", "linear, even and odd parts and noise of a multi-sine's response"

@@ -1,9 +1,9 @@
 """Tuning of a controller's gains on the closed loop: the functional (6.42) over several tables, minimised.
 
 The thesis minimises J = ∫ (x − x_ref)² + (ẋ − ẋ_ref)² dt on one model. Here each case (a table, an observer, a
-reference, a delay) gives its J; their mean over the loads and the worst over perturbed tables are minimised together, so
-that gains are not fitted to one table. The travel of the command is priced, because J does not see what noise does to a
-valve.
+reference, a delay) gives its J; their mean over the loads and the worst over perturbed tables are minimised together,
+so that gains are not fitted to one table. The travel of the command is priced, because J does not see what noise does
+to a valve.
 """
 
 from __future__ import annotations

@@ -1,0 +1,170 @@
+"""The loops that `tune` and `compare` run, from config/compare and the configurations that it names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.control.runner import Controller
+from shake_ros.core.loop.compiled import Loop
+from shake_ros.core.loop.metrics import Judged, spectrum_of
+from shake_ros.core.loop.perturbation import Spread, perturbed
+from shake_ros.core.observer import OBSERVERS
+from shake_ros.core.observer.runner import Observer
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.data.reference_program import Reference, load_reference, make_program
+from shake_ros.settings import find, load_table, load_variant, read_yaml
+
+Array = NDArray[np.float64]
+MODELS = ("none", "load", "fixed")
+MASS = "body.specimen_mass"
+
+
+def strict(content: Any, keys: Sequence[str], where: str) -> dict[str, Any]:
+    """A mapping with exactly these keys; anything else is an error that names the file."""
+    if not isinstance(content, Mapping):
+        raise ShakeError(f"{where}: expected {', '.join(keys)}")
+    for key in content:
+        if key not in keys:
+            raise unknown_name("key", key, keys, where)
+    missing = [key for key in keys if key not in content]
+    if missing:
+        raise ShakeError(f"{where}: missing {', '.join(missing)}")
+    return dict(content)
+
+
+@dataclass(frozen=True)
+class Course:
+    """A reference as it is run: its samples (n, 3) with a rest behind, and the part that counts."""
+
+    name: str
+    states: Array
+    part: Judged
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of a comparison: configurations of controller and observer, and the model they carry."""
+
+    label: str
+    controller: str
+    observer: str
+    model: str
+
+
+@dataclass
+class Plant:
+    """The plant of a comparison: tables by load, perturbed ones, references, and laws and observers for them."""
+
+    settings: Mapping[str, Any]
+    where: str
+    _feedforwards: dict[tuple[Any, ...], tuple[Array, Array]] = field(default_factory=dict)
+
+    @property
+    def sample_time(self) -> float:
+        """Of plant, observer and controller [s]."""
+        return float(self.settings["sample_time"])
+
+    def table(self, load: float) -> TableParameters:
+        """The plant under a load [kg]."""
+        return load_table(self.settings["table"]).with_values({**self.settings["values"], MASS: load})
+
+    def model(self, load: float) -> TableParameters:
+        """What identification finds of the plant under a load [kg]."""
+        return self.table(load).with_values(self.settings["model_values"])
+
+    def perturbed(self, count: int) -> list[tuple[float, TableParameters]]:
+        """Loads [kg], in turn, and perturbed tables under them."""
+        given = strict(self.settings["perturbed"], ("count", "seed", "spread"), f"{self.where}: perturbed")
+        spread = Spread.from_mapping(given["spread"], f"{self.where}: perturbed: spread")
+        loads = [self.settings["loads"][i % len(self.settings["loads"])] for i in range(count)]
+        return [
+            (load, perturbed(self.table(load), spread, i + 1, int(given["seed"]))[i]) for i, load in enumerate(loads)
+        ]
+
+    def observer(self, name: str, model: TableParameters) -> Observer:
+        """An observer of config/observer; one that carries a table carries `model`."""
+        return Observer(*load_variant("observer", name, OBSERVERS), self.sample_time, model)
+
+    def course(self, reference: Reference, name: str) -> Course:
+        """A reference ready to be run."""
+        dt, shaping = self.sample_time, reference.shaping
+        program = make_program(reference, dt)
+        rest = round(self.settings["rest"] / dt)
+        first = round(shaping.soft_start / dt)
+        last = program.length - round(shaping.soft_stop / dt)
+        states = program.samples(0, program.length + rest)
+        frequency = float(getattr(reference.parameters, "frequency", 0.0)) if reference.kind == "sine" else 0.0
+        spectrum = spectrum_of(states[first:last, 2], dt)
+        return Course(name, states, Judged(first, last, program.length + rest // 2, frequency, spectrum))
+
+    def courses(self, names: Sequence[str]) -> list[Course]:
+        """References of config/reference."""
+        return [self.course(load_reference(name), Path(name).stem) for name in names]
+
+    def records(self, paths: Sequence[str]) -> list[Course]:
+        """Accelerograms, scaled as the configuration's `record_reference` says."""
+        base = load_reference(self.settings["record_reference"])
+        if base.kind != "earthquake":
+            raise ShakeError(f"{self.where}: record_reference '{self.settings['record_reference']}' is no earthquake")
+        return [self.course(base._replace(parameters=base.parameters.replace(record=p)), Path(p).stem) for p in paths]
+
+    def loop(
+        self, entry: Entry, course: Course, load: float, table: TableParameters, delay: int, law: Controller | None
+    ) -> Loop:
+        """An entry on a table; `law` in place of the entry's own controller where given."""
+        model = self.model(self.settings["model_load"] if entry.model == "fixed" else load)
+        carried = model if entry.model != "none" else None
+        if law is None:
+            law = Controller(*load_variant("controller", entry.controller, CONTROLLERS), self.sample_time, carried)
+        return Loop(
+            table,
+            self.observer(entry.observer, model),
+            law,
+            course.states,
+            self._feedforward(law, course, float(model.value(MASS))),
+            seed=int(self.settings["seed"]),
+            delay=delay,
+        )
+
+    def _feedforward(self, law: Controller, course: Course, load: float) -> tuple[Array, Array] | None:
+        """The virtual table's run along a course, computed once for all laws that share it."""
+        if law.virtual is None:
+            return None
+        key = (course.name, len(course.states), load, tuple(law.virtual.settings))
+        if key not in self._feedforwards:
+            self._feedforwards[key] = law.virtual.follow(course.states)
+        return self._feedforwards[key]
+
+
+KEYS = (
+    "table", "values", "model_values", "sample_time", "delay", "seed", "loads", "model_load", "references",
+    "record_reference", "figure_reference", "figure_load", "rest", "perturbed", "quick", "entries",
+)  # fmt: skip
+
+
+def load_plant(name: str) -> Plant:
+    """The plant of config/compare/<name>.yaml, or of a YAML file."""
+    path = find("compare", name)
+    return Plant(strict(read_yaml(path), KEYS, str(path)), str(path))
+
+
+def entries(plant: Plant) -> list[Entry]:
+    """The lines of a comparison; each configuration is read once, so that a wrong one ends the command at once."""
+    result = []
+    for label, content in plant.settings["entries"].items():
+        where = f"{plant.where}: entries: {label}"
+        entry = Entry(str(label), **strict(content, ("controller", "observer", "model"), where))
+        if entry.model not in MODELS:
+            raise unknown_name("model", entry.model, MODELS, where)
+        load_variant("controller", entry.controller, CONTROLLERS)
+        load_variant("observer", entry.observer, OBSERVERS)
+        result.append(entry)
+    return result
