@@ -80,14 +80,13 @@ class Plant:
         """What identification finds of the plant under a load [kg]."""
         return self.table(load).with_values(self.settings["model_values"])
 
-    def perturbed(self, count: int) -> list[tuple[float, TableParameters]]:
-        """Loads [kg], in turn, and perturbed tables under them."""
+    def perturbed(self, count: int, seed: int | None = None) -> list[tuple[float, TableParameters]]:
+        """Loads [kg], in turn, and perturbed tables under them; of the settings' seed, or of another."""
         given = strict(self.settings["perturbed"], ("count", "seed", "spread"), f"{self.where}: perturbed")
         spread = Spread.from_mapping(given["spread"], f"{self.where}: perturbed: spread")
         loads = [self.settings["loads"][i % len(self.settings["loads"])] for i in range(count)]
-        return [
-            (load, perturbed(self.table(load), spread, i + 1, int(given["seed"]))[i]) for i, load in enumerate(loads)
-        ]
+        drawn = int(given["seed"]) if seed is None else seed
+        return [(load, perturbed(self.table(load), spread, i + 1, drawn)[i]) for i, load in enumerate(loads)]
 
     def observer(self, name: str, model: TableParameters) -> Observer:
         """An observer of config/observer; one that carries a table carries `model`."""
@@ -116,14 +115,11 @@ class Plant:
             raise ShakeError(f"{self.where}: record_reference '{self.settings['record_reference']}' is no earthquake")
         return [self.course(base._replace(parameters=base.parameters.replace(record=p)), Path(p).stem) for p in paths]
 
-    def loop(
-        self, entry: Entry, course: Course, load: float, table: TableParameters, delay: int, law: Controller | None
-    ) -> Loop:
-        """An entry on a table; `law` in place of the entry's own controller where given."""
+    def loop(self, entry: Entry, course: Course, load: float, table: TableParameters, delay: int) -> Loop:
+        """An entry on a table."""
         model = self.model(self.settings["model_load"] if entry.model == "fixed" else load)
         carried = model if entry.model != "none" else None
-        if law is None:
-            law = Controller(*load_variant("controller", entry.controller, CONTROLLERS), self.sample_time, carried)
+        law = Controller(*load_variant("controller", entry.controller, CONTROLLERS), self.sample_time, carried)
         return Loop(
             table,
             self.observer(entry.observer, model),

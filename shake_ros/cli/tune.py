@@ -9,20 +9,19 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from shake_ros.cli.loops import Course, Entry, Plant, load_plant, strict
+from shake_ros.cli.loops import MODELS, Course, Entry, Plant, load_plant, strict
 from shake_ros.cli.progress import Bar
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.law import LawParameters
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.control.tuning import LOST, mean_and_worst, normalised_cost, tune
-from shake_ros.core.loop.compiled import Loop, run_batch
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError
+from shake_ros.core.loop.compiled import run_batch
+from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.settings import find, load_variant, read_yaml
 
 KEYS = (
-    "plant", "observer", "references", "begin", "seconds", "loads", "perturbed", "robustness", "travel_price",
+    "plant", "observer", "model", "references", "begin", "seconds", "loads", "perturbed", "seed", "robustness", "position_weight", "travel_price",
     "evaluations", "fixed",
 )  # fmt: skip
 
@@ -50,9 +49,11 @@ def settings_of(given: argparse.Namespace) -> dict[str, Any]:
     """The settings of the file with what the command line changes; checked."""
     path = find("tune", given.settings)
     settings = strict(read_yaml(path), KEYS, str(path))
-    for name in ("loads", "references", "observer", "perturbed", "evaluations"):
+    for name in ("loads", "references", "observer", "model", "perturbed", "evaluations"):
         if getattr(given, name) is not None:
             settings[name] = getattr(given, name)
+    if settings["model"] not in MODELS:
+        raise unknown_name("model", settings["model"], MODELS, str(path))
     if settings["perturbed"] < 0:
         raise ShakeError(f"perturbed = {settings['perturbed']}: must not be negative")
     if settings["evaluations"] < 1:
@@ -80,39 +81,41 @@ def section(course: Course, begin: float, seconds: float, dt: float) -> Course:
 
 
 class Cost:
-    """The cost of a set of gains of one law."""
+    """The cost of a set of gains of the law of a configuration."""
 
-    def __init__(self, plant: Plant, settings: dict[str, Any], kind: str, parameters: LawParameters) -> None:
-        self._plant, self._settings, self._kind, self._parameters = plant, settings, kind, parameters
+    def __init__(self, plant: Plant, settings: dict[str, Any], controller: str) -> None:
+        self._settings = settings
         dt = plant.sample_time
         self._first = round(settings["begin"] / dt)
         courses = [
             section(c, settings["begin"], settings["seconds"], dt) for c in plant.courses(settings["references"])
         ]
-        entry = Entry("", "", settings["observer"], "none")
-        law = Controller(kind, parameters, dt)
+        entry = Entry("", controller, settings["observer"], settings["model"])
         delay = int(plant.settings["delay"])
-
-        def loop(course: Course, load: float, table: TableParameters, late: int) -> Loop:
-            return plant.loop(entry, course, load, table, late, law)
-
-        self._loops = [loop(c, load, plant.table(load), delay) for load in settings["loads"] for c in courses]
+        self._loops = [
+            plant.loop(entry, course, load, plant.table(load), delay)
+            for load in settings["loads"]
+            for course in courses
+        ]
         self._loads = len(self._loops)
         self._loops += [
-            loop(courses[i % len(courses)], load, table, 0)
-            for i, (load, table) in enumerate(plant.perturbed(settings["perturbed"]))
+            plant.loop(entry, courses[i % len(courses)], load, table, 0)
+            for i, (load, table) in enumerate(plant.perturbed(settings["perturbed"], settings["seed"]))
         ]
+        law = self._loops[0].controller
+        self._kind, self._parameters, self._dt = law.kind, law.parameters, dt
+        self._model = plant.model(plant.settings["model_load"]) if settings["model"] != "none" else None
 
     def _judge(self, index: int, run: ClosedLoop) -> float:
         first = self._first
         part = dataclasses.replace(
             run, reference=run.reference[first:], truth=run.truth[first:], command=run.command[first:]
         )
-        return min(normalised_cost(part, self._settings["travel_price"]), LOST)
+        return min(normalised_cost(part, self._settings["travel_price"], self._settings["position_weight"]), LOST)
 
     def __call__(self, gains: dict[str, float]) -> float:
         """Mean over loads and references, and the worst perturbed table (6.42)."""
-        law = Controller(self._kind, self._parameters.replace(**gains), self._plant.sample_time)
+        law = Controller(self._kind, self._parameters.replace(**gains), self._dt, self._model)
         costs = run_batch([dataclasses.replace(loop, controller=law) for loop in self._loops], self._judge)
         costs = [value if value == value else LOST for value in costs]
         return mean_and_worst(costs[: self._loads], costs[self._loads :], self._settings["robustness"])
@@ -146,7 +149,7 @@ def run(given: argparse.Namespace, arguments: Sequence[str], tell: Callable[[str
     settings = settings_of(given)
     kind, parameters = load_variant("controller", given.controller, CONTROLLERS)
     start = gains_of(parameters, settings["fixed"])
-    cost = Cost(load_plant(settings["plant"]), settings, kind, parameters)
+    cost = Cost(load_plant(settings["plant"]), settings, given.controller)
     before = cost(start)
     evaluations = int(settings["evaluations"])
     found, _ = tune(

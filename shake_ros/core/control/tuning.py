@@ -21,10 +21,18 @@ LOST = 10.0  # cost of a loop that did not hold
 SPREAD = 0.5  # of the first simplex, in the logarithm of a gain
 
 
-def tracking_cost(run: ClosedLoop) -> float:
-    """J of (6.42) [m²·s, the velocity's square weighted by 1 s²], by the rectangle rule."""
+def tracking_cost(run: ClosedLoop, position_weight: float = 1.0) -> float:
+    """J of (6.42), ∫ w² (x − x_ref)² + (ẋ − ẋ_ref)² dt [m²/s], by the rectangle rule.
+
+    The print adds squares of metres to squares of metres a second, that is w = 1/s, under which the position hardly
+    counts in motions of some hertz.
+
+    Parameters
+    ----------
+    position_weight : w [1/s]
+    """
     error = run.truth[:, :2] - run.reference[:, :2]
-    return float(np.sum(error**2) * run.sample_time)
+    return float(np.sum((error * (position_weight, 1.0)) ** 2) * run.sample_time)
 
 
 def command_travel(run: ClosedLoop) -> float:
@@ -32,15 +40,16 @@ def command_travel(run: ClosedLoop) -> float:
     return float(np.mean(np.abs(np.diff(run.command))) / run.sample_time)
 
 
-def normalised_cost(run: ClosedLoop, travel_price: float) -> float:
+def normalised_cost(run: ClosedLoop, travel_price: float, position_weight: float = 1.0) -> float:
     """√(J/J_0) + price × travel; J_0 is the J of a table that stands still [-].
 
     Parameters
     ----------
-    travel_price : [s]
+    travel_price : [s]. position_weight : as in `tracking_cost`.
     """
-    still = float(np.sum((run.reference[:, :2] - run.reference[0, :2]) ** 2) * run.sample_time)
-    return math.sqrt(tracking_cost(run) / still) + travel_price * command_travel(run)
+    away = (run.reference[:, :2] - run.reference[0, :2]) * (position_weight, 1.0)
+    still = float(np.sum(away**2) * run.sample_time)
+    return math.sqrt(tracking_cost(run, position_weight) / still) + travel_price * command_travel(run)
 
 
 def mean_and_worst(loads: Sequence[float], tables: Sequence[float], robustness: float) -> float:

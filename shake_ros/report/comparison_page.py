@@ -1,0 +1,90 @@
+"""The page of a comparison of controllers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from shake_ros.core.control.closed_loop import ClosedLoop
+from shake_ros.core.loop.comparison import Outcome, Summary, summarise
+from shake_ros.report import figures_comparison
+from shake_ros.report.comparison_text import HEAD, load_rows, number, percent, summary_rows, trouble
+from shake_ros.report.page import Page
+
+CASE_HEAD = (
+    "controller", "load [kg]", "J1 [ms]", "position", "peak", "velocity", "peak", "acceleration", "spectrum",
+    "its largest", "THD", "travel [1/s]", "at limit",
+)  # fmt: skip
+
+
+def case_rows(outcomes: Sequence[Outcome]) -> list[list[str]]:
+    """One row per run under CASE_HEAD."""
+    rows = []
+    for o in outcomes:
+        m = o.metrics
+        shares = (
+            m.position_error, m.position_peak_error, m.velocity_error, m.velocity_peak_error, m.acceleration_error,
+            m.spectrum_error, m.spectrum_largest_error, m.thd,
+        )  # fmt: skip
+        rows.append(
+            [
+                o.entry,
+                f"{o.load:g}",
+                number(1e3 * m.delay),
+                *(percent(x) for x in shares),
+                number(m.command_travel),
+                percent(m.time_at_limit),
+            ]
+        )
+    return rows
+
+
+def best_of(summaries: Sequence[Summary]) -> int | None:
+    """The controller of the least worst position error among those that never were unstable."""
+    sound = [i for i, s in enumerate(summaries) if s.unstable == 0 and s.end_stops == 0]
+    return min(sound, key=lambda i: summaries[i].worst.position_error) if sound else None
+
+
+def comparison_page(outcomes: Sequence[Outcome], runs: Mapping[str, ClosedLoop], figure_case: str, plant: str) -> str:
+    """The whole page as HTML.
+
+    Parameters
+    ----------
+    runs : of the case that is drawn, by controller. figure_case : that case in words. plant : the plant in words.
+    """
+    summaries = summarise(outcomes)
+    best = best_of(summaries)
+    page = Page("Controllers side by side", f"One set of gains for every reference and load. {plant}")
+    cards = [(str(len(outcomes)), "closed loops"), (str(len(trouble(outcomes))), "of them unstable or at an end stop")]
+    if best is not None:
+        cards.insert(
+            0, (percent(summaries[best].worst.position_error), f"worst position error: {summaries[best].entry}")
+        )
+    page.cards(cards)
+    page.heading("All controllers")
+    page.paragraph(
+        "Errors are the normalised root mean square of the true motion against the reference (J2), mean and worst over "
+        "references and loads; J1 is the delay; spectrum is the error of the response spectrum at 5 % damping from 0.5 "
+        "to 15 Hz; THD is of the acceleration under sines; travel is of the valve command; perturbed is the worst "
+        "position error on the perturbed tables."
+    )
+    page.table(HEAD, summary_rows(summaries), best=best)
+    page.figure(figures_comparison.error_bars(summaries), "Worst errors over references and loads")
+    page.heading("By load")
+    head, rows = load_rows(outcomes)
+    page.table(head, rows)
+    page.heading("Errors and spectra")
+    groups = list(runs.items())
+    for start in range(0, len(groups), len(figures_comparison.COLOURS)):
+        part = dict(groups[start : start + len(figures_comparison.COLOURS)])
+        page.figure(figures_comparison.error_figure(part), f"Position and velocity error, {figure_case}")
+        page.figure(figures_comparison.spectrum_figure(part), f"Spectra of position and velocity, {figure_case}")
+    page.heading("Unstable runs and end stops")
+    lines = trouble(outcomes)
+    page.paragraph("None." if not lines else f"{len(lines)} runs:")
+    if lines:
+        page.table(["run"], [[line] for line in lines])
+    declared = [o for o in outcomes if o.table < 0]
+    for reference in dict.fromkeys(o.reference for o in declared):
+        page.heading(f"Reference {reference}")
+        page.table(CASE_HEAD, case_rows([o for o in declared if o.reference == reference]))
+    return page.render()
