@@ -21,8 +21,8 @@ from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.settings import find, load_variant, read_yaml
 
 KEYS = (
-    "plant", "observer", "model", "references", "begin", "seconds", "loads", "perturbed", "seed", "robustness", "position_weight", "travel_price",
-    "evaluations", "fixed",
+    "plant", "observer", "model", "references", "begin", "seconds", "loads", "perturbed", "seed", "robustness",
+    "position_weight", "travel_price", "evaluations", "fixed",
 )  # fmt: skip
 
 
