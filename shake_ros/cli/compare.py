@@ -138,6 +138,7 @@ def run(given: argparse.Namespace, bar: Bar) -> str:
 
     write_folder(given.out, fill, force=given.force)
     bad = trouble(outcomes)
+    wall, processor = time.monotonic() - began, time.process_time() - spent
     return "\n".join(
         [
             words(plant),
@@ -147,7 +148,7 @@ def run(given: argparse.Namespace, bar: Bar) -> str:
             aligned(*load_rows(outcomes)),
             "",
             *(bad or ["no run was unstable or touched an end stop"]),
-            f"{len(outcomes)} loops in {time.monotonic() - began:.0f} s, {time.process_time() - spent:.0f} s of processor",
+            f"{len(outcomes)} loops in {wall:.0f} s, {processor:.0f} s of processor time",
             f"report: {given.out / 'report.html'}",
         ]
     )

@@ -38,6 +38,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--references", nargs="+", metavar="NAME", help="config/reference/NAME.yaml or files")
     p.add_argument("--observer", metavar="NAME", help="config/observer/NAME.yaml or a file")
     p.add_argument(
+        "--model", choices=MODELS, help="feedforward of a virtual table: none, of each load, of a fixed load"
+    )
+    p.add_argument(
         "--perturbed", type=int, metavar="N", help="tables around the middle load, the worst of which counts"
     )
     p.add_argument("--evaluations", type=int, metavar="N", help="sets of gains that are tried, at most")
