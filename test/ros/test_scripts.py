@@ -31,6 +31,10 @@ def test_closed_loop_in_lockstep_is_the_same_every_time(ros_domain) -> None:
     assert "the same in every run" in run("same_every_time.py", "--seconds", "2.0")
 
 
+def test_every_controller_in_lockstep_has_the_numbers_of_the_compiled_loop(ros_domain) -> None:
+    assert "every controller is the same" in run("every_controller.py", "--seconds", "0.3")
+
+
 @pytest.mark.parametrize("scheduling", [(), ("--fifo",)], ids=["usual scheduling", "SCHED_FIFO"])
 def test_closed_loop_in_real_time_keeps_its_books(ros_domain, scheduling) -> None:
     assert "missed deadlines counted" in run("real_time.py", "--seconds", "3.0", *scheduling)

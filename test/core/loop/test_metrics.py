@@ -110,7 +110,7 @@ def test_lost_run_and_run_into_the_end_stop_are_told() -> None:
     found = judge(run_of(reference, lost), part_of(reference), 1.0, STROKE)
     assert found.unstable
     assert math.isnan(found.position_error)
-    far = reference + [0.13, 0.0, 0.0]
+    far = reference + np.array([0.13, 0.0, 0.0])
     assert judge(run_of(reference, far), part_of(reference), 1.0, STROKE).end_stop
 
 
