@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.plant.parameters import SensorParameters
+from shake_ros.core.quantities import ShakeError
 
 BLOCK = 4096  # samples of noise made at a time
 CHANNELS = 5
@@ -25,10 +26,13 @@ def _block(seed: int, block: int) -> NDArray[np.float64]:
 class SensorNoise:
     """White Gaussian noise on position, acceleration and three pressures, and steps of the position converter.
 
-    Sample k always draws the same noise for the same seed, in whatever order samples are asked for.
+    Sample k always draws the same noise for the same seed, in whatever order samples are asked for. A negative seed is
+    a ShakeError.
     """
 
     def __init__(self, parameters: SensorParameters, seed: int) -> None:
+        if seed < 0:
+            raise ShakeError(f"seed = {seed} is negative")
         self.parameters = parameters
         self._seed = seed
         self._block = -1

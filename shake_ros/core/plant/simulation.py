@@ -86,7 +86,9 @@ def run(
 
     Parameters
     ----------
-    commands : shape (n,) [-], held from each sample to the next. sample_time [s].
+    commands : shape (n,) [-], held from each sample to the next. With a dead time the first one is taken as standing
+        before the recording began; a `Table`, which starts itself, has its valve at null until a command arrives.
+    sample_time [s].
     position : start [m], or the measured position of shape (n,) which volumes and position-dependent effects follow.
     forces : external force, shape (n,) [N]. state : first state; at rest where not given.
 

@@ -7,6 +7,7 @@ import pytest
 
 from shake_ros.core.plant.parameters import SensorParameters
 from shake_ros.core.plant.sensors import SensorNoise
+from shake_ros.core.quantities import ShakeError
 
 PARAMETERS = SensorParameters(
     position_noise=8e-6, position_range=0.3, position_bits=16, acceleration_noise=0.05, pressure_noise=2e4
@@ -52,3 +53,8 @@ def test_position_ends_at_the_measuring_range(place: float, seen: float) -> None
 def test_without_noise_and_steps_the_sensors_read_the_truth() -> None:
     ideal = SMOOTH.replace(position_noise=0.0, acceleration_noise=0.0, pressure_noise=0.0)
     assert SensorNoise(ideal, 5).read(11, 0.0123, -2.0, 1e6, 2e6, 3e6) == (0.0123, -2.0, 1e6, 2e6, 3e6)
+
+
+def test_a_negative_seed_is_refused_by_its_name() -> None:
+    with pytest.raises(ShakeError, match="seed = -1 is negative"):
+        SensorNoise(PARAMETERS, -1)
