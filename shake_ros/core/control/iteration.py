@@ -10,7 +10,7 @@ frequencies: learning is slow where the table does not answer in proportion. The
 position and velocity follow by exact integration, and it is scaled back as a whole where it would leave its limits.
 
 The iteration stops where the error is small enough or no longer falls; the best drive is kept.
-The usual practice of earthquake testing (the thesis names it among the surveyed schemes and gives no equation).
+The usual practice of earthquake testing; not in the thesis.
 Verified against: a linear table with known response, which is inverted within the band; the simulated table.
 """
 
