@@ -40,6 +40,7 @@ ATTEND = 10  # ticks between two looks at services, where the node has the proce
 MARGIN = 150_000  # the executor gives back the thread so long before a deadline [ns]
 REPORT_PERIOD = 1.0  # of /diagnostics [s]
 PR_SET_TIMERSLACK = 29
+DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 MCL_CURRENT_AND_FUTURE = 3
 
 Build = Callable[[Frame], Behaviour]
@@ -196,9 +197,11 @@ def _wrong_arguments(arguments: Sequence[str], error: RuntimeError) -> ShakeErro
 def ros_context(arguments: Sequence[str] | None = None, domain_id: int | None = None) -> Iterator[Context]:
     """An initialised rclpy context of our own, with no signal handlers of rclpy.
 
-    Fast DDS gets the profiles of config/fastdds.xml, unless the environment names others.
+    Nodes are discovered and listen on this machine alone, unless the environment opens the range (msg_docs/network.md).
+    Fast DDS gets the profiles of config/, unless the environment names others.
     """
-    profiles = config_folder() / "fastdds.xml"
+    local = os.environ.setdefault(DISCOVERY_RANGE, "LOCALHOST") in ("LOCALHOST", "OFF")
+    profiles = config_folder() / ("fastdds.xml" if local else "fastdds_network.xml")
     if profiles.is_file():
         os.environ.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(profiles))
     context = Context()
