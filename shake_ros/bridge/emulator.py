@@ -22,7 +22,7 @@ from shake_ros.core.plant.states import SPOOL
 from shake_ros.core.plant.table import Measurement, Table
 from shake_ros.core.quantities import Parameters, choice, quantity
 from shake_ros.core.safety.causes import NUMBERS, InterlockParameters
-from shake_ros.core.safety.interlock import HIGH, LOW, OFF, Interlock
+from shake_ros.core.safety.interlock import HIGH, LOW, OFF, RUN, Interlock
 from shake_ros.core.safety.power_unit import PowerUnit, PowerUnitParameters
 
 SECOND = 1_000_000_000
@@ -71,6 +71,7 @@ class Emulator:
         self.period = round(SECOND / own.rate)
         self.overruns = 0
         self.samples = 0
+        self.running = 0
         self.late_answers = 0
         self.round_trips = array("q")
         self._table = Table(table, self.period / SECOND, own.seed)
@@ -110,6 +111,7 @@ class Emulator:
             self._state = self._table.advance(self._state, u)
         self._acting = u
         self.samples += steps
+        self.running += lock.stage == RUN
         read = self._faulty(self._table.measure(self._state, self.samples), on)
         lock.observe(now, read.position, read.acceleration, read.pressure_supply)
         if self._began < 0 and self.link.session is not None:
@@ -128,8 +130,9 @@ class Emulator:
         for command, arrival in self.link.commands():
             place = command.answers % REMEMBERED
             if 0 < command.answers <= (self.link.session.sent if self.link.session else 0):
-                self.round_trips.append(arrival - self._sent[place])
-                self.late_answers += self.round_trips[-1] > self.period
+                if self.interlock.stage == RUN:
+                    self.round_trips.append(arrival - self._sent[place])
+                    self.late_answers += self.round_trips[-1] > self.period
                 stamp = self._sampled[place]
                 if math.isfinite(command.u):
                     self.interlock.command(stamp, command.u)
@@ -214,6 +217,8 @@ class Emulator:
             "samples": self.samples,
             "overruns": self.overruns,
             "commands": self.link.received,
+            "samples_at_run": self.running,
+            "answers_at_run": len(self.round_trips),
             "late_answers": self.late_answers,
             "sessions": self.link.sessions,
             "rejected": {reason: count for reason, count in self.link.rejected.items() if count},

@@ -106,10 +106,9 @@ class ReplayWindow:
             self._seen = ((self._seen << ahead) | 1) & (2**WINDOW - 1) if ahead < WINDOW else 1
             self.newest = sequence
             return True
-        bit = 1 << -ahead
-        if sequence < 1 or -ahead >= WINDOW or self._seen & bit:
+        if sequence < 1 or -ahead >= WINDOW or self._seen >> -ahead & 1:
             return False
-        self._seen |= bit
+        self._seen |= 1 << -ahead
         return True
 
 
