@@ -1,7 +1,7 @@
 """Node `hardware_bridge`: the plant's face over a real table, by datagrams to its target computer.
 
-A thread waits for datagrams and publishes each measurement at once, stamped with the target's clock mapped to ROS
-time; commands arrive in the executor's thread and leave as the answer to the measurement whose stamp they bear.
+A thread waits for datagrams and publishes each sample at once; commands arrive in the executor's thread and leave as
+the answer to the sample whose stamp they bear. While none comes, the interlock's own command goes out each period.
 """
 
 from __future__ import annotations
@@ -9,18 +9,12 @@ from __future__ import annotations
 import math
 import threading
 from array import array
-from collections import OrderedDict
 from dataclasses import dataclass
 
-from shake_ros.bridge import wire
 from shake_ros.bridge.channels import UNITS, BridgeParameters
-from shake_ros.bridge.clock import TargetClock
-from shake_ros.bridge.host import Host
-from shake_ros.bridge.session import key_for
+from shake_ros.bridge.table_link import Sample, TableLink
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
-from shake_ros.core.safety.causes import NUMBERS
 from shake_ros.core.safety.interlock import OFF, RUN
-from shake_ros.core.safety.rates import LastSecond
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import Frame, node_settings
@@ -28,11 +22,9 @@ from shake_ros.ros.interlock import NodeInterlock
 from shake_ros.settings import find, read_yaml
 
 WAIT = 0.002  # longest look for a datagram [s]
-REMEMBERED = 1024  # measurements whose stamp a command may bear
 RESET_TIME = 200_000_000  # the reset is sent for so long, and the target's answer awaited [ns]
-NEAR = 3  # periods between a measurement and the reference that it is compared with
+NEAR = 3  # periods between a sample and the reference that it is compared with
 LATE = 1.5  # periods without a command of our own to the target
-CAUSE_NAMES = {number: name for name, number in NUMBERS.items()}
 TOPICS = {
     "position": interface.JOINT_STATES,
     "acceleration": interface.IMU,
@@ -52,7 +44,7 @@ class HardwareBridgeParameters(Parameters):
 
 
 class HardwareBridge:
-    """Measurements out, commands in, the interlock between."""
+    """Samples out, commands in, the interlock between."""
 
     ticks = False
 
@@ -65,49 +57,26 @@ class HardwareBridge:
         )
         own = frame.parameters.declare(settings).value
         path = find("bridge", own.bridge)
-        self._bridge = bridge = BridgeParameters.from_mapping(read_yaml(path), str(path))
-        key = key_for(bridge.key_file, bridge.address, bridge.local_address)
-        self._host = Host(bridge.address, bridge.port, bridge.local_address, key)
-        self._clock = TargetClock()
-        self._interlock = NodeInterlock(frame, own.interlock, own.enabled, self._on_reset)
+        self._link = TableLink(BridgeParameters.from_mapping(read_yaml(path), str(path)))
+        self._late = round(LATE * self._link.parameters.period * 1e9)
+        self._interlock = NodeInterlock(frame, own.interlock, own.enabled, self._before_reset)
         self._lock = self._interlock.lock
-        self._sequences: OrderedDict[int, int] = OrderedDict()
-        self._stamp = self._newest = self._heard = self._answered = 0
+        self._heard = self._answered = self._reset_until = 0
         self._confirmed = OFF
-        self._reset_until = 0
-        self._lost, self._lost_before = LastSecond(), 0
-        self._received = LastSecond()
         self._reference, self._reference_stamp = math.nan, -1
         self._delays: array[int] = array("q")
-        self._writers = {name: frame.writer(TOPICS[name]) for name in UNITS if bridge.channels[name].present}
+        present = [name for name in UNITS if self._link.parameters.channels[name].present]
+        self._writers = {name: frame.writer(TOPICS[name]) for name in present}
         frame.reader(interface.VALVE_COMMAND, self._on_command, self._on_refused, self._on_doubled)
         if self._interlock.tracks:
             frame.reader(interface.REFERENCE, self._on_reference)
         frame.diagnostics.condition = self._condition
-        self._report()
+        frame.diagnostics.values |= {name: lambda name=name: self._link.report()[name] for name in self._link.report()}
+        frame.diagnostics.values["datagram_to_topic_p50_us"] = self._median_delay
         self._thread = threading.Thread(target=self._run, name="datagrams", daemon=True)
 
-    def _report(self) -> None:
-        host, clock = self._host, self._clock
-        self.frame.diagnostics.values |= {
-            "link.received": lambda: host.received,
-            "link.lost": lambda: host.lost,
-            "link.late": lambda: host.late,
-            "link.sessions": lambda: host.sessions,
-            **{f"link.rejected.{reason}": lambda reason=reason: host.rejected[reason] for reason in wire.REASONS},
-            "clock.offset_s": lambda: f"{clock.offset:.9f}",
-            "clock.drift_ppm": lambda: f"{clock.drift * 1e6:.3f}",
-            "clock.jumps": lambda: clock.jumps,
-            "datagram_to_topic_p50_us": self._median_delay,
-        }
-
-    def _median_delay(self) -> str:
-        delays, self._delays = sorted(self._delays), array("q")
-        return f"{delays[len(delays) // 2] / 1000:.1f}" if delays else ""
-
     def start(self) -> None:
-        """Measurements are published from now on."""
-        self._heard = self.frame.now()
+        """Samples are published from now on."""
         self._thread.start()
 
     def tick(self, stamp: int, steps: int) -> None:
@@ -118,114 +87,89 @@ class HardwareBridge:
         self.frame.stopping = True
         if self._thread.ident is not None:
             self._thread.join()
-        self._host.send(self._newest, self._bridge.valve.raw(0.0), OFF, 0)
-        self._host.close()
+        self._link.send(0.0, OFF, False)
+        self._link.host.close()
 
     def _run(self) -> None:
         while not self.frame.stopping:
-            came = self._host.receive(WAIT)
-            now = self.frame.now()
-            if came is None:
-                with self._interlock.guard:
-                    self._silent(now)
-                continue
-            self._measured(*came)
+            sample = self._link.receive(WAIT)
+            if sample is not None:
+                self._publish(sample)
+            with self._interlock.guard:
+                now = self.frame.now()
+                if sample is not None:
+                    self._watch(now, sample)
+                elif self._heard:
+                    self._lock.compare(now, "sensor_missing", (now - self._heard) * 1e-9)
+                self._interlock.refresh()
+                if sample is None or now - self._answered > self._late:
+                    self._answer(now)
 
-    def _silent(self, now: int) -> None:
-        """No datagram: the sensors are missing."""
-        if self._newest:
-            self._lock.compare(now, "sensor_missing", (now - self._heard) * 1e-9)
-        self._interlock.refresh()
-        self._answer(now)
-
-    def _measured(self, message: wire.Measurement, arrival: int) -> None:
-        clock, channels = self._clock, self._bridge.channels
-        clock.add(message.target_time, arrival)
-        self._heard = arrival
-        if not clock.ready:
-            return
-        stamp = max(clock.to_host(message.target_time), self._stamp + 1)
-        self._stamp, self._newest = stamp, message.sequence
-        self._sequences[stamp] = message.sequence
-        if len(self._sequences) > REMEMBERED:
-            self._sequences.popitem(last=False)
-        values = {name: channels[name].value(getattr(message, name)) for name in UNITS}
+    def _publish(self, sample: Sample) -> None:
         for name, writer in self._writers.items():
-            if not math.isnan(values[name]):
-                writer.send(stamp, values[name])
+            value = sample.values[name]
+            if not math.isnan(value):
+                writer.send(sample.stamp, value)
             if name == "position":
-                self._delays.append(self.frame.now() - arrival)
-        with self._interlock.guard:
-            self._watch(stamp, message, values)
+                self._delays.append(self.frame.now() - sample.arrival)
         self.frame.diagnostics.cycles += 1
 
-    def _watch(self, stamp: int, message: wire.Measurement, values: dict[str, float]) -> None:
-        lock, now = self._lock, self.frame.now()
-        near = abs(stamp - self._reference_stamp) <= NEAR * self.frame.period
+    def _watch(self, now: int, sample: Sample) -> None:
+        lock, values = self._lock, sample.values
+        self._heard, self._confirmed = sample.arrival, sample.stage
+        near = abs(sample.stamp - self._reference_stamp) <= NEAR * self.frame.period
         reference = self._reference if near else math.nan
-        lock.observe(stamp, values["position"], values["acceleration"], values["pressure_supply"], reference)
-        self._confirmed = message.status & wire.STAGE_MASK
-        lost, self._lost_before = self._host.lost - self._lost_before, self._host.lost
-        self._lost.add(now, lost)
-        self._received.add(now, 1)
-        total = self._lost.total(now)
-        lock.compare(now, "link_loss", total / (total + self._received.total(now)))
-        lock.compare(now, "clock_jump", self._clock.last_jump)
-        self._clock.last_jump = 0.0
+        lock.observe(sample.stamp, values["position"], values["acceleration"], values["pressure_supply"], reference)
+        lock.compare(now, "link_loss", self._link.loss(now))
+        lock.compare(now, "clock_jump", self._link.jump())
         if now > self._reset_until:
-            self._watch_target(now, message)
-        self._interlock.refresh()
-        if now - self._answered > LATE * self._bridge.period * 1e9:
-            self._answer(now)
+            if sample.tripped:
+                lock.report(now, "target_trip", 1.0, f"interlock of the target: {sample.tripped}")
+            else:
+                lock.clear("target_trip")
 
-    def _watch_target(self, now: int, message: wire.Measurement) -> None:
-        if message.status & wire.TRIPPED:
-            name = CAUSE_NAMES.get(message.trip, "unknown cause")
-            self._lock.report(now, "target_trip", float(message.trip), f"interlock of the target: {name}")
-        else:
-            self._lock.clear("target_trip")
-
-    def _answer(self, now: int) -> None:
-        """A command to the target, whatever acts now."""
+    def _answer(self, now: int, stamp: int = -1) -> None:
+        """What acts now goes to the target."""
         u = self._lock.act(now, min(self._confirmed, RUN))
-        flags = wire.RESET if now < self._reset_until else 0
-        self._host.send(self._newest, self._bridge.valve.raw(u), self._lock.stage, flags)
+        self._link.send(u, self._lock.stage, now < self._reset_until, stamp)
         self._answered = now
 
     def _on_command(self, stamp: int, u: float) -> None:
         now = self.frame.now()
         with self._interlock.guard:
-            if stamp not in self._sequences:
-                return self._interlock.foreign(now, f"command for {stamp * 1e-9:.6f} s, which no measurement bears")
+            if not self._link.knows(stamp):
+                self._interlock.foreign(now, f"command for {stamp * 1e-9:.6f} s, which no measurement bears")
+                return
             self.frame.diagnostics.latency(now - stamp)
             self._lock.command(stamp, u)
-            acting = self._lock.act(now, min(self._confirmed, RUN))
-            flags = wire.RESET if now < self._reset_until else 0
-            self._host.send(self._sequences[stamp], self._bridge.valve.raw(acting), self._lock.stage, flags)
-            self._answered = now
-        return None
+            self._answer(now, stamp)
 
     def _on_refused(self, stamp: int, reason: str) -> None:
         with self._interlock.guard:
             self._interlock.refused(self.frame.now(), reason)
 
     def _on_doubled(self, stamp: int) -> None:
+        reason = f"second command for {stamp * 1e-9:.6f} s: two publishers on {interface.VALVE_COMMAND.name}?"
         with self._interlock.guard:
-            reason = f"second command for {stamp * 1e-9:.6f} s: two publishers on {interface.VALVE_COMMAND.name}?"
             self._interlock.foreign(self.frame.now(), reason)
 
     def _on_reference(self, stamp: int, position: float, *_: float) -> None:
         self._reference, self._reference_stamp = position, stamp
 
-    def _on_reset(self) -> None:
-        """Before the interlock's own reset: the target is asked to reset, and given time to do it."""
+    def _before_reset(self) -> None:
+        """The target is asked to reset as well, and given time to do it."""
         self._reset_until = self.frame.now() + RESET_TIME
         self._lock.clear("target_trip")
         self._lock.clear("sensor_missing")
 
+    def _median_delay(self) -> str:
+        delays, self._delays = sorted(self._delays), array("q")
+        return f"{delays[len(delays) // 2] / 1000:.1f}" if delays else ""
+
     def _condition(self) -> tuple[int, str]:
-        if self._host.session is None:
-            return WARN, f"no answer from the target at {self._bridge.address}:{self._bridge.port}"
+        p = self._link.parameters
+        if self._link.host.session is None:
+            return WARN, f"no answer from the target at {p.address}:{p.port}"
         level, text = self._interlock.condition()
         if level == OK and self._confirmed != RUN:
             return WARN, f"{text}; the target is not at the stage run"
