@@ -26,6 +26,7 @@ from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 Array = NDArray[np.float64]
 SAMPLE_TIME = 0.001
+PADDED = 2  # samples of rest that an earthquake reference gets at either end; left out of the file for them
 METHOD = """\
 BAG… are runs of the same motion, oldest first, each recorded from the start of its reference, with imu and reference.
 DIR gets drive.csv (time and acceleration) and drive.yaml, a reference: -p reference:=DIR/drive.yaml plays it.
@@ -114,8 +115,9 @@ def _from_recordings(arguments: argparse.Namespace, parameters: Iteration) -> No
 
 def _write(folder: Path, out: Path, drive: Array, sample_time: float, errors: list[float]) -> None:
     """drive.csv, drive.yaml (naming the file where it will lie) and iteration.json."""
-    time = np.arange(len(drive)) * sample_time
-    np.savetxt(folder / "drive.csv", np.column_stack([time, drive[:, 2]]), fmt=("%.6f", "%.12e"), delimiter=",")
+    played = drive[PADDED:-PADDED, 2]
+    time = np.arange(len(played)) * sample_time
+    np.savetxt(folder / "drive.csv", np.column_stack([time, played]), fmt=("%.6f", "%.12e"), delimiter=",")
     reference = read_yaml(find("reference", "earthquake"))
     limits = {"position_limit": 10.0, "velocity_limit": 100.0, "acceleration_limit": 1000.0}
     whole = {"high_pass": 0.0, "low_pass": 0.0, "pad_time": 0.0, "scale": 1.0, "unit": "m/s2"}

@@ -59,10 +59,15 @@ def error_in_band(wanted: Array, achieved: Array, sample_time: float, parameters
 
     Outside the band nothing is corrected, and most of an accelerometer's noise lies there.
     """
-    frequency = np.fft.rfftfreq(len(wanted), sample_time)
+    frequency = frequencies(len(wanted), sample_time)
     weight = band(frequency, parameters.lowest_frequency, parameters.highest_frequency)
     missed = np.fft.irfft(weight * np.fft.rfft(achieved - wanted), len(wanted))
     return float(np.sqrt(np.mean(missed**2)) / np.std(wanted))
+
+
+def frequencies(samples: int, sample_time: float) -> Array:
+    """Frequencies of `rfft` [Hz]."""
+    return np.asarray(np.fft.rfftfreq(samples, sample_time), dtype=np.float64)
 
 
 def band(frequency: Array, low: float, high: float) -> Array:
@@ -98,9 +103,9 @@ def response(runs: Sequence[Run], sample_time: float, smoothing: float) -> tuple
     width = 2 * (max(1, round(smoothing * n * sample_time)) // 2) + 1
     given = [np.fft.rfft(run.drive) for run in runs]
     answer = [np.fft.rfft(run.achieved) for run in runs]
-    cross = _averaged(sum(a * d.conj() for a, d in zip(answer, given, strict=True)), width)
-    power = _averaged(sum(np.abs(d) ** 2 for d in given), width).real
-    answered = _averaged(sum(np.abs(a) ** 2 for a in answer), width).real
+    cross = _averaged(np.sum([a * d.conj() for a, d in zip(answer, given, strict=True)], axis=0), width)
+    power = _averaged(np.sum([np.abs(d) ** 2 for d in given], axis=0), width).real
+    answered = _averaged(np.sum([np.abs(a) ** 2 for a in answer], axis=0), width).real
     tiny = np.finfo(float).tiny
     return cross / np.maximum(power, tiny), np.abs(cross) ** 2 / np.maximum(power * answered, tiny)
 
@@ -142,7 +147,7 @@ def next_drive(wanted: Array, runs: Sequence[Run], sample_time: float, parameter
     last = runs[-1]
     if len(wanted) != len(last.drive):
         raise ShakeError(f"iteration: {len(wanted)} samples are wanted, the run has {len(last.drive)}")
-    frequency = np.fft.rfftfreq(len(wanted), sample_time)
+    frequency = frequencies(len(wanted), sample_time)
     weight = p.learning_gain * coherence * band(frequency, p.lowest_frequency, p.highest_frequency)
     size = np.abs(found) ** 2
     floor = p.regularisation * float(np.max(size[weight > 0.0], initial=0.0))
@@ -185,7 +190,7 @@ def iterate(
     -------
     (references, errors, reason) : one of each a run; the best run is that of the least error
     """
-    references, errors, runs = [first], [], list[Run]()
+    references, errors, runs = [first], list[float](), list[Run]()
     while True:
         achieved = play(references[-1], len(errors))
         runs.append(Run(references[-1][:, 2], achieved))
