@@ -24,6 +24,7 @@ from shake_ros.core.quantities import Parameters, choice, quantity
 from shake_ros.core.safety.causes import NUMBERS, InterlockParameters
 from shake_ros.core.safety.interlock import HIGH, LOW, OFF, RUN, Interlock
 from shake_ros.core.safety.power_unit import PowerUnit, PowerUnitParameters
+from shake_ros.core.safety.rates import Spread
 
 SECOND = 1_000_000_000
 REACHED = 0.9  # of its pressure confirms a stage
@@ -73,7 +74,7 @@ class Emulator:
         self.samples = 0
         self.running = 0
         self.late_answers = 0
-        self.round_trips = array("q")
+        self.round_trips = Spread()
         self._table = Table(table, self.period / SECOND, own.seed)
         self._state = self._table.initial_state(own.start_position)
         self._table.measure(self._table.advance(self._state, 0.0), 0)  # compiles before the first sample
@@ -131,8 +132,8 @@ class Emulator:
             place = command.answers % REMEMBERED
             if 0 < command.answers <= (self.link.session.sent if self.link.session else 0):
                 if self.interlock.stage == RUN:
-                    self.round_trips.append(arrival - self._sent[place])
-                    self.late_answers += self.round_trips[-1] > self.period
+                    self.round_trips.add(arrival - self._sent[place])
+                    self.late_answers += arrival - self._sent[place] > self.period
                 stamp = self._sampled[place]
                 if math.isfinite(command.u):
                     self.interlock.command(stamp, command.u)
@@ -206,23 +207,16 @@ class Emulator:
 
     def summary(self) -> dict[str, object]:
         """What happened, as plain values."""
-        ordered = sorted(self.round_trips)
-        picks = {"p50": 0.5, "p99": 0.99, "p999": 0.999, "max": 1.0}
-        trips = {
-            name: ordered[min(len(ordered) - 1, int(part * len(ordered)))] / 1000
-            for name, part in picks.items()
-            if ordered
-        }
         return {
             "samples": self.samples,
             "overruns": self.overruns,
             "commands": self.link.received,
             "samples_at_run": self.running,
-            "answers_at_run": len(self.round_trips),
+            "answers_at_run": self.round_trips.count,
             "late_answers": self.late_answers,
             "sessions": self.link.sessions,
             "rejected": {reason: count for reason, count in self.link.rejected.items() if count},
-            "round_trip_us": trips,
+            "round_trip_us": self.round_trips.percentiles(),
             "trips": [
                 {
                     "cause": trip.cause,

@@ -122,7 +122,7 @@ class NodeInterlock:
         topic = interface.VALVE_COMMAND.name
         publishers = self.frame.node.count_publishers(topic)
         if publishers > 1:
-            self.lock.report(self.frame.now(), TWO_COMMANDERS, float(publishers), f"{publishers} publishers on {topic}")
+            self.lock.report(self.lock.now, TWO_COMMANDERS, float(publishers), f"{publishers} publishers on {topic}")
         else:
             self.lock.clear(TWO_COMMANDERS)
 
@@ -142,7 +142,7 @@ class NodeInterlock:
 
     def _stop(self, _request: Any, response: Any) -> Any:
         with self.guard:
-            self.lock.stop(self.frame.now())
+            self.lock.stop(self.lock.now)
             response.success, response.message = True, self.lock.condition()[1]
         return response
 

@@ -330,6 +330,11 @@ class Interlock:
         return self._severity if self._severity >= HOLDS else 0
 
     @property
+    def now(self) -> int:
+        """The newest time that it has been told [ns]; −1 before the first."""
+        return self._last
+
+    @property
     def tripped(self) -> bool:
         """Whether a hydraulic interlock waits for reset."""
         return self._severity >= TRIPS

@@ -1,10 +1,13 @@
-"""How many events there were within the last second, by explicit times."""
+"""How many events there were within the last second, by explicit times; and how durations are spread."""
 
 from __future__ import annotations
 
+from array import array
 from collections import deque
 
 SECOND = 1_000_000_000
+MICROSECOND = 1000
+LONGEST = 100_000  # [µs] longer ones share the last bin
 
 
 class LastSecond:
@@ -31,3 +34,38 @@ class LastSecond:
         while self._events and now - self._events[0][0] > SECOND:
             self._sum -= self._events.popleft()[1]
         return self._sum
+
+
+class Spread:
+    """Percentiles of durations, counted in bins of a microsecond: its memory does not grow.
+
+    >>> spread = Spread()
+    >>> for k in range(1, 1001):
+    ...     spread.add(k * 1000)
+    >>> spread.count, spread.percentiles()
+    (1000, {'p50': 500.0, 'p99': 990.0, 'p999': 999.0, 'max': 1000.0})
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.longest = 0
+        self._bins = array("q", bytes(8 * (LONGEST + 1)))
+
+    def add(self, duration: int) -> None:
+        """Count a duration [ns]."""
+        self.count += 1
+        self.longest = max(self.longest, duration)
+        self._bins[min(max(duration // MICROSECOND, 0), LONGEST)] += 1
+
+    def percentiles(self) -> dict[str, float]:
+        """Median, 99 %, 99.9 % and the longest [µs]; empty before the first."""
+        if self.count == 0:
+            return {}
+        found, total = {}, 0
+        parts = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
+        for place, number in enumerate(self._bins):
+            total += number
+            for name, part in parts.items():
+                if name not in found and total >= part * self.count:
+                    found[name] = float(place)
+        return {**found, "max": self.longest / MICROSECOND}
