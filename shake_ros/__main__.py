@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -91,6 +92,15 @@ def call(name: str, arguments: Sequence[str]) -> int:
     return int(module.main(list(arguments)))
 
 
+def leave_on_terminate() -> None:
+    """Let SIGTERM unwind the program as an exit with code 143, so that half-made results are removed."""
+
+    def leave(*_: object) -> None:
+        raise SystemExit(128 + signal.SIGTERM)
+
+    signal.signal(signal.SIGTERM, leave)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run what the command line names."""
     given = list(sys.argv[1:] if arguments is None else arguments)
@@ -98,6 +108,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(overview())
         return 0
     try:
+        if given[0] in COMMANDS:
+            leave_on_terminate()
         return call(given[0], given[1:])
     except ShakeError as error:
         print(f"shake_ros {given[0]}: {error}", file=sys.stderr)

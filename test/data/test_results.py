@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -219,3 +221,30 @@ def test_json_holds_no_nan(tmp_path: Path, value: float) -> None:
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_folder(tmp_path / "out", lambda folder: write_json(folder / "report.json", {"error": value}))
     assert names(tmp_path) == []
+
+
+TERMINATED = """
+import sys, time
+from pathlib import Path
+from shake_ros.__main__ import leave_on_terminate
+from shake_ros.data.results import write_folder
+
+def fill(folder):
+    (folder / "half").write_text("half")
+    print("filling", flush=True)
+    time.sleep(60.0)
+
+leave_on_terminate()
+write_folder(Path(sys.argv[1]), fill)
+"""
+
+
+def test_a_terminated_command_leaves_no_half_made_folder(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with subprocess.Popen([sys.executable, "-c", TERMINATED, str(out)], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "filling\n"
+        assert list(tmp_path.iterdir())
+        process.terminate()
+        assert process.wait(30) == 143
+    assert list(tmp_path.iterdir()) == []

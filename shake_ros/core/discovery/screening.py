@@ -42,28 +42,45 @@ def _directions(problem: Problem, fit: Fit, pool: tuple[Candidate, ...]) -> tupl
     return pairs, np.array(rows)
 
 
-def screen(problem: Problem, fit: Fit, pool: tuple[Candidate, ...]) -> list[Screened]:
-    """All trials of all candidates, the most promising first."""
+def explained(r: np.ndarray, jacobian: np.ndarray, d: np.ndarray, signed: bool) -> tuple[float, float]:
+    """Relative fall of the cost by r + J δ + s d, and the best s within ±LARGEST_PART."""
+    q, _ = np.linalg.qr(jacobian)
+    r_free, d_free = r - q @ (q.T @ r), d - q @ (q.T @ d)
+    power, total = float(d_free @ d_free), float(r @ r)
+    if power <= 1e-12 * total:
+        return 0.0, 0.0
+    part = -float(d_free @ r_free) / power
+    part = float(np.clip(part, -LARGEST_PART if signed else 0.0, LARGEST_PART))
+    left = r_free + part * d_free
+    return 1.0 - float(left @ left) / total, part
+
+
+def screen(problem: Problem, fit: Fit, pool: tuple[Candidate, ...], seen: int | None = None) -> list[Screened]:
+    """All trials of all candidates, the most promising first.
+
+    Parameters
+    ----------
+    problem, fit : the current fit with its residuals and Jacobian on this problem.
+    seen : number of leading residuals that a refit sees, the others are held out. A trial is as promising as the better
+        of what it promises on those and on all: an effect that the fitted recordings hardly show may be what the others
+        lack. The start for a refit comes from those that it sees.
+    """
     pairs, rows = _directions(problem, fit, pool)
     moved = problem.residuals(rows)
-    q, triangle = np.linalg.qr(fit.jacobian)
-    r = fit.residuals
-    r_free = r - q @ (q.T @ r)
-    total = float(r @ r)
+    seen = len(fit.residuals) if seen is None else seen
+    r, j = fit.residuals, fit.jacobian
+    q, triangle = np.linalg.qr(j[:seen])
     result = []
-    for (i, j), other in zip(pairs, moved, strict=True):
+    for (i, trial), other in zip(pairs, moved, strict=True):
         candidate = pool[i]
         d = other - r
         if not np.all(np.isfinite(d)):
             continue
-        d_free = d - q @ (q.T @ d)
-        power = float(d_free @ d_free)
-        if power <= 1e-12 * total:
+        gain, part = explained(r[:seen], j[:seen], d[:seen], candidate.signed)
+        if seen < len(r):
+            gain = max(gain, explained(r, j, d, candidate.signed)[0])
+        if gain <= 0.0:
             continue
-        part = -float(d_free @ r_free) / power
-        part = float(np.clip(part, -LARGEST_PART if candidate.signed else 0.0, LARGEST_PART))
-        left = r_free + part * d_free
-        gain = 1.0 - float(left @ left) / total
-        shift = np.linalg.lstsq(triangle, -q.T @ (r + part * d), rcond=1e-10)[0]
-        result.append(Screened(candidate, j, gain, part, fit.x + np.clip(shift, -5.0, 5.0)))
+        shift = np.linalg.lstsq(triangle, -q.T @ (r + part * d)[:seen], rcond=1e-10)[0]
+        result.append(Screened(candidate, trial, gain, part, fit.x + np.clip(shift, -5.0, 5.0)))
     return sorted(result, key=lambda s: -s.gain)

@@ -38,6 +38,7 @@ class Policy:
     held-out cost within which two effects count as not told apart. most_effects : stop after that many.
     rival : ratio to the best score up to which a candidate is converged as well, and is not told apart where the
     fitted and the held-out recordings prefer different ones.
+    significant : standard errors by which held-out costs must differ to tell effects within `rival` apart.
     least_screened : predicted gain below which a candidate is not refitted.
     at_noise : ratio to the cost that the noise alone leaves, up to which nothing more is looked for.
     clearly_above, weak, far_less : a function without a name is estimated where the held-out cost is more than
@@ -54,6 +55,7 @@ class Policy:
     least_gain: float = 0.03
     margin: float = 0.03
     rival: float = 1.3
+    significant: float = 3.0
     most_effects: int = 3
     least_screened: float = 0.003
     at_noise: float = 1.05
@@ -64,13 +66,17 @@ class Policy:
 
 @dataclass(frozen=True)
 class Attempt:
-    """A candidate refitted together with all free parameters. Costs are mean squares of weighted residuals."""
+    """A candidate refitted together with all free parameters. Costs are mean squares of weighted residuals.
+
+    blocks : held-out cost of each block of time, shape (b,); empty where it was not asked for.
+    """
 
     candidate: Candidate
     fit: Fit
     learn: float
     hold: float
     screened_gain: float
+    blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def score(self) -> float:
@@ -114,6 +120,24 @@ def held_out(problem: Problem, result: Fit) -> float:
     return mean_square(np.nan_to_num(problem.residuals(result.free.vectors(result.x))[0], nan=1e6))
 
 
+def held_out_blocks(problem: RecordingProblem, result: Fit) -> np.ndarray:
+    """Mean square of a fit on recordings it has not seen, block of time by block of time, shape (b,)."""
+    r = np.nan_to_num(problem.residuals(result.free.vectors(result.x))[0], nan=1e6)
+    number = problem.blocks()
+    return np.asarray(np.bincount(number, r**2) / np.maximum(np.bincount(number), 1))
+
+
+class Together:
+    """Two problems as one, the residuals of the first in front."""
+
+    def __init__(self, first: Problem, second: Problem) -> None:
+        self._parts = first, second
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        """Weighted residuals of both, shape (m, n)."""
+        return np.hstack([part.residuals(vectors) for part in self._parts])
+
+
 def best_per_candidate(screened: Sequence[Screened]) -> list[Screened]:
     """The most promising trial of each candidate, in falling order of gain."""
     first: dict[str, Screened] = {}
@@ -154,10 +178,19 @@ def attempt(
     )
 
 
-def polish(problem: Problem, hold: Problem, tried: Attempt, evaluations: int, tolerance: float = 1e-4) -> Attempt:
+def polish(
+    problem: Problem, hold: RecordingProblem, tried: Attempt, evaluations: int, tolerance: float = 1e-4
+) -> Attempt:
     """Continue a refit towards convergence."""
     result = fit(problem, tried.fit.free, tried.fit.x, evaluations=evaluations, tolerance=tolerance)
-    return Attempt(tried.candidate, result, mean_square(result.residuals), held_out(hold, result), tried.screened_gain)
+    return Attempt(
+        tried.candidate,
+        result,
+        mean_square(result.residuals),
+        held_out(hold, result),
+        tried.screened_gain,
+        held_out_blocks(hold, result),
+    )
 
 
 def on_problem(problem: Problem, result: Fit) -> Fit:
@@ -170,13 +203,24 @@ def on_problem(problem: Problem, result: Fit) -> Fit:
 def told_apart(best: Attempt, other: Attempt, policy: Policy) -> bool:
     """Whether the recordings decide between the best attempt and another one.
 
-    They do not where the scores are all but equal, nor where the scores are near each other and the fitted recordings
-    speak for one of the two, those held out for the other.
+    They do not where the scores are all but equal, nor where they are near each other and either the fitted recordings
+    speak for one of the two, those held out for the other, or the difference varies so much from block to block of the
+    held-out recordings that it may be chance.
     """
     if other.score <= (1.0 + policy.margin) * best.score:
         return False
+    if other.score > policy.rival * best.score:
+        return True
     contrary = other.learn <= best.learn or other.hold <= best.hold
-    return not (contrary and other.score <= policy.rival * best.score)
+    return not contrary and significance(best, other) > policy.significant
+
+
+def significance(best: Attempt, other: Attempt) -> float:
+    """Mean over its standard error of the difference between two held-out costs, block by block; inf without blocks."""
+    if len(best.blocks) < 2 or len(best.blocks) != len(other.blocks):
+        return math.inf
+    difference = other.blocks - best.blocks
+    return float(np.mean(difference) / max(np.std(difference, ddof=1) / math.sqrt(len(difference)), 1e-300))
 
 
 def unscreened_likes(attempts: Sequence[Attempt], pool: tuple[Candidate, ...]) -> list[Candidate]:
@@ -187,8 +231,9 @@ def unscreened_likes(attempts: Sequence[Attempt], pool: tuple[Candidate, ...]) -
 
 def one_step(
     problem: Problem,
-    hold: Problem,
+    hold: RecordingProblem,
     explore: Problem,
+    explore_hold: Problem,
     current: Fit,
     pool: tuple[Candidate, ...],
     policy: Policy,
@@ -197,7 +242,8 @@ def one_step(
     """Screen, refit, choose. Returns the step, or None where nothing pays, and the ranking."""
     progress("screening", 0.0)
     first_look = on_problem(explore, current)
-    screened = screen(explore, first_look, pool)
+    both = Together(explore, explore_hold)
+    screened = screen(both, on_problem(both, current), pool, len(first_look.residuals))
     hopeful = [s for s in best_per_candidate(screened) if s.gain > policy.least_screened][: policy.refits]
     attempts = []
     for i, s in enumerate(hopeful):
@@ -278,6 +324,7 @@ def search(
     policy: Policy,
     progress: Progress = lambda text, part: None,
     explore: RecordingProblem | None = None,
+    explore_hold: RecordingProblem | None = None,
 ) -> Search:
     """Add effects to the declared fit until none lowers the held-out error.
 
@@ -285,14 +332,15 @@ def search(
     ----------
     problem, hold : recordings to learn from and held out. declared : fit of the declared model.
     pool : candidates. progress : called with what is being done and the part of the step that is done.
-    explore : pieces of the learning recordings for screening and first refits; the whole of them where not given.
+    explore, explore_hold : pieces of the recordings to learn from and held out, for screening and first refits; the
+        whole of them where not given.
     """
     current, steps, left = declared, list[Step](), pool
     explore = explore or problem
     ranking: tuple[Attempt, ...] = ()
     unnamed: Unnamed | None = None
     while len(steps) < policy.most_effects and left and not at_noise(problem, hold, current, policy):
-        step, ranking = one_step(problem, hold, explore, current, left, policy, progress)
+        step, ranking = one_step(problem, hold, explore, explore_hold or hold, current, left, policy, progress)
         step, unnamed = or_unlisted(problem, hold, explore, current, step, ranking, policy, progress)
         if step is None:
             break

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from shake_ros.core.discovery.search import Attempt, Policy, told_apart, unscreened_likes
@@ -38,3 +40,15 @@ def test_an_effect_that_the_best_resembles_is_compared_though_screening_passed_i
     tried = [Attempt(c, NOTHING, cost, cost, 0.0) for c, cost in ((mass, 1.0), (other, 2.0))]  # type: ignore[arg-type]
     assert unscreened_likes(tried, pool) == [tank]  # type: ignore[arg-type]
     assert unscreened_likes(tried[::-1], pool) == []  # type: ignore[arg-type]
+
+
+def with_blocks(hold: np.ndarray) -> Attempt:
+    return Attempt(NOTHING, NOTHING, 1.0, float(np.mean(hold)), 0.0, hold)  # type: ignore[arg-type]
+
+
+def test_a_difference_that_some_blocks_make_and_others_take_back_is_chance() -> None:
+    best = with_blocks(np.ones(40))
+    scattered = with_blocks(1.0 + 0.14 + np.where(np.arange(40) % 2, 0.7, -0.7))
+    steady = with_blocks(1.0 + 0.14 + np.where(np.arange(40) % 2, 0.05, -0.05))
+    worse = replace(scattered, learn=1.01), replace(steady, learn=1.01)
+    assert [told_apart(best, other, POLICY) for other in worse] == [False, True]
