@@ -10,9 +10,11 @@ from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.identification.uncertainty import Estimate
+from shake_ros.core.loop.benefit import Benefit
 from shake_ros.report import figures_fit
 from shake_ros.report.identification_section import diagnosis_section
 from shake_ros.report.page import Page
+from shake_ros.report.tracking_section import tracking_section
 
 
 def percent(value: float | None) -> str:
@@ -102,7 +104,11 @@ def model_sections(page: Page, result: ClosedLoop, hold: list[Record]) -> None:
 
 
 def close_loop_page(
-    result: ClosedLoop, learn: list[Record], hold: list[Record], diagnosis: Diagnosis | None = None
+    result: ClosedLoop,
+    learn: list[Record],
+    hold: list[Record],
+    diagnosis: Diagnosis | None = None,
+    benefit: Benefit | None = None,
 ) -> str:
     """The whole page as HTML."""
     named = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing"
@@ -110,6 +116,8 @@ def close_loop_page(
     held = ", ".join(dict.fromkeys(r.name for r in hold))
     page = Page("What does the model lack?", f"Learned on {learned}; held out {held}. Missing: {named}.")
     model_sections(page, result, hold)
+    if benefit:
+        tracking_section(page, benefit)
     if diagnosis:
         diagnosis_section(page, diagnosis)
     return page.render()

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.uncertainty import Estimate
+from shake_ros.core.loop.benefit import Benefit
 
 
 def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
@@ -51,3 +52,10 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
         lines.append(f"{('hold ' if j.held_out else 'learn ') + j.name:<36}{white:>8}{free:>13}  {j.split.text}")
     said = (diagnosis.identifiability.text, diagnosis.advice)
     return [*lines, *(f"{sentence[0].upper()}{sentence[1:]}." for sentence in said)]
+
+
+def tracking_lines(benefit: Benefit) -> list[str]:
+    """Tracking errors in the loop under the model before and the model after."""
+    before, after = benefit.errors().values()
+    parts = [f"{name} {100.0 * before[name]:.2f} → {100.0 * after[name]:.2f} %" for name in before]
+    return [f"tracking of the fitted table, {benefit.reference}, model before → after: {', '.join(parts)}"]

@@ -32,12 +32,15 @@ class Policy:
 
     refits : most candidates refitted per step. evaluations : most trial points of a first refit.
     polished : most candidates refitted further. final_evaluations : most trial points of such a refit.
-    converging : most trial points of the chosen one.
+    converging : most trial points of the chosen one. least_learned : fall of the fitted recordings' cost below which an
+    effect is not added, however much it helps those held out. clear : fall of the held-out cost from which its spread
+    over blocks of time is not asked for.
     worth_polishing : ratio to the best score up to which a candidate is refitted further.
     least_gain : fall of the held-out cost below which an effect is not added. margin : relative difference of
     held-out cost within which two effects count as not told apart. most_effects : stop after that many.
     rival : ratio to the best score up to which a candidate is converged as well, and is not told apart where the
     fitted and the held-out recordings prefer different ones.
+    beyond_chance : standard errors by which a smaller fall must stand out over the blocks.
     significant : standard errors by which held-out costs must differ to tell effects within `rival` apart.
     least_screened : predicted gain below which a candidate is not refitted.
     at_noise : ratio to the cost that the noise alone leaves, up to which nothing more is looked for.
@@ -53,6 +56,9 @@ class Policy:
     worth_polishing: float = 3.0
     converging: int = 60
     least_gain: float = 0.03
+    least_learned: float = 0.003
+    clear: float = 0.3
+    beyond_chance: float = 2.0
     margin: float = 0.03
     rival: float = 1.3
     significant: float = 3.0
@@ -223,6 +229,22 @@ def significance(best: Attempt, other: Attempt) -> float:
     return float(np.mean(difference) / max(np.std(difference, ddof=1) / math.sqrt(len(difference)), 1e-300))
 
 
+def pays(best: Attempt, learn: float, blocks: np.ndarray, hold: float, policy: Policy) -> bool:
+    """Whether an attempt is better than the model without it, beyond chance.
+
+    Parameters
+    ----------
+    learn, hold, blocks : costs of the model without it on the recordings to learn from and on those held out, the
+        latter block by block as well.
+    """
+    if best.learn > (1.0 - policy.least_learned) * learn or best.hold > (1.0 - policy.least_gain) * hold:
+        return False
+    if best.hold <= (1.0 - policy.clear) * hold:
+        return True
+    without = Attempt(best.candidate, best.fit, learn, hold, 0.0, blocks)
+    return significance(best, without) > policy.beyond_chance
+
+
 def unscreened_likes(attempts: Sequence[Attempt], pool: tuple[Candidate, ...]) -> list[Candidate]:
     """Candidates that the best attempt resembles and that screening has passed over."""
     tried = {a.candidate.effect for a in attempts}
@@ -272,8 +294,7 @@ def one_step(
     ]
     ranking = tuple(sorted((best, *rivals), key=lambda a: a.score))
     best = ranking[0]
-    before_learn, before_hold = mean_square(current.residuals), held_out(hold, current)
-    if best.learn > (1.0 - policy.least_gain) * before_learn or best.hold > (1.0 - policy.least_gain) * before_hold:
+    if not pays(best, mean_square(current.residuals), held_out_blocks(hold, current), held_out(hold, current), policy):
         return None, ranking
     near = [a.candidate.effect for a in ranking[1:] if not told_apart(best, a, policy)]
     return Step(best, ranking, tuple(near), tuple(screened)), ranking

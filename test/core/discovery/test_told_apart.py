@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.search import Attempt, Policy, told_apart, unscreened_likes
+from shake_ros.core.discovery.search import Attempt, Policy, pays, told_apart, unscreened_likes
 
 POLICY = Policy(margin=0.03, rival=1.3)
 NOTHING = SimpleNamespace()
@@ -52,3 +52,21 @@ def test_a_difference_that_some_blocks_make_and_others_take_back_is_chance() -> 
     steady = with_blocks(1.0 + 0.14 + np.where(np.arange(40) % 2, 0.05, -0.05))
     worse = replace(scattered, learn=1.01), replace(steady, learn=1.01)
     assert [told_apart(best, other, POLICY) for other in worse] == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("learn", "hold", "scatter", "added"),
+    [
+        (0.99, 0.60, 0.9, True),  # far better on what was held out
+        (0.999, 0.60, 0.0, False),  # nothing to show for it where it was fitted
+        (0.99, 0.90, 0.0, True),  # better everywhere
+        (0.99, 0.90, 0.9, False),  # better here and worse there
+        (0.90, 0.99, 0.0, False),  # fitted only
+    ],
+)
+def test_an_effect_is_added_only_for_what_is_beyond_chance(
+    learn: float, hold: float, scatter: float, added: bool
+) -> None:
+    blocks = np.where(np.arange(40) % 2, scatter, -scatter)
+    best = replace(with_blocks(np.full(40, hold)), learn=learn)
+    assert pays(best, 1.0, 1.0 + blocks, 1.0, POLICY) is added

@@ -1,0 +1,52 @@
+"""What `close_loop` shows of the table that a controller would track better with: the loop before and after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.control.runner import Controller
+from shake_ros.core.discovery.closing import ClosedLoop
+from shake_ros.core.loop.benefit import Benefit, benefit
+from shake_ros.core.observer import OBSERVERS
+from shake_ros.core.observer.runner import Observer
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import Parameters, choice, quantity
+from shake_ros.data.reference_program import build_program
+from shake_ros.settings import find, load_variant, read_yaml
+
+
+@dataclass(frozen=True)
+class TrackingSettings(Parameters):
+    """Content of config/identification/tracking.yaml."""
+
+    observer: str = choice("observer, a name of config/observer")
+    controller: str = choice("controller, a name of config/controller")
+    reference: str = choice("reference, a name of config/reference")
+    sample_time: float = quantity("s", "sample time of the loop", low=1e-5, high=0.1)
+    delay: int = quantity("-", "samples by which a command reaches the valve late", low=0, high=100)
+
+
+def tracking(result: ClosedLoop) -> Benefit | None:
+    """The identified table under the declared model and under the final one; None where nothing was added.
+
+    None also for declared models that have no valve to control.
+    """
+    table, declared = result.final.table, result.baseline.table
+    if not isinstance(table, TableParameters) or not isinstance(declared, TableParameters) or not result.search.steps:
+        return None
+    path = find("identification", "tracking")
+    settings = TrackingSettings.from_mapping(read_yaml(path), str(path))
+    observer, observer_parameters = load_variant("observer", settings.observer, OBSERVERS)
+    law, law_parameters = load_variant("controller", settings.controller, CONTROLLERS)
+
+    def loops(model: TableParameters) -> tuple[Observer, Controller]:
+        return (
+            Observer(observer, observer_parameters, settings.sample_time, model),
+            Controller(law, law_parameters, settings.sample_time, model),
+        )
+
+    program = build_program(settings.reference, settings.sample_time)
+    return benefit(
+        table, declared, table, loops, program.samples(0, program.length), settings.reference, delay=settings.delay
+    )
