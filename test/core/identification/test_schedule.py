@@ -1,0 +1,59 @@
+"""The neural schedule of 6.3.5: what its window sees, its derivative, its training, and its two blind seconds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.schedule import HOP, WINDOW, Network, dominant, schedule_of, train
+from shake_ros.core.quantities import ShakeError
+from shake_ros.settings import load_table
+
+
+@pytest.mark.parametrize(("amplitude", "frequency"), [(0.1, 1.5), (0.45, 3.3), (0.9, 11.0)])
+def test_the_window_gives_amplitude_and_frequency_of_a_sine(amplitude: float, frequency: float) -> None:
+    u = amplitude * np.sin(2.0 * np.pi * frequency * np.arange(2000) * 1e-3 + 0.4)
+    assert dominant(u, 1e-3) == pytest.approx((amplitude, frequency), rel=0.02)
+
+
+def network(outputs: int = 2, seed: int = 1) -> Network:
+    weights = np.random.default_rng(seed).standard_normal(Network.size(outputs))
+    return Network(weights, np.zeros(2), np.ones(2), np.full(outputs, 1.0), np.full(outputs, 0.1))
+
+
+def test_the_derivative_is_that_of_differences() -> None:
+    net, x = network(), np.random.default_rng(2).standard_normal((5, 2))
+    step = 1e-6 * np.eye(len(net.weights))
+    moved = [(net.with_weights(net.weights + s).scaled(x) - net.scaled(x)).ravel() / 1e-6 for s in step]
+    assert net.derivative(x) == pytest.approx(np.array(moved).T, abs=1e-4)
+
+
+def test_training_learns_a_smooth_map_and_gives_the_same_network_again() -> None:
+    x = np.random.default_rng(3).uniform(0.0, 1.0, (80, 2))
+    y = np.column_stack([np.sin(2.0 * x[:, 0]) + x[:, 1], x[:, 0] * x[:, 1]])
+    first, second = train(x, y, seed=4), train(x, y, seed=4)
+    assert first.test < 0.05
+    assert np.array_equal(first.network.weights, second.network.weights)
+
+
+def test_too_few_windows_are_refused_with_the_number_needed() -> None:
+    with pytest.raises(ShakeError, match="too few to train"):
+        train(np.zeros((5, 2)), np.zeros((5, 7)))
+
+
+def test_the_schedule_is_blind_for_the_first_window_and_sees_a_change_late() -> None:
+    table = load_table("bergamo")
+    names = {"friction.viscous": {"scale": 1.0}, "friction.coulomb_level": {"scale": 1.0}}
+    free = FreeParameters(table, [free_parameter(n, c, "here") for n, c in names.items()])
+    time = np.arange(8000) * 1e-3
+    command = np.where(time < 4.0, 0.1, 0.2) * np.sin(4.0 * np.pi * time)
+    rows, acting = schedule_of(network(), free, Record("run", 1e-3, command, 0.01 * command))
+    assert set(acting[:2000]) == {0}
+    assert rows[0] == pytest.approx([1.0, 1.0])
+    settled = rows[acting[3900]]
+    assert rows[acting[4050]] == pytest.approx(settled, rel=1e-2)  # just after the change: not yet seen
+    last = rows[acting[round((4.0 + WINDOW + 2.0 * HOP) * 1000)]]
+    assert last == pytest.approx(rows[-1], rel=1e-2)  # a window later: seen whole
+    assert np.max(np.abs(last - settled)) > 1e-3
