@@ -9,7 +9,8 @@ from typing import Any
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.causes import CAUSES, INDICATE, InterlockParameters
-from shake_ros.core.safety.interlock import STAGES, Interlock, Trip
+from shake_ros.core.safety.interlock import STAGES, Interlock
+from shake_ros.core.safety.ledger import Trip
 from shake_ros.core.safety.rates import LastSecond
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import ERROR, WARN
@@ -54,7 +55,7 @@ class NodeInterlock:
             "safe_holds": lambda: self.lock.holds,
             "stage": lambda: STAGES[self.lock.stage],
             "span": lambda: f"{self.lock.gain:.3f}",
-            "trips": lambda: " ".join(f"{cause}:{count}" for cause, count in sorted(self.lock.counts.items())),
+            "trips": lambda: " ".join(f"{cause}:{count}" for cause, count in sorted(self.lock.ledger.counts.items())),
         }
 
     def _accept(self, parameters: InterlockParameters) -> None:
@@ -76,10 +77,10 @@ class NodeInterlock:
         """Between two samples: take changed parameters, say what has tripped."""
         if self._live.changed:
             self.lock.apply(self._live.take())
-        if self.lock.trip_count != self._announced:
-            count = self.lock.trip_count - self._announced
-            self._announced = self.lock.trip_count
-            for trip in list(self.lock.trips)[-count:]:
+        if self.lock.ledger.trip_count != self._announced:
+            count = self.lock.ledger.trip_count - self._announced
+            self._announced = self.lock.ledger.trip_count
+            for trip in self.lock.trips[-count:]:
                 self._announce(trip)
 
     def _announce(self, trip: Trip) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from shake_ros.core.safety.causes import ACTIONS, CAUSES
 from shake_ros.ros.interface import SERVICES, TOPICS
 
 FOLDER = Path(__file__).resolve().parents[2] / "msg_docs"
@@ -26,6 +27,14 @@ def test_every_topic_has_a_page_with_its_type_and_all_headings(topic) -> None:
     assert ("keep all" in page) == topic.sampled
 
 
+def test_page_of_the_interlock_names_every_cause_action_and_service() -> None:
+    page = (FOLDER / "interlock.md").read_text(encoding="utf-8")
+    for name in (*CAUSES, *ACTIONS, *SERVICES):
+        assert name in page, name
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
+    assert {name.strip(" `") for row in rows for name in row.split(",")} == {*CAUSES, *SERVICES}
+
+
 def test_index_names_every_topic_and_service() -> None:
     index = (FOLDER / "README.md").read_text(encoding="utf-8")
     for topic in TOPICS.values():
@@ -36,6 +45,6 @@ def test_index_names_every_topic_and_service() -> None:
 
 def test_no_page_is_of_a_topic_that_is_gone() -> None:
     recorded_only = {"force"}
-    beside = {"README", "hardware_bridge", "network"}
+    beside = {"README", "hardware_bridge", "interlock", "network"}
     pages = {path.stem for path in FOLDER.glob("*.md")} - beside - recorded_only
     assert pages == {name.strip("/") for name in TOPICS}

@@ -12,70 +12,20 @@ every start the master gain ramps from zero to the span.
 from __future__ import annotations
 
 import math
-from collections import Counter, deque
-from dataclasses import dataclass
 
 import numpy as np
 
 from shake_ros.core.safety import sensors
-from shake_ros.core.safety.causes import (
-    CAUSES,
-    HYDRAULIC,
-    PROGRAM_HOLD,
-    PROGRAM_STOP,
-    SENSED,
-    SEVERITY,
-    InterlockParameters,
-)
+from shake_ros.core.safety.causes import CAUSES, SENSED, InterlockParameters
+from shake_ros.core.safety.ledger import HOLDS, STOPS, TRIPS, Ledger, Standing, Trip
 
 SECOND = 1_000_000_000
 OFF, LOW, HIGH, RUN = range(4)
 STAGES = ("off", "low pressure", "high pressure", "run")
 OK, WARN, ERROR = range(3)
-MOST_TRIPS = 64  # kept for reports
-HOLDS = SEVERITY[PROGRAM_HOLD]
-STOPS = SEVERITY[PROGRAM_STOP]
-TRIPS = SEVERITY[HYDRAULIC]
-# `reset` may leave these behind while they stand, else nothing could bring the table back
-ACKNOWLEDGED = ("position_soft", "tracking_error")
 # a sensor that lies is named before what it seems to say
 SENSORS_FIRST = sorted(enumerate(SENSED), key=lambda item: not item[1].startswith("sensor"))
 COMMAND_CAUSES = ("command_not_finite", "command_range", "command_jump")
-
-
-@dataclass(frozen=True)
-class Trip:
-    """What happened, when [ns], with which value against which limit [unit of the cause], and what followed."""
-
-    cause: str
-    time: int
-    value: float
-    limit: float
-    action: str
-    text: str = ""
-
-    def __str__(self) -> str:
-        if self.text:
-            return self.text
-        unit = CAUSES[self.cause].unit
-        side = "below" if CAUSES[self.cause].below else "beyond"
-        return f"{self.cause} {self.value:.4g} {side} {self.limit:.4g} {unit}".removesuffix(" -")
-
-
-@dataclass
-class _Standing:
-    """A cause that stands, or is latched."""
-
-    trip: Trip
-    severity: int
-    latched: bool
-    stands: bool
-    acknowledged: bool = False
-
-    @property
-    def acts(self) -> int:
-        """Severity of what it asks for now."""
-        return 0 if self.acknowledged else self.severity
 
 
 class Interlock:
@@ -90,14 +40,11 @@ class Interlock:
     def __init__(self, parameters: InterlockParameters, enabled: bool) -> None:
         self.enabled = enabled
         self.stage = OFF
-        self.trips: deque[Trip] = deque(maxlen=MOST_TRIPS)
-        self.counts: Counter[str] = Counter()
-        self.trip_count = 0
+        self.ledger = Ledger()
         self.holds = 0
         self.gain = 0.0
         self._ceiling = RUN
-        self._active: dict[str, _Standing] = {}
-        self._severity = 0
+        self._active = self.ledger.active
         self._command = 0.0
         self._stamp = -1
         self._acting = 0.0
@@ -223,42 +170,21 @@ class Interlock:
             self._stamp = -1
         self.clear("stale_command")
         self.clear("command_lost")
-        for name, standing in self._active.items():
-            if standing.stands and standing.severity >= HOLDS and standing.latched and name not in ACKNOWLEDGED:
-                return False, f"{standing.trip} still stands"
-        for name in list(self._active):
-            if self._active[name].stands and name in ACKNOWLEDGED:
-                self._active[name].acknowledged = True
-            else:
-                del self._active[name]
-        self._weigh()
-        return True, self.condition()[1]
+        reason = self.ledger.reset()
+        return (False, reason) if reason else (True, self.condition()[1])
 
     def _update(self, name: str, now: int, value: float, stands: bool, text: str = "") -> None:
-        standing = self._active.get(name)
-        if standing is None:
-            response = self.parameters.response(name)
-            if not stands or not response.active:
-                return
-            trip = Trip(name, now, value, response.threshold, response.action, text)
-            severity = SEVERITY[response.action]
-            self._active[name] = _Standing(trip, severity, response.latch or severity >= STOPS, True)
-            self.trips.append(trip)
-            self.counts[name] += 1
-            self.trip_count += 1
-        else:
-            standing.stands = stands
-            if not stands and (not standing.latched or standing.acknowledged):
-                del self._active[name]
-        self._weigh()
+        if not stands and name not in self._active:
+            return
+        self.ledger.update(name, self.parameters.response(name), Trip(name, now, value, math.nan, "", text), stands)
+        self._follow()
 
-    def _weigh(self) -> None:
-        """The hardest action that anything asks for, and what follows at once."""
-        self._severity = max((one.acts for one in self._active.values()), default=0)
-        if self._severity >= TRIPS:
+    def _follow(self) -> None:
+        """What the hardest action asks for at once."""
+        if self.ledger.severity >= TRIPS:
             self.stage = OFF
             self._acting = self.gain = 0.0
-        if self._severity >= STOPS and not self.parameters.enable_after_reset:
+        if self.ledger.severity >= STOPS and not self.parameters.enable_after_reset:
             self.enabled = False
 
     # what goes out
@@ -278,7 +204,7 @@ class Interlock:
         if self.stage != RUN:
             self._acting = self.gain = 0.0
             return 0.0
-        if self._severity >= HOLDS or wanted != RUN:
+        if self.ledger.severity >= HOLDS or wanted != RUN:
             return self._hold(elapsed)
         self._holding = False
         if self._stamp < 0:
@@ -302,7 +228,7 @@ class Interlock:
 
     def _wanted(self) -> int:
         """The stage to go to."""
-        return OFF if self._severity >= STOPS or not self.enabled else self._ceiling
+        return OFF if self.ledger.severity >= STOPS or not self.enabled else self._ceiling
 
     def _sequence(self, now: int, confirmed: int) -> None:
         """Up: stage by stage, each confirmed and for its time. Down: from a hold, then through low pressure."""
@@ -327,7 +253,7 @@ class Interlock:
     @property
     def hold_severity(self) -> int:
         """0 while commands may act; else the rank of the action in force."""
-        return self._severity if self._severity >= HOLDS else 0
+        return self.ledger.severity if self.ledger.severity >= HOLDS else 0
 
     @property
     def now(self) -> int:
@@ -337,13 +263,18 @@ class Interlock:
     @property
     def tripped(self) -> bool:
         """Whether a hydraulic interlock waits for reset."""
-        return self._severity >= TRIPS
+        return self.ledger.severity >= TRIPS
 
     @property
     def leading(self) -> Trip | None:
-        """What is in force: of the hardest causes the first; None where nothing is."""
-        hardest = max(self._active.values(), key=lambda one: one.acts, default=None)
+        """The trip in force, of the hardest the first; None where nothing is."""
+        hardest = self.ledger.leading()
         return hardest.trip if hardest else None
+
+    @property
+    def trips(self) -> list[Trip]:
+        """The latest trips, the newest last."""
+        return list(self.ledger.trips)
 
     @property
     def value(self) -> dict[str, float]:
@@ -352,9 +283,9 @@ class Interlock:
 
     def condition(self) -> tuple[int, str]:
         """Level and text of the present state."""
-        acting = [one for one in self._active.values() if one.acts >= HOLDS]
-        if acting:
-            return self._blocked(max(acting, key=lambda one: one.acts))  # of equals the first
+        hardest = self.ledger.leading()
+        if hardest is not None and hardest.acts >= HOLDS:
+            return self._blocked(hardest)
         if not self.enabled:
             return WARN, "not enabled" if self.stage == OFF else f"not enabled; stops at {STAGES[self.stage]}"
         if self.stage < self._ceiling or self.stage != RUN:
@@ -364,7 +295,7 @@ class Interlock:
         noted = [str(one.trip) for one in self._active.values()]
         return (WARN, f"running; {'; '.join(noted)}") if noted else (OK, "running")
 
-    def _blocked(self, standing: _Standing) -> tuple[int, str]:
+    def _blocked(self, standing: Standing) -> tuple[int, str]:
         trip = standing.trip
         if trip.cause == "stop":
             return WARN, trip.text
