@@ -18,12 +18,11 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from shake_ros.core.control import CONTROLLERS  # noqa: E402
-from shake_ros.core.control.closed_loop import simulate_closed_loop  # noqa: E402
 from shake_ros.core.control.runner import Controller  # noqa: E402
+from shake_ros.core.loop.compiled import Loop, run_batch  # noqa: E402
 from shake_ros.core.observer import OBSERVERS  # noqa: E402
 from shake_ros.core.observer.runner import Observer  # noqa: E402
 from shake_ros.core.plant.parameters import TableParameters  # noqa: E402
-from shake_ros.core.plant.table import Table  # noqa: E402
 from shake_ros.data.reference_program import build_program  # noqa: E402
 from shake_ros.settings import load_table, load_variant  # noqa: E402
 
@@ -68,15 +67,16 @@ def rows() -> list[str]:
         samples = min(program.length, LONGEST)
         for effect, values in EFFECTS.items():
             truth = declared.with_values(values)
-            line = f"{reference:14s} {effect:21s}"
-            for estimator, law in (
+            pairs = (
                 (observer("linear_bergamo"), controller("super_twisting")),
                 (observer("linear_bergamo"), controller("super_twisting_tuned")),
                 (observer("model", declared), controller("super_twisting_tuned", declared)),
                 (observer("model", truth), controller("super_twisting_tuned", truth)),
-            ):
-                run = simulate_closed_loop(Table(truth, SAMPLE_TIME, seed=3), estimator, law, program, samples, delay=1)
-                x, v, a = 100.0 * run.tracking_error(first)
+            )
+            states = program.samples(0, samples)
+            loops = [Loop(truth, estimator, law, states, seed=3, delay=1) for estimator, law in pairs]
+            line = f"{reference:14s} {effect:21s}"
+            for x, v, a in run_batch(loops, lambda _, run, first=first: 100.0 * run.tracking_error(first)):
                 line += f"   {x:5.2f} {v:5.2f} {a:5.1f}"
             lines.append(line)
             print(line, flush=True)
