@@ -13,11 +13,13 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "test" / "scripts")]
@@ -33,11 +35,12 @@ from shake_ros.core.observer.runner import Observer  # noqa: E402
 from shake_ros.data.reference_program import build_program  # noqa: E402
 from shake_ros.ros.graph import Graph, NodeSpec  # noqa: E402
 from shake_ros.ros.interface import DIAGNOSTICS  # noqa: E402
-from shake_ros.settings import load_table, load_variant  # noqa: E402
+from shake_ros.settings import find, load_table, load_variant, read_yaml  # noqa: E402
 
 SAMPLE_TIME = 0.001
 TABLE, OBSERVER, REFERENCE, SEED = "bergamo", "linear_bergamo", "sine_20mm_2hz", 3
 SETTLED = 1.5  # [s] at the start that do not count
+LONG = 600.0  # [s] of the reference
 HEARD = ("truth", "reference", "valve_command", DIAGNOSTICS.name)
 
 
@@ -53,11 +56,22 @@ def motion(messages: list[Any]) -> tuple[np.ndarray, np.ndarray]:
     return np.array([stamp(m) for m in messages]), np.array(rows)
 
 
-def live(controller: str, seconds: float, domain: int, fifo: bool) -> tuple[list[float], float, dict[str, str]]:
+def long_reference(folder: Path) -> str:
+    """The reference's sine for longer than nodes take to start: the generator does not wait for them in real time."""
+    path = folder / "reference.yaml"
+    content = {**read_yaml(find("reference", REFERENCE)), "duration": LONG}
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return str(path)
+
+
+def live(
+    controller: str, seconds: float, domain: int, fifo: bool, folder: Path
+) -> tuple[list[float], float, dict[str, str]]:
     """Errors, command travel [1/s] and the plant's last report of a run in real time."""
     common = {"realtime.enabled": fifo}
+    reference_file = long_reference(folder)
     nodes = [
-        NodeSpec("reference_generator", {**common, "reference": REFERENCE}),
+        NodeSpec("reference_generator", {**common, "reference": reference_file}),
         NodeSpec("observer", {**common, "observer": OBSERVER}),
         NodeSpec("controller", {**common, "controller": controller}),
         NodeSpec("plant", {**common, "table": TABLE, "seed": SEED, "duration": seconds}),
@@ -73,7 +87,7 @@ def live(controller: str, seconds: float, domain: int, fifo: bool) -> tuple[list
         status = [s for m in listener.messages(DIAGNOSTICS.name) for s in m.status if s.name.endswith(": plant")]
     reports = [{item.key: item.value for item in one.values} for one in status]
     # the generator has a clock of its own in real time: the reference is taken at the plant's instants
-    both = (time_truth >= time_reference[0] + SETTLED) & (time_truth <= time_reference[-1])
+    both = (time_truth >= max(time_reference[0], time_truth[0]) + SETTLED) & (time_truth <= time_reference[-1])
     if np.count_nonzero(both) < 1000:
         raise RuntimeError(f"{controller}: {np.count_nonzero(both)} samples of truth and reference belong together")
     found = truth[both]
@@ -107,7 +121,8 @@ def main() -> int:
     ]
     print(lines[0])
     for controller in given.controllers or [name for name in CONTROLLERS if name != "none"]:
-        errors, travel, report = live(controller, given.seconds, given.domain, given.fifo)
+        with tempfile.TemporaryDirectory() as folder:
+            errors, travel, report = live(controller, given.seconds, given.domain, given.fifo, Path(folder))
         expected, wanted_travel = lockstep(controller, given.seconds)
         shown, there = ("".join(f"{100.0 * e:8.2f}" for e in row) for row in (errors, expected))
         latency = [float(report.get(f"latency_{name}_us", "nan")) for name in ("p50", "p99")]
