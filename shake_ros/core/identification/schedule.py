@@ -18,17 +18,17 @@ from shake_ros.core.identification.fit import Problem, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.plant.integration import (
-    ABSOLUTE,
     OUTPUTS,
-    STAGES,
+    STAGE,
     acceleration_now,
     advance_sample,
     delayed,
     outputs,
+    workspace,
 )
 from shake_ros.core.plant.parameters import records
 from shake_ros.core.plant.simulation import TOLERANCE, initial_state
-from shake_ros.core.plant.states import CONTINUOUS, LAGGED_POSITION, POSITION
+from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
 WINDOW = 2.0  # length of the transform's window [s]
@@ -226,10 +226,8 @@ def schedule_of(network: Network, free: FreeParameters, record: Record) -> tuple
 def _simulate(rows, acting, commands, track, y0, dt, tolerance, out):
     """As plant/integration.py:simulate, with the parameters of rows[acting[i]] during sample i."""
     y = y0.copy()
-    k = np.zeros((STAGES, CONTINUOUS))
-    stage = np.zeros(CONTINUOUS)
-    absolute = ABSOLUTE.copy()
-    acceleration = acceleration_now(rows[acting[0]], y, stage)
+    work = workspace()
+    acceleration = acceleration_now(rows[acting[0]], y, work[STAGE])
     for i in range(commands.shape[0]):
         p = rows[acting[i]]
         shift = track[i] - y[POSITION]
@@ -237,7 +235,7 @@ def _simulate(rows, acting, commands, track, y0, dt, tolerance, out):
         y[LAGGED_POSITION] += shift
         outputs(p, y, acceleration, out[i])
         late, timely, fraction = delayed(commands, i, p.command_delay_delay / dt)
-        acceleration = advance_sample(p, y, late, timely, fraction, 0.0, dt, k, stage, absolute, tolerance)
+        acceleration = advance_sample(p, y, late, timely, fraction, 0.0, dt, work, False, tolerance)
 
 
 def run_scheduled(network: Network, free: FreeParameters, record: Record) -> np.ndarray:
@@ -245,6 +243,7 @@ def run_scheduled(network: Network, free: FreeParameters, record: Record) -> np.
     rows, acting = schedule_of(network, free, record)
     vectors = free.vectors(rows)
     y0 = initial_state(vectors[0], float(record.track[0]))
+    y0[VELOCITY] = record.velocity[0]
     out = np.empty((len(record.commands), OUTPUTS))
     commands = np.ascontiguousarray(record.commands, dtype=float)
     _simulate(records(vectors), acting, commands, record.track, y0, record.sample_time, TOLERANCE, out)

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.schedule import HOP, WINDOW, Network, dominant, schedule_of, train
+from shake_ros.core.identification.recordings import FULL, Record
+from shake_ros.core.identification.schedule import (
+    HOP,
+    WINDOW,
+    Network,
+    dominant,
+    run_scheduled,
+    schedule_of,
+    train,
+)
 from shake_ros.core.quantities import ShakeError
 from shake_ros.settings import load_table
 
@@ -57,3 +65,12 @@ def test_the_schedule_is_blind_for_the_first_window_and_sees_a_change_late() -> 
     last = rows[acting[round((4.0 + WINDOW + 2.0 * HOP) * 1000)]]
     assert last == pytest.approx(rows[-1], rel=1e-2)  # a window later: seen whole
     assert np.max(np.abs(last - settled)) > 1e-3
+
+
+def test_a_schedule_that_never_changes_runs_as_the_table_itself() -> None:
+    table = load_table("bergamo")
+    free = FreeParameters(table, [free_parameter("friction.viscous", {"scale": 1.0}, "here")])
+    command = 0.2 * np.sin(4.0 * np.pi * np.arange(2500) * 1e-3)
+    record = Record("run", 1e-3, command, 0.01 * command)
+    constant = Network(np.zeros(Network.size(1)), np.zeros(2), np.ones(2), np.array([2.0]), np.ones(1))
+    assert np.array_equal(run_scheduled(constant, free, record), FULL.run(free.table(np.array([2.0])), record))
