@@ -16,6 +16,7 @@ from shake_ros.core.discovery.search import Search, mean_square
 from shake_ros.core.identification.recordings import RecordingProblem, low_pass
 
 ABOVE = 1.15  # ratio of residual to noise from which something remains
+FAR_ABOVE = 3.0  # ratio of residual to noise from which what fits no function counts as a motion of its own
 GROUPS = 24  # quantile groups of a quantity
 SHARE = 0.05  # explained share of the residual's variance from which it depends on a quantity
 MEMORYLESS = (
@@ -105,7 +106,7 @@ def remaining(problem: RecordingProblem, search: Search) -> Remaining:
         return Remaining(False, ratio, None, (), shares, text)
     in_band, centre = band_share(rest, problem.records[0].sample_time)
     shares["frequency"] = in_band if in_band > BAND_SHARE else 0.0
-    if nothing_fits(search):
+    if ratio > FAR_ABOVE and nothing_fits(search):
         best = max(search.unnamed.gains.values()) if search.unnamed else 0.0
         text = (
             f"the residual is {ratio:.2f} times the sensor noise; no function of position, velocity, opening, load "

@@ -206,19 +206,25 @@ def on_problem(problem: Problem, result: Fit) -> Fit:
     return Fit(result.free, result.x, r, j, 0.5 * float(r @ r), len(result.x) + 1)
 
 
-def told_apart(best: Attempt, other: Attempt, policy: Policy) -> bool:
+def told_apart(best: Attempt, other: Attempt, policy: Policy, noise: float = 0.0) -> bool:
     """Whether the recordings decide between the best attempt and another one.
 
     They do not where the scores are all but equal, nor where they are near each other and either the fitted recordings
     speak for one of the two, those held out for the other, or the difference varies so much from block to block of the
-    held-out recordings that it may be chance.
+    held-out recordings that it may be chance, or it is smaller than what the better of the two leaves unexplained above
+    the noise: whatever makes that may make the difference as well.
+
+    Parameters
+    ----------
+    noise : held-out cost that the sensor noise alone leaves [-]
     """
     if other.score <= (1.0 + policy.margin) * best.score:
         return False
     if other.score > policy.rival * best.score:
         return True
-    contrary = other.learn <= best.learn or other.hold <= best.hold
-    return not contrary and significance(best, other) > policy.significant
+    if other.learn <= best.learn or other.hold <= best.hold or other.hold - best.hold < best.hold - noise:
+        return False
+    return significance(best, other) > policy.significant
 
 
 def significance(best: Attempt, other: Attempt) -> float:
@@ -296,7 +302,7 @@ def one_step(
     best = ranking[0]
     if not pays(best, mean_square(current.residuals), held_out_blocks(hold, current), held_out(hold, current), policy):
         return None, ranking
-    near = [a.candidate.effect for a in ranking[1:] if not told_apart(best, a, policy)]
+    near = [a.candidate.effect for a in ranking[1:] if not told_apart(best, a, policy, hold.noise_cost())]
     return Step(best, ranking, tuple(near), tuple(screened)), ranking
 
 

@@ -29,7 +29,12 @@ def attempt(learn: float, hold: float) -> Attempt:
     ],
 )
 def test_two_effects_are_told_apart_only_where_all_recordings_agree(other: tuple[float, float], decided: bool) -> None:
-    assert told_apart(attempt(1.0, 1.0), attempt(*other), POLICY) is decided
+    assert told_apart(attempt(1.0, 1.0), attempt(*other), POLICY, 1.0) is decided
+
+
+def test_a_difference_below_what_the_best_leaves_unexplained_does_not_decide() -> None:
+    best, other = attempt(1.0, 1.0), attempt(1.1, 1.1)
+    assert [told_apart(best, other, POLICY, noise) for noise in (0.5, 0.95)] == [False, True]
 
 
 def test_an_effect_that_the_best_resembles_is_compared_though_screening_passed_it_over() -> None:
@@ -51,7 +56,7 @@ def test_a_difference_that_some_blocks_make_and_others_take_back_is_chance() -> 
     scattered = with_blocks(1.0 + 0.14 + np.where(np.arange(40) % 2, 0.7, -0.7))
     steady = with_blocks(1.0 + 0.14 + np.where(np.arange(40) % 2, 0.05, -0.05))
     worse = replace(scattered, learn=1.01), replace(steady, learn=1.01)
-    assert [told_apart(best, other, POLICY) for other in worse] == [False, True]
+    assert [told_apart(best, other, POLICY, 1.0) for other in worse] == [False, True]
 
 
 @pytest.mark.parametrize(
