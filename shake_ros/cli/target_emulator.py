@@ -22,7 +22,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.power_unit import PowerUnitParameters
 from shake_ros.settings import find, load_interlock, load_table, read_yaml
 
-WHERE = "config/node/target_emulator.yaml"
+WHERE = "config/emulator/default.yaml"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -51,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
 
 def settings(given: argparse.Namespace) -> tuple[EmulatorParameters, PowerUnitParameters]:
     """The configuration with what the command line changes."""
-    content: dict[str, Any] = dict(read_yaml(find("node", "target_emulator")))
+    content: dict[str, Any] = dict(read_yaml(find("emulator", "default")))
     unit = PowerUnitParameters.from_mapping(content.pop("power_unit", {}), f"{WHERE}: power_unit")
     changes = {
         "address": given.address,

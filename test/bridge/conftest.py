@@ -26,7 +26,7 @@ class Pair:
 
     def __init__(self, faults: tuple[str, ...] = (), key: bytes = KEY) -> None:
         self.time = 0
-        content = dict(read_yaml(find("node", "target_emulator"))) | {"port": 0}
+        content = dict(read_yaml(find("emulator", "default"))) | {"port": 0}
         unit = PowerUnitParameters.from_mapping(content.pop("power_unit"), "unit")
         own = EmulatorParameters.from_mapping(content, "emulator")
         self.link = TargetLink("127.0.0.1", 0, KEY, self.clock)
