@@ -5,7 +5,7 @@
 
 typedef struct {
     double area, half_volume, mass, half_stroke, stop_stiffness, stop_damping, supply, tank, omega, damping, rate_limit,
-        play, flow, underlap, laminar, modulus, coulomb, rise, decay, viscous, sharp, internal, external, lambda_1,
+        friction, flow, underlap, laminar, modulus, coulomb, rise, decay, viscous, sharp, internal, external, lambda_1,
         lambda_2, mu, edge;
 } table;
 
@@ -51,14 +51,13 @@ static const double A[6][6] = {
     {35.0 / 384, 0.0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
 static const double E[7] = {71.0 / 57600, 0.0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
 
-/* Accelerations at n samples under held commands behind the hysteresis; y is the first state and becomes the last one. */
+/* Accelerations at n samples under held commands, without hysteresis; y is the first state and becomes the last one. */
 void simulate(const table *c, const double *commands, long n, double dt, double rtol, const double *scales, double *y,
               double *acceleration)
 {
-    double k[7][6], stage[6], h = 0.5 * dt, u = 0.0;
+    double k[7][6], stage[6], h = 0.5 * dt;
     for (long sample = 0; sample < n; sample++) {
-        const double command = clip(commands[sample], -1.0, 1.0);
-        u = clip(u, command - c->play, command + c->play);
+        const double u = clip(commands[sample], -1.0, 1.0);
         double done = 0.0;
         rates(c, y, u, k[0]);
         acceleration[sample] = k[0][1];

@@ -53,7 +53,7 @@ def recordings(seconds: float) -> list[Record]:
 def plain_run(x: np.ndarray, commands: np.ndarray, method: str) -> tuple[np.ndarray, np.ndarray]:
     """Velocity and acceleration of a free run with solve_ivp, the command held from sample to sample."""
     c = reference.constants()._replace(mass=650.0, **dict(zip(FIELDS, x.tolist(), strict=True)))
-    wanted = reference.spool_commands(commands, c.play)
+    wanted = commands  # without the valve's hysteresis, which would need its own events
     last = len(wanted) - 1
 
     def right(t: float, y: np.ndarray) -> tuple[float, ...]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from reference_model import Constants, at_rest, constants, spool_commands
+from reference_model import Constants, at_rest, constants
 
 SAMPLE_TIME = 0.001
 STEPS = 20  # Runge–Kutta steps a sample
@@ -89,7 +89,7 @@ def rates(y, wanted, c, h, out):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def sample(y, wanted, c, h, steps, dt):  # type: ignore[no-untyped-def]
-    """The state one sample later, classical Runge–Kutta."""
+    """The state one sample later: classical Runge–Kutta, the spool's dry friction (3.19) after each step of it."""
     k1, k2, k3, k4 = np.empty(8), np.empty(8), np.empty(8), np.empty(8)
     step = dt / steps
     for _ in range(steps):
@@ -98,6 +98,7 @@ def sample(y, wanted, c, h, steps, dt):  # type: ignore[no-untyped-def]
         rates(y + 0.5 * step * k2, wanted, c, h, k3)
         rates(y + step * k3, wanted, c, h, k4)
         y = y + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        y[5] = np.sign(y[5]) * max(abs(y[5]) - step * c.omega**2 * c.friction, 0.0)
         if abs(y[4]) > 1.0:
             y[4], y[5] = np.sign(y[4]), 0.0
     return y
@@ -106,14 +107,13 @@ def sample(y, wanted, c, h, steps, dt):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True)
 def closed_loop(excitation, position_noise, y, c, h, centring, steps, dt):  # type: ignore[no-untyped-def]
     """Command, measured position (with noise and steps) and true acceleration at every sample, shape (n, 3)."""
-    out, rate, held = np.empty((len(excitation), 3)), np.empty(8), 0.0
+    out, rate = np.empty((len(excitation), 3)), np.empty(8)
     for k in range(len(excitation)):
         measured = round((y[0] + position_noise[k]) / POSITION_STEP) * POSITION_STEP
         u = min(max(excitation[k] - centring * measured, -1.0), 1.0)
         wanted = min(max(u + h.null_shift, -1.0), 1.0)
-        held = wanted - c.play if wanted - held > c.play else (wanted + c.play if held - wanted > c.play else held)
-        out[k, 0], out[k, 1], out[k, 2] = u, measured, rates(y, held, c, h, rate)
-        y = sample(y, held, c, h, steps, dt)
+        out[k, 0], out[k, 1], out[k, 2] = u, measured, rates(y, wanted, c, h, rate)
+        y = sample(y, wanted, c, h, steps, dt)
     return out
 
 
@@ -148,4 +148,4 @@ def open_loop(commands: np.ndarray, table: Constants, hidden: Hidden | None = No
     return closed_loop(commands, none, start, table, hidden or Hidden(), 0.0, STEPS, SAMPLE_TIME)[:, 2]
 
 
-__all__ = ["Constants", "Hidden", "Recorded", "constants", "excitation", "open_loop", "record", "spool_commands"]
+__all__ = ["Constants", "Hidden", "Recorded", "constants", "excitation", "open_loop", "record"]

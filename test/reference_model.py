@@ -17,6 +17,7 @@ import numba
 import numpy as np
 import yaml
 from scipy.integrate import Radau
+from scipy.linalg import expm
 
 BERGAMO = Path(__file__).resolve().parent.parent / "config" / "table" / "bergamo.yaml"
 SCALES = np.array([1e-2, 0.1, 1e6, 1e6, 0.1, 100.0])  # a typical size of each state, for absolute tolerances
@@ -36,7 +37,7 @@ class Constants(NamedTuple):
     omega: float
     damping: float
     rate_limit: float
-    play: float
+    friction: float  # f_hs, dry friction on the spool
     flow: float
     underlap: float
     laminar: float
@@ -75,7 +76,7 @@ def constants(soft_zone_depth: float = 0.0, path: Path = BERGAMO, **changes: flo
         omega=valve["natural_frequency"],
         damping=valve["damping"],
         rate_limit=valve["rate_limit"],
-        play=valve["hysteresis"],
+        friction=valve["hysteresis"],
         flow=valve["flow_coefficient"],
         underlap=valve["underlap"],
         laminar=valve["laminar_pressure"],
@@ -136,17 +137,62 @@ def at_rest(c: Constants) -> np.ndarray:
     return np.array([0.0, 0.0, middle, middle, 0.0, 0.0])
 
 
-def spool_commands(commands: np.ndarray, width: float) -> np.ndarray:
-    """Commands behind the hysteresis of half-width `width`: a spool held by dry friction moves when pushed."""
-    held, result = 0.0, np.empty(len(commands))
-    for k, u in enumerate(commands):
-        u = float(np.clip(u, -1.0, 1.0))
-        if u - held > width:
-            held = u - width
-        elif held - u > width:
-            held = u + width
-        result[k] = held
-    return result
+class Pieces(NamedTuple):
+    """Stretches of time in which the spool's position of rest stays, for n samples of at most PIECES.
+
+    count : (n,). duration : (n, PIECES) [s]. target : (n, PIECES) [-]. From the second piece of a sample on the spool
+    starts at rest.
+    """
+
+    count: np.ndarray
+    duration: np.ndarray
+    target: np.ndarray
+
+
+PIECES = 6
+FINE = 2000  # exact steps of the spool within a sample, between which a halt is found by interpolation
+
+
+def spool_pieces(commands: np.ndarray, sample_time: float, c: Constants) -> Pieces:
+    """Positions of rest of the spool with dry friction (3.19): short of the command, or its own place where held."""
+    matrix = np.array([[0.0, 1.0], [-(c.omega**2), -2.0 * c.damping * c.omega]])
+    step = expm(sample_time / FINE * matrix)
+    return Pieces(*_spool_pieces(np.clip(commands, -1.0, 1.0), sample_time, c.friction, step))
+
+
+@numba.njit
+def _rest(x, v, u, friction):  # type: ignore[no-untyped-def]
+    if v == 0.0:
+        return x if abs(u - x) <= friction else u - np.sign(u - x) * friction
+    return u - np.sign(v) * friction
+
+
+@numba.njit
+def _spool_pieces(commands, sample_time, friction, step):  # type: ignore[no-untyped-def]
+    n = len(commands)
+    count, duration, target = np.ones(n, np.int64), np.zeros((n, PIECES)), np.zeros((n, PIECES))
+    x, v, fine = 0.0, 0.0, sample_time / FINE
+    for k in range(n):
+        u, piece, begin = commands[k], 0, 0.0
+        w = _rest(x, v, u, friction)
+        target[k, 0] = w
+        for i in range(FINE):
+            x_1 = w + step[0, 0] * (x - w) + step[0, 1] * v
+            v_1 = step[1, 0] * (x - w) + step[1, 1] * v
+            if abs(x_1) > 1.0:
+                x_1, v_1 = np.sign(x_1), 0.0
+            if friction > 0.0 and v * v_1 < 0.0 and piece + 1 < PIECES:
+                part = v / (v - v_1)
+                x_1, v_1 = x + 0.5 * part * fine * v, 0.0
+                now = (i + part) * fine
+                duration[k, piece] = now - begin
+                begin, piece = now, piece + 1
+                w = _rest(x_1, v_1, u, friction)
+                target[k, piece] = w
+            x, v = x_1, v_1
+        duration[k, piece] = sample_time - begin
+        count[k] = piece + 1
+    return count, duration, target
 
 
 def radau(
@@ -171,16 +217,21 @@ def _radau(
 ) -> np.ndarray:
     """The second of the rates at every sample."""
     result = np.empty(len(commands))
-    for k, command in enumerate(spool_commands(commands, c.play)):
-        result[k] = rhs(y, command)[1]
-        solver = Radau(
-            lambda _t, state, command=command: np.array(rhs(state, command)), 0.0, y, sample_time, rtol=rtol, atol=atol
-        )
-        while solver.status == "running":
-            solver.step()
-        if solver.status != "finished":
-            raise RuntimeError(f"Radau failed in sample {k}")
-        y = solver.y
+    pieces = spool_pieces(commands, sample_time, c)
+    for k in range(len(commands)):
+        result[k] = rhs(y, pieces.target[k, 0])[1]
+        for i in range(pieces.count[k]):
+            target, end = float(pieces.target[k, i]), float(pieces.duration[k, i])
+            if i > 0:
+                y[5] = 0.0
+            solver = Radau(
+                lambda _t, state, target=target: np.array(rhs(state, target)), 0.0, y, end, rtol=rtol, atol=atol
+            )
+            while solver.status == "running":
+                solver.step()
+            if solver.status != "finished":
+                raise RuntimeError(f"Radau failed in sample {k}")
+            y = solver.y
     return result
 
 
@@ -217,7 +268,7 @@ def radau_with_play(
 
 def fine_steps(commands: np.ndarray, sample_time: float, c: Constants, steps: int = 100) -> np.ndarray:
     """All states and the acceleration at every sample, shape (n, 7): classical Runge–Kutta, `steps` a sample."""
-    return _fine_steps(spool_commands(commands, c.play), sample_time, at_rest(c), c, steps)
+    return _fine_steps(*spool_pieces(commands, sample_time, c), sample_time / steps, at_rest(c), c)
 
 
 _edge_flow = numba.njit(edge_flow)
@@ -225,21 +276,26 @@ compiled_rates = numba.njit(types.FunctionType(rates.__code__, {**globals(), "ed
 
 
 @numba.njit
-def _fine_steps(wanted, sample_time, y, c, steps):  # type: ignore[no-untyped-def]
-    out = np.empty((len(wanted), 7))
-    h = sample_time / steps
-    for k in range(len(wanted)):
+def _fine_steps(count, duration, target, longest, y, c):  # type: ignore[no-untyped-def]
+    out = np.empty((len(count), 7))
+    for k in range(len(count)):
         out[k, :6] = y
-        out[k, 6] = compiled_rates(y, wanted[k], c)[1]
-        for _ in range(steps):
-            k1 = np.array(compiled_rates(y, wanted[k], c))
-            k2 = np.array(compiled_rates(y + 0.5 * h * k1, wanted[k], c))
-            k3 = np.array(compiled_rates(y + 0.5 * h * k2, wanted[k], c))
-            k4 = np.array(compiled_rates(y + h * k3, wanted[k], c))
-            y = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-            if abs(y[4]) > 1.0:  # |x_s*| ≤ 1
-                y[4] = 1.0 if y[4] > 0.0 else -1.0
+        out[k, 6] = compiled_rates(y, target[k, 0], c)[1]
+        for i in range(count[k]):
+            w = target[k, i]
+            steps = max(int(np.ceil(duration[k, i] / longest - 1e-9)), 1)
+            h = duration[k, i] / steps
+            if i > 0:
                 y[5] = 0.0
+            for _ in range(steps):
+                k1 = np.array(compiled_rates(y, w, c))
+                k2 = np.array(compiled_rates(y + 0.5 * h * k1, w, c))
+                k3 = np.array(compiled_rates(y + 0.5 * h * k2, w, c))
+                k4 = np.array(compiled_rates(y + h * k3, w, c))
+                y = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+                if abs(y[4]) > 1.0:  # |x_s*| ≤ 1
+                    y[4] = 1.0 if y[4] > 0.0 else -1.0
+                    y[5] = 0.0
     return out
 
 

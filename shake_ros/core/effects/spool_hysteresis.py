@@ -1,7 +1,7 @@
 """More hysteresis of the valve than its catalogue tells: dry friction on the spool or a torque motor losing strength.
 
-The half-width adds to the declared f_hs of (3.19) and acts through the same play (valve/simplified.py).
-Absent at 0.
+The half-width adds to the declared f_hs of (3.19) and acts as it does: dry friction on the spool
+(plant/spool_path.py), with the detailed valve and the reduced table a play of the command. Absent at 0.
 """
 
 from __future__ import annotations

@@ -63,12 +63,17 @@ OUTPUTS = 7  # columns of `simulate`: position, velocity, acceleration, P_A, P_B
 
 @njit
 def spool_command(p, y, u):
-    """Wanted spool position: gain and null shift, then the play of the hysteresis (3.19); updates the held command."""
-    gain = 1.0 if p.valve_kind == DETAILED else p.valve_gain
-    wanted = gain * (u + p.valve_null_shift_offset)
+    """Wanted spool position: gain and null shift, and with the detailed valve the play of the hysteresis.
+
+    The simplified valve has its hysteresis as dry friction on the spool (3.19), see `spool_path`. Keeps the command.
+    """
+    detailed = p.valve_kind == DETAILED
+    wanted = (1.0 if detailed else p.valve_gain) * (u + p.valve_null_shift_offset)
     wanted = min(max(wanted, -1.0), 1.0)
-    y[HELD_COMMAND] = play(y[HELD_COMMAND], wanted, p.valve_hysteresis + p.spool_hysteresis_width)
-    return y[HELD_COMMAND]
+    if detailed:
+        wanted = play(y[HELD_COMMAND], wanted, p.valve_hysteresis + p.spool_hysteresis_width)
+    y[HELD_COMMAND] = wanted
+    return wanted
 
 
 @njit

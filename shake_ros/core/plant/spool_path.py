@@ -1,9 +1,11 @@
 """The spool over one integration step, before the table takes the step: nothing of the table acts back on the valve.
 
 Under a held command the simplified valve moves by the closed form of (3.19). So the spool, by far the fastest part of
-the table, does not limit the step, and a new command excites no error. Where the speed limit could bite the two states
-are integrated in small steps instead; where the spool would pass the end of its stroke the step ends there, and it
-goes on from rest. The detailed valve goes ahead on its own and hands over an even motion.
+the table, does not limit the step, and a new command excites no error. Dry friction moves the position of rest by f_hs
+against the motion; where the spool comes to a halt the step ends, and it goes on the other way or stays where friction
+holds it. Where the speed limit could bite the two states are integrated in small steps instead; where the spool would
+pass the end of its stroke the step ends there, and it goes on from rest. The detailed valve goes ahead on its own and
+hands over an even motion.
 
 Verified against the closed form, against the limits integrated in very small steps, and in the plant against Radau.
 """
@@ -15,7 +17,7 @@ import math
 from shake_ros.core.compiled import njit
 from shake_ros.core.plant.states import SPOOL, SPOOL_RATE
 from shake_ros.core.valve.detailed import CODE as DETAILED
-from shake_ros.core.valve.simplified import motion_weights, spool_acceleration
+from shake_ros.core.valve.simplified import halt, motion_weights, rest_position, spool_acceleration
 
 NODES = (1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0)  # instants of the stages in parts of the step
 END = 4  # place of the step's end among the nodes
@@ -43,8 +45,8 @@ def free_motion(path, spool, rate, wanted, omega_v, damping, h):
 
 
 @njit
-def limited_motion(path, spool, rate, wanted, omega_v, damping, limit, h):
-    """The same with |ẋ_s*| ≤ limit and |x_s*| ≤ 1, (3.20), (3.21), in small steps of the midpoint rule."""
+def limited_motion(path, spool, rate, wanted, friction, omega_v, damping, limit, h):
+    """The same with |ẋ_s*| ≤ limit, |x_s*| ≤ 1 and dry friction, (3.19)–(3.21), in small steps of the midpoint rule."""
     before = 0.0
     for j in range(END + 1):
         length = (NODES[j] - before) * h
@@ -52,10 +54,13 @@ def limited_motion(path, spool, rate, wanted, omega_v, damping, limit, h):
         count = max(1, math.ceil(length * omega_v / FINE))
         part = length / count
         for _ in range(count):
-            rate_middle = rate + 0.5 * part * spool_acceleration(spool, rate, wanted, omega_v, damping)
+            target, before_rate = rest_position(spool, rate, wanted, friction), rate
+            rate_middle = rate + 0.5 * part * spool_acceleration(spool, rate, target, omega_v, damping)
             spool_middle = spool + 0.5 * part * min(max(rate, -limit), limit)
-            rate += part * spool_acceleration(spool_middle, rate_middle, wanted, omega_v, damping)
+            rate += part * spool_acceleration(spool_middle, rate_middle, target, omega_v, damping)
             spool += part * min(max(rate_middle, -limit), limit)
+            if friction > 0.0 and rate * before_rate < 0.0:
+                rate = 0.0
             if abs(spool) > 1.0:
                 spool, rate = min(max(spool, -1.0), 1.0), 0.0
         path[j] = spool
@@ -82,7 +87,7 @@ def spool_path(p, y, wanted, h, path):
     Parameters
     ----------
     wanted : as in `right_hand_side`. h : wanted length of the step [s]; the one returned is shorter where the spool
-        reaches the end of its stroke.
+        comes to a halt or reaches the end of its stroke.
     """
     spool, rate = y[SPOOL], y[SPOOL_RATE]
     if p.valve_kind == DETAILED:
@@ -91,10 +96,19 @@ def spool_path(p, y, wanted, h, path):
         path[END_RATE] = wanted
         return h
     omega_v, damping = p.valve_natural_frequency * (1.0 - p.slow_valve_slowdown), p.valve_damping
-    if omega_v * abs(spool - wanted) + abs(rate) > p.valve_rate_limit:
-        limited_motion(path, spool, rate, wanted, omega_v, damping, p.valve_rate_limit, h)
+    friction = p.valve_hysteresis + p.spool_hysteresis_width
+    if omega_v * (abs(spool - wanted) + friction) + abs(rate) > p.valve_rate_limit:
+        limited_motion(path, spool, rate, wanted, friction, omega_v, damping, p.valve_rate_limit, h)
         return h
+    halts = False
+    if friction > 0.0:
+        wanted = rest_position(spool, rate, wanted, friction)
+        stop = halt(spool - wanted, rate, omega_v, damping)
+        if stop <= h:
+            h, halts = stop, True
     free_motion(path, spool, rate, wanted, omega_v, damping, h)
+    if halts:
+        path[END_RATE] = 0.0
     before = 0.0
     for j in range(END + 1):
         if abs(path[j]) > 1.0:

@@ -2,9 +2,9 @@
 
     ẍ_s*/ω_v² + (2D_v/ω_v) ẋ_s* + x_s* + f_hs sign(ẋ_s*) = k_v u,  |x_s*| ≤ 1
 
-The Coulomb term f_hs sign(ẋ_s*) is carried as its quasi-static equivalent, a play of half-width f_hs on the command:
-a spool held by dry friction follows k_v u only when the difference exceeds f_hs. The play is exact for any step and
-does not stiffen the equation. Source: thesis (3.19)–(3.22); verified against the closed-form second-order response.
+The Coulomb term f_hs sign(ẋ_s*) moves the position of rest by f_hs against the motion and holds the spool wherever it
+comes to a halt within f_hs of k_v u. Source: thesis (3.19)–(3.22); verified against the closed-form second-order
+response and a finely stepped solution with dry friction.
 """
 
 from __future__ import annotations
@@ -44,6 +44,41 @@ class SimplifiedValve(Parameters):
 def play(held, wanted, width):
     """Command behind a play of half-width `width`: moves only when pushed by an edge [-]."""
     return min(max(held, wanted - width), wanted + width)
+
+
+@njit
+def rest_position(spool, rate, wanted, friction):
+    """Position towards which the spool moves with dry friction (3.19); its own place where friction holds it [-]."""
+    if rate == 0.0:
+        gap = wanted - spool
+        return wanted - min(max(gap, -friction), friction)
+    return wanted - friction if rate > 0.0 else wanted + friction
+
+
+@njit
+def halt(distance, rate, omega_v, damping):
+    """Time until a spool that moves by (3.19) from x_s* − w = `distance` comes to a halt, inf where it does not [s].
+
+    >>> round(halt(-1.0, 0.0, 1000.0, 0.6) * 800.0 / math.pi, 9)  # half a period of the damped oscillation
+    1.0
+    >>> halt(-1.0, 0.0, 1000.0, 1.0)
+    inf
+    """
+    if distance == 0.0 and rate == 0.0:
+        return math.inf
+    way = rate if rate != 0.0 else -distance
+    side = 1.0 if way > 0.0 else -1.0
+    speed = abs(rate)
+    slope = side * (damping * omega_v * rate + omega_v * omega_v * distance)
+    square = (1.0 - damping * damping) * omega_v * omega_v
+    if square > 0.0:
+        omega_d = math.sqrt(square)
+        return math.atan2(speed * omega_d, slope) / omega_d
+    if square == 0.0:
+        return speed / slope if slope > 0.0 and speed > 0.0 else math.inf
+    spread = math.sqrt(-square)
+    ratio = speed * spread / slope if slope > 0.0 else 1.0
+    return math.atanh(ratio) / spread if 0.0 < ratio < 1.0 else math.inf
 
 
 @njit

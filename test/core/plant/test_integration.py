@@ -81,7 +81,12 @@ def test_error_falls_with_the_tolerance() -> None:
 
 def test_order_of_the_steps_is_five() -> None:
     """Steps of equal length through one held command of a table whose friction and edges are smooth."""
-    smooth = {"friction.transition_velocity": 0.1, "valve.laminar_pressure": 1e6, "valve.underlap": 0.5}
+    smooth = {
+        "friction.transition_velocity": 0.1,
+        "valve.laminar_pressure": 1e6,
+        "valve.underlap": 0.5,
+        "valve.hysteresis": 0.0,
+    }
     p = records(load_table("bergamo").with_values(smooth).vector())[0]
 
     def end(steps: int) -> float:

@@ -17,8 +17,8 @@ BERGAMO = load_table("bergamo")
 OMEGA, DAMPING = 1600.0, 0.736
 
 
-def small_steps(commands, sample_time, limit, steps=2000):
-    """Spool at the samples: explicit Euler of (3.19)–(3.22) in very small steps, the hysteresis left out."""
+def small_steps(commands, sample_time, limit, steps=2000, friction=0.0):
+    """Spool at the samples: explicit Euler of (3.19)–(3.22) in very small steps, dry friction taken off the speed."""
     x, v, out, h = 0.0, 0.0, [], sample_time / steps
     for u in commands:
         out.append(x)
@@ -26,6 +26,7 @@ def small_steps(commands, sample_time, limit, steps=2000):
             a = OMEGA * (OMEGA * (u - x) - 2.0 * DAMPING * v)
             x += h * min(max(v, -limit), limit)
             v += h * a
+            v = float(np.sign(v)) * max(abs(v) - h * OMEGA**2 * friction, 0.0)
             if abs(x) > 1.0:
                 x, v = float(np.sign(x)), 0.0
     return np.array(out)
@@ -41,8 +42,8 @@ def test_weights_are_the_matrix_exponential_at_any_damping(damping, time):
 
 
 def test_a_step_ends_where_the_spool_reaches_the_end_of_its_stroke():
-    p, path = records(BERGAMO.vector())[0], np.zeros(LENGTH)
-    y = initial_state(BERGAMO.vector())
+    vector = BERGAMO.with_values({"valve.hysteresis": 0.0}).vector()
+    p, path, y = records(vector)[0], np.zeros(LENGTH), initial_state(vector)
     y[SPOOL], y[SPOOL_RATE] = 0.9, 400.0
     length = spool_path(p, y, 0.95, 1e-3, path)
     assert 0.0 < length < 1e-3
@@ -63,6 +64,27 @@ def test_a_spool_thrown_from_end_to_end_stops_there_and_comes_back_from_rest():
     np.testing.assert_allclose(result, expected, atol=2e-3)
 
 
+@pytest.mark.parametrize("limit", [1e4, 90.0])
+@pytest.mark.parametrize("friction", [0.001, 0.03])
+def test_dry_friction_on_the_spool_is_that_of_very_small_steps(friction, limit):
+    table = BERGAMO.with_values({"valve.hysteresis": friction, "valve.rate_limit": limit})
+    commands = 0.1 * np.array([1.0, 1.2, 1.1, 0.9, 0.7, 0.7, -0.5, -0.9, -0.8, -0.82, -0.6, 0.0, 0.2, 0.0, 0.0, 0.0])
+    expected = small_steps(commands, 1e-3, limit, friction=friction)
+    result = run(table, commands, 1e-3)[:, 6]
+    np.testing.assert_allclose(result, expected, atol=3e-4)
+    assert (
+        np.max(np.abs(run(BERGAMO.with_values({"valve.hysteresis": 0.0}), commands, 1e-3)[:, 6] - expected))
+        > friction / 2
+    )
+
+
+def test_a_spool_at_rest_stays_where_dry_friction_holds_it():
+    table = BERGAMO.with_values({"valve.hysteresis": 0.01})
+    assert np.all(run(table, 0.0099 * np.ones(20), 1e-3)[:, 6] == 0.0)
+    moved = run(table, 0.05 * np.ones(200), 1e-3)[-1, 6]
+    assert 0.04 <= moved <= 0.06
+
+
 @pytest.mark.parametrize("limit", [100.0, 400.0, 900.0])
 def test_the_speed_limit_is_that_of_very_small_steps(limit):
     table = BERGAMO.with_values({"valve.hysteresis": 0.0, "valve.rate_limit": limit})
@@ -73,5 +95,6 @@ def test_the_speed_limit_is_that_of_very_small_steps(limit):
 
 def test_a_limit_that_is_not_reached_changes_nothing_to_speak_of():
     commands = 0.05 * np.sin(np.arange(60))
-    near = BERGAMO.with_values({"valve.rate_limit": 60.0})
-    np.testing.assert_allclose(run(near, commands, 1e-3)[:, 6], run(BERGAMO, commands, 1e-3)[:, 6], atol=1e-4)
+    free = BERGAMO.with_values({"valve.hysteresis": 0.0})
+    near = free.with_values({"valve.rate_limit": 60.0})
+    np.testing.assert_allclose(run(near, commands, 1e-3)[:, 6], run(free, commands, 1e-3)[:, 6], atol=1e-4)
