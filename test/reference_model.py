@@ -266,6 +266,31 @@ def radau_with_play(
     return _radau(lambda s, u: rates_with_play(s, u, c, play), commands, sample_time, c, y, rtol * scales, rtol)
 
 
+def rates_with_bristles(y: Any, wanted: float, c: Any, law: dict[str, float]) -> tuple[float, ...]:
+    """Rates of seven states, the last one the deflection z [m] of LuGre's bristles (3.42)–(3.44), in place of (6.10).
+
+    law : keys of config/friction/lugre.yaml, magnitudes, those of the reverse motion under `_reverse`.
+    """
+    v, z = y[1], y[6]
+    way = "" if v >= 0.0 else "_reverse"
+    f_c, f_s = law["coulomb_level" + way], law["static_level" + way]
+    g = f_c + (f_s - f_c) * exp(-((abs(v) / law["stribeck_velocity" + way]) ** law["stribeck_exponent" + way]))
+    bending = v - law["contact_stiffness"] * abs(v) * z / g
+    friction = law["contact_stiffness"] * z + law["contact_damping"] * bending + law["viscous" + way] * v
+    of_table = compiled_rates(y[:6], wanted, c._replace(coulomb=0.0, rise=0.0, viscous=0.0))
+    return v, of_table[1] - friction / c.mass, *of_table[2:], bending
+
+
+def radau_with_bristles(
+    commands: np.ndarray, sample_time: float, c: Constants, law: dict[str, float], rtol: float = 1e-8
+) -> np.ndarray:
+    """Acceleration at every sample [m/s²], shape (n,), of the table on LuGre's contact."""
+    scales = np.append(10.0 * SCALES, 1e-4)
+    scales[0] = 10.0
+    y = np.append(at_rest(c), 0.0)
+    return _radau(lambda s, u: rates_with_bristles(s, u, c, law), commands, sample_time, c, y, rtol * scales, rtol)
+
+
 def fine_steps(commands: np.ndarray, sample_time: float, c: Constants, steps: int = 100) -> np.ndarray:
     """All states and the acceleration at every sample, shape (n, 7): classical Runge–Kutta, `steps` a sample."""
     return _fine_steps(*spool_pieces(commands, sample_time, c), sample_time / steps, at_rest(c), c)

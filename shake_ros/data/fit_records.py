@@ -77,6 +77,7 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
                 drive[span],
                 recording.position[span],
                 acceleration,
+                standing=float(drive[span][0]) if span.start else 0.0,
             )
         )
     if not np.ptp(recording.position[np.isfinite(recording.position)]):

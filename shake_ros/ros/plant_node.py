@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.pressure_bounds import PressureWatch
-from shake_ros.core.plant.states import PRESSURE_B
+from shake_ros.core.plant.states import VELOCITY
 from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import Parameters, choice, quantity
 from shake_ros.core.safety.power_unit import PowerUnit, PowerUnitParameters
@@ -46,7 +46,9 @@ class Plant:
         self._live = frame.parameters.declare(load_table(own.table), accept=self._table)
         self._simulation = self._table(self._live.value)
         self._state = self._simulation.initial_state(own.start_position)
-        self._simulation.measure(self._simulation.advance(self._state, 0.0), 0)  # compiles before the first sample
+        ahead = self._simulation.advance(self._state, 0.0)  # all is compiled before the first sample
+        self._simulation.measure(ahead, 0)
+        self._simulation.pressures(ahead)
         self._watch = PressureWatch(self._live.value, frame.sample_time)
         self._k = 0
         self._stamp = FIRST_STAMP
@@ -149,7 +151,7 @@ class Plant:
             self._simulation.set_supply_pressure(pressure)
             self._supplied = pressure
         self._state = self._simulation.advance(self._state, u)
-        self._watch.observe(*self._state[: PRESSURE_B + 1])
+        self._watch.observe(*self._state[: VELOCITY + 1], *self._simulation.pressures(self._state))
         self._k += 1
 
     def _stop_when_done(self, samples: int) -> None:

@@ -1,7 +1,8 @@
 """A spring between table and ground: cables, bellows, a reaction frame left coupled.
 
-    M v̇ = … − k x
+    M v̇ = … − k (x + x_b)
 
+The ground does not move with a base that gives way (base_flexibility.py), so the spring sees the absolute position.
 Absent at k = 0.
 """
 

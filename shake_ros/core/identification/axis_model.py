@@ -21,13 +21,14 @@ class AxisModel:
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
         """Velocity [m/s] and acceleration [m/s²] for rows of parameters, each of shape (m, n)."""
         start = initial_state(record.track[0], record.velocity[0])
-        out = run_batch(vectors, start, record.commands, record.sample_time, record.track)
+        out = run_batch(vectors, start, record.commands, record.sample_time, record.track, standing=record.standing)
         return out[:, :, 1], out[:, :, 2]
 
     def run(self, table: Declared, record: Record) -> np.ndarray:
         """Free run with the columns of plant.axis.COLUMNS; the position is the run's own everywhere."""
         start = initial_state(record.track[0], record.velocity[0])
-        return np.asarray(run_batch(table.vector()[None, :], start, record.commands, record.sample_time)[0])
+        vectors, standing = table.vector()[None, :], record.standing
+        return np.asarray(run_batch(vectors, start, record.commands, record.sample_time, standing=standing)[0])
 
     def quantities(self, record: Record, simulated: np.ndarray) -> dict[str, np.ndarray]:
         """What a residual may depend on, each of shape (n,)."""

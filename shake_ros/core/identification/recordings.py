@@ -46,7 +46,8 @@ def derivative(position: np.ndarray, sample_time: float) -> np.ndarray:
 class Record:
     """One recording or a piece of it, all arrays of shape (n,), SI units; acceleration may be absent.
 
-    begin : time of the first sample since the recording's start [s].
+    begin : time of the first sample since the recording's start [s]. standing : command before the first sample [-],
+        null where the recording begins with the motion.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Record:
     position: np.ndarray
     acceleration: np.ndarray | None = None
     begin: float = 0.0
+    standing: float = 0.0
     velocity: np.ndarray = field(init=False)
     track: np.ndarray = field(init=False)
 
@@ -117,7 +119,10 @@ def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[
             span = slice(first, first + length)
             acceleration = None if r.acceleration is None else r.acceleration[span]
             begin = r.begin + first * r.sample_time
-            pieces.append(Record(r.name, r.sample_time, r.commands[span], r.position[span], acceleration, begin))
+            standing = float(r.commands[first - 1]) if first else r.standing
+            pieces.append(
+                Record(r.name, r.sample_time, r.commands[span], r.position[span], acceleration, begin, standing)
+            )
     return pieces
 
 
@@ -145,7 +150,9 @@ class FullModel:
         starts = np.array([initial_state(v, record.track[0]) for v in vectors])
         starts[:, VELOCITY] = record.velocity[0]
         starts[:, CLOCK] = record.begin
-        out = run_batch(vectors, starts, record.commands, record.sample_time, track=record.track)
+        out = run_batch(
+            vectors, starts, record.commands, record.sample_time, track=record.track, standing=record.standing
+        )
         return out[:, :, 0], out[:, :, 1]
 
     def run(self, table: Declared, record: Record) -> np.ndarray:
@@ -153,7 +160,8 @@ class FullModel:
         assert isinstance(table, TableParameters)
         state = initial_state(table.vector(), record.track[0])
         state[VELOCITY], state[CLOCK] = record.velocity[0], record.begin
-        return run(table, record.commands, record.sample_time, position=record.track, state=state)
+        dt, standing = record.sample_time, record.standing
+        return run(table, record.commands, dt, position=record.track, state=state, standing=standing)
 
     def quantities(self, record: Record, simulated: np.ndarray) -> dict[str, np.ndarray]:
         """What a residual may depend on, each of shape (n,)."""

@@ -22,9 +22,9 @@ class ReducedModel:
     """Third order in acceleration per command; forces count per moved mass."""
 
     def _runs(self, vectors: np.ndarray, record: Record) -> np.ndarray:
-        place, speed, command = record.track[0], record.velocity[0], record.commands[0]
-        starts = np.array([initial_state(v, place, speed, command) for v in vectors])
-        return run_batch(vectors, starts, record.commands, record.sample_time, record.track)
+        place, speed, standing = record.track[0], record.velocity[0], record.standing
+        starts = np.array([initial_state(v, place, speed, standing) for v in vectors])
+        return run_batch(vectors, starts, record.commands, record.sample_time, record.track, standing=standing)
 
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
         """Velocity [m/s] and acceleration [m/s²] for rows of parameters, each of shape (m, n)."""

@@ -189,7 +189,10 @@ def pieces(recordings: Sequence[Record]) -> list[Record]:
         for first in range(0, len(r.commands) - n + 1, n):
             span = slice(first, first + n)
             acceleration = None if r.acceleration is None else r.acceleration[span]
-            found.append(Record(r.name, r.sample_time, r.commands[span], r.position[span], acceleration))
+            standing = float(r.commands[first - 1]) if first else r.standing
+            found.append(
+                Record(r.name, r.sample_time, r.commands[span], r.position[span], acceleration, standing=standing)
+            )
     return found
 
 
@@ -216,7 +219,7 @@ def schedule_of(network: Network, free: FreeParameters, record: Record) -> tuple
 
 
 @njit
-def _simulate(rows, acting, commands, track, y0, dt, tolerance, out):
+def _simulate(rows, acting, commands, standing, track, y0, dt, tolerance, out):
     """As plant/integration.py:simulate, with the parameters of rows[acting[i]] during sample i."""
     y = y0.copy()
     work = workspace()
@@ -227,7 +230,7 @@ def _simulate(rows, acting, commands, track, y0, dt, tolerance, out):
         y[POSITION] = track[i]
         y[LAGGED_POSITION] += shift
         outputs(p, y, acceleration, out[i])
-        late, timely, fraction = delayed(commands, i, p.command_delay_delay / dt)
+        late, timely, fraction = delayed(commands, i, p.command_delay_delay / dt, standing)
         acceleration = advance_sample(p, y, late, timely, fraction, 0.0, dt, work, False, tolerance)
 
 
@@ -239,5 +242,5 @@ def run_scheduled(network: Network, free: FreeParameters, record: Record) -> np.
     y0[VELOCITY] = record.velocity[0]
     out = np.empty((len(record.commands), OUTPUTS))
     commands = np.ascontiguousarray(record.commands, dtype=float)
-    _simulate(records(vectors), acting, commands, record.track, y0, record.sample_time, TOLERANCE, out)
+    _simulate(records(vectors), acting, commands, record.standing, record.track, y0, record.sample_time, TOLERANCE, out)
     return out

@@ -91,12 +91,13 @@ def hold(p, y, force, place, duration):
 
 
 @njit
-def simulate(p, forces, track, y0, dt, out):
+def simulate(p, forces, standing, track, y0, dt, out):
     """Free run under recorded forces.
 
     Parameters
     ----------
-    p : parameter record. forces : shape (n,) [N]. track : measured position that position-dependent forces follow,
+    p : parameter record. forces : shape (n,) [N]. standing : force that acts until the first one arrives [N].
+    track : measured position that position-dependent forces follow,
         shape (n,), or (0,) for the simulated one [m]. y0 : first state, shape (STATES,). dt : [s].
     out : result, shape (n, OUTPUTS), row k is the instant t_k, before force k acts.
     """
@@ -108,7 +109,7 @@ def simulate(p, forces, track, y0, dt, out):
         out[i, 1] = (y[POSITION] - y[SENSED]) / tau if tau > 1e-6 else y[VELOCITY]
         out[i, 2] = y[ACCELERATION]
         place = track[i] if track.shape[0] > 0 else y[POSITION]
-        late, timely, fraction = delayed(forces, i, delay)
+        late, timely, fraction = delayed(forces, i, delay, standing)
         if fraction > 1e-9:
             hold(p, y, late, place, fraction * dt)
         if fraction < 1.0:
@@ -124,14 +125,20 @@ def initial_state(position: float, velocity: float) -> np.ndarray:
 
 
 def run_batch(
-    vectors: np.ndarray, start: np.ndarray, forces: np.ndarray, sample_time: float, track: np.ndarray = NOTHING
+    vectors: np.ndarray,
+    start: np.ndarray,
+    forces: np.ndarray,
+    sample_time: float,
+    track: np.ndarray = NOTHING,
+    *,
+    standing: float = 0.0,
 ) -> np.ndarray:
     """Simulate many parameter sets under the same forces on all cores.
 
     Parameters
     ----------
     vectors : shape (m, len(AXIS_LAYOUT.names)). start : shape (STATES,). forces : shape (n,) [N]. sample_time [s].
-    track : measured position, shape (n,) [m], or empty.
+    track : measured position, shape (n,) [m], or empty. standing : force before the first [N].
 
     Returns
     -------
@@ -143,7 +150,7 @@ def run_batch(
     result = np.empty((len(rows), len(forces), OUTPUTS))
 
     def one(i: int) -> None:
-        simulate(rows[i], forces, track, start, sample_time, result[i])
+        simulate(rows[i], forces, standing, track, start, sample_time, result[i])
 
     with ThreadPoolExecutor(workers()) as pool:
         list(pool.map(one, range(len(rows))))

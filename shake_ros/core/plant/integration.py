@@ -195,15 +195,15 @@ def position_sensor(p, y):
 
 
 @njit
-def delayed(commands, k, delay_samples):
+def delayed(commands, k, delay_samples, standing):
     """Commands that act at the start and at the end of sample k, and the fraction of the sample for the first.
 
-    A command u_k stamped t_k acts from t_k + T; before the first command arrives the first one is taken as standing.
+    A command u_k stamped t_k acts from t_k + T; until the first one arrives the command `standing` acts.
     """
     whole = math.floor(delay_samples)
     fraction = delay_samples - whole
-    late = commands[max(k - whole - 1, 0)]
-    timely = commands[max(k - whole, 0)]
+    late = commands[k - whole - 1] if k > whole else standing
+    timely = commands[k - whole] if k >= whole else standing
     return late, timely, fraction
 
 
@@ -251,12 +251,13 @@ def acceleration_now(p, y, rates):
 
 
 @njit
-def simulate(p, commands, forces, track, y0, dt, tolerance, out):
+def simulate(p, commands, standing, forces, track, y0, dt, tolerance, out):
     """Free-running simulation under recorded commands.
 
     Parameters
     ----------
-    p : parameter record. commands : shape (n,) [-]. forces : external force, shape (n,) or (0,) [N].
+    p : parameter record. commands : shape (n,) [-]. standing : command that acts until the first one arrives [-].
+    forces : external force, shape (n,) or (0,) [N].
     track : measured position, shape (n,) or (0,) [m]: where given, the position is set to it at every sample, so that
         volumes and position-dependent effects see the true place though a free run would drift off the stroke.
     y0 : state at the first sample, shape (STATES,). dt : [s]. tolerance : relative local error of a step.
@@ -275,7 +276,7 @@ def simulate(p, commands, forces, track, y0, dt, tolerance, out):
             y[LAGGED_POSITION] += shift
         outputs(p, y, acceleration, out[i])
         before, force = force, forces[i] if forces.shape[0] > 0 else 0.0
-        late, timely, fraction = delayed(commands, i, delay)
+        late, timely, fraction = delayed(commands, i, delay, standing)
         known = known and force == before and not following
         acceleration = advance_sample(p, y, late, timely, fraction, force, dt, work, known, tolerance)
         known = True

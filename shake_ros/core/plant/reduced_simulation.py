@@ -173,13 +173,14 @@ def outputs(p, y, row):
 
 
 @njit
-def simulate(p, commands, track, y0, dt, out):
+def simulate(p, commands, standing, track, y0, dt, out):
     """Free run under recorded commands.
 
     Parameters
     ----------
-    p : parameter record. commands : shape (n,) [-]. track : measured position that position-dependent forces follow,
-        shape (n,), or (0,) for the simulated one [m]. y0 : first state, shape (STATES,). dt : [s].
+    p : parameter record. commands : shape (n,) [-]. standing : command that acts until the first one arrives [-].
+    track : measured position that position-dependent forces follow, shape (n,), or (0,) for the simulated one [m].
+    y0 : first state, shape (STATES,). dt : [s].
     out : result, shape (n, OUTPUTS), row k is the instant t_k, before command k acts.
     """
     y = y0.copy()
@@ -187,7 +188,7 @@ def simulate(p, commands, track, y0, dt, out):
     for i in range(commands.shape[0]):
         outputs(p, y, out[i])
         place = track[i] if track.shape[0] > 0 else y[POSITION]
-        late, timely, fraction = delayed(commands, i, delay)
+        late, timely, fraction = delayed(commands, i, delay, standing)
         if fraction > 1e-9:
             hold(p, y, late, place, fraction * dt)
         if fraction < 1.0:
@@ -206,14 +207,20 @@ def initial_state(vector: np.ndarray, position: float, velocity: float, command:
 
 
 def run_batch(
-    vectors: np.ndarray, starts: np.ndarray, commands: np.ndarray, sample_time: float, track: np.ndarray = NOTHING
+    vectors: np.ndarray,
+    starts: np.ndarray,
+    commands: np.ndarray,
+    sample_time: float,
+    track: np.ndarray = NOTHING,
+    *,
+    standing: float = 0.0,
 ) -> np.ndarray:
     """Simulate many parameter sets under the same commands on all cores.
 
     Parameters
     ----------
     vectors : shape (m, len(REDUCED_LAYOUT.names)). starts : shape (m, STATES). commands : shape (n,) [-].
-    sample_time [s]. track : measured position, shape (n,) [m], or empty.
+    sample_time [s]. track : measured position, shape (n,) [m], or empty. standing : command before the first [-].
 
     Returns
     -------
@@ -225,7 +232,7 @@ def run_batch(
     result = np.empty((len(rows), len(commands), OUTPUTS))
 
     def one(i: int) -> None:
-        simulate(rows[i], commands, track, starts[i], sample_time, result[i])
+        simulate(rows[i], commands, standing, track, starts[i], sample_time, result[i])
 
     with ThreadPoolExecutor(workers()) as pool:
         list(pool.map(one, range(len(rows))))
@@ -239,9 +246,13 @@ def run(
     *,
     position: float = 0.0,
     velocity: float = 0.0,
+    standing: float = 0.0,
     track: np.ndarray = NOTHING,
 ) -> np.ndarray:
-    """Simulate one recording from a position [m] and a velocity [m/s]; shape (n, OUTPUTS), columns as COLUMNS."""
+    """Simulate one recording; shape (n, OUTPUTS), columns as COLUMNS.
+
+    position [m], velocity [m/s] : at the first sample. standing : command before it, on which the valve stands [-].
+    """
     vector = table.vector()
-    start = initial_state(vector, position, velocity, float(commands[0]))
-    return run_batch(vector, start[None, :], commands, sample_time, track)[0]
+    start = initial_state(vector, position, velocity, standing)
+    return run_batch(vector, start[None, :], commands, sample_time, track, standing=float(standing))[0]

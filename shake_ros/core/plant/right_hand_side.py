@@ -189,7 +189,8 @@ def table_rates(p, y, start, external_force, n, rates):
         velocity_start += start[ROD_RATE]
     friction = friction_force(p, piston_velocity, piston, moved, start, velocity_start, memory, film)
     pressure_force = p.body_piston_area * (p_a - p_b)
-    on_table = external_force + p.constant_force_force - p.stiffness_to_ground_stiffness * x
+    place = x + y[BASE] if n > DECLARED else x  # to ground
+    on_table = external_force + p.constant_force_force - p.stiffness_to_ground_stiffness * place
     on_table -= unlisted(p, FORCE_OF_POSITION, x)
     on_rod = pressure_force - friction + end_stop_force(p, piston, piston_velocity)
     declared_mass = p.body_table_mass + p.body_specimen_mass + inertia(p, piston_velocity)  # (6.9)

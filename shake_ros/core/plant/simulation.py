@@ -80,15 +80,16 @@ def run(
     position: np.ndarray | float = 0.0,
     forces: np.ndarray = NOTHING,
     state: np.ndarray | None = None,
+    standing: float = 0.0,
     tolerance: float = TOLERANCE,
 ) -> np.ndarray:
     """Simulate one recording.
 
     Parameters
     ----------
-    commands : shape (n,) [-], held from each sample to the next. With a dead time the first one is taken as standing
-        before the recording began; a `Table`, which starts itself, has its valve at null until a command arrives.
-    sample_time [s].
+    commands : shape (n,) [-], held from each sample to the next. sample_time [s].
+    standing : command before the first one, which acts until that arrives where there is a dead time; null, as in a
+        `Table`, where not given [-].
     position : start [m], or the measured position of shape (n,) which volumes and position-dependent effects follow.
     forces : external force, shape (n,) [N]. state : first state; at rest where not given.
 
@@ -108,7 +109,7 @@ def run(
     start = float(np.ravel(position)[0])
     y0 = initial_state(vector, start) if state is None else state
     out = np.empty((len(commands), OUTPUTS))
-    simulate(records(vector)[0], commands, forces, track, y0, sample_time, tolerance, out)
+    simulate(records(vector)[0], commands, float(standing), forces, track, y0, sample_time, tolerance, out)
     return out
 
 
@@ -124,6 +125,7 @@ def run_batch(
     sample_time: float,
     *,
     track: np.ndarray = NOTHING,
+    standing: float = 0.0,
     columns: tuple[int, ...] = (1, 2),
     tolerance: float = TOLERANCE,
 ) -> np.ndarray:
@@ -132,7 +134,8 @@ def run_batch(
     Parameters
     ----------
     vectors : shape (m, len(NAMES)). starts : first states, shape (m, STATES). commands : shape (n,) or (m, n) [-].
-    track : measured position, shape (n,) [m], or empty. columns : which of COLUMNS to keep.
+    track : measured position, shape (n,) [m], or empty. standing : as in `run` [-].
+    columns : which of COLUMNS to keep.
 
     Returns
     -------
@@ -148,7 +151,7 @@ def run_batch(
 
     def one(i: int) -> None:
         out = np.empty((length, OUTPUTS))
-        simulate(rows[i], each[i % len(each)], NOTHING, track, starts[i], sample_time, tolerance, out)
+        simulate(rows[i], each[i % len(each)], standing, NOTHING, track, starts[i], sample_time, tolerance, out)
         result[i] = out[:, columns]
 
     with ThreadPoolExecutor(workers()) as pool:

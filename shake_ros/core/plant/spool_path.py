@@ -12,12 +12,10 @@ Verified against the closed form, against the limits integrated in very small st
 
 from __future__ import annotations
 
-import math
-
 from shake_ros.core.compiled import njit
 from shake_ros.core.plant.states import SPOOL, SPOOL_RATE
 from shake_ros.core.valve.detailed import CODE as DETAILED
-from shake_ros.core.valve.simplified import halt, motion_weights, rest_position, spool_acceleration
+from shake_ros.core.valve.simplified import halt, limited_motion, motion_weights, rest_position
 
 NODES = (1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0)  # instants of the stages in parts of the step
 END = 4  # place of the step's end among the nodes
@@ -25,7 +23,6 @@ END_RATE = 5  # place of ẋ_s* at the step's end, behind the nodes
 WEIGHTS = 6  # first of the weights that were used last, three for each node
 USED_FOR = 21  # step, ω_v and damping they belong to
 LENGTH = 24  # of the work array `path`
-FINE = 0.02  # ω_v times the small steps where the speed is limited
 BISECTIONS = 40
 
 
@@ -45,24 +42,12 @@ def free_motion(path, spool, rate, wanted, omega_v, damping, h):
 
 
 @njit
-def limited_motion(path, spool, rate, wanted, friction, omega_v, damping, limit, h):
-    """The same with |ẋ_s*| ≤ limit, |x_s*| ≤ 1 and dry friction, (3.19)–(3.21), in small steps of the midpoint rule."""
+def limited_path(path, spool, rate, wanted, friction, omega_v, damping, limit, h):
+    """The same with |ẋ_s*| ≤ limit, |x_s*| ≤ 1 and dry friction, (3.19)–(3.21)."""
     before = 0.0
     for j in range(END + 1):
-        length = (NODES[j] - before) * h
+        spool, rate = limited_motion(spool, rate, wanted, friction, omega_v, damping, limit, (NODES[j] - before) * h)
         before = NODES[j]
-        count = max(1, math.ceil(length * omega_v / FINE))
-        part = length / count
-        for _ in range(count):
-            target, before_rate = rest_position(spool, rate, wanted, friction), rate
-            rate_middle = rate + 0.5 * part * spool_acceleration(spool, rate, target, omega_v, damping)
-            spool_middle = spool + 0.5 * part * min(max(rate, -limit), limit)
-            rate += part * spool_acceleration(spool_middle, rate_middle, target, omega_v, damping)
-            spool += part * min(max(rate_middle, -limit), limit)
-            if friction > 0.0 and rate * before_rate < 0.0:
-                rate = 0.0
-            if abs(spool) > 1.0:
-                spool, rate = min(max(spool, -1.0), 1.0), 0.0
         path[j] = spool
     path[END_RATE] = rate
 
@@ -98,7 +83,7 @@ def spool_path(p, y, wanted, h, path):
     omega_v, damping = p.valve_natural_frequency * (1.0 - p.slow_valve_slowdown), p.valve_damping
     friction = p.valve_hysteresis + p.spool_hysteresis_width
     if omega_v * (abs(spool - wanted) + friction) + abs(rate) > p.valve_rate_limit:
-        limited_motion(path, spool, rate, wanted, friction, omega_v, damping, p.valve_rate_limit, h)
+        limited_path(path, spool, rate, wanted, friction, omega_v, damping, p.valve_rate_limit, h)
         return h
     halts = False
     if friction > 0.0:

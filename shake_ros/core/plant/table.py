@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
+from shake_ros.core.plant.hydraulics import chamber_pressure
 from shake_ros.core.plant.integration import (
     OUTPUTS,
     acceleration_now,
@@ -17,7 +18,7 @@ from shake_ros.core.plant.integration import (
 from shake_ros.core.plant.parameters import TableParameters, records
 from shake_ros.core.plant.sensors import SensorNoise
 from shake_ros.core.plant.simulation import TOLERANCE, initial_state
-from shake_ros.core.plant.states import BASE, BASE_RATE, POSITION, STATES, VELOCITY
+from shake_ros.core.plant.states import BASE, BASE_RATE, POSITION, PRESSURE_A, PRESSURE_B, STATES, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
 
@@ -79,6 +80,11 @@ class Table:
         read = self._noise.read(k, position, measured, p_a, p_b, p_s)
         truth = float(state[POSITION] + state[BASE]), float(state[VELOCITY] + state[BASE_RATE]), float(acceleration)
         return Measurement(*read, *truth)
+
+    def pressures(self, state: np.ndarray) -> tuple[float, float]:
+        """True P_A, P_B of a state [Pa]: those that act, where a void has opened not those of the liquid."""
+        p = self._record
+        return float(chamber_pressure(p, state[PRESSURE_A])), float(chamber_pressure(p, state[PRESSURE_B]))
 
     def advance(self, state: np.ndarray, u: float, force: float = 0.0) -> np.ndarray:
         """The state one sample later under the held command u and an external force [N].

@@ -15,10 +15,9 @@ from shake_ros.core.packing import record
 from shake_ros.core.quantities import Parameters
 from shake_ros.core.valve import VALVES, detailed
 from shake_ros.core.valve.detailed import VALVE_STATES, carry_valve, valve_at_rest
-from shake_ros.core.valve.simplified import rest_position, spool_acceleration
+from shake_ros.core.valve.simplified import limited_motion
 
 SMALL = 1e-3  # [-] amplitude of the frequency response of the linearised valve
-SUBSTEPS = 20
 
 
 @njit
@@ -37,21 +36,12 @@ def respond_detailed(p, commands, dt, p_s, p_t):
 def respond_simplified(p, commands, dt):
     """Spool position [-] of the simplified valve (3.19)–(3.22) at the samples, from rest, under held commands."""
     x, v = 0.0, 0.0
-    h = dt / SUBSTEPS
+    friction, limit = p.valve_hysteresis, p.valve_rate_limit
     spool = np.empty(commands.shape[0])
     for i in range(commands.shape[0]):
         spool[i] = x
         wanted = min(max(p.valve_gain * commands[i], -1.0), 1.0)
-        for _ in range(SUBSTEPS):  # midpoint rule
-            held, before = rest_position(x, v, wanted, p.valve_hysteresis), v
-            v_1 = v + 0.5 * h * spool_acceleration(x, v, held, p.valve_natural_frequency, p.valve_damping)
-            v_1 = min(max(v_1, -p.valve_rate_limit), p.valve_rate_limit)
-            x_1 = x + 0.5 * h * v
-            v += h * spool_acceleration(x_1, v_1, held, p.valve_natural_frequency, p.valve_damping)
-            v = min(max(v, -p.valve_rate_limit), p.valve_rate_limit)
-            x = min(max(x + h * v_1, -1.0), 1.0)
-            if p.valve_hysteresis > 0.0 and v * before < 0.0:
-                v = 0.0
+        x, v = limited_motion(x, v, wanted, friction, p.valve_natural_frequency, p.valve_damping, limit, dt)
     return spool
 
 

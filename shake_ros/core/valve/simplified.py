@@ -17,6 +17,7 @@ from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import Parameters, quantity
 
 CODE = 0
+FINE = 0.02  # ω_v times the small steps of `limited_motion`
 
 
 @dataclass(frozen=True)
@@ -113,3 +114,26 @@ def motion_weights(omega_v, damping, time):
         decay = math.exp(-sigma * time)
         even, odd = decay * (1.0 - 0.5 * small), decay * time * (1.0 - small / 6.0)
     return even + sigma * odd, odd, even - sigma * odd
+
+
+@njit
+def limited_motion(spool, rate, wanted, friction, omega_v, damping, limit, duration):
+    """(x_s*, ẋ_s*) after a motion with dry friction, |x_s*| ≤ 1 and |ẋ_s*| ≤ limit, (3.19)–(3.21), by midpoint rule.
+
+    At the limit the spool is driven by all the flow of its pilot stage: it keeps that speed until (3.19) slows it down.
+    """
+    count = max(1, math.ceil(duration * omega_v / FINE))
+    part = duration / count
+    for _ in range(count):
+        target, before = rest_position(spool, rate, wanted, friction), rate
+        middle = rate + 0.5 * part * spool_acceleration(spool, rate, target, omega_v, damping)
+        middle = min(max(middle, -limit), limit)
+        spool_middle = spool + 0.5 * part * rate
+        rate += part * spool_acceleration(spool_middle, middle, target, omega_v, damping)
+        rate = min(max(rate, -limit), limit)
+        spool += part * middle
+        if friction > 0.0 and rate * before < 0.0:
+            rate = 0.0
+        if abs(spool) > 1.0:
+            spool, rate = min(max(spool, -1.0), 1.0), 0.0
+    return spool, rate

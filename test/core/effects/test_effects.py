@@ -9,7 +9,10 @@ import pytest
 import reference_model as reference
 
 from shake_ros.core.effects import EFFECTS, PLACES
-from shake_ros.core.plant.simulation import run
+from shake_ros.core.plant.parameters import records
+from shake_ros.core.plant.right_hand_side import active_states, right_hand_side
+from shake_ros.core.plant.simulation import initial_state, run
+from shake_ros.core.plant.states import BASE, BASE_RATE, POSITION, PRESSURE_A, STATES, VELOCITY
 from shake_ros.settings import load_table
 
 SAMPLE = 0.001
@@ -161,3 +164,25 @@ def test_presliding_friction_springs_before_it_slides() -> None:
     assert 0.0 < held[-1] < 1e-4
     released = run(table, np.zeros(800), SAMPLE, forces=np.concatenate([push, np.zeros(400)]))[:, 0]
     assert released[-1] < held[-1]
+
+
+def test_table_and_base_together_are_moved_by_the_ground_alone() -> None:
+    """Momentum: what the cylinder does to the table it does to the base; only springs and dampers to ground remain."""
+    k, compliance, frequency, ratio = 3e5, 1e-7, 12.0, 0.05
+    values = {
+        "effects.stiffness_to_ground.stiffness": k,
+        "effects.base_flexibility.compliance": compliance,
+        "effects.base_flexibility.frequency": frequency,
+        "effects.base_flexibility.damping": ratio,
+    }
+    table = BERGAMO.with_values(values)
+    y, rates = initial_state(table.vector()), np.zeros(STATES)
+    y[POSITION], y[VELOCITY], y[BASE], y[BASE_RATE], y[PRESSURE_A] = 0.02, -0.1, 7e-4, 0.03, 1.3e7
+    p = records(table.vector())[0]
+    acceleration = right_hand_side(p, y, y, 0.0, 0.0, active_states(p), rates)
+    stiffness, omega = 1.0 / compliance, 2.0 * np.pi * frequency
+    mass = stiffness / omega**2
+    damper = 2.0 * ratio * np.sqrt(stiffness * mass)
+    of_ground = -k * (0.02 + 7e-4) - stiffness * 7e-4 - damper * 0.03
+    assert table.moved_mass * acceleration + mass * rates[BASE_RATE] == pytest.approx(of_ground, rel=1e-9)
+    assert rates[VELOCITY] + rates[BASE_RATE] == pytest.approx(acceleration, rel=1e-12)

@@ -7,17 +7,18 @@ import math
 
 import numpy as np
 import pytest
+import reference_model as reference
+import yaml
 from scipy.integrate import solve_ivp
 
 from shake_ros.core.fluid.oil import Oil
-from shake_ros.core.friction import FRICTIONS, lugre
+from shake_ros.core.friction import FRICTIONS
 from shake_ros.core.plant.cavitation import acting_pressure
-from shake_ros.core.plant.parameters import OPTIONAL, TableParameters, records
+from shake_ros.core.plant.parameters import OPTIONAL, TableParameters
 from shake_ros.core.plant.pipelines import flow_rate, half_volume
-from shake_ros.core.plant.right_hand_side import right_hand_side
 from shake_ros.core.plant.shear_frame import ShearFrame, foot_force, natural_frequencies, storey_rates
-from shake_ros.core.plant.simulation import initial_state, run
-from shake_ros.core.plant.states import DECLARED, DEFLECTION, POSITION, STOREY, VELOCITY
+from shake_ros.core.plant.simulation import run
+from shake_ros.core.plant.states import DECLARED, STOREY
 from shake_ros.core.plant.temperature import at_temperature
 from shake_ros.core.valve.ports import opening
 from shake_ros.settings import find, load_table, load_variant, read_yaml
@@ -200,39 +201,15 @@ def with_law(table, name):
     return dataclasses.replace(table, friction=load_variant("friction", name, FRICTIONS)[1])
 
 
-def radau(table, commands, dt):
-    """The table with the bristle deflection as an ordinary state, (3.42), by Radau; acceleration at the samples."""
-    vector = table.vector()
-    p = records(vector)[0]
-    start = initial_state(vector)
-    y = np.append(start[:DECLARED], 0.0)
-    sigma_0 = table.friction.contact_stiffness
-    out, work = [], np.zeros(DECLARED)
-
-    def rates(_t, y):
-        here = start.copy()
-        here[:DECLARED], here[DEFLECTION] = y[:DECLARED], y[-1]
-        right_hand_side(p, here, here, wanted, 0.0, DECLARED, work)
-        v = y[VELOCITY]
-        return np.append(work, v - sigma_0 * abs(v) * y[-1] / lugre.level(p, v, 0.0))
-
-    for u in commands:
-        wanted = u
-        out.append([*y, rates(0.0, y)[VELOCITY]])
-        scale = np.array([1e-7, 1e-6, 1.0, 1.0, 1e-7, 1e-4, 1e-12])
-        y = solve_ivp(rates, (0.0, dt), y, method="Radau", rtol=1e-8, atol=scale).y[:, -1]
-    return np.array(out)
-
-
 def test_lugre_with_its_stiff_bristles_is_within_a_hundredth_of_radau(table):
-    table = with_law(table, "lugre").with_values({"valve.hysteresis": 0.0})
-    dt = 5e-3
+    table = with_law(table, "lugre")
+    sample = 5e-3
     commands = np.repeat([0.1, -0.1, 0.05, -0.2], 12)
-    expected = radau(table, commands, dt)
-    result = run(table, commands, dt)
-    assert nrmse(expected[:, POSITION], result[:, 0]) < 2e-3
-    assert nrmse(expected[:, VELOCITY], result[:, 1]) < 5e-3
-    assert nrmse(expected[:, -1], result[:, 2]) < 1e-2
+    law = yaml.safe_load((reference.BERGAMO.parents[1] / "friction" / "lugre.yaml").read_text(encoding="utf-8"))
+    assert float(law.pop("contact_stiffness")) == 1.14e8
+    bristles = {key: float(value) for key, value in law.items() if key != "kind"} | {"contact_stiffness": 1.14e8}
+    expected = reference.radau_with_bristles(commands, sample, reference.constants(), bristles)
+    assert reference.nrmse(expected, run(table, commands, sample)[:, 2]) < 1e-2
 
 
 @pytest.mark.parametrize("name", FRICTIONS)

@@ -8,8 +8,16 @@ import math
 import numpy as np
 import pytest
 
-from shake_ros.core.plant.pressure_bounds import PressureWatch, findings_of_run, highest_pressure, smallest_volume
+from shake_ros.core.plant.pressure_bounds import (
+    LOOSE,
+    PressureWatch,
+    findings_of_run,
+    highest_pressure,
+    smallest_volume,
+)
 from shake_ros.core.plant.simulation import run
+from shake_ros.core.plant.states import POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
+from shake_ros.core.plant.table import Table
 from shake_ros.settings import load_table
 
 SAMPLE = 1e-3
@@ -89,6 +97,27 @@ def test_a_pressure_beyond_what_inertia_can_make_is_named_with_both_numbers() ->
     surge = 0.1 * math.sqrt(1.16e9 * 650.0 / 1.2293e-4)
     assert "5e+07 Pa" in found
     assert f"{206e5 + surge:.4g} Pa" in found
+
+
+def test_where_a_void_has_opened_the_watch_is_given_the_pressures_that_act() -> None:
+    table = CAVITATING.with_values({"body.specimen_mass": 3000.0})
+    simulation, watch = Table(table, SAMPLE), PressureWatch(table, SAMPLE)
+    state, lowest = simulation.initial_state(), np.inf
+    for k in range(300):
+        state = simulation.advance(state, 1.0 if k < 150 else 0.0)
+        lowest = min(lowest, *state[PRESSURE_A : PRESSURE_B + 1])
+        acting = simulation.pressures(state)
+        assert min(acting) >= table.cavitation.pressure
+        watch.observe(state[POSITION], state[VELOCITY], *acting)
+    assert lowest < table.cavitation.pressure  # what the liquid would have to bear
+    assert watch.findings() == ()
+
+
+@pytest.mark.parametrize("name", LOOSE)
+def test_no_upper_bound_is_claimed_where_it_does_not_hold(name: str) -> None:
+    watch = PressureWatch(DECLARED.with_values({name: 1e-6 if name.endswith(("compliance", "gap")) else 1}), SAMPLE)
+    watch.observe(0.0, 0.1, 5e7, 1e7)
+    assert watch.findings() == ()
 
 
 def test_the_variant_is_the_declared_table_but_for_cavitation() -> None:

@@ -24,8 +24,8 @@ def small_steps(commands, sample_time, limit, steps=2000, friction=0.0):
         out.append(x)
         for _ in range(steps):
             a = OMEGA * (OMEGA * (u - x) - 2.0 * DAMPING * v)
-            x += h * min(max(v, -limit), limit)
-            v += h * a
+            x += h * v
+            v = min(max(v + h * a, -limit), limit)
             v = float(np.sign(v)) * max(abs(v) - h * OMEGA**2 * friction, 0.0)
             if abs(x) > 1.0:
                 x, v = float(np.sign(x)), 0.0

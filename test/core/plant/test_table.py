@@ -66,11 +66,14 @@ def test_end_stop_holds_the_table_at_full_speed_both_ways() -> None:
 
 
 def test_table_driven_sample_by_sample_is_the_run() -> None:
-    commands = reference.sine(0.4, 3.0, 0.4)
+    commands = 0.1 + reference.sine(0.4, 3.0, 0.4)
+    dead_time = {"effects.command_delay.delay": 0.0037}
     for changes in (
         {},
         {"effects.supply_droop.resistance": 1e9, "effects.accelerometer_lag.time_constant": 0.003},
-        {"effects.command_delay.delay": 0.0037},
+        dead_time,
+        dead_time | {"effects.valve_null_shift.offset": 0.03, "effects.spool_hysteresis.width": 0.01},
+        {"effects.command_delay.delay": 0.003, "effects.slow_valve.slowdown": 0.5},
     ):
         parameters = BERGAMO.with_values(changes)
         table, result = Table(parameters, SAMPLE), run(parameters, commands, SAMPLE)
@@ -130,6 +133,29 @@ def test_the_declared_table_is_the_same_mirrored() -> None:
     ahead, back = run(BERGAMO, commands, SAMPLE), run(BERGAMO, -commands, SAMPLE)
     np.testing.assert_allclose(ahead[:, :3], -back[:, :3], atol=1e-9)
     np.testing.assert_allclose(ahead[:, 3], back[:, 4], rtol=1e-9)
+
+
+def test_commands_recorded_in_a_closed_loop_with_a_dead_time_give_the_same_motion_again() -> None:
+    parameters = BERGAMO.with_values({"effects.command_delay.delay": 0.0053})
+    table = Table(parameters, SAMPLE)
+    state, motion, commands = table.initial_state(), [], []
+    for k in range(300):
+        position = table.measure(state, k).truth_position
+        motion.append(position)
+        commands.append(8.0 * (0.02 - position))  # a step of the reference: the first command is far from null
+        state = table.advance(state, commands[-1])
+    assert commands[0] == pytest.approx(0.16)
+    again = run(parameters, np.array(commands), SAMPLE)
+    np.testing.assert_allclose(again[:, 0], motion, rtol=1e-9, atol=1e-15)
+
+
+def test_a_command_that_stands_before_the_first_one_acts_for_the_dead_time() -> None:
+    whole = np.concatenate([np.full(20, 0.3), np.full(40, -0.2)])
+    late = BERGAMO.with_values({"effects.command_delay.delay": 0.005})
+    state = initial_state(late.vector())
+    begun = run(late, whole[20:], SAMPLE, state=state, standing=0.3)
+    expected = run(BERGAMO, whole[15:55], SAMPLE, state=state)
+    np.testing.assert_allclose(begun, expected, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
