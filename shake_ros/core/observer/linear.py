@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.plant import reduced
@@ -45,6 +44,8 @@ def extended_transition(parameters: LinearObserver, sample_time: float) -> NDArr
 
 def kalman_gain(parameters: LinearObserver, sample_time: float) -> NDArray[np.float64]:
     """(4,) steady gain on the position innovation."""
+    from scipy.linalg import solve_discrete_are  # slow to import, and only this kind needs it
+
     matrix = extended_transition(parameters, sample_time)
     unrest = np.diag([0.0, 0.0, parameters.jerk_noise**2, parameters.disturbance_noise**2]) * sample_time
     noise = parameters.position_noise**2

@@ -11,7 +11,6 @@ See D. M. Boore and J. J. Bommer, Soil Dynamics and Earthquake Engineering 25 (2
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.motion import LONGEST, Array, product, smooth_step
@@ -50,6 +49,8 @@ def filtered(acceleration: Array, time_step: float, high_pass: float, low_pass: 
 
     Raises ShakeError where the band is empty or beyond half the sampling rate.
     """
+    from scipy.signal import butter, sosfiltfilt  # takes longest to import of all, and only records need it
+
     nyquist = 0.5 / time_step
     if high_pass >= nyquist or (low_pass > 0.0 and high_pass >= low_pass):
         raise ShakeError(
