@@ -34,7 +34,8 @@ from shake_ros.ros.interface import DIAGNOSTICS  # noqa: E402
 PATIENCE = 120.0  # [s] the first start may have to compile
 TICKS = os.sysconf("SC_CLK_TCK")
 BARE = "bare rclpy node"
-COMMON = ("--ros-args", "-p", "lockstep:=false", "-p", f"wait_for:='{DIAGNOSTICS.name}:1'")
+COMMON = ("--ros-args", "-p", "lockstep:=false", "-p")
+READERS = {"recorder": 2}  # of /diagnostics that a node awaits before it starts: itself as well
 
 
 def arguments(folder: Path) -> dict[str, list[str]]:
@@ -44,7 +45,8 @@ def arguments(folder: Path) -> dict[str, list[str]]:
     own = {"recorder": ["-p", f"output:={folder / 'made'}-%"], "player": ["-p", f"input:={recording}"]}
     commands = {BARE: [str(ROOT / "benchmarks" / "bare_node.py")]}
     for name in NODES:
-        commands[name] = ["-m", "shake_ros", name, *COMMON, *own.get(name, [])]
+        awaited = f"wait_for:='{DIAGNOSTICS.name}:{READERS.get(name, 1)}'"
+        commands[name] = ["-m", "shake_ros", name, *COMMON, awaited, *own.get(name, [])]
     return commands
 
 
