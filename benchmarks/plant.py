@@ -159,8 +159,12 @@ def compiled_c(_folder: tempfile.TemporaryDirectory[str]) -> ctypes.CDLL:
         raise ImportError("no C compiler (Debian, Ubuntu: apt-get install gcc libc6-dev)")
     library = Path(_folder.name) / "declared_table.so"
     source = Path(__file__).with_name("declared_table.c")
-    subprocess.run([compiler, "-O3", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True)
-    return ctypes.CDLL(str(library))
+    subprocess.run(
+        [compiler, "-O3", "-march=native", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True
+    )
+    made = ctypes.CDLL(str(library))
+    made.simulate.restype = ctypes.c_double
+    return made
 
 
 def by_c(commands: np.ndarray, fineness: float) -> np.ndarray:
@@ -171,10 +175,14 @@ def by_c(commands: np.ndarray, fineness: float) -> np.ndarray:
     pointer = ctypes.POINTER(ctypes.c_double)
     given, held, scales, state, out = (a.ctypes.data_as(pointer) for a in (*arrays, y, result))
     sample, tolerance = ctypes.c_double(SAMPLE), ctypes.c_double(fineness)
-    library.simulate(given, held, ctypes.c_long(len(commands)), sample, tolerance, scales, state, out)
+    spent = library.simulate(given, held, ctypes.c_long(len(commands)), sample, tolerance, scales, state, out)
+    IN_C.append(spent)
     return result
 
 
+IN_C: list[
+    float
+] = []  # processor time of each run in C, by its own clock: the way there from Python does not count [s]
 FOLDER = tempfile.TemporaryDirectory()
 CONSTANTS = reference.constants(friction=0.0)  # read once, not within a measured run
 LADDER = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 1e-7, 1e-8)
@@ -198,7 +206,7 @@ def other_solvers(full: bool) -> Iterator[str]:
     seconds = len(commands) * SAMPLE
     head = "0.7 at 2 Hz, no hysteresis"
     yield f"{head:30s} {'setting':>8s} {'NRMSE':>9s} {'x real time':>11s} {'ours is faster by':>18s}"
-    yield f"{'ours':30s} {TOLERANCE:8.0e} {error:9.1e} {seconds / ours:11.1f} {1.0:18.0f}"
+    yield f"{'ours':30s} {TOLERANCE:8.0e} {error:9.1e} {seconds / ours:11.1f} {1.0:18.3g}"
     for name, (solve, ladder) in SOLVERS.items():
         try:
             solve(commands[:2], ladder[0])
@@ -211,9 +219,10 @@ def other_solvers(full: bool) -> Iterator[str]:
             spent = time.thread_time() - start
             if spent < 0.1:  # too short for one measurement
                 spent = best(lambda solve=solve, fineness=fineness: solve(commands, fineness))
+            spent = min(IN_C[-3:]) if solve is by_c else spent
             if found <= error:
                 break
-        yield f"{name:30s} {fineness:8.0e} {found:9.1e} {seconds / spent:11.2f} {spent / ours:18.0f}"
+        yield f"{name:30s} {fineness:8.0e} {found:9.1e} {seconds / spent:11.2f} {spent / ours:18.3g}"
 
 
 def growth() -> Iterator[str]:
