@@ -166,6 +166,34 @@ def test_presliding_friction_springs_before_it_slides() -> None:
     assert released[-1] < held[-1]
 
 
+@pytest.mark.parametrize(
+    ("values", "constants", "offset"),
+    [
+        ({"dead_volume.volume": 5e-5}, {"half_volume": 1.2293e-4 + 5e-5}, 0.0),  # (3.24)
+        ({"tank_back_pressure.pressure": 1e6}, {"tank": 1e6}, 0.0),
+        ({"slow_valve.slowdown": 0.7}, {"omega": 0.3 * 1600.0}, 0.0),
+        ({"valve_null_shift.offset": 0.02}, {}, 0.02),
+        ({"spool_hysteresis.width": 0.02}, {"friction": 0.021}, 0.0),
+        ({"payload_error.mass": 150.0}, {"mass": 800.0}, 0.0),
+    ],
+    ids=lambda value: next(iter(value), "").partition(".")[0] if isinstance(value, dict) else "",
+)
+def test_an_effect_that_is_another_number_gives_the_solution_for_that_number(
+    values: dict[str, float], constants: dict[str, float], offset: float
+) -> None:
+    """Against the second writing of the equations in small steps."""
+    changes = dict(constants)
+    if "tank" in changes:
+        changes["tank"] += reference.constants().tank
+    table = BERGAMO.with_values({f"effects.{name}": value for name, value in values.items()})
+    solution = reference.fine_steps(COMMANDS + offset, SAMPLE, reference.constants(**changes))
+    result = run(table, COMMANDS, SAMPLE)
+    if "tank" in changes:  # the solution starts half-way between other pressures
+        solution, result = solution[200:], result[200:]
+    assert reference.nrmse(solution[:, 6], result[:, 2]) < 5e-3
+    assert reference.nrmse(solution[:, 1], result[:, 1]) < 2e-3
+
+
 def test_table_and_base_together_are_moved_by_the_ground_alone() -> None:
     """Momentum: what the cylinder does to the table it does to the base; only springs and dampers to ground remain."""
     k, compliance, frequency, ratio = 3e5, 1e-7, 12.0, 0.05
