@@ -17,8 +17,8 @@ dither, coil inductance and electrical feedback (3.16) are absent at zero.
 A classical Runge–Kutta step resolves the valve's fastest pole (some 3e4 1/s, nozzle chambers against the
 spool's mass).
 
-Source: thesis (3.1)–(3.16); numbers after Merritt, Hydraulic Control Systems, chapter 7. Verified against its own
-linearisation, the steady state, and the second-order model of simplified.py.
+Source: thesis (3.1)–(3.16); numbers after Merritt, Hydraulic Control Systems, chapter 7. Verified against the
+same equations written a second time, the steady state, and the second-order model of simplified.py.
 """
 
 from __future__ import annotations
