@@ -21,6 +21,7 @@ from shake_ros.core.identification.recordings import RecordingProblem
 
 Progress = Callable[[str, float], None]
 PREFIX = "effects.unlisted."
+SUPPLY = "supply.supply_pressure"
 NODE_NAMES = tuple(f"{PREFIX}node_{i:02d}" for i in range(law.NODES))
 RIDGE = 0.02  # of the mean power of a node's direction: keeps nodes quiet that the recordings hardly visit
 PARTS = (0.15, 0.4, 0.8, 1.2)  # of the linear estimate from which a refit may start
@@ -46,10 +47,12 @@ class Kind:
     high: float
 
 
-OVER_RANGE = (
+OF_MOTION = (
     Kind(law.FORCE_OF_POSITION, "position", "force", ("position",), 100.0, -1e5, 1e5),
     Kind(law.FRICTION_OF_POSITION, "position", "friction", ("position", "direction"), 100.0, -1e4, 1e4),
     Kind(law.FORCE_OF_VELOCITY, "velocity", "friction", ("velocity",), 100.0, -1e5, 1e5),
+)
+OF_HYDRAULICS = (
     Kind(law.FLOW_GAIN_OF_OPENING, "valve_opening", "valve", ("valve_opening",), 0.05, -0.95, 2.0),
     Kind(law.LEAKAGE_OF_LOAD_PRESSURE, "load_pressure", "flow", ("load_pressure",), 2e-6, -1e-3, 1e-3),
     Kind(law.STIFFNESS_OF_LOAD_PRESSURE, "load_pressure", "compressibility", ("load_pressure",), 0.1, -0.95, 10.0),
@@ -151,8 +154,8 @@ def pulsation_periods(problem: RecordingProblem, current: Fit) -> list[float]:
     """
     table = current.free.table(current.x)
     row = current.free.vectors(current.x)[0].copy()
-    column = list(current.free.base.fields).index("supply.supply_pressure")
-    row[column] = 1.01 * table.value("supply.supply_pressure")
+    column = list(current.free.base.fields).index(SUPPLY)
+    row[column] = 1.01 * table.value(SUPPLY)
     sensitivity = problem.residuals(row[None, :])[0] - current.residuals
     q, _ = np.linalg.qr(current.jacobian)
     rest = current.residuals - q @ (q.T @ current.residuals)
@@ -209,10 +212,12 @@ def all_estimates(problem: RecordingProblem, first_look: Fit, progress: Progress
     """Estimates of all kinds on a first look, the most promising first, one of each kind."""
     progress("something without a name", 0.0)
     span = ranges(problem, first_look)
-    kinds = [k for k in OVER_RANGE if k.quantity in span and span[k.quantity][1] > span[k.quantity][0]]
+    hydraulic = SUPPLY in first_look.free.base.fields
+    kinds = [k for k in (*OF_MOTION, *(OF_HYDRAULICS if hydraulic else ())) if k.quantity in span]
+    kinds = [k for k in kinds if span[k.quantity][1] > span[k.quantity][0]]
     found = [estimate(problem, first_look, k, *span[k.quantity]) for k in kinds]
     progress("something without a name: pulsation", 0.2)
-    found += pulsations(problem, first_look)
+    found += pulsations(problem, first_look) if hydraulic else ()
     best: dict[int, Estimate] = {}
     for e in sorted(found, key=lambda e: -e.gain):
         best.setdefault(e.kind.code, e)

@@ -15,9 +15,9 @@ Beyond its range a force of position goes on with the slope of its end, as a spr
     7  relative change of flow gain [-] of time           C_v (1 + y(t))
     8  relative change of supply pressure [-] of the phase of a period high − low   P_s (1 + y(t mod T))
 
-The function of kind 8 is periodic. Time counts from the start of a recording. Absent at kind 0. The search names it
-`unlisted` where the residual stands above the noise and no listed effect explains it; the nodes are then the evidence
-of what a new law would have to say.
+Kinds 1 to 3 exist for a force-driven axis as well. The function of kind 8 is periodic. Time counts from the start of a
+recording. Absent at kind 0. The search names it `unlisted` where the residual stands above the noise and no listed
+effect explains it; the nodes are then the evidence of what a new law would have to say.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Unlisted(Effect):
 
     place: ClassVar[str] = "force"
     depends_on: ClassVar[tuple[str, ...]] = ()
-    models: ClassVar[tuple[str, ...]] = ("full",)
+    models: ClassVar[tuple[str, ...]] = ("full", "axis")
 
     kind: int = quantity("-", "what the function is of and where it acts, 0 for absent", low=0, high=8, default=0)
     low: float = quantity("argument", "argument at the first node", default=-1.0)

@@ -18,6 +18,8 @@ import numpy as np
 from shake_ros.core.compiled import njit
 from shake_ros.core.effects.position_dependent_friction import dry_level
 from shake_ros.core.effects.presliding_friction import deflection
+from shake_ros.core.effects.unlisted import FORCE_OF_POSITION, FORCE_OF_VELOCITY, FRICTION_OF_POSITION
+from shake_ros.core.effects.unlisted import value as unlisted
 from shake_ros.core.plant.integration import delayed
 from shake_ros.core.plant.simulation import NOTHING, series, workers
 from shake_ros.core.plant.small_table import Layout
@@ -54,6 +56,7 @@ def carry(p, y, force, place, h):
     left = math.exp(-rate * h)
     reach = (1.0 - left) / rate / mass if rate * h > 1e-9 else h / mass  # velocity that a force leaves [m/s per N]
     net = force - p.axis_offset - p.stiffness_to_ground_stiffness * place
+    net -= unlisted(p, FORCE_OF_POSITION, place) + unlisted(p, FORCE_OF_VELOCITY, v)
     free = left * v + reach * net
     if p.quadratic_drag_coefficient > 0.0:
         middle = 0.5 * (v + free)
@@ -63,6 +66,7 @@ def carry(p, y, force, place, h):
     dry = dry_level(
         p.axis_coulomb, place, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature
     )
+    dry = max(dry + unlisted(p, FRICTION_OF_POSITION, place), 0.0)
     dry *= 1.0 + share if free > 0.0 else 1.0 - share
     distance = p.presliding_friction_distance
     if distance > 0.0:

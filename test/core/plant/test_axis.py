@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from shake_ros.core.effects import unlisted
 from shake_ros.core.plant.axis import AXIS_LAYOUT, AxisParameters, initial_state, run_batch
 from shake_ros.core.plant.small_table import SmallTable
 
@@ -49,3 +50,28 @@ def test_friction_asymmetry_makes_dry_and_viscous_friction_differ_by_direction()
     table = AXIS.with_values({"effects.friction_asymmetry.asymmetry": 0.25})
     assert free_run(table, np.full(5000, 45.0))[-1, 1] == pytest.approx((45.0 - 25.0) / 250.0, rel=1e-3)
     assert free_run(table, np.full(5000, -45.0))[-1, 1] == pytest.approx(-(45.0 - 15.0) / 150.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "low", "high", "nodes", "listed"),
+    [
+        (unlisted.FORCE_OF_POSITION, -0.2, 0.2, 50.0 * np.linspace(-0.2, 0.2, unlisted.NODES), "stiffness_to_ground"),
+        (unlisted.FRICTION_OF_POSITION, -1.0, 1.0, np.full(unlisted.NODES, 5.0), "more dry friction"),
+        (unlisted.FORCE_OF_VELOCITY, -0.3, 0.3, 30.0 * np.linspace(-0.3, 0.3, unlisted.NODES), "more viscous friction"),
+    ],
+)
+def test_a_function_without_a_name_moves_the_axis_as_the_law_that_it_is(
+    kind: int, low: float, high: float, nodes: np.ndarray, listed: str
+) -> None:
+    law = {
+        "stiffness_to_ground": {"effects.stiffness_to_ground.stiffness": 50.0},
+        "more dry friction": {"axis.coulomb": 25.0},
+        "more viscous friction": {"axis.viscous": 230.0},
+    }[listed]
+    values = {f"effects.unlisted.node_{i:02d}": float(v) for i, v in enumerate(nodes)}
+    function = {"effects.unlisted.kind": kind, "effects.unlisted.low": low, "effects.unlisted.high": high, **values}
+    forces = 60.0 * np.sin(2.0 * np.pi * 0.5 * np.arange(3000) * 1e-3)
+    declared, wanted = free_run(AXIS, forces), free_run(AXIS.with_values(law), forces)
+    found = free_run(AXIS.with_values(function), forces)
+    assert np.std(wanted[:, 1] - declared[:, 1]) > 0.01 * np.std(declared[:, 1])
+    assert np.std(found[:, 1] - wanted[:, 1]) < 0.02 * np.std(wanted[:, 1] - declared[:, 1])
