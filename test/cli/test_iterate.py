@@ -28,3 +28,12 @@ def test_neither_or_both_sources_are_refused(tmp_path: Path, capsys: pytest.Capt
     assert iterate.main([*given, "bag", "--simulate", "2"]) == 2
     assert capsys.readouterr().err.count("give either recordings or --simulate N") == 2
     assert not (tmp_path / "out").exists()
+
+
+def test_refit_needs_a_model_and_known_effects(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["--wanted", "earthquake_rock", "--out", str(tmp_path / "out"), "--simulate", "2"]
+    assert iterate.main([*given, "--refit", "soft_zone"]) == 2
+    assert "--refit: needs --model" in capsys.readouterr().err
+    assert iterate.main([*given, "--model", "bergamo", "--refit", "soft_zome"]) == 2
+    assert "soft_zome" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
+from shake_ros.core.control import harmonic_cancellation
 from shake_ros.core.control.closed_loop import ClosedLoop
+from shake_ros.core.control.harmonic_cancellation import HarmonicCancellation
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.control.selected import feedforward_law, step_controller
 from shake_ros.core.observer.runner import Observer
@@ -60,7 +62,7 @@ def read_sensors(p, noise, shown, measured):  # type: ignore[no-untyped-def]
 
 
 @njit
-def run_loop(p, plant, observer, seen, law, state, reference, feedforward, timing, noise, space, out):  # type: ignore[no-untyped-def]
+def run_loop(p, plant, observer, seen, law, state, reference, feedforward, added, timing, noise, space, out):  # type: ignore[no-untyped-def]
     """One closed loop, sample by sample.
 
     Parameters
@@ -69,6 +71,7 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, timin
     observer : (code, packed, record). seen : the observer's first state, changed in place.
     law : (code, packed). state : the controller's first state.
     reference : (n, 3). feedforward : commands (n,) and motion (n, 3) of a virtual table, or both empty.
+    added : (harmonics' first state, packed) of a harmonic cancellation, both empty without one.
     timing : (dt [s], delay of the command in samples, whole samples and fraction of the plant's own dead time)
     noise : (n, 5) standard normal draws. space : from `observer.selected.work`.
     out : estimate (n, 3), truth (n, 3), command (n,), measured (n, 5)
@@ -80,6 +83,7 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, timin
     observer_code, observer_packed, model = observer
     law_code, law_packed = law
     commands, motion = feedforward
+    harmonics, cancelling = added
     dt, delay, whole, fraction = timing
     estimate, truth, command, measured = out
     work, shown, past = workspace(), np.zeros(OUTPUTS), plant[STATES:]
@@ -100,8 +104,11 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, timin
         if commands.shape[0] > 0:
             state, u = step_controller(law_code, state, law_packed, motion[k], estimate[k], commands[k], dt)
         else:
-            own = feedforward_law(law_code, law_packed, reference[k])
-            state, u = step_controller(law_code, state, law_packed, reference[k], estimate[k], own, dt)
+            wanted = reference[k]
+            if cancelling.shape[0] > 0:
+                harmonics, wanted = harmonic_cancellation.step(harmonics, cancelling, k * dt, wanted, measured[k, 1])
+            own = feedforward_law(law_code, law_packed, wanted)
+            state, u = step_controller(law_code, state, law_packed, wanted, estimate[k], own, dt)
         command[k] = u
         for i in range(past.shape[0] - 1, 0, -1):
             past[i] = past[i - 1]
@@ -125,6 +132,7 @@ class Loop:
     feedforward : commands (n,) and motion (n, 3) of the controller's virtual table along this reference; None, with a
         controller that has one, computes them.
     delay : samples by which a command reaches the valve late. start : initial position of the table [m].
+    cancellation : of harmonics, under a law without a virtual table.
     """
 
     table: TableParameters
@@ -135,6 +143,7 @@ class Loop:
     seed: int = 0
     delay: int = 0
     start: float = 0.0
+    cancellation: HarmonicCancellation | None = None
 
 
 def simulate(loop: Loop) -> tuple[ClosedLoop, int]:
@@ -146,7 +155,8 @@ def simulate(loop: Loop) -> tuple[ClosedLoop, int]:
 
     Raises
     ------
-    ShakeError : sample times differ, or the feedforward is of another length than the reference.
+    ShakeError : sample times differ, the feedforward is of another length than the reference, or harmonics are to be
+        cancelled under a virtual table.
     """
     dt, n = loop.controller.sample_time, len(loop.reference)
     if loop.observer is not None and loop.observer.sample_time != dt:
@@ -158,6 +168,12 @@ def simulate(loop: Loop) -> tuple[ClosedLoop, int]:
         feedforward = (NOTHING, NO_MOTION) if virtual is None else virtual.follow(reference)
     elif len(feedforward[0]) != n or feedforward[1].shape != (n, 3):
         raise ShakeError(f"closed loop: feedforward of {len(feedforward[0])} samples for a reference of {n}")
+    added = NOTHING, NOTHING
+    if loop.cancellation is not None:
+        if len(feedforward[0]):
+            raise ShakeError("closed loop: harmonics are not cancelled under a virtual table")
+        cancellation = loop.cancellation
+        added = harmonic_cancellation.initial_state(cancellation), harmonic_cancellation.pack(cancellation)
     out = np.full((n, 3), np.nan), np.full((n, 3), np.nan), np.full(n, np.nan), np.full((n, MEASURED), np.nan)
     table = Table(loop.table, dt, loop.seed)
     plant = table.initial_state(loop.start)
@@ -175,6 +191,7 @@ def simulate(loop: Loop) -> tuple[ClosedLoop, int]:
         loop.controller.initial_state()[: loop.controller.law_size],
         reference,
         feedforward,
+        added,
         (dt, loop.delay, whole, delay - whole),
         normal_draws(loop.seed, n),
         work(),
