@@ -7,11 +7,12 @@ Over a window of whole periods the accelerometer is compared with the wanted acc
 and the reference gets harmonics of acceleration amplitude R_n' = R_n + μ E_n/G_n, with position and velocity to match.
 G_n, the acceleration per acceleration added, starts at one, what a loop that follows its reference has, and is learnt
 from window to window, G_n' = G_n + κ (−ΔE_n − G_n ΔR_n)/ΔR_n. A window counts only where the wanted fundamental was
-the same in it and in the one before. The law under it, and a model feedforward, see nothing but another reference.
+the same in it and in the one before. One table's harmonics are mixed by friction and soft zone, which G_n does not
+know: where Σ|E_n|² of a window is well above the least so far, the R_n of the least come back and μ is halved; it
+recovers by and by, and what is the least is slowly forgotten. The law under it sees nothing but another reference.
 
 Not in the thesis, which measures the distortion (6.1) and leaves it. Verified against: a linear loop with known lag,
-and
-the distortion of the simulated table's sine.
+and the distortion of the simulated table's sine (benchmarks/harmonic_cancellation.py).
 """
 
 from __future__ import annotations
@@ -25,13 +26,17 @@ from numpy.typing import NDArray
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import Parameters, quantity
 
-# The state: these, then (harmonics, ·) rows of R before, R, E before, G, and the sum of E, real and imaginary parts.
-PHASE, WINDOWS, COUNT, ENTERED, WANTED_RE, WANTED_IM, SUM_RE, SUM_IM = range(8)
-HEAD = 8
-ROW = 10
+# The state: these, then (harmonics, ·) rows of R before, R, E before, G, the sum of E, the best R, each as real and
+# imaginary part. LEAST is the least Σ|E_n|² so far, 0 before the first window that counts; TRUST the part of μ in use.
+PHASE, WINDOWS, COUNT, ENTERED, WANTED_RE, WANTED_IM, SUM_RE, SUM_IM, LEAST, TRUST = range(10)
+HEAD = 10
+ROW = 12
 LEARNING_SHARE = 0.5  # κ
 SAME = 0.05  # relative change of the wanted fundamental below which a window counts
 LEAST_RESPONSE, LARGEST_RESPONSE = 0.2, 5.0  # |G_n| stays between
+WORSE = 2.0  # times the least Σ|E_n|² above which the R_n of the least come back
+FORGETTING = 1.03  # growth of the least from window to window
+LEAST_TRUST, RECOVERY = 0.1, 1.1  # of μ: the smallest part in use, and its growth from window to window
 LEAST_AMPLITUDE = 1e-3  # [m/s²] smaller changes of R_n teach nothing about G_n
 
 
@@ -59,6 +64,7 @@ def initial_state(parameters: HarmonicCancellation) -> NDArray[np.float64]:
     """Nothing learnt, nothing added."""
     state = np.zeros(HEAD + ROW * parameters.harmonics)
     state[HEAD + 6 :: ROW] = 1.0
+    state[TRUST] = 1.0
     return state
 
 
@@ -90,6 +96,27 @@ def learn(row, error_re, error_im, gain, limit, known):  # type: ignore[no-untyp
 
 
 @njit
+def judge(state, scale, harmonics):  # type: ignore[no-untyped-def]
+    """Whether to go back to the best R_n after a window; in place, the best ones, their Σ|E_n|² and the trust."""
+    total = 0.0
+    for n in range(harmonics):
+        place = HEAD + n * ROW + 8
+        total += (scale * state[place]) ** 2 + (scale * state[place + 1]) ** 2
+    least = state[LEAST] * FORGETTING
+    if 0.0 < WORSE * least < total:
+        state[LEAST], state[TRUST] = least, max(LEAST_TRUST, 0.5 * state[TRUST])
+        return True
+    state[TRUST] = min(1.0, RECOVERY * state[TRUST])
+    state[LEAST] = least
+    if least == 0.0 or total < least:
+        state[LEAST] = total
+        for n in range(harmonics):
+            place = HEAD + n * ROW
+            state[place + 10 : place + 12] = state[place + 2 : place + 4]
+    return False
+
+
+@njit
 def end_window(state, packed):  # type: ignore[no-untyped-def]
     """Learn from the sums of a window, in place, and start the next one."""
     scale = 2.0 / state[COUNT]
@@ -97,10 +124,15 @@ def end_window(state, packed):  # type: ignore[no-untyped-def]
     wanted = math.hypot(re, im)
     same = math.hypot(re - state[WANTED_RE], im - state[WANTED_IM]) <= SAME * wanted
     counts = wanted > LEAST_AMPLITUDE and same
+    if not counts:
+        state[LEAST] = 0.0
+    back = counts and judge(state, scale, int(packed[5]))
     for n in range(int(packed[5])):
         row = state[HEAD + n * ROW : HEAD + (n + 1) * ROW]
         if counts:
-            learn(row, scale * row[8], scale * row[9], packed[1], packed[4], state[WINDOWS] > 0.0)
+            learn(row, scale * row[8], scale * row[9], state[TRUST] * packed[1], packed[4], state[WINDOWS] > 0.0)
+            if back:
+                row[2], row[3] = row[10], row[11]
         else:
             row[0], row[1] = row[2], row[3]
             if wanted <= LEAST_AMPLITUDE:

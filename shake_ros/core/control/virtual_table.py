@@ -154,7 +154,7 @@ class VirtualTable:
     model : the table's parameters; its sensors play no part.
     sample_time : [s]
     bandwidth : ω of the surface [rad/s]
-    horizon : H [s], rounded to at least one sample; a dead time of the model is added to it.
+    horizon : H [s]; a dead time of the model is added to it, and the sum rounded to at least one sample.
     limit : largest command [-]
 
     Attributes
@@ -172,7 +172,7 @@ class VirtualTable:
         self.rest = initial_state(vector)
         delay = model.value("effects.command_delay.delay") / sample_time
         whole = math.floor(delay)
-        samples = max(1, round(horizon / sample_time)) + math.ceil(delay)
+        samples = max(whole + 1, round(horizon / sample_time + delay))
         self.settings = np.array([whole, delay - whole, samples, bandwidth, limit, sample_time])
         self.size = HEAD + STATES + whole + 2
 

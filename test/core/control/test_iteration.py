@@ -131,3 +131,26 @@ def test_added_harmonics_are_consistent_in_position_velocity_and_acceleration() 
     np.testing.assert_allclose(np.gradient(found[:, 0], DT)[5:-5], found[5:-5, 1], atol=1e-4)
     np.testing.assert_allclose(np.gradient(found[:, 1], DT)[5:-5], found[5:-5, 2], atol=1e-3)
     assert np.max(np.abs(found[:, 2])) == pytest.approx(0.5, rel=1e-3)
+
+
+def test_a_window_that_is_far_worse_brings_the_best_harmonics_back() -> None:
+    path = find("harmonic_cancellation", "default")
+    p = harmonic_cancellation.HarmonicCancellation.from_mapping(read_yaml(path), str(path)).replace(harmonics=3)
+    state, place = harmonic_cancellation.initial_state(p), harmonic_cancellation.HEAD
+    row = harmonic_cancellation.ROW
+
+    def window(added: float, missed: float) -> bool:
+        state[place + 2 * row + 2], state[place + 2 * row + 8] = added, missed
+        return bool(harmonic_cancellation.judge(state, 1.0, 3))
+
+    assert not window(0.0, 1.0)
+    assert not window(0.1, 0.5)
+    assert not window(0.2, 0.6)  # a little worse: goes on
+    assert state[place + 2 * row + 10] == 0.1
+    assert window(0.3, 2.0)
+    assert state[harmonic_cancellation.TRUST] == 0.5
+    assert state[place + 2 * row + 10] == 0.1
+    for _ in range(200):  # what was best is forgotten in the end, and the trust is back
+        settled = window(0.3, 2.0)
+    assert not settled
+    assert state[harmonic_cancellation.TRUST] == pytest.approx(1.0)

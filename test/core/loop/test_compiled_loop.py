@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.control import CONTROLLERS, harmonic_cancellation
 from shake_ros.core.control.closed_loop import ClosedLoop, simulate_closed_loop
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, run_batch, simulate
@@ -13,11 +15,11 @@ from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.sensors import SensorNoise, normal_draws
-from shake_ros.core.plant.table import Table
+from shake_ros.core.plant.table import Measurement, Table
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.program import Program
 from shake_ros.data.reference_program import build_program
-from shake_ros.settings import load_table, load_variant
+from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 DT, SAMPLES = 0.001, 250
 KINDS = {kind: kind for kind in CONTROLLERS}
@@ -65,6 +67,67 @@ def test_model_feedforward_and_every_observer_have_them_too(
     compiled, _ = simulate(Loop(table, estimator, law, program.states[:SAMPLES], seed=5))
     objects = simulate_closed_loop(Table(table, DT, 5), estimator, law, program, SAMPLES)
     assert_same(compiled, objects)
+
+
+class Samples:
+    """A reference as it lies."""
+
+    def __init__(self, states: np.ndarray) -> None:
+        self.states = states
+
+    def at(self, k: int) -> tuple[float, float, float]:
+        x, v, a = self.states[k]
+        return float(x), float(v), float(a)
+
+
+class Watched(Table):
+    """A table that remembers its last acceleration."""
+
+    acceleration = 0.0
+
+    def measure(self, state: np.ndarray, k: int) -> Measurement:
+        measured = super().measure(state, k)
+        self.acceleration = measured.acceleration
+        return measured
+
+
+class Cancelling(Controller):
+    """A law with harmonics added to its reference, as the node adds them."""
+
+    watched: Watched
+    harmonics: np.ndarray
+    settings: np.ndarray
+    count = 0
+
+    def step(self, state: np.ndarray, reference: Any, estimate: Any) -> tuple[np.ndarray, float]:
+        self.harmonics, wanted = harmonic_cancellation.step(
+            self.harmonics, self.settings, self.count * DT, np.array(reference), self.watched.acceleration
+        )
+        self.count += 1
+        return super().step(state, wanted, estimate)
+
+
+def test_harmonics_are_cancelled_in_the_loop_as_the_node_does(table: TableParameters) -> None:
+    path = find("harmonic_cancellation", "default")
+    cancellation = harmonic_cancellation.HarmonicCancellation.from_mapping(read_yaml(path), str(path)).replace(
+        fundamental_frequency=10.0, window_periods=1, harmonics=5
+    )
+    omega, time = 20.0 * np.pi, np.arange(700) * DT
+    states = 1e-3 * np.column_stack(
+        [np.sin(omega * time), omega * np.cos(omega * time), -(omega**2) * np.sin(omega * time)]
+    )
+    law, estimator = controller("feedforward_pi"), observer("linear_bergamo", table)
+    compiled, _ = simulate(Loop(table, estimator, law, states, seed=5, cancellation=cancellation))
+    plain, _ = simulate(Loop(table, estimator, law, states, seed=5))
+    cancelling = Cancelling(law.kind, law.parameters, DT)
+    cancelling.watched = Watched(table, DT, 5)
+    cancelling.harmonics = harmonic_cancellation.initial_state(cancellation)
+    cancelling.settings = harmonic_cancellation.pack(cancellation)
+    objects = simulate_closed_loop(cancelling.watched, estimator, cancelling, Samples(states), len(states))
+    assert_same(compiled, objects)
+    assert not np.array_equal(compiled.command[-100:], plain.command[-100:])
+    with pytest.raises(ShakeError, match="under a virtual table"):
+        simulate(Loop(table, estimator, controller("feedforward_pi", table), states[:9], cancellation=cancellation))
 
 
 def test_feedforward_computed_before_serves_another_law(table: TableParameters, program: Program) -> None:
