@@ -22,7 +22,7 @@ from shake_ros.settings import find, load_variant, read_yaml
 
 KEYS = (
     "plant", "observer", "model", "references", "begin", "seconds", "loads", "perturbed", "seed", "robustness",
-    "position_weight", "travel_price", "evaluations", "fixed",
+    "position_weight", "travel_price", "acceleration_price", "evaluations", "fixed",
 )  # fmt: skip
 
 
@@ -114,7 +114,8 @@ class Cost:
         part = dataclasses.replace(
             run, reference=run.reference[first:], truth=run.truth[first:], command=run.command[first:]
         )
-        return min(normalised_cost(part, self._settings["travel_price"], self._settings["position_weight"]), LOST)
+        wanted = (self._settings[name] for name in ("travel_price", "position_weight", "acceleration_price"))
+        return min(normalised_cost(part, *wanted), LOST)
 
     def __call__(self, gains: dict[str, float]) -> float:
         """Mean over loads and references, and the worst perturbed table (6.42)."""
