@@ -107,7 +107,8 @@ def test_page_of_a_closed_loop_tells_what_was_added_and_shows_it() -> None:
     reader = check_self_contained((done.out / "report.html").read_text(encoding="utf-8"))
     assert "Added: spool_deadband (valve)" in reader.words
     assert "Missing: spool_deadband." in reader.words
-    assert len(reader.links) == 6
+    assert "What it is worth in the loop" in reader.words
+    assert len(reader.links) == 7
     errors = {row[0]: row[1:] for row in reader.rows if row and row[0].endswith(("(fitted)", "(held out)"))}
     assert set(errors) == {"learn (fitted)", "hold (held out)"}
     after = done.result.final.hold["hold"]["acceleration"]
