@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import stdtrit
 
 from shake_ros.core.discovery.candidates import Candidate
 from shake_ros.core.discovery.screening import Screened, screen
@@ -40,7 +41,7 @@ class Policy:
     held-out cost within which two effects count as not told apart. most_effects : stop after that many.
     rival : ratio to the best score up to which a candidate is converged as well, and is not told apart where the
     fitted and the held-out recordings prefer different ones.
-    beyond_chance : standard errors by which a smaller fall must stand out over the blocks.
+    chance : probability with which a smaller fall, somewhere among all candidates tried, may be chance.
     significant : standard errors by which held-out costs must differ to tell effects within `rival` apart.
     least_screened : predicted gain below which a candidate is not refitted.
     at_noise : ratio to the cost that the noise alone leaves, up to which nothing more is looked for.
@@ -58,7 +59,7 @@ class Policy:
     least_gain: float = 0.03
     least_learned: float = 0.003
     clear: float = 0.3
-    beyond_chance: float = 2.0
+    chance: float = 0.03
     margin: float = 0.03
     rival: float = 1.3
     significant: float = 3.0
@@ -235,20 +236,31 @@ def significance(best: Attempt, other: Attempt) -> float:
     return float(np.mean(difference) / max(np.std(difference, ddof=1) / math.sqrt(len(difference)), 1e-300))
 
 
-def pays(best: Attempt, learn: float, blocks: np.ndarray, hold: float, policy: Policy) -> bool:
+def beyond_chance(chance: float, tried: int, blocks: int) -> float:
+    """Standard errors that the best of so many candidates exceeds with no more than this probability by chance [-].
+
+    Bonferroni's bound on Student's distribution, since the standard error itself comes from a few blocks.
+
+    >>> round(beyond_chance(0.03, 1, 1000), 2), round(beyond_chance(0.03, 30, 25), 2)
+    (1.88, 3.47)
+    """
+    return float(-stdtrit(max(blocks - 1, 1), chance / max(tried, 1)))
+
+
+def pays(best: Attempt, learn: float, blocks: np.ndarray, hold: float, policy: Policy, tried: int = 1) -> bool:
     """Whether an attempt is better than the model without it, beyond chance.
 
     Parameters
     ----------
     learn, hold, blocks : costs of the model without it on the recordings to learn from and on those held out, the
-        latter block by block as well.
+        latter block by block as well. tried : number of candidates of which this is the best.
     """
     if best.learn > (1.0 - policy.least_learned) * learn or best.hold > (1.0 - policy.least_gain) * hold:
         return False
     if best.hold <= (1.0 - policy.clear) * hold:
         return True
     without = Attempt(best.candidate, best.fit, learn, hold, 0.0, blocks)
-    return significance(best, without) > policy.beyond_chance
+    return significance(best, without) > beyond_chance(policy.chance, tried, len(blocks))
 
 
 def unscreened_likes(attempts: Sequence[Attempt], pool: tuple[Candidate, ...]) -> list[Candidate]:
@@ -300,7 +312,8 @@ def one_step(
     ]
     ranking = tuple(sorted((best, *rivals), key=lambda a: a.score))
     best = ranking[0]
-    if not pays(best, mean_square(current.residuals), held_out_blocks(hold, current), held_out(hold, current), policy):
+    learned, unseen = mean_square(current.residuals), held_out(hold, current)
+    if not pays(best, learned, held_out_blocks(hold, current), unseen, policy, len(pool)):
         return None, ranking
     near = [a.candidate.effect for a in ranking[1:] if not told_apart(best, a, policy, hold.noise_cost())]
     return Step(best, ranking, tuple(near), tuple(screened)), ranking

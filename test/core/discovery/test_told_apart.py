@@ -75,3 +75,10 @@ def test_an_effect_is_added_only_for_what_is_beyond_chance(
     blocks = np.where(np.arange(40) % 2, scatter, -scatter)
     best = replace(with_blocks(np.full(40, hold)), learn=learn)
     assert pays(best, 1.0, 1.0 + blocks, 1.0, POLICY) is added
+
+
+@pytest.mark.parametrize(("tried", "added"), [(1, True), (30, False)])
+def test_the_best_of_many_candidates_must_stand_out_further(tried: int, added: bool) -> None:
+    blocks = np.where(np.arange(40) % 2, 0.25, -0.25)  # 2.5 standard errors
+    best = replace(with_blocks(np.full(40, 0.9)), learn=0.99)
+    assert pays(best, 1.0, 1.0 + blocks, 1.0, POLICY, tried) is added
