@@ -27,7 +27,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("core.loop",),
     ("core.identification",),
     ("core.discovery",),
-    ("settings",),
+    ("settings", "realtime"),
     ("data", "bridge"),
     ("report",),
     ("cli", "ros"),

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import json
-import os
 import signal
 import sys
 import threading
@@ -20,6 +18,7 @@ from shake_ros.bridge.target import TargetLink
 from shake_ros.bridge.vectors import vectors
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.power_unit import PowerUnitParameters
+from shake_ros.realtime import ANY, RealtimeParameters, ask_for
 from shake_ros.settings import find, load_interlock, load_table, read_yaml
 
 WHERE = "config/emulator/default.yaml"
@@ -38,6 +37,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--seed", type=int, help="of the sensor noise")
     made.add_argument("--duration", type=float, default=0.0, help="end after this [s]; 0 = never")
     made.add_argument("--priority", type=int, default=0, help="SCHED_FIFO priority, 0 = usual scheduling")
+    made.add_argument("--cpu", type=int, default=ANY, help="the only processor to run on, -1 = any")
     made.add_argument("--report", type=Path, metavar="FILE", help="write what happened as JSON at the end")
     made.add_argument(
         "--fault",
@@ -76,14 +76,6 @@ def listen(switches: Switches) -> None:
             print(f"target_emulator: {error}", file=sys.stderr, flush=True)
 
 
-def ask_for_priority(priority: int) -> None:
-    """SCHED_FIFO where the system allows it, else a warning."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except (OSError, ValueError) as error:
-        print(f"target_emulator: runs without SCHED_FIFO ({error})", file=sys.stderr)
-
-
 def main(arguments: Sequence[str]) -> int:
     """Run until SIGINT, SIGTERM or the end of the duration; returns the exit code."""
     given = parser().parse_args(list(arguments))
@@ -95,6 +87,7 @@ def main(arguments: Sequence[str]) -> int:
             print(f"{name}: {data.hex()}")
         return 0
     own, unit = settings(given)
+    realtime = RealtimeParameters(True, given.priority, given.cpu, given.priority > 0, True)
     switches = Switches([parse_fault(text) for text in given.fault])
     link = TargetLink(own.address, own.port, key_for(own.key_file, own.address))
     try:
@@ -103,10 +96,9 @@ def main(arguments: Sequence[str]) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: ending.set())
         threading.Thread(target=listen, args=(switches,), daemon=True).start()
-        if given.priority:
-            ask_for_priority(given.priority)
-        gc.collect()
-        gc.freeze()
+        refused = ask_for(realtime)
+        if refused:
+            print(f"target_emulator: {refused}; see msg_docs/realtime.md", file=sys.stderr, flush=True)
         print(f"ready {link.address[0]}:{link.address[1]}", flush=True)
         samples = round(given.duration * own.rate)
         emulator.run(lambda: not ending.is_set() and not 0 < samples <= emulator.samples)

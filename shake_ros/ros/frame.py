@@ -13,6 +13,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
+from shake_ros.realtime import RealtimeParameters
 from shake_ros.ros.conversions import SECOND, codec
 from shake_ros.ros.diagnostics import Diagnostics, Input
 from shake_ros.ros.interface import NAMESPACE, TOPICS, Topic
@@ -20,6 +21,7 @@ from shake_ros.ros.parameters import NodeParameters
 from shake_ros.settings import find, read_yaml
 
 FIRST_STAMP = SECOND  # lock-step time of sample 0 [ns]; zero would read as "no stamp"
+AGAIN = 1e-4  # pause before a message is offered again [s]; at SCHED_FIFO the reader would never run without it
 BLOCKED = 30.0  # a reader that takes nothing for this long [s] has hung
 FAREWELL = 5.0  # at the end, readers get so long [s] to take what was sent
 
@@ -32,14 +34,6 @@ class LoopParameters(Parameters):
     rate: float = quantity("Hz", "sampling rate", low=1.0, high=10000.0)
     wait_for: str = choice("start when these topics have so many readers, e.g. 'joint_states:3 estimate:1'")
     wait_for_writers: str = choice("start when these topics have so many writers, e.g. 'reference:1'")
-
-
-@dataclass(frozen=True)
-class RealtimeParameters(Parameters):
-    """What a node asks of the operating system in real time."""
-
-    enabled: bool = quantity("", "SCHED_FIFO, locked memory and a frozen garbage collector")
-    priority: int = quantity("-", "SCHED_FIFO priority", low=1, high=99)
 
 
 def node_settings(name: str) -> dict[str, Any]:
@@ -111,6 +105,7 @@ class Writer:
                 return
             if time.monotonic() > give_up:
                 raise RuntimeError(f"{self._topic.name}: a reader has taken nothing for {BLOCKED:g} s")
+            time.sleep(AGAIN)
 
     def _published(self, data: Any) -> bool:
         try:

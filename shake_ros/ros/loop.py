@@ -6,8 +6,7 @@
 * Ticks: nodes that keep real time. An own loop over absolute deadlines of the monotonic clock, in the thread of
   the executor; the executor attends to services every `ATTEND`-th tick, or in every pause where other nodes
   share the process. A tick that comes later than a period is not made up for: the node is told how many passed.
-* `realtime.enabled`: SCHED_FIFO for all threads, locked memory and a frozen garbage collector; one warning where
-  the system refuses.
+* `realtime.enabled`: what `shake_ros/realtime.py` asks for, before the first tick; one warning on what is refused.
 
 `main` runs one node as a process; `Loop` runs any number in one thread.
 """
@@ -15,7 +14,6 @@
 from __future__ import annotations
 
 import ctypes
-import gc
 import os
 import signal
 import time
@@ -30,6 +28,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
+from shake_ros import realtime
 from shake_ros.core.quantities import ShakeError
 from shake_ros.ros.frame import Behaviour, Frame
 from shake_ros.settings import config_folder
@@ -41,7 +40,6 @@ MARGIN = 150_000  # the executor gives back the thread so long before a deadline
 REPORT_PERIOD = 1.0  # of /diagnostics [s]
 PR_SET_TIMERSLACK = 29
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-MCL_CURRENT_AND_FUTURE = 3
 
 Build = Callable[[Frame], Behaviour]
 
@@ -55,21 +53,16 @@ def make_executor(context: Context) -> Executor:
     return EventsExecutor(context=context)
 
 
-def ask_for_real_time(frame: Frame) -> None:
-    """SCHED_FIFO for every thread of this process, locked memory, frozen collector; one warning on refusal."""
-    refused = []
-    try:
-        for thread in os.listdir("/proc/self/task"):
-            os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(frame.realtime.priority))
-    except OSError as error:
-        refused.append(f"SCHED_FIFO ({error.strerror})")
-    libc = ctypes.CDLL(None, use_errno=True)
-    if libc.mlockall(MCL_CURRENT_AND_FUTURE) != 0:
-        refused.append(f"mlockall ({os.strerror(ctypes.get_errno())})")
-    gc.collect()
-    gc.freeze()
-    if refused:
-        frame.node.get_logger().warning(f"runs without {' and '.join(refused)}: allow rtprio and memlock to this user")
+def ask_for_real_time(behaviours: Sequence[Behaviour]) -> None:
+    """What the nodes of this process ask of the system, the first that asks for all; one warning on refusal."""
+    asking = [one.frame for one in behaviours if one.frame.realtime.enabled]
+    if asking:
+        refused = realtime.ask_for(asking[0].realtime)
+        if refused:
+            asking[0].node.get_logger().warning(f"{refused}; see msg_docs/realtime.md")
+    granted = realtime.in_force()
+    for one in behaviours:
+        one.frame.diagnostics.values["realtime"] = lambda: granted
 
 
 def sleep_until(deadline: int) -> None:
@@ -128,8 +121,7 @@ class Loop:
                     ticking.append(behaviour)
             if waiting:
                 self.spin(STARTING)
-        if any(one.frame.realtime.enabled for one in self.behaviours):
-            ask_for_real_time(next(one.frame for one in self.behaviours if one.frame.realtime.enabled))
+        ask_for_real_time(self.behaviours)
         if ticking:
             self._run_ticks(ticking)
         while self._alive():

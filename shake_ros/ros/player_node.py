@@ -15,7 +15,7 @@ from shake_ros.data.recordings.bag import Bag, Message
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK
-from shake_ros.ros.frame import BLOCKED, FAREWELL, Frame, node_settings
+from shake_ros.ros.frame import AGAIN, BLOCKED, FAREWELL, Frame, node_settings
 from shake_ros.ros.recorder_node import message_class
 
 LONGEST_SLEEP = 0.1  # a pause looks for a stop this often [s]
@@ -155,6 +155,7 @@ class Player:
             except RuntimeError:
                 if time.monotonic() > give_up:
                     raise
+                time.sleep(AGAIN)
 
     def _condition(self) -> tuple[int, str]:
         return OK, f"playing {self._own.input}"

@@ -15,7 +15,8 @@ from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import Parameters, ShakeError, UnknownName, choice, quantity
 from shake_ros.data.reference_program import load_reference
 from shake_ros.ros.controller_node import ControllerNodeParameters
-from shake_ros.ros.frame import LoopParameters, RealtimeParameters
+from shake_ros.realtime import RealtimeParameters
+from shake_ros.ros.frame import LoopParameters
 from shake_ros.ros.loop import ros_context
 from shake_ros.ros.observer_node import ObserverNodeParameters
 from shake_ros.ros.parameters import NodeParameters, flatten, replaced
@@ -174,7 +175,10 @@ OWN = {
     "observer": ObserverNodeParameters,
     "reference": ReferenceNodeParameters,
 }
-COMMON = {*flatten(LoopParameters(False, 1000.0, "", "")), *flatten(RealtimeParameters(False, 1), "realtime.")}
+COMMON = {
+    *flatten(LoopParameters(False, 1000.0, "", "")),
+    *flatten(RealtimeParameters(False, 1, -1, True, True), "realtime."),
+}
 
 
 @pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in OWN for name in configured(kind)])

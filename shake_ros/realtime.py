@@ -1,0 +1,93 @@
+"""What a process may ask of the operating system to keep time: priority, a processor, locked memory, a quiet collector.
+
+Each is asked for by itself; what the system refuses is said, and the process goes on without it (msg_docs/realtime.md).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from shake_ros.core.quantities import Parameters, quantity
+
+MCL_CURRENT_AND_FUTURE = 3
+THREADS = Path("/proc/self/task")
+STATUS = Path("/proc/self/status")
+ANY = -1
+
+
+@dataclass(frozen=True)
+class RealtimeParameters(Parameters):
+    """What a process asks for."""
+
+    enabled: bool = quantity("", "whether anything of this is asked for")
+    priority: int = quantity("-", "SCHED_FIFO priority of every thread; 0: usual scheduling", low=0, high=99)
+    cpu: int = quantity("-", "the only processor to run on; -1: any", low=ANY, high=4095)
+    lock_memory: bool = quantity("", "keep all memory, present and future, from being paged out")
+    freeze_collector: bool = quantity("", "the garbage collector looks no more at what is there at the start")
+
+
+def _each_thread(change: Callable[[int], None]) -> None:
+    """Do it for every thread of this process; those that it starts later inherit priority and processor."""
+    for thread in os.listdir(THREADS):
+        try:
+            change(int(thread))
+        except ProcessLookupError:  # ended meanwhile
+            continue
+
+
+def _schedule(priority: int) -> None:
+    _each_thread(lambda thread: os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority)))
+
+
+def _lock_memory() -> None:
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.mlockall(MCL_CURRENT_AND_FUTURE) != 0:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+
+
+def ask_for(wanted: RealtimeParameters) -> str:
+    """Ask for all that is wanted. Returns a line on what was refused and why, empty where nothing was."""
+    if not wanted.enabled:
+        return ""
+    steps: dict[str, Callable[[], None]] = {}
+    if wanted.lock_memory:
+        steps["locked memory"] = _lock_memory
+    if wanted.cpu != ANY:
+        steps[f"processor {wanted.cpu}"] = lambda: _each_thread(lambda one: os.sched_setaffinity(one, {wanted.cpu}))
+    if wanted.priority:
+        steps[f"SCHED_FIFO {wanted.priority}"] = lambda: _schedule(wanted.priority)
+    refused = []
+    for name, step in steps.items():
+        try:
+            step()
+        except OSError as error:
+            refused.append(f"{name} ({error.strerror})")
+    if wanted.freeze_collector:
+        gc.collect()
+        gc.freeze()
+    return f"real time: runs without {', '.join(refused)}" if refused else ""
+
+
+def in_force() -> str:
+    """What this process has of it, as the system says.
+
+    >>> in_force().split(",")[0] in ("usual scheduling", f"SCHED_FIFO {os.sched_getparam(0).sched_priority}")
+    True
+    """
+    fifo = os.sched_getscheduler(0) == os.SCHED_FIFO
+    processors = sorted(os.sched_getaffinity(0))
+    locked = next((int(s.split()[1]) for s in STATUS.read_text().splitlines() if s.startswith("VmLck:")), 0)
+    return ", ".join(
+        (
+            f"SCHED_FIFO {os.sched_getparam(0).sched_priority}" if fifo else "usual scheduling",
+            f"processor {processors[0]}" if len(processors) == 1 else f"{len(processors)} processors",
+            "memory locked" if locked else "memory not locked",
+            "collector frozen" if gc.get_freeze_count() else "collector at work",
+        )
+    )
