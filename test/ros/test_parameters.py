@@ -14,8 +14,8 @@ from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import Parameters, ShakeError, UnknownName, choice, quantity
 from shake_ros.data.reference_program import load_reference
-from shake_ros.ros.controller_node import ControllerNodeParameters
 from shake_ros.realtime import RealtimeParameters
+from shake_ros.ros.controller_node import ControllerNodeParameters
 from shake_ros.ros.frame import LoopParameters
 from shake_ros.ros.loop import ros_context
 from shake_ros.ros.observer_node import ObserverNodeParameters
