@@ -16,7 +16,7 @@ from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.law import LawParameters
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.control.tuning import LOST, mean_and_worst, normalised_cost, tune
-from shake_ros.core.loop.compiled import run_batch
+from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.settings import find, load_variant, read_yaml
 
@@ -84,9 +84,15 @@ def section(course: Course, begin: float, seconds: float, dt: float) -> Course:
 
 
 class Cost:
-    """The cost of a set of gains of the law of a configuration."""
+    """The cost of a set of gains of the law of a configuration; `change` is made to each of its loops."""
 
-    def __init__(self, plant: Plant, settings: dict[str, Any], controller: str) -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        settings: dict[str, Any],
+        controller: str,
+        change: Callable[[Loop], Loop] = lambda loop: loop,
+    ) -> None:
         self._settings = settings
         dt = plant.sample_time
         self._first = round(settings["begin"] / dt)
@@ -105,6 +111,7 @@ class Cost:
             plant.loop(entry, courses[i % len(courses)], load, table, 0)
             for i, (load, table) in enumerate(plant.perturbed(settings["perturbed"], settings["seed"]))
         ]
+        self._loops = [change(loop) for loop in self._loops]
         law = self._loops[0].controller
         self._kind, self._parameters, self._dt = law.kind, law.parameters, dt
         self._model = plant.model(plant.settings["model_load"]) if settings["model"] != "none" else None

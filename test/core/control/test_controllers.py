@@ -194,7 +194,7 @@ def test_super_twisting_reaches_its_surface_under_a_constant_disturbance() -> No
 
 
 @pytest.mark.parametrize("after", [n for n in CONFIGURATIONS if n != "none"])
-@pytest.mark.parametrize("before", ["feedforward_pi", "super_twisting_tuned", "sliding_mode"])
+@pytest.mark.parametrize("before", [*LAWS, "super_twisting_tuned"])
 def test_switch_between_controllers_makes_no_bump(before: str, after: str) -> None:
     # a table that lags the sine a little; the command must not leave its own course by more than 2 % of the limit
     def motion(k: int) -> np.ndarray:
