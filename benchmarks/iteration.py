@@ -36,7 +36,7 @@ from shake_ros.core.plant.parameters import TableParameters  # noqa: E402
 from shake_ros.data.reference_program import build_program  # noqa: E402
 from shake_ros.settings import find, load_table, load_variant, read_yaml  # noqa: E402
 
-SAMPLE_TIME, LATE, RUNS = 0.001, 1, 4
+SAMPLE_TIME, LATE, RUNS = 0.001, 1, 3
 CONTROLLER, OBSERVER = "super_twisting_model", "model_soft_zone"
 RECORDS = ("earthquake_soft_soil", "earthquake_stiff_soil", "earthquake_rock")
 LOADS = (0.0, 200.0, 500.0)
