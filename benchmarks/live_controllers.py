@@ -131,7 +131,9 @@ def main() -> int:
             f"{latency[0]:6.0f}{latency[1]:8.0f}{there:>26}{wanted_travel:8.2f}"
         )
         print(lines[-1], flush=True)
-    lines.append(f"load {os.getloadavg()[0]:.1f}")
+    schedule = "SCHED_FIFO" if given.fifo else "the usual scheduling"
+    lines.append(f"{REFERENCE}, {given.seconds:g} s each, {schedule}; load of the machine {os.getloadavg()[0]:.1f}")
+    print(lines[-1])
     if given.save:
         (ROOT / "benchmarks" / "live_controllers.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return 0
