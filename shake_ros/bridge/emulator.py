@@ -7,29 +7,32 @@ then the pressure goes off (`command_lost`). The host asks for stages; whether t
 from __future__ import annotations
 
 import math
+import struct
 import time
 from array import array
 from collections.abc import Callable
 from dataclasses import dataclass
-
-import numpy as np
+from typing import BinaryIO
 
 from shake_ros.bridge import wire
 from shake_ros.bridge.faults import Switches
 from shake_ros.bridge.target import TargetLink
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.states import SPOOL
-from shake_ros.core.plant.table import Measurement, Table
+from shake_ros.core.plant.table import Measurement
 from shake_ros.core.quantities import Parameters, choice, quantity
 from shake_ros.core.safety.causes import NUMBERS, InterlockParameters
-from shake_ros.core.safety.interlock import HIGH, LOW, OFF, RUN, Interlock
-from shake_ros.core.safety.power_unit import PowerUnit, PowerUnitParameters
-from shake_ros.core.safety.rates import Spread
+from shake_ros.core.safety.interlock import OFF, RUN, Interlock
+from shake_ros.core.safety.machine import Machine
+from shake_ros.core.safety.power_unit import PowerUnitParameters
+from shake_ros.core.safety.rates import LastSecond, Spread
 
 SECOND = 1_000_000_000
-REACHED = 0.9  # of its pressure confirms a stage
 REMEMBERED = 4096  # measurements whose sending time is kept for the round trip
 MOST_STEPS = 1000  # made up for at once after a pause; a longer one is left out
+# A row of the journal: wall clock [ns]; true position, velocity, acceleration; command at the valve; stage; number of
+# the cause in force; how many faults are on.
+JOURNAL = struct.Struct("<qddddBBBx")
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,9 @@ class EmulatorParameters(Parameters):
     clock_drift: float = quantity(
         "-", "how much faster the target's clock goes than this machine's", low=-0.01, high=0.01
     )
+    output_watchdog: float = quantity(
+        "s", "the output card takes the valve to null where the loop stands still so long", low=0.0, high=1.0
+    )
     address: str = choice("to listen on")
     port: int = quantity("-", "UDP port to listen on; 0: a free one", low=0, high=65535)
     key_file: str = choice("shared key in hexadecimal digits; empty: none, loopback addresses only")
@@ -55,6 +61,7 @@ class Emulator:
     Parameters
     ----------
     own, table, unit, interlock : what is emulated. link : to the host. switches : faults.
+    journal : takes a row of JOURNAL each sample, None for none.
     """
 
     def __init__(
@@ -65,28 +72,25 @@ class Emulator:
         interlock: InterlockParameters,
         link: TargetLink,
         switches: Switches,
+        journal: BinaryIO | None = None,
     ) -> None:
         self.link = link
         self.switches = switches
         self.interlock = Interlock(interlock, enabled=False)
         self.period = round(SECOND / own.rate)
         self.overruns = 0
-        self.samples = 0
         self.running = 0
         self.late_answers = 0
         self.round_trips = Spread()
-        self._table = Table(table, self.period / SECOND, own.seed)
-        self._state = self._table.initial_state(own.start_position)
-        self._table.measure(self._table.advance(self._state, 0.0), 0)  # compiles before the first sample
-        self._unit = PowerUnit(unit, table.supply.supply_pressure, table.supply.tank_pressure, OFF)
+        self.machine = Machine(table, unit, self.period / SECOND, own.seed, own.start_position, OFF)
         self._drift = own.clock_drift
+        self._output_watchdog = round(own.output_watchdog * SECOND / self.period)
+        self._missed = LastSecond()
+        self._journal = journal
         self._sent = array("q", bytes(8 * REMEMBERED))
         self._sampled = array("q", bytes(8 * REMEMBERED))
         self._answered = 0
         self._reset = False
-        self._acting = 0.0
-        self._held: dict[str, float] = {}
-        self._noise = np.random.default_rng(own.seed)
         self._began = -1
 
     def target_time(self, now: int) -> int:
@@ -96,35 +100,41 @@ class Emulator:
     def step(self, now: int, steps: int) -> None:
         """One sample at target time `now` [ns], `steps` periods after the last one; then send it."""
         on = self.switches.on((now - self._began) / SECOND if self._began >= 0 else -1.0)
+        lock, machine = self.interlock, self.machine
+        machine.on = on
+        self._stand_still(min(steps, MOST_STEPS) - 1)
         if "deaf" not in on:
             self._hear(now)
-        lock = self.interlock
-        self._unit.failed = "supply_failure" in on
-        u = lock.act(now, self._confirmed())
-        if "valve_stuck_at" in on:
-            u = on["valve_stuck_at"]
-        elif "valve_stuck" in on:
-            u = self._held.setdefault("valve", self._acting)
-        else:
-            self._held.pop("valve", None)
-        for _ in range(min(steps, MOST_STEPS)):
-            self._table.set_supply_pressure(self._unit.advance(lock.stage, self._table.sample_time))
-            self._state = self._table.advance(self._state, u)
-        self._acting = u
-        self.samples += steps
+        if steps > 1:
+            self._missed.add(now, steps - 1)
+        lock.compare(now, "deadline_overruns", float(self._missed.total(now)))
+        u = lock.act(now, machine.confirmed())
+        machine.advance(lock.stage, u)
         self.running += lock.stage == RUN
-        read = self._faulty(self._table.measure(self._state, self.samples), on)
+        read = machine.measure()
         lock.observe(now, read.position, read.acceleration, read.pressure_supply)
         if self._began < 0 and self.link.session is not None:
             self._began = now
         if "silent" not in on:
-            self._tell(now, read, u)
+            self._tell(now, read, machine.acting)
+        if self._journal is not None:
+            self._write(read)
 
-    def _confirmed(self) -> int:
-        """The stage whose pressure is there."""
-        if self._unit.pressure >= REACHED * self._unit.high_pressure:
-            return HIGH
-        return LOW if self._unit.pressure >= REACHED * self._unit.parameters.low_pressure else OFF
+    def _stand_still(self, steps: int) -> None:
+        """What the table did while the loop stood still: the last output stays, until the output card nulls it."""
+        machine, last = self.machine, self.machine.acting
+        for k in range(steps):
+            machine.advance(self.interlock.stage, last if k < self._output_watchdog else 0.0)
+
+    def _write(self, read: Measurement) -> None:
+        assert self._journal is not None
+        lock, machine = self.interlock, self.machine
+        leading = lock.leading
+        truth = read.truth_position, read.truth_velocity, read.truth_acceleration
+        number = NUMBERS[leading.cause] if leading else 0
+        self._journal.write(
+            JOURNAL.pack(time.time_ns(), *truth, machine.acting, lock.stage, number, len(machine.on))
+        )
 
     def _hear(self, now: int) -> None:
         """Take the commands that have come."""
@@ -146,25 +156,6 @@ class Emulator:
             self._reset = reset
             self.interlock.enable(command.mode > OFF, command.mode)
 
-    def _faulty(self, measured: Measurement, on: dict[str, float]) -> Measurement:
-        """What the faults leave of the readings."""
-        if not on:
-            self._held.pop("position", None)
-            self._held.pop("acceleration", None)
-            return measured
-        position = measured.position + on.get("position_bias", 0.0)
-        acceleration = measured.acceleration + on.get("acceleration_bias", 0.0)
-        position += on.get("position_noise", 0.0) * float(self._noise.standard_normal())
-        if "position_frozen" in on:
-            position = self._held.setdefault("position", position)
-        if "acceleration_frozen" in on:
-            acceleration = self._held.setdefault("acceleration", acceleration)
-        if "position_off" in on:
-            position = math.nan
-        if "acceleration_off" in on:
-            acceleration = math.nan
-        return measured._replace(position=position, acceleration=acceleration)
-
     def _tell(self, now: int, read: Measurement, u: float) -> None:
         lock = self.interlock
         status = lock.stage
@@ -179,7 +170,7 @@ class Emulator:
             read.pressure_a,
             read.pressure_b,
             read.pressure_supply,
-            float(self._state[SPOOL]),
+            float(self.machine.state[SPOOL]),
             self._answered,
             u,
             status,
@@ -208,7 +199,7 @@ class Emulator:
     def summary(self) -> dict[str, object]:
         """What happened, as plain values."""
         return {
-            "samples": self.samples,
+            "samples": self.machine.samples,
             "overruns": self.overruns,
             "commands": self.link.received,
             "samples_at_run": self.running,

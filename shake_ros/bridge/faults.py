@@ -12,19 +12,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.core.safety.faults import MACHINE_FAULTS
 
 # fault → unit of its value, "" where it has none
 FAULTS: dict[str, str] = {
-    "valve_stuck": "",  # the spool stays where it is
-    "valve_stuck_at": "-",  # the spool goes to an opening and stays
-    "supply_failure": "",  # the power unit stops, whatever it is asked for
-    "position_off": "",  # cable off: no reading
-    "acceleration_off": "",
-    "position_frozen": "",  # the reading of the first moment for ever
-    "acceleration_frozen": "",
-    "position_bias": "m",
-    "acceleration_bias": "m/s^2",
-    "position_noise": "m",  # a burst of this standard deviation
+    **MACHINE_FAULTS,
     "silent": "",  # sends nothing
     "deaf": "",  # hears nothing
 }

@@ -9,7 +9,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from shake_ros.bridge.emulator import Emulator, EmulatorParameters
 from shake_ros.bridge.faults import FAULTS, Switches, parse_fault
@@ -38,6 +38,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--duration", type=float, default=0.0, help="end after this [s]; 0 = never")
     made.add_argument("--priority", type=int, default=0, help="SCHED_FIFO priority, 0 = usual scheduling")
     made.add_argument("--cpu", type=int, default=ANY, help="the only processor to run on, -1 = any")
+    made.add_argument(
+        "--journal", type=Path, metavar="FILE", help="write what the table truly does, a row of 44 bytes each sample"
+    )
     made.add_argument("--report", type=Path, metavar="FILE", help="write what happened as JSON at the end")
     made.add_argument(
         "--fault",
@@ -76,6 +79,14 @@ def listen(switches: Switches) -> None:
             print(f"target_emulator: {error}", file=sys.stderr, flush=True)
 
 
+def open_journal(path: Path) -> BinaryIO:
+    """A new file whose rows can be read while it grows; raises ShakeError where there is one already."""
+    try:
+        return path.open("xb", buffering=0)
+    except OSError as error:
+        raise ShakeError(f"{path}: {error.strerror}") from None
+
+
 def main(arguments: Sequence[str]) -> int:
     """Run until SIGINT, SIGTERM or the end of the duration; returns the exit code."""
     given = parser().parse_args(list(arguments))
@@ -90,8 +101,9 @@ def main(arguments: Sequence[str]) -> int:
     realtime = RealtimeParameters(True, given.priority, given.cpu, given.priority > 0, True)
     switches = Switches([parse_fault(text) for text in given.fault])
     link = TargetLink(own.address, own.port, key_for(own.key_file, own.address))
+    journal = open_journal(given.journal) if given.journal else None
     try:
-        emulator = Emulator(own, load_table(own.table), unit, load_interlock(own.interlock), link, switches)
+        emulator = Emulator(own, load_table(own.table), unit, load_interlock(own.interlock), link, switches, journal)
         ending = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: ending.set())
@@ -101,9 +113,11 @@ def main(arguments: Sequence[str]) -> int:
             print(f"target_emulator: {refused}; see msg_docs/realtime.md", file=sys.stderr, flush=True)
         print(f"ready {link.address[0]}:{link.address[1]}", flush=True)
         samples = round(given.duration * own.rate)
-        emulator.run(lambda: not ending.is_set() and not 0 < samples <= emulator.samples)
+        emulator.run(lambda: not ending.is_set() and not 0 < samples <= emulator.machine.samples)
     finally:
         link.close()
+        if journal is not None:
+            journal.close()
     summary = json.dumps(emulator.summary())
     if given.report:
         given.report.write_text(summary + "\n", encoding="utf-8")

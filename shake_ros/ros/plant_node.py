@@ -9,11 +9,14 @@ from dataclasses import dataclass
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.pressure_bounds import PressureWatch
 from shake_ros.core.plant.states import VELOCITY
-from shake_ros.core.plant.table import Table
-from shake_ros.core.quantities import Parameters, choice, quantity
-from shake_ros.core.safety.power_unit import PowerUnit, PowerUnitParameters
+from shake_ros.core.plant.table import Measurement, Table
+from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
+from shake_ros.core.safety.faults import MISSING, MachineFaultParameters
+from shake_ros.core.safety.machine import Machine
+from shake_ros.core.safety.power_unit import PowerUnitParameters
 from shake_ros.ros import interface
-from shake_ros.ros.frame import FIRST_STAMP, Frame, node_settings
+from shake_ros.ros.diagnostics import WARN
+from shake_ros.ros.frame import FIRST_STAMP, Frame, Writer, node_settings
 from shake_ros.ros.interlock import NodeInterlock
 from shake_ros.settings import load_table
 
@@ -42,15 +45,6 @@ class Plant:
         unit = PowerUnitParameters.from_mapping(content.pop("power_unit", {}), "config/node/plant.yaml: power_unit")
         settings = PlantParameters.from_mapping(content, "config/node/plant.yaml")
         own = frame.parameters.declare(settings).value
-        self._seed = own.seed
-        self._live = frame.parameters.declare(load_table(own.table), accept=self._table)
-        self._simulation = self._table(self._live.value)
-        self._state = self._simulation.initial_state(own.start_position)
-        ahead = self._simulation.advance(self._state, 0.0)  # all is compiled before the first sample
-        self._simulation.measure(ahead, 0)
-        self._simulation.pressures(ahead)
-        self._watch = PressureWatch(self._live.value, frame.sample_time)
-        self._k = 0
         self._stamp = FIRST_STAMP
         self._samples = round(own.duration / frame.sample_time)
         self._ticked = False
@@ -58,24 +52,32 @@ class Plant:
         self._late_commands = 0
         self._interlock = NodeInterlock(frame, own.interlock, own.enabled)
         self._lock = self._interlock.lock
-        supply = self._live.value.supply
-        self._unit = PowerUnit(
+        self._live = frame.parameters.declare(load_table(own.table), accept=self._accept)
+        self._machine = Machine(
+            self._live.value,
             frame.parameters.declare(unit, "power_unit.").value,
-            supply.supply_pressure,
-            supply.tank_pressure,
+            frame.sample_time,
+            own.seed,
+            own.start_position,
             self._lock.stage,
         )
-        self._supplied = supply.supply_pressure
+        self._watch = PressureWatch(self._live.value, frame.sample_time)
+        self._faults = frame.parameters.declare(MachineFaultParameters(), "faults.", accept=self._accept_faults)
         self._reference, self._reference_stamp = math.nan, -1
         self._open_topics()
         frame.diagnostics.values |= {
             "late_commands": lambda: self._late_commands,
-            "sample": lambda: self._k,
+            "sample": lambda: self._machine.samples,
+            "faults": lambda: " ".join(self._machine.on),
             "pressures": lambda: "; ".join(self._watch.findings()) or "as oil can have them",
         }
 
-    def _table(self, parameters: TableParameters) -> Table:
-        return Table(parameters, self.frame.sample_time, self._seed)
+    def _accept(self, parameters: TableParameters) -> None:
+        Table(parameters, self.frame.sample_time, 0)
+
+    def _accept_faults(self, faults: MachineFaultParameters) -> None:
+        if self.frame.lockstep and (off := set(faults.on()) & set(MISSING)):
+            raise ShakeError(f"faults.{min(off)}: in lock-step the loop would wait for ever; it needs real time")
 
     def _open_topics(self) -> None:
         self._positions = self.frame.writer(interface.JOINT_STATES)
@@ -105,54 +107,64 @@ class Plant:
             self.frame.diagnostics.latency(arrived - newest)
         if self._ticked:
             self._late_commands += 0 <= newest < stamp - steps * self.frame.period
-            for _ in range(steps):
-                self._advance(stamp)
+            for earlier in range(steps - 1, -1, -1):  # each at its own time, so that a stale command is one
+                self._advance(stamp - earlier * self.frame.period)
             self._interlock.tick(stamp, steps - 1)
         if self._references is not None:
             self._references.take()
         self._ticked = True
         self._stamp = stamp
         self._publish()
-        self._stop_when_done(self._k)
+        self._stop_when_done(self._machine.samples)
 
     def finish(self) -> None:
         """Nothing to put away."""
 
     def _publish(self) -> None:
-        measured = self._simulation.measure(self._state, self._k)
+        if self._faults.changed:
+            self._switch()
+        measured = self._machine.measure()
         stamp = self._stamp
-        self._positions.send(stamp, measured.position)
-        self._accelerations.send(stamp, measured.acceleration)
+        self._send(self._positions, measured.position)
+        self._send(self._accelerations, measured.acceleration)
         self._pressures_a.send(stamp, measured.pressure_a)
         self._pressures_b.send(stamp, measured.pressure_b)
-        self._supply.send(stamp, measured.pressure_supply)
+        self._send(self._supply, measured.pressure_supply)
         self._truth.send(stamp, measured.truth_position, measured.truth_velocity, measured.truth_acceleration)
         if self._clock is not None:
             self._clock.send(stamp)
-        self._lock.observe(
-            stamp, measured.position, measured.acceleration, measured.pressure_supply, self._reference_at(stamp)
-        )
+        self._observe(stamp, measured)
         self._interlock.refresh()
         self.frame.diagnostics.cycles += 1
+
+    def _send(self, writer: Writer, reading: float) -> None:
+        """A reading; a sensor whose cable is off says nothing."""
+        if not math.isnan(reading):
+            writer.send(self._stamp, reading)
+
+    def _observe(self, stamp: int, measured: Measurement) -> None:
+        reference = self._reference_at(stamp)
+        self._lock.observe(stamp, measured.position, measured.acceleration, measured.pressure_supply, reference)
+
+    def _switch(self) -> None:
+        """Faults that come on or go; said at once, with the sample's stamp, so that a recording has it."""
+        on = self._faults.take().on()
+        self._machine.on = on
+        text = ", ".join(f"{name} {value:g}" for name, value in on.items()) or "none"
+        self.frame.diagnostics.event("faults", WARN, text, {"time_ns": self._stamp, "faults": " ".join(on)})
 
     def _reference_at(self, stamp: int) -> float:
         """The newest reference [m]; NaN where there is none of about this instant."""
         return self._reference if abs(stamp - self._reference_stamp) <= NEAR * self.frame.period else math.nan
 
     def _advance(self, now: int) -> None:
+        machine = self._machine
         if self._live.changed:
-            self._simulation = self._table(self._live.take())
+            machine.change(self._live.take())
             self._watch = PressureWatch(self._live.value, self.frame.sample_time)
-            self._supplied = self._live.value.supply.supply_pressure
-            self._unit.change_high_pressure(self._supplied)
-        u = self._lock.act(now)
-        pressure = self._unit.advance(self._lock.stage, self.frame.sample_time)
-        if pressure != self._supplied:
-            self._simulation.set_supply_pressure(pressure)
-            self._supplied = pressure
-        self._state = self._simulation.advance(self._state, u)
-        self._watch.observe(*self._state[: VELOCITY + 1], *self._simulation.pressures(self._state))
-        self._k += 1
+        u = self._lock.act(now, machine.confirmed())
+        machine.advance(self._lock.stage, u)
+        self._watch.observe(*machine.state[: VELOCITY + 1], *machine.table.pressures(machine.state))
 
     def _stop_when_done(self, samples: int) -> None:
         if self._samples and samples >= self._samples:
@@ -179,7 +191,7 @@ class Plant:
             self._step()  # under the last good command, until that is stale
 
     def _step(self) -> None:
-        self._stop_when_done(self._k + 1)
+        self._stop_when_done(self._machine.samples + 1)
         if self.frame.stopping:
             return
         self._advance(self._stamp)

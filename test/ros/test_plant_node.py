@@ -32,7 +32,7 @@ def pressures(node: Plant) -> str:
 def shut_at_full_speed(node: Plant) -> None:
     for k in range(250):
         node._on_command(node._stamp, 1.0 if k < 150 else 0.0)
-    assert node._k == 250
+    assert node._machine.samples == 250
 
 
 def test_diagnostics_say_where_the_oil_of_the_declared_table_bears_tension(ros_domain) -> None:
