@@ -41,6 +41,9 @@ ENTRY_POINTS: dict[str, Entry] = {
     "thd_analyzer": Entry("shake_ros.ros.thd_node", "live harmonics of the acceleration and their distortion"),
     "recorder": Entry("shake_ros.ros.recorder_node", "everything named into a rosbag2 recording; --recover PATH"),
     "player": Entry("shake_ros.ros.player_node", "a recording's messages again, with the recorded timing"),
+    "faults": Entry(
+        "shake_ros.ros.faults_node", "between two nodes: delays, drops, doubles, freezes, falsifies samples"
+    ),
     "target_emulator": Entry(
         "shake_ros.cli.target_emulator", "a target computer without ROS: the table behind the bridge's datagrams"
     ),

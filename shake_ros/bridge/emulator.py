@@ -132,9 +132,7 @@ class Emulator:
         leading = lock.leading
         truth = read.truth_position, read.truth_velocity, read.truth_acceleration
         number = NUMBERS[leading.cause] if leading else 0
-        self._journal.write(
-            JOURNAL.pack(time.time_ns(), *truth, machine.acting, lock.stage, number, len(machine.on))
-        )
+        self._journal.write(JOURNAL.pack(time.time_ns(), *truth, machine.acting, lock.stage, number, len(machine.on)))
 
     def _hear(self, now: int) -> None:
         """Take the commands that have come."""

@@ -23,7 +23,6 @@ from shake_ros.settings import find, read_yaml
 
 WAIT = 0.002  # longest look for a datagram [s]
 RESET_TIME = 200_000_000  # the reset is sent for so long, and the target's answer awaited [ns]
-NEAR = 3  # periods between a sample and the reference that it is compared with
 LATE = 1.5  # periods without a command of our own to the target
 TOPICS = {
     "position": interface.JOINT_STATES,
@@ -63,13 +62,10 @@ class HardwareBridge:
         self._lock = self._interlock.lock
         self._heard = self._answered = self._reset_until = 0
         self._confirmed = OFF
-        self._reference, self._reference_stamp = math.nan, -1
         self._delays: array[int] = array("q")
         present = [name for name in UNITS if self._link.parameters.channels[name].present]
         self._writers = {name: frame.writer(TOPICS[name]) for name in present}
         frame.reader(interface.VALVE_COMMAND, self._on_command, self._on_refused, self._on_doubled)
-        if self._interlock.tracks:
-            frame.reader(interface.REFERENCE, self._on_reference)
         frame.diagnostics.condition = self._condition
         frame.diagnostics.values |= {name: lambda name=name: self._link.report()[name] for name in self._link.report()}
         frame.diagnostics.values["datagram_to_topic_p50_us"] = self._median_delay
@@ -117,9 +113,7 @@ class HardwareBridge:
     def _watch(self, now: int, sample: Sample) -> None:
         lock, values = self._lock, sample.values
         self._heard, self._confirmed = sample.arrival, sample.stage
-        near = abs(sample.stamp - self._reference_stamp) <= NEAR * self.frame.period
-        reference = self._reference if near else math.nan
-        lock.observe(sample.stamp, values["position"], values["acceleration"], values["pressure_supply"], reference)
+        self._interlock.observe(sample.stamp, values["position"], values["acceleration"], values["pressure_supply"])
         lock.compare(now, "link_loss", self._link.loss(now))
         lock.compare(now, "clock_jump", self._link.jump())
         if now > self._reset_until:
@@ -152,9 +146,6 @@ class HardwareBridge:
         reason = f"second command for {stamp * 1e-9:.6f} s: two publishers on {interface.VALVE_COMMAND.name}?"
         with self._interlock.guard:
             self._interlock.foreign(self.frame.now(), reason)
-
-    def _on_reference(self, stamp: int, position: float, *_: float) -> None:
-        self._reference, self._reference_stamp = position, stamp
 
     def _before_reset(self) -> None:
         """The target is asked to reset as well, and given time to do it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -9,14 +10,16 @@ from typing import Any
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.causes import CAUSES, INDICATE, InterlockParameters
-from shake_ros.core.safety.interlock import STAGES, Interlock
+from shake_ros.core.safety.interlock import RUN, STAGES, Interlock
 from shake_ros.core.safety.ledger import Trip
 from shake_ros.core.safety.rates import LastSecond
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import ERROR, WARN
-from shake_ros.ros.frame import Frame
+from shake_ros.ros.frame import Frame, Reader
 from shake_ros.settings import load_interlock
 
+NEAR = 3  # periods between a sample and the reference that it is compared with
+REFERENCED = ("tracking_error", "stale_reference")  # causes that read the reference
 NOT_FINITE = "command_not_finite"
 TWO_COMMANDERS = "two_commanders"
 
@@ -39,11 +42,8 @@ class NodeInterlock:
         self._before_reset = before_reset
         configured = load_interlock(name)
         self._live = frame.parameters.declare(configured, "interlock.", accept=self._accept)
-        self.tracks = self._live.value.response("tracking_error").active
-        if self.tracks and frame.lockstep:
-            raise ShakeError(
-                "interlock.causes.tracking_error: in lock-step it must be 'none' (its reader is not awaited)"
-            )
+        self.references = self._open_reference()
+        self._reference, self._reference_stamp = math.nan, -1
         self._built = True
         self.lock = Interlock(self._live.take(), enabled)
         self._announced = 0
@@ -59,11 +59,33 @@ class NodeInterlock:
         }
 
     def _accept(self, parameters: InterlockParameters) -> None:
-        if getattr(self, "_built", False) and parameters.response("tracking_error").active and not self.tracks:
+        for name in REFERENCED:
+            response = parameters.response(name)
+            if response.active and getattr(self, "_built", False) and self.references is None:
+                raise ShakeError(
+                    f"causes.{name}.action = '{response.action}': this node reads no reference; start it with an "
+                    "interlock that does"
+                )
+
+    def _open_reference(self) -> Reader | None:
+        """A reader of the reference, where a cause needs it."""
+        wanted = [name for name in REFERENCED if self._live.value.response(name).active]
+        if wanted and self.frame.lockstep:
             raise ShakeError(
-                f"causes.tracking_error.action = '{parameters.response('tracking_error').action}': this node reads no "
-                "reference; start it with an interlock that watches the tracking error"
+                f"interlock.causes.{wanted[0]}: in lock-step it must be 'none' (its reader is not awaited)"
             )
+        return self.frame.reader(interface.REFERENCE, self._on_reference) if wanted else None
+
+    def _on_reference(self, stamp: int, position: float, *_: float) -> None:
+        self._reference, self._reference_stamp = position, stamp
+
+    def observe(self, stamp: int, position: float, acceleration: float, supply_pressure: float) -> None:
+        """One sample [ns], [m], [m/s²], [Pa], beside the reference of about that instant."""
+        age = stamp - self._reference_stamp
+        reference = self._reference if abs(age) <= NEAR * self.frame.period else math.nan
+        self.lock.observe(stamp, position, acceleration, supply_pressure, reference)
+        if self._reference_stamp >= 0 and self.lock.stage == RUN:
+            self.lock.compare(stamp, "stale_reference", age * 1e-9)
 
     def _open_services(self) -> None:
         for service, answer in (
@@ -151,6 +173,8 @@ class NodeInterlock:
         with self.guard:
             self.look_for_two()
             self._before_reset()
+            self._reference_stamp = -1
+            self.lock.clear("stale_reference")
             response.success, response.message = self.lock.reset()
             if response.success:
                 self.frame.diagnostics.clear()

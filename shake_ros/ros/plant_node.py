@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.pressure_bounds import PressureWatch
 from shake_ros.core.plant.states import VELOCITY
-from shake_ros.core.plant.table import Measurement, Table
+from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.core.safety.faults import MISSING, MachineFaultParameters
 from shake_ros.core.safety.machine import Machine
@@ -19,8 +19,6 @@ from shake_ros.ros.diagnostics import WARN
 from shake_ros.ros.frame import FIRST_STAMP, Frame, Writer, node_settings
 from shake_ros.ros.interlock import NodeInterlock
 from shake_ros.settings import load_table
-
-NEAR = 3  # periods between a measurement and the reference that it is compared with
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,6 @@ class Plant:
         )
         self._watch = PressureWatch(self._live.value, frame.sample_time)
         self._faults = frame.parameters.declare(MachineFaultParameters(), "faults.", accept=self._accept_faults)
-        self._reference, self._reference_stamp = math.nan, -1
         self._open_topics()
         frame.diagnostics.values |= {
             "late_commands": lambda: self._late_commands,
@@ -90,8 +87,6 @@ class Plant:
         self._commands = self.frame.reader(
             interface.VALVE_COMMAND, self._on_command, self._on_refused, self._on_doubled
         )
-        tracks = self._interlock.tracks
-        self._references = self.frame.reader(interface.REFERENCE, self._on_reference) if tracks else None
 
     def start(self) -> None:
         """In lock-step the first measurement sets the loop going."""
@@ -110,8 +105,8 @@ class Plant:
             for earlier in range(steps - 1, -1, -1):  # each at its own time, so that a stale command is one
                 self._advance(stamp - earlier * self.frame.period)
             self._interlock.tick(stamp, steps - 1)
-        if self._references is not None:
-            self._references.take()
+        if self._interlock.references is not None:
+            self._interlock.references.take()
         self._ticked = True
         self._stamp = stamp
         self._publish()
@@ -133,7 +128,7 @@ class Plant:
         self._truth.send(stamp, measured.truth_position, measured.truth_velocity, measured.truth_acceleration)
         if self._clock is not None:
             self._clock.send(stamp)
-        self._observe(stamp, measured)
+        self._interlock.observe(stamp, measured.position, measured.acceleration, measured.pressure_supply)
         self._interlock.refresh()
         self.frame.diagnostics.cycles += 1
 
@@ -142,20 +137,12 @@ class Plant:
         if not math.isnan(reading):
             writer.send(self._stamp, reading)
 
-    def _observe(self, stamp: int, measured: Measurement) -> None:
-        reference = self._reference_at(stamp)
-        self._lock.observe(stamp, measured.position, measured.acceleration, measured.pressure_supply, reference)
-
     def _switch(self) -> None:
         """Faults that come on or go; said at once, with the sample's stamp, so that a recording has it."""
         on = self._faults.take().on()
         self._machine.on = on
         text = ", ".join(f"{name} {value:g}" for name, value in on.items()) or "none"
         self.frame.diagnostics.event("faults", WARN, text, {"time_ns": self._stamp, "faults": " ".join(on)})
-
-    def _reference_at(self, stamp: int) -> float:
-        """The newest reference [m]; NaN where there is none of about this instant."""
-        return self._reference if abs(stamp - self._reference_stamp) <= NEAR * self.frame.period else math.nan
 
     def _advance(self, now: int) -> None:
         machine = self._machine
@@ -181,9 +168,6 @@ class Plant:
         else:
             reason = f"command for {stamp * 1e-9:.6f} s while the table is at {self._stamp * 1e-9:.6f} s"
             self._interlock.foreign(self._stamp, reason)
-
-    def _on_reference(self, stamp: int, position: float, *_: float) -> None:
-        self._reference, self._reference_stamp = position, stamp
 
     def _on_refused(self, stamp: int, reason: str) -> None:
         self._interlock.refused(self._stamp, reason)

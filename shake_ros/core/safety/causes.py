@@ -51,6 +51,7 @@ CAUSES: dict[str, Cause] = {
     "command_jump": Cause("-", "step from one command to the next", 2.0),
     "two_commanders": Cause("-", "commands that a second publisher could have sent", 1e9),
     "tracking_error": Cause("m", "distance of the position from the reference", 10.0),
+    "stale_reference": Cause("s", "age of the newest reference, once one has come", 10.0),
     "deadline_overruns": Cause("1/s", "periods missed within a second", 1e4),
     "clock_jump": Cause("s", "step of the clock against the monotonic one", 1e6),
     "link_loss": Cause("-", "share of datagrams lost within a second", 1.0),

@@ -1,0 +1,132 @@
+"""Node `faults`: sits between a writer and its readers and passes on what its faults leave of the samples.
+
+The writer is started with its topic remapped (`-r valve_command:=healthy/valve_command`); this node reads
+`healthy/valve_command` and writes `valve_command`, so that nobody else is changed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rclpy.serialization import serialize_message
+
+from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
+from shake_ros.core.safety.message_faults import MessageFaultParameters, MessageFaults
+from shake_ros.ros.conversions import codec
+from shake_ros.ros.diagnostics import OK, WARN, Input
+from shake_ros.ros.frame import Frame, node_settings
+from shake_ros.ros.interface import TOPICS, Topic
+
+HEALTHY = "healthy/"
+
+
+@dataclass(frozen=True)
+class FaultsNodeParameters(Parameters):
+    """The node's own settings; each topic adds its faults as TOPIC.NAME."""
+
+    topics: str = choice("names of sampled topics, separated by blanks")
+    seed: int = quantity("-", "seed of what is left to chance", low=0, high=2**31 - 1)
+
+
+def parse_topics(text: str) -> list[Topic]:
+    """The topics that are named; raises ShakeError for none, an unknown one, one named twice, or one not sampled.
+
+    >>> [topic.name for topic in parse_topics("joint_states imu")]
+    ['joint_states', 'imu']
+    """
+    sampled = [topic.name for topic in TOPICS.values() if topic.sampled]
+    names = text.split()
+    if not names:
+        raise ShakeError(f"topics = '{text}': name at least one of {', '.join(sampled)}")
+    for name in names:
+        if name not in sampled:
+            raise unknown_name("sampled topic", name, sampled, "topics")
+        if names.count(name) > 1:
+            raise ShakeError(f"topics: '{name}' is named twice")
+    return [TOPICS[name] for name in names]
+
+
+class Channel:
+    """One topic: from `healthy/NAME` to `NAME`."""
+
+    def __init__(self, frame: Frame, topic: Topic, seed: int) -> None:
+        self.topic = topic
+        self.passed = 0
+        self._frame = frame
+        self._codec = codec(topic)
+        self._live = frame.parameters.declare(MessageFaultParameters(), f"{topic.name}.")
+        self._faults = MessageFaults(seed)
+        self._faults.apply(self._live.take())
+        qos = topic.qos(lockstep=False)
+        self._input = frame.diagnostics.inputs[HEALTHY + topic.name] = Input(HEALTHY + topic.name, frame.period)
+        self._publisher = frame.node.create_publisher(topic.type, topic.name, qos)
+        self._subscription = frame.node.create_subscription(
+            topic.type, HEALTHY + topic.name, self._arrived, qos, raw=True
+        )
+        frame.diagnostics.values |= {f"{topic.name}.passed": lambda: self.passed, f"{topic.name}.faults": self.said}
+
+    def said(self) -> str:
+        """The faults that are on, in words."""
+        return " ".join(f"{name}={value:g}" for name, value in self._faults.parameters.on().items())
+
+    def _arrived(self, data: bytes) -> None:
+        try:
+            stamp, values = self._codec.decode(data)
+        except ShakeError:
+            return self._send(data)  # what cannot be read is not ours to judge
+        self._input.count(stamp)
+        if self._live.changed:
+            self._change(stamp)
+        self._frame.diagnostics.cycles += 1
+        for sample in self._faults.carry(stamp, values):
+            self._send(self._packed(*sample))
+        return None
+
+    def _packed(self, stamp: int, values: tuple[float, ...]) -> bytes:
+        found = self._codec.encode(stamp, values)
+        return found if self._codec.packed else serialize_message(found)
+
+    def _send(self, data: bytes) -> None:
+        self._publisher.publish(data)
+        self.passed += 1
+
+    def _change(self, stamp: int) -> None:
+        """Other faults from the sample of this stamp on; said at once, so that a recording has it."""
+        self._faults.apply(self._live.take())
+        text = self.said() or "none"
+        values: dict[str, object] = {"time_ns": stamp, "topic": self.topic.name, "faults": text}
+        self._frame.diagnostics.event("faults", WARN, f"{self.topic.name}: {text}", values)
+
+
+class FaultsNode:
+    """The channels that are named."""
+
+    ticks = False
+
+    def __init__(self, frame: Frame) -> None:
+        self.frame = frame
+        if frame.lockstep:
+            raise ShakeError("lockstep = true: a loop that waits for every sample cannot lose one; real time only")
+        own = frame.parameters.declare(
+            FaultsNodeParameters.from_mapping(node_settings("faults"), "config/node/faults.yaml")
+        ).value
+        self._channels = [Channel(frame, topic, own.seed + k) for k, topic in enumerate(parse_topics(own.topics))]
+        frame.diagnostics.condition = self._condition
+
+    def start(self) -> None:
+        """Passes on whatever comes."""
+
+    def tick(self, stamp: int, steps: int) -> None:
+        """Keeps no time of its own."""
+
+    def finish(self) -> None:
+        """Nothing to put away."""
+
+    def _condition(self) -> tuple[int, str]:
+        on = [f"{channel.topic.name}: {said}" for channel in self._channels if (said := channel.said())]
+        return (WARN, f"faults on {'; '.join(on)}") if on else (OK, "passes everything on")
+
+
+def build(frame: Frame) -> FaultsNode:
+    """The node in its frame."""
+    return FaultsNode(frame)
