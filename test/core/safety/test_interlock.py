@@ -217,6 +217,8 @@ def test_hard_limit_cannot_be_reset_while_the_table_stands_there() -> None:
 @pytest.mark.parametrize("action", ACTIONS)
 def test_each_action_does_what_its_name_says(action) -> None:
     lock = running(clock_jump={"action": action, "latch": True})
+    lock.command(10_000 * MS, 0.5)
+    assert lock.act(10_000 * MS) == 0.5
     lock.compare(10_000 * MS, "clock_jump", 3.0)
     acted = []
     for k in range(10_000, 14_000):
