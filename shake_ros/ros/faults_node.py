@@ -95,7 +95,7 @@ class Channel:
         self._faults.apply(self._live.take())
         text = self.said() or "none"
         values: dict[str, object] = {"time_ns": stamp, "topic": self.topic.name, "faults": text}
-        self._frame.diagnostics.event("faults", WARN, f"{self.topic.name}: {text}", values)
+        self._frame.diagnostics.event("fault", WARN, f"{self.topic.name}: {text}", values)
 
 
 class FaultsNode:

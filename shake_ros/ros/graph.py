@@ -190,6 +190,14 @@ class Graph:
             preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0),  # noqa: PLW1509  (one system call)
         )
 
+    def start_again(self, name: str) -> None:
+        """Start a node anew, as it was started first; whatever is left of it is killed."""
+        if self.processes[name].poll() is None:
+            self.processes[name].kill()
+        self.processes[name].wait()
+        self._logs[name].close()
+        self._start(next(node for node in self.nodes if (node.name or node.executable) == name))
+
     def output(self, name: str) -> str:
         """What a node has written so far."""
         log = self._logs[name]

@@ -142,7 +142,7 @@ class Plant:
         on = self._faults.take().on()
         self._machine.on = on
         text = ", ".join(f"{name} {value:g}" for name, value in on.items()) or "none"
-        self.frame.diagnostics.event("faults", WARN, text, {"time_ns": self._stamp, "faults": " ".join(on)})
+        self.frame.diagnostics.event("fault", WARN, text, {"time_ns": self._stamp, "faults": " ".join(on)})
 
     def _advance(self, now: int) -> None:
         machine = self._machine
