@@ -145,9 +145,18 @@ def test_stuck_valve_moves_as_it_was_and_no_command_changes_it(make_pair) -> Non
     pair.start()
     pair.run(50, 0.05)
     pair.switches.switch("valve_stuck")
-    assert {one.acting for one in pair.run(50, -0.2)[1:]} == {0.05}
+    assert {one.acting for one in pair.run(50, -0.05)[1:]} == {0.05}
     pair.switches.switch("valve_stuck off")
-    assert pair.run(5, -0.2)[-1].acting == -0.2
+    assert pair.run(5, -0.05)[-1].acting == -0.05
+
+
+def test_target_takes_the_pressure_off_where_the_valve_does_not_follow(make_pair) -> None:
+    pair = make_pair()
+    pair.start()
+    pair.run(50, 0.1)
+    pair.switches.switch("valve_stuck")
+    assert pair.run(50, -0.2)[-1].trip == NUMBERS["valve_implausible"]
+    assert stage(pair.run(2, -0.2)[-1]) == OFF
 
 
 @pytest.mark.parametrize("text", ["melted", "position_bias", "silent=1", "deaf@x", "position_bias=nan", ""])

@@ -64,6 +64,7 @@ CAUSES: dict[str, Cause] = {
     "sensor_frozen": Cause("s", "time for which a reading has not changed while the valve is open", 10.0),
     "sensor_jump": Cause("m", "step of the position from one sample to the next", 10.0),
     "sensor_implausible": Cause("m", "position against the integral of the acceleration", 10.0),
+    "valve_implausible": Cause("m/s", "speed against that of the valve's opening", 100.0),
     "supply_pressure_low": Cause("Pa", "supply pressure at the stage `run`", 1e8, below=True),
     "sensor_missing": Cause("s", "time without a finite reading of position and acceleration", 10.0),
 }
@@ -76,6 +77,7 @@ SENSED: tuple[str, ...] = (
     "sensor_frozen",
     "sensor_jump",
     "sensor_implausible",
+    "valve_implausible",
     "supply_pressure_low",
     "sensor_missing",
 )
@@ -128,6 +130,8 @@ class InterlockParameters(Parameters):
     enable_after_reset: bool = quantity("", "an enabled table starts by itself after `reset`")
     velocity_time: float = quantity("s", "time constant of the speed watched", low=0.0, high=1.0)
     plausibility_bandwidth: float = quantity("rad/s", "of position against acceleration", low=0.1, high=1e3)
+    full_speed: float = quantity("m/s", "of the table with the valve fully open", low=0.0, high=100.0)
+    valve_time: float = quantity("s", "time constant of the speed against the valve's", low=0.0, high=1.0)
     moving_command: float = quantity("-", "a valve opened further moves the table", low=0.0, high=1.0, live=True)
     causes: Any = dataclasses.field(default=None)
 

@@ -51,6 +51,7 @@ class Interlock:
         self._last = -1
         self._since = -1
         self._observed = -1
+        self._position = math.nan
         self._holding = False
         self._memory = sensors.fresh_memory()
         self._values = np.zeros(len(SENSED))
@@ -93,7 +94,7 @@ class Interlock:
         if abs(u) > self._range:
             self.report(stamp, "command_range", abs(u))
         u = min(max(u, -1.0), 1.0)
-        if self._stamp >= 0 and abs(u - self._command) > self._jump:
+        if self._stamp >= 0 and abs(u - self._command) > self._jump and self.stage == RUN:
             self.report(stamp, "command_jump", abs(u - self._command))
         self._stamp = stamp
         self._command = u
@@ -103,9 +104,10 @@ class Interlock:
     ) -> None:
         """Look at one sample: [m], [m/s²], [Pa]; the reference at that instant [m] where there is one."""
         elapsed = (now - self._observed) / SECOND if self._observed >= 0 else 0.0
-        self._observed = now
+        self._observed, self._position = now, position
         p = self.parameters
         supply = supply_pressure if self.stage == RUN else math.inf
+        expected = p.full_speed * self._acting if self.stage == RUN else math.nan
         moving = abs(self._acting) > p.moving_command
         count = sensors.watch(
             self._limits,
@@ -114,9 +116,11 @@ class Interlock:
             position,
             acceleration,
             supply,
+            expected,
             moving,
             elapsed,
             p.velocity_time,
+            p.valve_time,
             p.plausibility_bandwidth,
         )
         distance = abs(position - reference)
@@ -215,6 +219,8 @@ class Interlock:
             step = elapsed / self._rise if self._rise > 0.0 else 1.0
             self.gain = min(span, self.gain + step) if self.gain < span else max(span, self.gain - step)
         self._acting = self.gain * self._command
+        if self._active and self._acting * self._position > 0.0 and self.ledger.one_way():
+            self._acting = 0.0
         return self._acting
 
     def _hold(self, elapsed: int) -> float:

@@ -6,6 +6,9 @@ integrates the acceleration and is drawn to the position with a bandwidth ω:
     x̂' = v̂ + 2 ω (x − x̂),   v̂' = a + ω² (x − x̂)
 
 Its distance |x − x̂| stays small where the two belong together: an offset b of the accelerometer leaves b/ω².
+
+The speed is also compared with that of the valve's opening, full speed times command, both low-passed alike; their
+difference is low-passed once more, so that the valve's lag and the oil's spring leave little of it.
 """
 
 from __future__ import annotations
@@ -18,9 +21,12 @@ from numpy.typing import NDArray
 from shake_ros.core.compiled import njit
 from shake_ros.core.safety.causes import SENSED
 
-POSITION_SOFT, POSITION_HARD, SPEED, ACCELERATION, FROZEN, JUMP, IMPLAUSIBLE, SUPPLY, MISSING = range(len(SENSED))
+POSITION_SOFT, POSITION_HARD, SPEED, ACCELERATION, FROZEN, JUMP, IMPLAUSIBLE, VALVE, SUPPLY, MISSING = range(
+    len(SENSED)
+)
 STARTED, LAST_POSITION, LAST_ACCELERATION, VELOCITY, MODEL_POSITION, MODEL_VELOCITY, STILL_X, STILL_A, ABSENT = range(9)
-MEMORY = 9
+EXPECTED, UNEXPLAINED = 9, 10
+MEMORY = 11
 
 
 def fresh_memory() -> NDArray[np.float64]:
@@ -29,15 +35,18 @@ def fresh_memory() -> NDArray[np.float64]:
 
 
 @njit
-def watch(limits, memory, values, position, acceleration, supply, moving, dt, velocity_time, bandwidth):
+def watch(
+    limits, memory, values, position, acceleration, supply, expected, moving, dt, velocity_time, valve_time, bandwidth
+):
     """Look at one sample.
 
     Parameters
     ----------
-    limits : thresholds in the order of SENSED, shape (9,); infinite (supply: −infinite) where a cause is not active.
-    memory, values : of earlier samples, shape (MEMORY,), and the value of each cause, shape (9,); changed in place.
+    limits : thresholds in the order of SENSED, shape (10,); infinite (supply: −infinite) where a cause is not active.
+    memory, values : of earlier samples, shape (MEMORY,), and the value of each cause, shape (10,); changed in place.
     position [m], acceleration [m/s²], supply [Pa] : the readings. moving : whether the valve is open. dt [s].
-    velocity_time [s], bandwidth [rad/s] : of the two estimates.
+    expected : speed that belongs to the valve's opening [m/s], NaN where the hydraulics are off.
+    velocity_time, valve_time [s], bandwidth [rad/s] : of the three estimates.
 
     Returns
     -------
@@ -55,6 +64,12 @@ def watch(limits, memory, values, position, acceleration, supply, moving, dt, ve
     step = position - memory[LAST_POSITION]
     if dt > 0.0:
         memory[VELOCITY] += (step / dt - memory[VELOCITY]) * dt / (dt + velocity_time)
+    if math.isfinite(expected):
+        memory[EXPECTED] += (expected - memory[EXPECTED]) * dt / (dt + velocity_time)
+        unexplained = memory[VELOCITY] - memory[EXPECTED]
+        memory[UNEXPLAINED] += (unexplained - memory[UNEXPLAINED]) * dt / (dt + valve_time)
+    else:
+        memory[EXPECTED], memory[UNEXPLAINED] = memory[VELOCITY], 0.0
     memory[STILL_X] = memory[STILL_X] + dt if moving and step == 0.0 else 0.0
     same = acceleration == memory[LAST_ACCELERATION]
     memory[STILL_A] = memory[STILL_A] + dt if moving and same else 0.0
@@ -71,6 +86,7 @@ def watch(limits, memory, values, position, acceleration, supply, moving, dt, ve
     values[FROZEN] = max(memory[STILL_X], memory[STILL_A])
     values[JUMP] = abs(step)
     values[IMPLAUSIBLE] = abs(error)
+    values[VALVE] = abs(memory[UNEXPLAINED])
     values[SUPPLY] = supply
     count = 0
     for i in range(len(values)):
