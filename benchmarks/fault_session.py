@@ -33,6 +33,7 @@ TRAVEL = 0.005  # required [m]
 STILL = 0.003  # a table slower than this has come to rest [m/s]
 END_STOP = 0.130  # [m] of table bergamo
 SECOND = 1_000_000_000
+BEFORE = 10_000_000  # of a fault, that is still looked at [ns]
 
 
 @dataclass
@@ -40,7 +41,6 @@ class Row:
     """What came of a fault."""
 
     case: Case
-    speed: float = 0.0
     detected: float | None = None  # [s]
     trips: str = ""
     travel: float = 0.0
@@ -109,7 +109,7 @@ class Session:
             for status in deserialize_message(data, DIAGNOSTICS.type).status:
                 values = {item.key: item.value for item in status.values}
                 if status.name.endswith(ending) and int(values.get("time_ns", since)) >= since:
-                    found.append({**values, "message": status.message})
+                    found.append({**values, "message": status.message, "node": status.name})
         return found
 
     def left(self) -> float:
@@ -190,7 +190,9 @@ class Session:
             deadline = time.monotonic() + 30.0
             while case.what != "target_emulator" and not self.statuses(f": {case.what}", first=place):
                 if time.monotonic() > deadline:
-                    raise TimeoutError(f"{case.what} does not start")
+                    said = self.link.graph.output(case.what)[-1000:]
+                    heard = {one["node"] for one in self.statuses("", first=place)}
+                    raise TimeoutError(f"{case.what} does not start; dead {self.link.dead()}, heard {heard}: {said}")
                 time.sleep(0.05)
             if case.what == "reference_generator":
                 self._ends = time.monotonic() + self.length + 0.2
@@ -218,7 +220,8 @@ class Session:
             time.sleep(STOPPED)
             self.link.process(case.what).send_signal(signal.SIGCONT)
         time.sleep(max(0.0, WATCH - (time.time_ns() - onset) * 1e-9))
-        truth = self.link.truth(self.listener, onset)
+        truth = self.link.truth(self.listener, onset - BEFORE)
+        truth[:, 0] -= BEFORE / SECOND
         self.judge(row, self.trips(onset, place, truth), truth)
         self.remove(case)
         row.recovered = self.recover()
@@ -233,10 +236,20 @@ class Session:
             row.trips = ", ".join(f"{cause}/{action}" for _, cause, action in named)
         if not len(truth) or (row.case.note and row.case.what in ("plant", "target_emulator")):
             return
-        x, v = truth[:, 1], truth[:, 2]
-        row.speed, row.peak = float(abs(v[0])), float(np.abs(truth[:, 3]).max())
-        row.whole, row.farthest = float(np.abs(x - x[0]).max()), float(np.abs(x).max())
+        t, x, v = truth[:, 0], truth[:, 1], truth[:, 2]
+        after = t >= 0.0
+        if t[0] > 0.0 or not after.any():
+            return
+        row.peak, row.farthest = float(np.abs(truth[after, 3]).max()), float(np.abs(x[after]).max())
+        row.whole = farthest_from(truth, 0.0)
         if row.detected is not None:
-            after = x[truth[:, 0] >= row.detected]
-            row.travel = float(np.abs(after - after[0]).max()) if len(after) else 0.0
+            row.travel = farthest_from(truth, row.detected)
         row.rests = bool(np.abs(v[-50:]).max() < STILL)
+
+
+def farthest_from(truth: np.ndarray, time: float) -> float:
+    """How far the table goes from where it is at a time [m]; over a pause of the plant on with its last speed."""
+    t, x, v = truth[:, 0], truth[:, 1], truth[:, 2]
+    last = max(int(np.searchsorted(t, time, side="right")) - 1, 0)
+    there = x[last] + v[last] * (time - t[last])
+    return float(np.abs(x[last + 1 :] - there).max()) if last + 1 < len(x) else 0.0
