@@ -61,6 +61,7 @@ class Plant:
         )
         self._watch = PressureWatch(self._live.value, frame.sample_time)
         self._faults = frame.parameters.declare(MachineFaultParameters(), "faults.", accept=self._accept_faults)
+        self._machine.on = self._faults.take().on()
         self._open_topics()
         frame.diagnostics.values |= {
             "late_commands": lambda: self._late_commands,

@@ -1,0 +1,171 @@
+"""A fault of a sensor and one of the commands end as configured and are over after reset: over plant and bridge."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
+
+from driver import Driver
+from listener import Listener
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.ros.faults_node import build, parse_topics
+from shake_ros.ros.graph import Graph, NodeSpec
+from shake_ros.ros.loop import build_node, ros_context
+from shake_ros.ros.plant_node import build as build_plant
+from shake_ros.settings import config_folder, find, read_yaml
+
+PATIENCE = 40.0
+WATCHED = ("stop", "sensor_missing", "command_not_finite", "target_trip")
+NODE = {"plant": "plant", "bridge": "hardware_bridge"}
+
+
+def interlock(name: str, folder: Path) -> str:
+    """A configured interlock that only watches what this test brings about: a busy machine must not trip the rest."""
+    content: dict[str, Any] = dict(read_yaml(find("interlock", name)))
+    content |= {"low_pressure_time": 0.1, "high_pressure_time": 0.1, "span_time": 0.1}
+    for cause, response in content["causes"].items():
+        if cause not in WATCHED:
+            response |= {"action": "none", "latch": False}
+    content["causes"]["sensor_missing"]["threshold"] = 0.3
+    path = folder / f"{name}.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return str(path)
+
+
+@contextmanager
+def table(link: str, folder: Path) -> Iterator[tuple[dict[str, Any], subprocess.Popen[str] | None]]:
+    """Parameters of the table's node, and the emulator's process where there is one."""
+    parameters: dict[str, Any] = {"interlock": interlock("bergamo", folder), "enabled": False}
+    if link == "plant":
+        yield parameters, None
+        return
+    command = [sys.executable, "-m", "shake_ros", "target_emulator", "--port", "0"]
+    command += ["--interlock", interlock("target", folder)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as emulator:
+        assert emulator.stdout is not None
+        port = emulator.stdout.readline().strip().rpartition(":")[2]
+        path = folder / "bridge.yaml"
+        path.write_text((config_folder() / "bridge" / "emulator.yaml").read_text().replace("47800", port))
+        try:
+            yield {**parameters, "bridge": str(path)}, emulator
+        finally:
+            emulator.terminate()
+
+
+class Scene:
+    """A table in motion that faults come over."""
+
+    def __init__(self, node: str, listener: Listener, driver: Driver) -> None:
+        self.node = node
+        self.listener = listener
+        self.driver = driver
+
+    def expect(self, text: str) -> dict[str, str]:
+        return self.listener.wait_for_status(self.node, text, PATIENCE)
+
+    def go(self) -> None:
+        """Reset, enable, and the table moves."""
+        for service, request in (("reset", {}), ("enable", {"data": True})):
+            deadline = time.monotonic() + PATIENCE
+            while not (answer := self.driver.service(service, **request))[0]:
+                assert time.monotonic() < deadline, answer
+                time.sleep(0.1)
+        self.expect("running")
+        before = len(self.listener.raw["joint_states"])
+        time.sleep(1.0)
+        moved = [message.position[0] for message in self.listener.messages("joint_states")[before:]]
+        assert max(moved) - min(moved) > 2e-3
+
+    def trips(self) -> list[tuple[str, str]]:
+        """Cause and action of every trip that was said."""
+        found = []
+        for message in self.listener.messages("/diagnostics"):
+            for status in message.status:
+                values = {item.key: item.value for item in status.values}
+                if status.name.endswith(f"{self.node}: interlock"):
+                    found.append((values["cause"], values["action"]))
+        return found
+
+
+@pytest.mark.parametrize("link", ["plant", "bridge"])
+def test_fault_of_a_sensor_and_of_the_command_end_as_configured_and_are_over_after_reset(
+    ros_domain, tmp_path, link
+) -> None:
+    node = NODE[link]
+    with (
+        table(link, tmp_path) as (parameters, emulator),
+        Listener(("joint_states", "/diagnostics"), lockstep=False, domain_id=ros_domain) as listener,
+        Driver(domain_id=ros_domain, node=node) as driver,
+        Driver(domain_id=ros_domain, node="faults") as between,
+    ):
+        for one in (driver, between):
+            one.node.destroy_publisher(one.publisher)
+        nodes = [
+            NodeSpec(node, parameters),
+            NodeSpec("reference_generator", {"reference": "sine_20mm_2hz"}),
+            NodeSpec("observer"),
+            NodeSpec("controller", remaps={"valve_command": "healthy/valve_command"}),
+            NodeSpec("faults", {"topics": "valve_command"}),
+        ]
+        scene = Scene(node, listener, driver)
+        with Graph(nodes, domain_id=ros_domain, lockstep=False) as graph:
+            graph.wait_until_ready()
+            scene.go()
+
+            assert between.set_parameter("valve_command.nan", 1.0)[0]
+            scene.expect("safe hold")
+            assert ("command_not_finite", "program_hold") in scene.trips()
+            assert between.set_parameter("valve_command.nan", 0.0)[0]
+            scene.go()
+
+            if emulator is None:
+                assert driver.set_parameter("faults.position_off", True)[0]
+            else:
+                assert emulator.stdin is not None
+                print("position_off", file=emulator.stdin, flush=True)
+            status = scene.expect("hydraulic interlock")
+            assert status["stage"] == "off"
+            assert ("sensor_missing", "hydraulic_interlock") in scene.trips()
+            if emulator is None:
+                assert driver.set_parameter("faults.position_off", False)[0]
+            else:
+                print("position_off off", file=emulator.stdin, flush=True)
+            scene.go()
+            graph.stop()
+
+
+def test_plant_in_lockstep_refuses_a_sensor_that_says_nothing(ros_domain) -> None:
+    arguments = ["--ros-args", "-p", "lockstep:=true", "-p", "faults.position_off:=true"]
+    with (
+        ros_context([], domain_id=ros_domain) as context,
+        pytest.raises(ShakeError, match=r"faults.position_off: in lock-step the loop would wait for ever"),
+    ):
+        build_node(build_plant, "plant", context, arguments)
+
+
+@pytest.mark.parametrize(
+    ("topics", "reason"),
+    [("", "name at least one"), ("imu thd", "unknown sampled topic 'thd'"), ("imu imu", "'imu' is named twice")],
+)
+def test_topics_that_cannot_pass_are_refused(topics, reason) -> None:
+    with pytest.raises(ShakeError, match=reason):
+        parse_topics(topics)
+
+
+def test_node_between_is_refused_in_lockstep(ros_domain) -> None:
+    with (
+        ros_context([], domain_id=ros_domain) as context,
+        pytest.raises(ShakeError, match="real time only"),
+    ):
+        build_node(build, "faults", context, ["--ros-args", "-p", "lockstep:=true"])
