@@ -24,11 +24,12 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test" / "scripts"), str(ROOT / "benchmark
 
 from fault_cases import BRIDGE, PLANT, Case, cases  # noqa: E402
 from fault_links import Link, Operator, be_quick  # noqa: E402
-from fault_session import HEAD, TRAVEL, Row, Session, short_earthquake  # noqa: E402
+from fault_session import FOLLOWED, HEAD, TRAVEL, Row, Session, short_earthquake  # noqa: E402
 from listener import Listener  # noqa: E402
 from tqdm import tqdm  # noqa: E402
 
 from shake_ros.ros.interface import DIAGNOSTICS  # noqa: E402
+from shake_ros.settings import config_folder  # noqa: E402
 
 EARTHQUAKES = {"earthquake_rock": 11.0, "earthquake_stiff_soil": 11.0, "earthquake_soft_soil": 11.0}  # length [s]
 TOPICS = ("truth", "reference", DIAGNOSTICS.name)
@@ -42,36 +43,32 @@ def campaign(kind: str, chosen: list[Case], domain: int, priority: int) -> list[
         path, length, fastest = short_earthquake(Path(folder))
         for through in (False, True):
             some = [case for case in chosen if (case.kind == "message") == through]
-            if some:
-                rows += in_one_graph(Link(kind, path, through, domain, priority), some, domain, length, fastest, bar)
+            while some:
+                link = Link(kind, path, through, domain, priority)
+                rows += in_one_graph(link, some, domain, length, fastest, bar)
+                some = [case for case in some if all(row.case is not case for row in rows)]
     bar.close()
     return rows
 
 
 def in_one_graph(link: Link, some: list[Case], domain: int, length: float, fastest: float, bar: tqdm) -> list[Row]:
-    """Faults one after the other; each recovery is judged by the motion before the next fault."""
+    """Faults one after the other, until one does not recover; each recovery is judged by the motion that follows it."""
     rows: list[Row] = []
     with Listener(TOPICS, lockstep=False, domain_id=domain) as listener, Operator(domain) as operator, link:
         be_quick(5)
         session = Session(link, listener, operator, length, fastest)
-        why = session.recover()
-        if why:
-            raise RuntimeError(f"not enabled: {why}")
-        for case in some:
-            followed, row = session.run(case)
-            if rows and not rows[-1].recovered:
-                rows[-1].recovered = followed
-            elif not rows and followed != "yes":
-                print(f"before {case.name}: {followed}")
-            rows.append(row)
-            print(row.line() if sys.stderr.isatty() else f"{link.kind}: {row.line()}", flush=True)
+        session.recover()
+        for case in [*some, None]:
+            followed = session.lead()
+            if rows:
+                rows[-1].recovered = rows[-1].recovered or followed
+                print(f"{link.kind}: {rows[-1].line()}", flush=True)
+            if followed not in FOLLOWED or case is None:
+                break
+            rows.append(session.run(case))
             bar.update()
-            if dead := link.dead():
-                raise RuntimeError(f"after {case.name}: {', '.join(dead)} ended\n{link.graph.output(dead[0])[-2000:]}")
-        session.play()
-        time.sleep(fastest)
-        if not rows[-1].recovered:
-            rows[-1].recovered = session.follows()
+    if not rows:
+        raise RuntimeError(f"does not run before {some[0].name}: {followed}; {session.why}")
     return rows
 
 
@@ -109,7 +106,7 @@ def summary(kind: str, rows: list[Row]) -> list[str]:
     """What holds of all the rows of a link."""
     judged = [row for row in rows if not row.case.note]
     missed = [row.case.name for row in judged if row.verdict()]
-    stays = [row.case.name for row in rows if row.recovered != "yes"]
+    stays = [row.case.name for row in rows if row.recovered not in FOLLOWED]
     return [
         f"{kind}: {len(rows)} faults; detected, further travel <= {1e3 * TRAVEL:g} mm, at rest, no end stop: "
         f"{len(judged) - len(missed)} of {len(judged)}" + (f"; not: {', '.join(missed)}" if missed else ""),
@@ -127,7 +124,9 @@ def main() -> int:
     parser.add_argument("--save", action="store_true", help="write benchmarks/faults.txt")
     given = parser.parse_args()
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    lines = [f"load average at the start {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores"]
+    os.environ.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(config_folder() / "fastdds_udp.xml"))
+    lines = [Path(os.environ["FASTDDS_DEFAULT_PROFILES_FILE"]).name]
+    lines += [f"load average at the start {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores"]
     for kind in given.link:
         if given.normal:
             lines += normal(kind, given.normal, given.domain, given.priority)

@@ -31,7 +31,6 @@ from rclpy.utilities import remove_ros_args
 from shake_ros import realtime
 from shake_ros.core.quantities import ShakeError
 from shake_ros.ros.frame import Behaviour, Frame
-from shake_ros.ros.participant import ANY_NUMBER, VARIABLE, choose, domain_of
 from shake_ros.settings import config_folder
 
 TIMEOUT = 0.1  # an idle executor looks for a stop this often [s]
@@ -187,21 +186,17 @@ def _wrong_arguments(arguments: Sequence[str], error: RuntimeError) -> ShakeErro
 
 
 @contextmanager
-def ros_context(
-    arguments: Sequence[str] | None = None, domain_id: int | None = None, alone: bool = False
-) -> Iterator[Context]:
+def ros_context(arguments: Sequence[str] | None = None, domain_id: int | None = None) -> Iterator[Context]:
     """An initialised rclpy context of our own, with no signal handlers of rclpy.
 
     Nodes are discovered and listen on this machine alone, unless the environment opens the range (msg_docs/network.md).
-    Fast DDS gets the profiles of config/, unless the environment names others. The only context of a process (`alone`)
-    takes a number of its own in the domain, so that it is heard at once even where it follows one that was killed.
+    Fast DDS gets the profiles of config/, unless the environment names others.
     """
     local = os.environ.setdefault(DISCOVERY_RANGE, "LOCALHOST") in ("LOCALHOST", "OFF")
     profiles = config_folder() / ("fastdds.xml" if local else "fastdds_network.xml")
     if profiles.is_file():
         os.environ.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(profiles))
     context = Context()
-    os.environ[VARIABLE] = str(choose(domain_of(domain_id)) if alone else ANY_NUMBER)
     try:
         rclpy.init(
             args=None if arguments is None else list(arguments),
@@ -233,7 +228,7 @@ def main(build: Build, name: str, arguments: Sequence[str]) -> int:
         raise _wrong_arguments(arguments, error) from None
     if foreign:
         raise ShakeError(f"'{foreign[0]}' is no ROS argument; parameters go behind --ros-args -p name:=value")
-    with ros_context(list(arguments), alone=True) as context:
+    with ros_context(list(arguments)) as context:
         loop = Loop(context)
         with stopped_by_signals(loop):
             try:

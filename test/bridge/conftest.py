@@ -25,7 +25,7 @@ class Pair:
     """Host and emulator over loopback sockets; the emulator's time goes on by `step` alone."""
 
     def __init__(self, faults: tuple[str, ...] = (), key: bytes = KEY) -> None:
-        self.time = 0
+        self.time = self.stepped = 0
         content = dict(read_yaml(find("emulator", "default"))) | {"port": 0}
         unit = PowerUnitParameters.from_mapping(content.pop("power_unit"), "unit")
         own = EmulatorParameters.from_mapping(content, "emulator")
@@ -47,9 +47,11 @@ class Pair:
         return Host("127.0.0.1", port, "127.0.0.1", self.key, self.clock)
 
     def step(self, u: float | None = None, mode: int = RUN, flags: int = 0) -> wire.Measurement | None:
-        """One period: the target measures, the host takes it and answers with a command, unless that is None."""
+        """One period, and those by which `time` went on besides: measured, taken, and answered unless `u` is None."""
         self.time += 1
-        self.emulator.step(self.time * MS, 1)
+        steps = self.time - self.stepped
+        self.stepped = self.time
+        self.emulator.step(self.time * MS, steps)
         came = self.host.receive(0.0)
         if came is not None:
             self.newest = came[0]

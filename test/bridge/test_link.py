@@ -159,6 +159,20 @@ def test_target_takes_the_pressure_off_where_the_valve_does_not_follow(make_pair
     assert stage(pair.run(2, -0.2)[-1]) == OFF
 
 
+def test_output_card_takes_the_valve_to_null_where_the_target_stands_still(make_pair) -> None:
+    pair = make_pair()
+    pair.start()
+    pair.run(100, 0.3)
+    machine = pair.emulator.machine
+    before, speed = machine.measure().truth_position, machine.measure().truth_velocity
+    pair.time += 499
+    pair.step(None)
+    travel = machine.measure().truth_position - before
+    assert 0.0 < travel < 0.01 * speed + 1e-3  # 5 ms at speed and the closing of the valve, not half a second
+    pair.step(None)
+    assert pair.emulator.interlock.tripped
+
+
 @pytest.mark.parametrize("text", ["melted", "position_bias", "silent=1", "deaf@x", "position_bias=nan", ""])
 def test_fault_that_is_none_is_refused(text) -> None:
     with pytest.raises(ShakeError, match="fault"):

@@ -8,11 +8,21 @@ from contextlib import contextmanager
 from shake_ros.ros.loop import build_node, ros_context
 from shake_ros.ros.plant_node import Plant, build
 
+HEAVY = {"lockstep": "true", "body.specimen_mass": "3000.0"}
+REAL_TIME = {
+    "lockstep": "false",
+    "interlock": "bergamo",
+    "interlock.low_pressure_time": "0.0",
+    "interlock.high_pressure_time": "0.0",
+    "interlock.span_time": "0.0",
+}
+MS = 1_000_000
+
 
 @contextmanager
-def plant(table: str, domain: int) -> Iterator[Plant]:
-    """The node with a specimen so heavy that it empties a chamber when the valve shuts at speed."""
-    values = {"lockstep": "true", "table": table, "enabled": "true", "body.specimen_mass": "3000.0"}
+def plant(table: str, domain: int, changes: dict[str, str] = HEAVY) -> Iterator[Plant]:
+    """The node; by default with a specimen so heavy that it empties a chamber when the valve shuts at speed."""
+    values = {"table": table, "enabled": "true", **changes}
     arguments = ["--ros-args"]
     for name, value in values.items():
         arguments += ["-p", f"{name}:={value}"]
@@ -47,3 +57,33 @@ def test_diagnostics_find_nothing_where_a_void_opens_instead(ros_domain) -> None
     with plant("bergamo_cavitation", ros_domain) as node:
         shut_at_full_speed(node)
         assert pressures(node) == "as oil can have them"
+
+
+def test_reference_that_has_stopped_holds_the_program(ros_domain) -> None:
+    with plant("bergamo", ros_domain, REAL_TIME) as node:
+        lock = node._interlock.lock
+        node._interlock.observe(1000 * MS, 0.0, 0.0, 200e5)
+        assert lock.leading is None  # none has come yet
+        node._interlock._on_reference(1000 * MS, 0.0, 0.0, 0.0)
+        for k in range(1000, 1060):
+            node._interlock.observe(k * MS, 1e-5 * (k % 2), 0.01 * (k % 2), 200e5)
+        assert lock.leading is not None
+        assert (lock.leading.cause, lock.leading.action) == ("stale_reference", "program_hold")
+        limit = lock.parameters.response("stale_reference").threshold
+        assert lock.leading.time == 1001 * MS + round(limit * 1e9)
+
+
+def test_after_a_pause_each_sample_is_judged_by_its_own_time(ros_domain) -> None:
+    with plant("bergamo", ros_domain, REAL_TIME) as node:
+        start = 1000 * MS
+        node.tick(start, 1)
+        for k in range(1, 200):
+            node._interlock.lock.command(start + (k - 1) * MS, 0.02)
+            node.tick(start + k * MS, 1)
+        last = start + 198 * MS
+        node.tick(last + 501 * MS, 500)
+        trips = {trip.cause: trip.time for trip in node._interlock.lock.trips}
+        limits = {name: node._interlock.lock.parameters.response(name).threshold for name in trips}
+        for name in ("stale_command", "command_lost"):
+            assert trips[name] == last + round(limits[name] * 1e9) + MS
+        assert node._machine.samples == 699
