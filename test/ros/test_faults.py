@@ -37,7 +37,7 @@ def interlock(name: str, folder: Path) -> str:
     for cause, response in content["causes"].items():
         if cause not in WATCHED:
             response |= {"action": "none", "latch": False}
-    content["causes"]["sensor_missing"]["threshold"] = 0.3
+    content["causes"]["sensor_missing"]["threshold"] = 1.5
     path = folder / f"{name}.yaml"
     path.write_text(yaml.safe_dump(content))
     return str(path)
@@ -46,12 +46,12 @@ def interlock(name: str, folder: Path) -> str:
 @contextmanager
 def table(link: str, folder: Path) -> Iterator[tuple[dict[str, Any], subprocess.Popen[str] | None]]:
     """Parameters of the table's node, and the emulator's process where there is one."""
-    parameters: dict[str, Any] = {"interlock": interlock("bergamo", folder), "enabled": False}
+    parameters: dict[str, Any] = {"interlock": interlock("bergamo", folder), "enabled": False, "realtime.enabled": True}
     if link == "plant":
         yield parameters, None
         return
     command = [sys.executable, "-m", "shake_ros", "target_emulator", "--port", "0"]
-    command += ["--interlock", interlock("target", folder)]
+    command += ["--interlock", interlock("target", folder), "--priority", "50"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as emulator:
         assert emulator.stdout is not None
         port = emulator.stdout.readline().strip().rpartition(":")[2]
