@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from shake_ros.ros.interface import DIAGNOSTICS
+from shake_ros.ros.whole_run import WholeRun
 
 LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 OK, WARN, ERROR = range(3)
@@ -62,13 +63,14 @@ class Diagnostics:
     until `clear`.
     """
 
-    def __init__(self, node: Node, name: str, lockstep: bool) -> None:
+    def __init__(self, node: Node, name: str, lockstep: bool, period: int) -> None:
         self.condition: Callable[[], tuple[int, str]] = lambda: (OK, "running")
         self.inputs: dict[str, Input] = {}
         self.values: dict[str, Callable[[], object]] = {}
         self.cycles = 0
         self.missed = 0
         self.latest = 0
+        self.whole_run = WholeRun(period)
         self.latencies = array("q", bytes(8 * WINDOW))
         self._latency_count = 0
         self._faults: dict[str, str] = {}
@@ -83,6 +85,7 @@ class Diagnostics:
         """Note one latency [ns]."""
         self.latencies[self._latency_count % WINDOW] = nanoseconds
         self._latency_count += 1
+        self.whole_run.latency(nanoseconds)
 
     def lateness(self, nanoseconds: int) -> None:
         """Note how late a tick came [ns]; the worst since the last report is shown."""

@@ -203,7 +203,7 @@ class Frame:
         self.realtime = self.parameters.declare(realtime, "realtime.").value
         self.lockstep = self.loop.lockstep
         self.period = round(SECOND / self.loop.rate)
-        self.diagnostics = Diagnostics(self.node, name, self.lockstep)
+        self.diagnostics = Diagnostics(self.node, name, self.lockstep, self.period)
         self.stopping = False
         self.stop_loop: Callable[[], None] = lambda: None
         self._readers = parse_wait_for(self.loop.wait_for)

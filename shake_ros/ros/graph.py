@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -27,7 +28,7 @@ from rclpy.node import Node
 from shake_ros.__main__ import NODES
 from shake_ros.core.quantities import unknown_name
 from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, REFERENCE, TOPICS
-from shake_ros.ros.loop import Loop, build_node, ros_context
+from shake_ros.ros.loop import Loop, build_node, ros_context, stopped_by_signals
 
 PR_SET_PDEATHSIG = 1
 POLL = 0.02  # [s]
@@ -278,8 +279,12 @@ def run_composed(
     namespace: str = NAMESPACE,
     domain_id: int | None = None,
     lockstep: bool = True,
+    until_signal: bool = False,
 ) -> None:
-    """Run all nodes in this thread until the plant stops; the same result as separate processes in lock-step."""
+    """Run all nodes in this thread until the plant stops; the same result as separate processes in lock-step.
+
+    With `until_signal` SIGINT and SIGTERM end it as orderly (in the main thread only).
+    """
     graph = Graph(nodes, namespace=namespace, domain_id=domain_id, lockstep=lockstep)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     with ros_context([], domain_id=domain_id) as context:
@@ -289,6 +294,7 @@ def run_composed(
                 build = importlib.import_module(NODES[node.executable].module).build
                 arguments = node.arguments(namespace, graph.extra(node))
                 loop.add(build_node(build, node.executable, context, arguments))
-            loop.run()
+            with stopped_by_signals(loop) if until_signal else nullcontext():
+                loop.run()
         finally:
             loop.close()

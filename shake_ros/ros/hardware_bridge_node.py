@@ -60,7 +60,7 @@ class HardwareBridge:
         self._late = round(LATE * self._link.parameters.period * 1e9)
         self._interlock = NodeInterlock(frame, own.interlock, own.enabled, self._before_reset)
         self._lock = self._interlock.lock
-        self._heard = self._answered = self._reset_until = 0
+        self._heard = self._answered = self._reset_until = self._published = 0
         self._confirmed = OFF
         self._delays: array[int] = array("q")
         present = [name for name in UNITS if self._link.parameters.channels[name].present]
@@ -108,7 +108,12 @@ class HardwareBridge:
                 writer.send(sample.stamp, value)
             if name == "position":
                 self._delays.append(self.frame.now() - sample.arrival)
-        self.frame.diagnostics.cycles += 1
+        diagnostics = self.frame.diagnostics
+        diagnostics.whole_run.sampled()
+        diagnostics.cycles += 1
+        if self._published:
+            diagnostics.missed += max(0, round((sample.stamp - self._published) / self.frame.period) - 1)
+        self._published = sample.stamp
 
     def _watch(self, now: int, sample: Sample) -> None:
         lock, values = self._lock, sample.values

@@ -157,6 +157,9 @@ class Loop:
         for behaviour in self.behaviours:
             try:
                 behaviour.finish()
+                if not behaviour.frame.lockstep:
+                    for line in behaviour.frame.diagnostics.whole_run.lines():
+                        behaviour.frame.node.get_logger().info(line)
             finally:
                 self.executor.remove_node(behaviour.frame.node)
                 behaviour.frame.close()

@@ -97,6 +97,7 @@ class Plant:
 
     def tick(self, stamp: int, steps: int) -> None:
         """One or, when late, several periods under the newest command; then the next measurement."""
+        self.frame.diagnostics.whole_run.sampled()
         arrived = self._commands.take()
         newest = self._commands.input.last_stamp
         if arrived:
