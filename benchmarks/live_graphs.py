@@ -28,6 +28,7 @@ from shake_ros.ros.interface import DIAGNOSTICS  # noqa: E402
 from shake_ros.settings import config_folder  # noqa: E402
 
 PRIORITY = 80
+GRACE = 60.0  # a composed graph may take so long to end [s]
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ class Composed:
 
     def __init__(self, name: str, bridge: str, domain: int) -> None:
         self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (closed with the object)
-        command = [sys.executable, __file__, name, bridge, str(domain)]
+        command = [sys.executable, "-X", "faulthandler", __file__, name, bridge, str(domain)]
         self.processes = {"composed": subprocess.Popen(command, stdout=self._log, stderr=self._log, cwd=ROOT)}
 
     def __enter__(self) -> Composed:
@@ -130,9 +131,15 @@ class Composed:
 
     def stop(self) -> None:
         """SIGINT, and its end."""
-        self.processes["composed"].send_signal(signal.SIGINT)
-        if self.processes["composed"].wait(20.0) != 0:
-            raise RuntimeError(self.output("")[-2000:])
+        process = self.processes["composed"]
+        process.send_signal(signal.SIGINT)
+        try:
+            code = process.wait(GRACE)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGABRT)  # says where it is
+            code = process.wait(GRACE)
+        if code != 0:
+            raise RuntimeError(self.output("")[-4000:])
 
 
 class Reports:

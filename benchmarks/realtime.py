@@ -61,23 +61,24 @@ def processor_time(process: int) -> float:
     return (int(fields[11]) + int(fields[12])) / CLOCK_TICKS
 
 
-def begin(case: Case, running: Graph | Composed, reports: Reports, domain: int) -> None:
-    """Return when the table moves; at the bridge it is enabled for that, after a reset where it needs one."""
+def start(case: Case, reports: Reports, driver: Driver | None) -> None:
+    """At the bridge: enable what does not run, after a reset; the plant of the simulation starts by itself."""
+    message = reports.message.get(case.table, "")
+    if driver and "controller" in reports.message and not message.startswith(("running", "starting")):
+        driver.service("reset")
+        driver.service("enable", data=True)
+
+
+def begin(case: Case, running: Graph | Composed, reports: Reports, driver: Driver | None) -> None:
+    """Return when the table moves."""
     deadline = time.monotonic() + STARTING
-    with ExitStack() as stack:
-        driver = stack.enter_context(Driver(domain_id=domain, node=case.table)) if case.bridge else None
-        if driver:
-            driver.node.destroy_publisher(driver.publisher)
-        while not reports.message.get(case.table, "").startswith("running"):
-            running.check()
-            if time.monotonic() > deadline:
-                raise RuntimeError(f"does not run: {reports.message.get(case.table)}")
-            waits = not reports.message.get(case.table, "").startswith("starting")
-            if driver and waits and "controller" in reports.message:
-                driver.service("reset")
-                driver.service("enable", data=True)
-            time.sleep(0.5)
-            reports.look()
+    while not reports.message.get(case.table, "").startswith("running"):
+        running.check()
+        if time.monotonic() > deadline:
+            raise RuntimeError(f"does not run: {reports.message.get(case.table)}")
+        start(case, reports, driver)
+        time.sleep(0.5)
+        reports.look()
 
 
 def distribution(text: str, node: str, what: str) -> dict[str, float]:
@@ -105,23 +106,31 @@ def measure(name: str, seconds: float, domain: int) -> dict[str, Any]:
                 graph.program = (sys.executable, str(ROOT / "benchmarks" / "usual_pattern.py"))
             running = stack.enter_context(graph)
         reports = Reports(listener)
-        begin(case, running, reports, domain)
+        driver = stack.enter_context(Driver(domain_id=domain, node=case.table)) if case.bridge else None
+        if driver:
+            driver.node.destroy_publisher(driver.publisher)
+        begin(case, running, reports, driver)
         time.sleep(SETTLING)
         reports.look()
         reports.forget()
         processes = {one: process.pid for one, process in running.processes.items()}
         if target:
             processes["target_emulator"] = target.process.pid
-        found = watch(name, seconds, running, processes, reports)
+        found = watch(name, seconds, running, processes, reports, driver)
         running.stop()
         text = "".join(running.output(one) for one in running.processes)
         return found | figures(case, reports, text, target)
 
 
 def watch(
-    name: str, seconds: float, running: Graph | Composed, processes: dict[str, int], reports: Reports
+    name: str,
+    seconds: float,
+    running: Graph | Composed,
+    processes: dict[str, int],
+    reports: Reports,
+    driver: Driver | None,
 ) -> dict[str, Any]:
-    """Processor, memory and load over the run."""
+    """Processor, memory and load over the run; what has tripped is started again."""
     spent = {one: processor_time(process) for one, process in processes.items()}
     memory: dict[str, list[float]] = {one: [] for one in processes}
     load, held = [], 0
@@ -136,6 +145,7 @@ def watch(
             reports.look()
             table = CASES[name].table
             held += not reports.message[table].startswith("running")
+            start(CASES[name], reports, driver)
             bar.update(round(time.monotonic() - started) - bar.n)
     elapsed = time.monotonic() - started
     warm = round(min(60.0, 0.2 * seconds))
@@ -150,6 +160,7 @@ def watch(
             for one, row in memory.items()
         },
         "memory": {one: row[-1] for one, row in memory.items()},
+        "memory_each_minute": {one: [round(value, 2) for value in row[::60]] for one, row in memory.items()},
     }
 
 

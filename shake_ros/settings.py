@@ -16,10 +16,28 @@ from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
 from shake_ros.core.safety.causes import InterlockParameters
 
 P = TypeVar("P", bound=Parameters)
+LARGEST_DOCUMENT = 1_000_000  # nodes
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """A YAML loader that refuses a key given twice and reads 1e5 as a number."""
+    """A YAML loader that refuses a key given twice, and what its aliases blow up; reads 1e5 as a number."""
+
+    def get_single_node(self) -> yaml.Node | None:
+        """The document, unless it is larger than LARGEST_DOCUMENT with every alias written out."""
+        node: yaml.Node | None = super().get_single_node()
+        if node is not None and _written_out(node, {}) > LARGEST_DOCUMENT:
+            raise yaml.composer.ComposerError(None, None, "aliases blow it up", node.start_mark)
+        return node
+
+
+def _written_out(node: yaml.Node, known: dict[int, int]) -> int:
+    """How many nodes there are below one, each alias counted as what it stands for; too many where it holds itself."""
+    if id(node) not in known:
+        known[id(node)] = sys.maxsize
+        parts = [] if isinstance(node, yaml.ScalarNode) else node.value
+        inner = [one for part in parts for one in (part if isinstance(part, tuple) else (part,))]
+        known[id(node)] = 1 + sum(_written_out(one, known) for one in inner)
+    return known[id(node)]
 
 
 def _strict_mapping(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
@@ -37,6 +55,9 @@ def _strict_mapping(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, 
 def _number(loader: _StrictLoader, node: yaml.ScalarNode) -> float:
     return float(loader.construct_scalar(node).replace("_", ""))
 
+
+# what PyYAML's own constructors let through, say of `!!int ''` or `!!timestamp x`
+_CARELESS = (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError)
 
 _StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _strict_mapping)
 _StrictLoader.add_constructor("!float", _number)
@@ -68,7 +89,7 @@ def read_yaml(path: Path) -> Any:
         raise ShakeError(f"{path}: is not UTF-8 text") from None
     try:
         return yaml.load(text, Loader=_StrictLoader)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except (yaml.YAMLError, *_CARELESS) as error:
         line = " ".join(str(error).split())
         raise ShakeError(f"{path}: not valid YAML: {line[:300]}") from None
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
+import reprlib
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any, TypeVar
@@ -30,6 +32,29 @@ class UnknownName(ShakeError):
 
 
 MOST_NAMED = 30  # names that an error lists
+LONGEST_SHOWN = 80  # characters of a foreign value in an error
+LARGEST = sys.float_info.max
+_BRIEF = reprlib.Repr()
+_BRIEF.maxstring = _BRIEF.maxother = _BRIEF.maxlong = LONGEST_SHOWN
+
+
+def shown(value: object) -> str:
+    """A foreign value on one line of an error: short, whatever it is.
+
+    >>> shown("a" * 200)[:5], len(shown("a" * 200)), shown([[[["deep"]]]])
+    ("'aaaa", 80, "[[[['deep']]]]")
+    """
+    try:
+        return _BRIEF.repr(value)
+    except ValueError:  # an integer of more digits than Python prints
+        return f"a {type(value).__name__} too large to print"
+
+
+def _brief(name: object) -> str:
+    """A name as it stands where it is short and printable, else cut."""
+    text = str(name) if isinstance(name, str | float) or name is None else shown(name).strip("'")
+    text = "".join(c if c.isprintable() else "?" for c in text)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[: LONGEST_SHOWN - 3]}..."
 
 
 def unknown_name(kind: str, name: object, known: Iterable[str], where: str = "") -> UnknownName:
@@ -39,7 +64,8 @@ def unknown_name(kind: str, name: object, known: Iterable[str], where: str = "")
     unknown effect 'soft_zon' (did you mean 'soft_zone'?); known: dead_volume, soft_zone
     """
     names = sorted(known)
-    wanted = str(name).rpartition(".")[2]
+    brief = _brief(name)
+    wanted = brief.rpartition(".")[2]
     near = sorted(names, key=lambda n: -difflib.SequenceMatcher(None, wanted, n.rpartition(".")[2]).ratio())[
         :MOST_NAMED
     ]
@@ -47,7 +73,7 @@ def unknown_name(kind: str, name: object, known: Iterable[str], where: str = "")
     hint = next((f" (did you mean '{n}'?)" for n in near if close and n.rpartition(".")[2] == close[0]), "")
     place = f"{where}: " if where else ""
     listed = ", ".join(names) if len(names) <= MOST_NAMED else f"{', '.join(near)} and {len(names) - MOST_NAMED} more"
-    return UnknownName(f"{place}unknown {kind} '{name}'{hint}; known: {listed}")
+    return UnknownName(f"{place}unknown {kind} '{brief}'{hint}; known: {listed}")
 
 
 def quantity(
@@ -90,23 +116,23 @@ def check(name: str, value: Any, metadata: Mapping[str, Any], kind: type) -> Any
     if kind is str:
         names = metadata.get("names", ())
         if not isinstance(value, str):
-            raise OutOfBounds(f"{name} = {value!r} is not a text")
+            raise OutOfBounds(f"{name} = {shown(value)} is not a text")
         if names and value not in names:
             raise unknown_name(name, value, names)
         return value
     if kind is bool:
         if not isinstance(value, bool):
-            raise OutOfBounds(f"{name} = {value!r} is not true or false")
+            raise OutOfBounds(f"{name} = {shown(value)} is not true or false")
         return value
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise OutOfBounds(f"{name} = {value!r} is not a finite number")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not -LARGEST <= value <= LARGEST:
+        raise OutOfBounds(f"{name} = {shown(value)} is not a finite number")
     low, high = metadata.get("low", -math.inf), metadata.get("high", math.inf)
     if not low <= value <= high:
         unit = metadata.get("unit", "-")
         suffix = "" if unit in ("", "-") else f" {unit}"
         raise OutOfBounds(f"{name} = {value:g} is outside {low:g} … {high:g}{suffix}")
     if kind is int and float(value) != int(value):
-        raise OutOfBounds(f"{name} = {value!r} is not a whole number")
+        raise OutOfBounds(f"{name} = {shown(value)} is not a whole number")
     return kind(value)
 
 

@@ -48,6 +48,7 @@ class Plant:
         self._ticked = False
         self._started = 0.0
         self._late_commands = 0
+        self._heard = 0  # when a command came between two ticks, as the executor of composed nodes delivers it [ns]
         self._interlock = NodeInterlock(frame, own.interlock, own.enabled)
         self._lock = self._interlock.lock
         self._live = frame.parameters.declare(load_table(own.table), accept=self._accept)
@@ -98,7 +99,8 @@ class Plant:
     def tick(self, stamp: int, steps: int) -> None:
         """One or, when late, several periods under the newest command; then the next measurement."""
         self.frame.diagnostics.whole_run.sampled()
-        arrived = self._commands.take()
+        arrived = self._commands.take() or self._heard
+        self._heard = 0
         newest = self._commands.input.last_stamp
         if arrived:
             self.frame.diagnostics.latency(arrived - newest)
@@ -163,6 +165,7 @@ class Plant:
 
     def _on_command(self, stamp: int, u: float) -> None:
         if not self.frame.lockstep:
+            self._heard = self.frame.now()
             self._lock.command(stamp, u)
         elif stamp == self._stamp:
             self._lock.command(stamp, u)

@@ -8,17 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
-from shake_ros.core.plant.hydraulics import chamber_pressure
-from shake_ros.core.plant.integration import (
-    OUTPUTS,
-    acceleration_now,
-    advance_sample,
-    outputs,
-)
+from shake_ros.core.plant.integration import OUTPUTS
 from shake_ros.core.plant.parameters import TableParameters, records
 from shake_ros.core.plant.sensors import SensorNoise
 from shake_ros.core.plant.simulation import TOLERANCE, initial_state
-from shake_ros.core.plant.states import BASE, BASE_RATE, POSITION, PRESSURE_A, PRESSURE_B, STATES, VELOCITY
+from shake_ros.core.plant.states import BASE, BASE_RATE, POSITION, STATES, VELOCITY
+from shake_ros.core.plant.stepping import advance_one, observe_one, pressures_of_one
 from shake_ros.core.quantities import ShakeError
 
 
@@ -56,7 +51,7 @@ class Table:
         self.sample_time = sample_time
         self.tolerance = tolerance
         self._vector = parameters.vector()
-        self._record = records(self._vector)[0]
+        self._records = records(self._vector).view(np.ndarray)  # shape (1,)
         self._noise = SensorNoise(parameters.sensors, seed)
         delay = parameters.value("effects.command_delay.delay") / sample_time
         self._whole, self._fraction = math.floor(delay), delay - math.floor(delay)
@@ -66,7 +61,7 @@ class Table:
 
     def set_supply_pressure(self, pressure: float) -> None:
         """From the next sample on, the power unit delivers `pressure` [Pa] (it starts, stops or fails)."""
-        self._record["supply_supply_pressure"] = pressure
+        self._records["supply_supply_pressure"] = pressure
 
     def initial_state(self, position: float = 0.0) -> np.ndarray:
         """State at rest at `position` [m], valve at null."""
@@ -74,8 +69,7 @@ class Table:
 
     def measure(self, state: np.ndarray, k: int) -> Measurement:
         """Sensors at sample k and the truth behind them; noise depends on the seed and k alone."""
-        acceleration = acceleration_now(self._record, state, self._work[STAGE])
-        outputs(self._record, state, acceleration, self._row)
+        acceleration = observe_one(self._records, state, self._work[STAGE], self._row)
         position, _, measured, p_a, p_b, p_s, _ = self._row.tolist()
         read = self._noise.read(k, position, measured, p_a, p_b, p_s)
         truth = float(state[POSITION] + state[BASE]), float(state[VELOCITY] + state[BASE_RATE]), float(acceleration)
@@ -83,8 +77,8 @@ class Table:
 
     def pressures(self, state: np.ndarray) -> tuple[float, float]:
         """True P_A, P_B of a state [Pa]: those that act, where a void has opened not those of the liquid."""
-        p = self._record
-        return float(chamber_pressure(p, state[PRESSURE_A])), float(chamber_pressure(p, state[PRESSURE_B]))
+        pressure_a, pressure_b = pressures_of_one(self._records, state)
+        return float(pressure_a), float(pressure_b)
 
     def advance(self, state: np.ndarray, u: float, force: float = 0.0) -> np.ndarray:
         """The state one sample later under the held command u and an external force [N].
@@ -99,8 +93,8 @@ class Table:
         past = y[STATES:]
         past[1:] = past[:-1].copy()
         past[0] = min(max(u, -1.0), 1.0)
-        advance_sample(
-            self._record,
+        advance_one(
+            self._records,
             y,
             past[self._whole + 1],
             past[self._whole],
@@ -108,7 +102,6 @@ class Table:
             force,
             self.sample_time,
             self._work,
-            False,
             self.tolerance,
         )
         if not math.isfinite(y[VELOCITY]) or not math.isfinite(y[POSITION]):
