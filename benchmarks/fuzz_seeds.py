@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import random
 import struct
 import sys
@@ -68,7 +69,10 @@ def accelerograms() -> list[Files]:
     cosmos = "Corrected acceleration   (Format v01.20 with 13 text lines)\n" + "text\n" * 12
     cosmos += " 100 Integer-header values follow on   10 lines, Format= (10I8)\n" + ("       4" * 10 + "\n") * 10
     cosmos += " 100 Real-header values follow on  17 lines, Format= (6F13.6)\n"
-    cosmos += "".join("".join("     5.000000" for _ in range(min(6, 100 - i))) + "\n" for i in range(0, 100, 6))
+    cosmos += "".join(
+        "".join(f"{5.0 if k == 61 else -999.0:13.6f}" for k in range(i, min(i + 6, 100))) + "\n"
+        for i in range(0, 100, 6)
+    )
     cosmos += '   1 Comment line(s) follow, each starting with a "|":\n| nothing\n'
     cosmos += "      24  acceleration pts, approx 0 secs, units=cm/sec2(04), Format= (8f10.4)\n"
     texts = (
@@ -185,6 +189,7 @@ def mutated_bytes(data: bytes, chance: random.Random, others: list[bytes]) -> by
     return bytes(content)
 
 
+@functools.cache
 def bombs() -> list[Files]:
     """Files whose content is thousands of times their size."""
     zeros = zstandard.ZstdCompressor().compress(bytes(ZEROS))
