@@ -120,7 +120,7 @@ def load_variant(kind: str, name: str, family: Mapping[str, type[P]]) -> tuple[s
     if not isinstance(content, dict) or "kind" not in content:
         raise ShakeError(f"{path}: missing key 'kind' (one of {', '.join(sorted(family))})")
     chosen = content.pop("kind")
-    if chosen not in family:
+    if not isinstance(chosen, str) or chosen not in family:
         raise unknown_name(kind, chosen, family, str(path))
     return chosen, family[chosen].from_mapping(content, str(path))
 

@@ -17,10 +17,18 @@ from dataclasses import MISSING, dataclass
 from typing import Any, TypeVar
 
 P = TypeVar("P", bound="Parameters")
+LONGEST_LINE = 1500  # characters of an error
 
 
 class ShakeError(ValueError):
-    """Wrong input from outside: one line that names what and where. A command that meets it exits with 2."""
+    """Wrong input from outside: one line that names what and where. A command that meets it exits with 2.
+
+    Line ends and what else cannot be printed become blanks, whatever a file has brought into the text.
+    """
+
+    def __init__(self, text: object = "") -> None:
+        line = "".join(c if c.isprintable() else " " for c in str(text))
+        super().__init__(line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 4]} ...")
 
 
 class OutOfBounds(ShakeError):

@@ -35,7 +35,7 @@ def load_reference(name: str) -> Reference:
     if "shaping" not in content:
         raise ShakeError(f"{path}: missing key 'shaping'")
     kind, shaping = content.pop("kind"), content.pop("shaping")
-    if kind not in REFERENCES:
+    if not isinstance(kind, str) or kind not in REFERENCES:
         raise unknown_name("reference", kind, REFERENCES, str(path))
     parameters = REFERENCES[kind].from_mapping(content, str(path))
     return Reference(kind, parameters, Shaping.from_mapping(shaping, f"{path}: shaping"))

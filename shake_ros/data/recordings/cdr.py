@@ -161,7 +161,8 @@ def columns(
     values = np.full((len(messages), width), np.nan)
     by_size: dict[int, list[int]] = {}
     for i, message in enumerate(messages):
-        by_size.setdefault(len(message), []).append(i)
+        if message:
+            by_size.setdefault(len(message), []).append(i)
     for size, members in by_size.items():
         rows = np.array(members)
         block = np.frombuffer(b"".join([messages[i] for i in members]), dtype=np.uint8).reshape(-1, size)

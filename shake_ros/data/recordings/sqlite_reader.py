@@ -12,6 +12,7 @@ from urllib.parse import quote
 from shake_ros.data.recordings.mcap_reader import Channel, Damage, Schema
 
 MAGIC = b"SQLite format 3\0"
+UNSIGNED = 2**64 - 1  # a time before 1970 takes the form that it has in an .mcap file
 
 
 class SqliteFile:
@@ -86,7 +87,7 @@ class SqliteFile:
             )
             for number, received, data in rows:
                 if isinstance(data, bytes) and isinstance(received, int):
-                    yield chosen[number], received, data
+                    yield chosen[number], received & UNSIGNED, data
                 else:
                     self._damage(f"{self.path.name}: a row of '{chosen[number].topic}' is not a message")
         except (sqlite3.Error, OverflowError) as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import sqlite3
 import warnings
 from pathlib import Path
 
@@ -100,3 +101,45 @@ def test_mutated_messages_in_a_sound_file_are_counted_not_trusted(tmp_path):
     recording = read_table_recording(tmp_path / "run")
     kinds = {finding.kind for finding in recording.findings}
     assert {"undecodable", "gap"} <= kinds
+
+
+def sqlite_recording(folder: Path) -> Path:
+    """A small recording of another writer; the path of its file."""
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        for name in ("valve_command", "joint_states"):
+            topic = writer.add_connection(f"/t/{name}", JOINT_STATE, typestore=STORE)
+            for k in range(20):
+                writer.write(topic, 10**9 + k * 10**6, joint_state(10**9 + k * 10**6, {"table": 0.01 * k}))
+    return folder / f"{folder.name}.db3"
+
+
+def test_a_message_without_a_byte_is_counted_as_undecodable(tmp_path):
+    from shake_ros.data.recordings import BagWriter
+
+    with BagWriter(tmp_path / "run") as writer:
+        for name in ("valve_command", "joint_states"):
+            number = writer.add_topic(f"/t/{name}", JOINT_STATE)
+            for k in range(20):
+                stamp = 10**9 + k * 10**6
+                writer.write(number, stamp, b"" if k == 7 else joint_state(stamp, {"table": 0.01 * k}))
+    recording = read_table_recording(tmp_path / "run")
+    assert len(recording) == 19
+    assert [finding.kind for finding in recording.findings].count("undecodable") == 2
+
+
+def test_a_time_of_receipt_before_1970_is_read(tmp_path):
+    file = sqlite_recording(tmp_path / "run")
+    connection = sqlite3.connect(file)
+    connection.execute("UPDATE messages SET timestamp = -1564475391 WHERE id = 3")
+    connection.commit()
+    connection.close()
+    assert read_or_refuse(file.parent) == "read"
+
+
+def test_a_type_with_a_line_end_in_it_is_refused_on_one_line(tmp_path):
+    file = sqlite_recording(tmp_path / "run")
+    connection = sqlite3.connect(file)
+    connection.execute("UPDATE topics SET type = 'a\nb' WHERE name = '/t/joint_states'")
+    connection.commit()
+    connection.close()
+    assert read_or_refuse(file.parent) == "refused"
