@@ -35,6 +35,7 @@ STILL = 0.003  # a table slower than this has come to rest [m/s]
 END_STOP = 0.130  # [m] of table bergamo
 SECOND = 1_000_000_000
 RESTARTING = 45.0  # patience with a node that is started again [s]
+RECENT = 200  # messages on /diagnostics that are looked at
 BEFORE = 10_000_000  # of a fault, that is still looked at [ns]
 
 
@@ -150,7 +151,11 @@ class Session:
             return f"no motion seen ({len(truth)}, {len(reference)})"
         wanted = np.interp(truth[:, 0], reference[:, 0], reference[:, 1])
         error = float(np.abs(truth[:, 1] - wanted).max())
-        return "yes" if error < TOLERANCE and np.ptp(truth[:, 1]) > 0.01 else f"{1e3 * error:.0f} mm off"
+        if error < TOLERANCE and np.ptp(truth[:, 1]) > 0.01:
+            return FOLLOWED[0]
+        last = len(self.listener.raw[DIAGNOSTICS.name]) - RECENT
+        tripped = [one["cause"] for one in self.statuses(": interlock", since - 5 * SECOND, max(last, 0))]
+        return f"{1e3 * error:.0f} mm off after {', '.join(tripped) or 'no trip'}"
 
     def inject(self, case: Case) -> int:
         """The fault comes; when [ns]."""
