@@ -31,7 +31,7 @@ import hidden_tables as hidden  # noqa: E402
 from shake_ros.cli.fitting import all_candidates, declared_parameters  # noqa: E402
 from shake_ros.core.discovery.candidates import Candidate  # noqa: E402
 from shake_ros.core.discovery.closing import close_loop  # noqa: E402
-from shake_ros.core.discovery.search import Policy  # noqa: E402
+from shake_ros.core.discovery.judging import Policy  # noqa: E402
 from shake_ros.core.identification.recordings import Record  # noqa: E402
 from shake_ros.data.results import close_loop_json  # noqa: E402
 from shake_ros.settings import load_table  # noqa: E402

@@ -22,7 +22,8 @@ from shake_ros.cli import close_loop as close_loop_command
 from shake_ros.cli import fitting
 from shake_ros.core.discovery import closing
 from shake_ros.core.discovery.closing import ClosedLoop
-from shake_ros.core.discovery.search import Policy, Search, search
+from shake_ros.core.discovery.judging import Policy
+from shake_ros.core.discovery.search import Search, search
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem

@@ -11,7 +11,7 @@ from shake_ros.cli.declared import MODELS
 from shake_ros.cli.progress import Bar
 from shake_ros.cli.tracking import tracking
 from shake_ros.core.discovery.closing import ClosedLoop, close_loop
-from shake_ros.core.discovery.search import Policy
+from shake_ros.core.discovery.judging import Policy
 from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.recordings import Record

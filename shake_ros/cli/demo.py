@@ -20,8 +20,8 @@ from shake_ros.cli import fitting
 from shake_ros.cli.measured_runs import ALL, fit_runs, read_problem
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.closing import ClosedLoop, close_loop
+from shake_ros.core.discovery.judging import Policy
 from shake_ros.core.discovery.measured_runs import MeasuredRuns
-from shake_ros.core.discovery.search import Policy
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name

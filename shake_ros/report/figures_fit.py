@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import welch
 
-from shake_ros.core.discovery.search import Attempt
+from shake_ros.core.discovery.judging import Attempt
 from shake_ros.core.effects.unlisted import NODES
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import Declared

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.discovery.candidates import Candidate
+from shake_ros.core.discovery.judging import Policy
 from shake_ros.core.discovery.remaining import Remaining, remaining
-from shake_ros.core.discovery.search import CONVERGED, Policy, Search, mean_square, search
+from shake_ros.core.discovery.search import CONVERGED, Search, mean_square, search
 from shake_ros.core.identification.axis_model import AXIS, InverseDynamics
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import Declared, FreeParameter, FreeParameters
@@ -142,11 +143,10 @@ def close_loop(
     problem, held = RecordingProblem(learn, model), RecordingProblem(hold, model)
     explore = RecordingProblem(windows(learn, FIRST_LOOK), model)
     declared = fit_declared(problem, explore, FreeParameters(table, free), progress)
-    baseline = fitted_model(declared, problem, held)
     explore_held = RecordingProblem(windows(hold, FIRST_LOOK), model)
     found = search(problem, held, declared, pool, policy, progress, explore, explore_held)
     progress("errors and what remains", 0.9)
-    last = fitted_model(found.final, problem, held)
+    baseline, last = fitted_model(found.declared, problem, held), fitted_model(found.final, problem, held)
     gone = tuple(f"effects.{effect}." for effect in found.removed)
     models = []
     for step in found.steps:

@@ -8,14 +8,13 @@ earlier effects are tried for removal.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.special import stdtrit
 
 from shake_ros.core.discovery.candidates import Candidate
+from shake_ros.core.discovery.judging import Attempt, Policy, pays, told_apart
 from shake_ros.core.discovery.screening import Screened, screen
 from shake_ros.core.discovery.unlisted import Unnamed, best_unlisted
 from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
@@ -25,70 +24,6 @@ from shake_ros.core.identification.recordings import RecordingProblem
 Progress = Callable[[str, float], None]
 CONVERGED = 1e-6  # relative change of cost and parameters at which the chosen fit stops
 PARTS = (0.25, 1.0, 2.5)  # multiples of a trial from which a refit may start
-
-
-@dataclass(frozen=True)
-class Policy:
-    """How hard the search looks and what it takes for an improvement.
-
-    refits : most candidates refitted per step. evaluations : most trial points of a first refit.
-    polished : most candidates refitted further. final_evaluations : most trial points of such a refit.
-    converging : most trial points of the chosen one. least_learned : fall of the fitted recordings' cost below which an
-    effect is not added, however much it helps those held out. clear : fall of the held-out cost from which its spread
-    over blocks of time is not asked for.
-    worth_polishing : ratio to the best score up to which a candidate is refitted further.
-    least_gain : fall of the held-out cost below which an effect is not added. margin : relative difference of
-    held-out cost within which two effects count as not told apart. most_effects : stop after that many.
-    rival : ratio to the best score up to which a candidate is converged as well, and is not told apart where the
-    fitted and the held-out recordings prefer different ones.
-    chance : probability with which a smaller fall, somewhere among all candidates tried, may be chance.
-    significant : standard errors by which held-out costs must differ to tell effects within `rival` apart.
-    least_screened : predicted gain below which a candidate is not refitted.
-    at_noise : ratio to the cost that the noise alone leaves, up to which nothing more is looked for.
-    clearly_above, weak, far_less : a function without a name is estimated where the held-out cost is more than
-    `clearly_above` times that of the noise and a listed effect leaves more than the part `weak` of it; it is taken
-    where it leaves less than the part `far_less` of what the listed effect leaves.
-    """
-
-    refits: int = 9
-    evaluations: int = 5
-    polished: int = 4
-    final_evaluations: int = 25
-    worth_polishing: float = 3.0
-    converging: int = 60
-    least_gain: float = 0.03
-    least_learned: float = 0.003
-    clear: float = 0.3
-    chance: float = 0.03
-    margin: float = 0.03
-    rival: float = 1.3
-    significant: float = 3.0
-    most_effects: int = 3
-    least_screened: float = 0.003
-    at_noise: float = 1.05
-    clearly_above: float = 2.0
-    weak: float = 0.35
-    far_less: float = 0.5
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """A candidate refitted together with all free parameters. Costs are mean squares of weighted residuals.
-
-    blocks : held-out cost of each block of time, shape (b,); empty where it was not asked for.
-    """
-
-    candidate: Candidate
-    fit: Fit
-    learn: float
-    hold: float
-    screened_gain: float
-    blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
-
-    @property
-    def score(self) -> float:
-        """Geometric mean of the two costs: small where both the fitted and the unseen recordings agree."""
-        return math.sqrt(self.learn * self.hold)
 
 
 @dataclass(frozen=True)
@@ -207,62 +142,6 @@ def on_problem(problem: Problem, result: Fit) -> Fit:
     return Fit(result.free, result.x, r, j, 0.5 * float(r @ r), len(result.x) + 1)
 
 
-def told_apart(best: Attempt, other: Attempt, policy: Policy, noise: float = 0.0) -> bool:
-    """Whether the recordings decide between the best attempt and another one.
-
-    They do not where the scores are all but equal, nor where they are near each other and either the fitted recordings
-    speak for one of the two, those held out for the other, or the difference varies so much from block to block of the
-    held-out recordings that it may be chance, or it is smaller than what the better of the two leaves unexplained above
-    the noise: whatever makes that may make the difference as well.
-
-    Parameters
-    ----------
-    noise : held-out cost that the sensor noise alone leaves [-]
-    """
-    if other.score <= (1.0 + policy.margin) * best.score:
-        return False
-    if other.score > policy.rival * best.score:
-        return True
-    if other.learn <= best.learn or other.hold <= best.hold or other.hold - best.hold < best.hold - noise:
-        return False
-    return significance(best, other) > policy.significant
-
-
-def significance(best: Attempt, other: Attempt) -> float:
-    """Mean over its standard error of the difference between two held-out costs, block by block; inf without blocks."""
-    if len(best.blocks) < 2 or len(best.blocks) != len(other.blocks):
-        return math.inf
-    difference = other.blocks - best.blocks
-    return float(np.mean(difference) / max(np.std(difference, ddof=1) / math.sqrt(len(difference)), 1e-300))
-
-
-def beyond_chance(chance: float, tried: int, blocks: int) -> float:
-    """Standard errors that the best of so many candidates exceeds with no more than this probability by chance [-].
-
-    Bonferroni's bound on Student's distribution, since the standard error itself comes from a few blocks.
-
-    >>> round(beyond_chance(0.03, 1, 1000), 2), round(beyond_chance(0.03, 30, 25), 2)
-    (1.88, 3.47)
-    """
-    return float(-stdtrit(max(blocks - 1, 1), chance / max(tried, 1)))
-
-
-def pays(best: Attempt, learn: float, blocks: np.ndarray, hold: float, policy: Policy, tried: int = 1) -> bool:
-    """Whether an attempt is better than the model without it, beyond chance.
-
-    Parameters
-    ----------
-    learn, hold, blocks : costs of the model without it on the recordings to learn from and on those held out, the
-        latter block by block as well. tried : number of candidates of which this is the best.
-    """
-    if best.learn > (1.0 - policy.least_learned) * learn or best.hold > (1.0 - policy.least_gain) * hold:
-        return False
-    if best.hold <= (1.0 - policy.clear) * hold:
-        return True
-    without = Attempt(best.candidate, best.fit, learn, hold, 0.0, blocks)
-    return significance(best, without) > beyond_chance(policy.chance, tried, len(blocks))
-
-
 def unscreened_likes(attempts: Sequence[Attempt], pool: tuple[Candidate, ...]) -> list[Candidate]:
     """Candidates that the best attempt resembles and that screening has passed over."""
     tried = {a.candidate.effect for a in attempts}
@@ -278,8 +157,11 @@ def one_step(
     pool: tuple[Candidate, ...],
     policy: Policy,
     progress: Progress,
-) -> tuple[Step | None, tuple[Attempt, ...]]:
-    """Screen, refit, choose. Returns the step, or None where nothing pays, and the ranking."""
+) -> tuple[Step | None, tuple[Attempt, ...], Fit]:
+    """Screen, refit, choose. Returns the step, or None where nothing pays, the ranking, and the current fit.
+
+    The current fit comes back better where a richer model has shown that it had not converged.
+    """
     progress("screening", 0.0)
     first_look = on_problem(explore, current)
     both = Together(explore, explore_hold)
@@ -297,7 +179,7 @@ def one_step(
             attempts[i] = polish(problem, hold, tried, policy.final_evaluations)
     attempts.sort(key=lambda a: a.score)
     if not attempts:
-        return None, ()
+        return None, (), current
     for candidate in unscreened_likes(attempts, pool):
         own = [t for t in screened if t.candidate.effect == candidate.effect]
         if own:
@@ -312,11 +194,30 @@ def one_step(
     ]
     ranking = tuple(sorted((best, *rivals), key=lambda a: a.score))
     best = ranking[0]
-    learned, unseen = mean_square(current.residuals), held_out(hold, current)
-    if not pays(best, learned, held_out_blocks(hold, current), unseen, policy, len(pool)):
-        return None, ranking
+    if not worth(problem, hold, current, best, policy, len(pool)):
+        return None, ranking, current
+    progress("without it once more", 0.98)
+    current = settled(problem, current, best, policy)
+    if not worth(problem, hold, current, best, policy, len(pool)):
+        return None, ranking, current
     near = [a.candidate.effect for a in ranking[1:] if not told_apart(best, a, policy, hold.noise_cost())]
-    return Step(best, ranking, tuple(near), tuple(screened)), ranking
+    return Step(best, ranking, tuple(near), tuple(screened)), ranking, current
+
+
+def worth(problem: Problem, hold: RecordingProblem, current: Fit, best: Attempt, policy: Policy, tried: int) -> bool:
+    """Whether the best of the candidates tried is better than the current fit beyond chance."""
+    blocks, unseen = held_out_blocks(hold, current), held_out(hold, current)
+    return pays(best, mean_square(current.residuals), blocks, unseen, policy, tried)
+
+
+def settled(problem: Problem, current: Fit, best: Attempt, policy: Policy) -> Fit:
+    """The current fit, or a better one of the same model that starts where the richer model has led its parameters.
+
+    A fit that has stopped early would make any effect look useful whose refit merely goes on with the rest.
+    """
+    start = best.fit.x[: len(current.x)]
+    again = fit(problem, current.free, start, evaluations=policy.converging, tolerance=CONVERGED)
+    return again if again.cost < (1.0 - policy.least_learned) * current.cost else current
 
 
 def at_noise(problem: RecordingProblem, hold: RecordingProblem, current: Fit, policy: Policy) -> bool:
@@ -380,7 +281,12 @@ def search(
     ranking: tuple[Attempt, ...] = ()
     unnamed: Unnamed | None = None
     while len(steps) < policy.most_effects and left and not at_noise(problem, hold, current, policy):
-        step, ranking = one_step(problem, hold, explore, explore_hold or hold, current, left, policy, progress)
+        before = current
+        step, ranking, current = one_step(problem, hold, explore, explore_hold or hold, current, left, policy, progress)
+        if current is not before:
+            declared, steps = with_last(declared, steps, current, hold)
+            if step is None:
+                continue
         step, unnamed = or_unlisted(problem, hold, explore, current, step, ranking, policy, progress)
         if step is None:
             break
@@ -393,6 +299,16 @@ def search(
     progress("are all needed?", 0.0)
     kept, current, removed = prune(problem, hold, steps, current, policy)
     return Search(declared, tuple(kept), current, removed, ranking, unnamed)
+
+
+def with_last(declared: Fit, steps: list[Step], better: Fit, hold: RecordingProblem) -> tuple[Fit, list[Step]]:
+    """Declared fit and steps with a better fit of the last model among them."""
+    if not steps:
+        return better, steps
+    last = steps[-1]
+    costs = {"learn": mean_square(better.residuals), "hold": held_out(hold, better)}
+    chosen = replace(last.chosen, fit=better, blocks=held_out_blocks(hold, better), **costs)
+    return declared, [*steps[:-1], replace(last, chosen=chosen, ranking=(chosen, *last.ranking[1:]))]
 
 
 def without(problem: Problem, hold: Problem, current: Fit, dropped: Candidate, policy: Policy) -> tuple[Fit, float]:

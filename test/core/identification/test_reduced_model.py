@@ -7,7 +7,7 @@ import pytest
 
 from shake_ros.cli.declared import MODELS
 from shake_ros.core.discovery.closing import close_loop
-from shake_ros.core.discovery.search import Policy
+from shake_ros.core.discovery.judging import Policy
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.identification.reduced_model import REDUCED, first_table
 from shake_ros.core.plant.reduced import ReducedParameters
