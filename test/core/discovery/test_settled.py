@@ -1,4 +1,4 @@
-"""An effect is held against a fit that has converged: the model without it, from where the effect has led its values."""
+"""An effect is held against a converged fit: the model without it, from where the effect has led its values."""
 
 from __future__ import annotations
 
