@@ -105,6 +105,18 @@ class Loop:
         """Serve callbacks for at most `timeout` [s], or until `stop`."""
         self.executor.spin_until_future_complete(self._done, timeout_sec=timeout)
 
+    def attend(self, timeout: float) -> None:
+        """Serve callbacks between two ticks, for at most `timeout` [s]; at least one where one waits.
+
+        One callback a call: `spin_until_future_complete` of the published wheels keeps 32 bytes of every call, 2 MiB a
+        minute at 1 kHz.
+        """
+        end = time.monotonic() + timeout
+        while self._alive():
+            self.executor.spin_once(timeout_sec=max(0.0, end - time.monotonic()))
+            if time.monotonic() >= end:
+                return
+
     def _alive(self) -> bool:
         return not self.stopping and self.context.ok()
 
@@ -139,7 +151,7 @@ class Loop:
             deadline = first_deadline + count * period
             if count % attend == 0:
                 pause = deadline - time.monotonic_ns() - MARGIN
-                self.spin(max(0, pause) * 1e-9)
+                self.attend(max(0, pause) * 1e-9)
             sleep_until(deadline)
             late = time.monotonic_ns() - deadline
             skipped = max(0, late // period)

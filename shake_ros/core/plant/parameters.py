@@ -121,7 +121,7 @@ def section_from(section: str, content: Any, where: str) -> Parameters:
         if isinstance(content, Mapping) and "kind" in content:
             kind = content["kind"]
             content = {key: value for key, value in content.items() if key != "kind"}
-        if kind not in family:
+        if not isinstance(kind, str) or kind not in family:
             raise unknown_name(f"{section} kind", kind, family, where)
         cls = family[kind]
     return cls.from_mapping(content, where)
