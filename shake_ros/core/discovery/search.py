@@ -306,8 +306,8 @@ def with_last(declared: Fit, steps: list[Step], better: Fit, hold: RecordingProb
     if not steps:
         return better, steps
     last = steps[-1]
-    costs = {"learn": mean_square(better.residuals), "hold": held_out(hold, better)}
-    chosen = replace(last.chosen, fit=better, blocks=held_out_blocks(hold, better), **costs)
+    learn, unseen, blocks = mean_square(better.residuals), held_out(hold, better), held_out_blocks(hold, better)
+    chosen = replace(last.chosen, fit=better, learn=learn, hold=unseen, blocks=blocks)
     return declared, [*steps[:-1], replace(last, chosen=chosen, ranking=(chosen, *last.ranking[1:]))]
 
 
