@@ -58,10 +58,10 @@ def ask_for(wanted: RealtimeParameters) -> str:
     steps: dict[str, Callable[[], None]] = {}
     if wanted.lock_memory:
         steps["locked memory"] = _lock_memory
+    if wanted.priority:  # before the processor: there, others may have the priority already and leave no time
+        steps[f"SCHED_FIFO {wanted.priority}"] = lambda: _schedule(wanted.priority)
     if wanted.cpu != ANY:
         steps[f"processor {wanted.cpu}"] = lambda: _each_thread(lambda one: os.sched_setaffinity(one, {wanted.cpu}))
-    if wanted.priority:
-        steps[f"SCHED_FIFO {wanted.priority}"] = lambda: _schedule(wanted.priority)
     refused = []
     for name, step in steps.items():
         try:

@@ -31,7 +31,7 @@ PRIORITY, PROCESSOR = 42, min(os.sched_getaffinity(0))
 ASKED = {"realtime.enabled": True, "realtime.priority": PRIORITY, "realtime.cpu": PROCESSOR, "rate": 100.0}
 PR_CAPBSET_DROP, CAP_IPC_LOCK, CAP_SYS_NICE = 24, 14, 23
 PATIENCE = 40.0
-RUNAWAY = 2_000_000  # at SCHED_FIFO without ever waiting [us]
+RUNAWAY = 10_000_000  # at SCHED_FIFO without ever waiting [us]
 WARNING = (
     f"real time: runs without locked memory (Cannot allocate memory), SCHED_FIFO {PRIORITY} (Operation not permitted)"
 )
@@ -92,22 +92,23 @@ def locked_kilobytes(process: int) -> int:
     return next(int(line.split()[1]) for line in lines if line.startswith("VmLck:"))
 
 
+@pytest.mark.parametrize("names", [tuple(NODES)[i : i + 3] for i in range(0, len(NODES), 3)], ids="-".join)
 def test_every_node_has_the_priority_the_processor_and_the_locked_memory_that_it_asked_for(
-    ros_domain, allowed, not_endless, tmp_path
+    ros_domain, allowed, not_endless, tmp_path, names
 ) -> None:
     time_, zero = np.arange(50) * 0.01, np.zeros(50)
     bag = write_table_recording(tmp_path / "run", time=time_, valve_command=zero, position=np.sin(time_))
     own = {"player": {"input": str(bag), "loop": True}, "recorder": {"output": str(tmp_path / "bag")}}
-    nodes = [NodeSpec(name, {**ASKED, **own.get(name, {})}) for name in NODES]
+    nodes = [NodeSpec(name, {**ASKED, **own.get(name, {})}) for name in names]
     with (
         Listener(["/diagnostics"], lockstep=False, domain_id=ros_domain) as listener,
         Graph(nodes, domain_id=ros_domain, lockstep=False) as graph,
     ):
         deadline = time.monotonic() + PATIENCE
-        for name in NODES:
+        for name in names:
             while "realtime" not in (listener.status(name) or {}):
                 graph.check()
-                assert time.monotonic() < deadline, f"{name} says nothing of real time"
+                assert time.monotonic() < deadline, f"{name} says nothing of real time: {graph.output(name)}"
                 time.sleep(0.05)
         for name, process in graph.processes.items():
             for thread in threads(process.pid):
