@@ -118,8 +118,13 @@ class HardwareBridge:
     def _watch(self, now: int, sample: Sample) -> None:
         lock, values = self._lock, sample.values
         self._heard, self._confirmed = sample.arrival, sample.stage
-        self._interlock.observe(sample.stamp, values["position"], values["acceleration"], values["pressure_supply"])
-        lock.compare(now, "link_loss", self._link.loss(now))
+        self._interlock.observe(
+            sample.stamp,
+            values["position"],
+            values["acceleration"],
+            values["pressure_supply"],
+            self._link.loss(now),
+        )
         lock.compare(now, "clock_jump", self._link.jump())
         if now > self._reset_until:
             if sample.tripped:
@@ -140,7 +145,7 @@ class HardwareBridge:
                 self._interlock.foreign(now, f"command for {stamp * 1e-9:.6f} s, which no measurement bears")
                 return
             self.frame.diagnostics.latency(now - stamp)
-            self._lock.command(stamp, u)
+            self._interlock.command(stamp, u)
             self._answer(now, stamp)
 
     def _on_refused(self, stamp: int, reason: str) -> None:

@@ -18,6 +18,7 @@ from shake_ros.ros.diagnostics import ERROR, WARN
 from shake_ros.ros.frame import Frame, Reader
 from shake_ros.settings import load_interlock
 
+FILLED = 0.2  # of commands' flow, before the share that is lost says anything [s]
 NEAR = 3  # periods between a sample and the reference that it is compared with
 REFERENCED = ("tracking_error", "stale_reference")  # causes that read the reference
 NOT_FINITE = "command_not_finite"
@@ -48,6 +49,7 @@ class NodeInterlock:
         self.lock = Interlock(self._live.take(), enabled)
         self._announced = 0
         self._missed = LastSecond()
+        self._asked, self._answered = LastSecond(), LastSecond()
         self._clock_offset = time.time_ns() - time.monotonic_ns()
         self._open_services()
         frame.diagnostics.condition = self.condition
@@ -79,13 +81,34 @@ class NodeInterlock:
     def _on_reference(self, stamp: int, position: float, *_: float) -> None:
         self._reference, self._reference_stamp = position, stamp
 
-    def observe(self, stamp: int, position: float, acceleration: float, supply_pressure: float) -> None:
-        """One sample [ns], [m], [m/s²], [Pa], beside the reference of about that instant."""
+    def command(self, stamp: int, u: float) -> None:
+        """A finite command for the sample at `stamp` [ns]."""
+        self._answered.add(stamp, 1)
+        self.lock.command(stamp, u)
+
+    def observe(
+        self, stamp: int, position: float, acceleration: float, supply_pressure: float, loss: float = 0.0
+    ) -> None:
+        """One sample [ns], [m], [m/s²], [Pa], beside the reference of about that instant.
+
+        `loss` is the share of a second's samples that were lost on their way here.
+        """
         age = stamp - self._reference_stamp
         reference = self._reference if abs(age) <= NEAR * self.frame.period else math.nan
         self.lock.observe(stamp, position, acceleration, supply_pressure, reference)
         if self._reference_stamp >= 0 and self.lock.stage == RUN:
             self.lock.compare(stamp, "stale_reference", age * 1e-9)
+        if not self.frame.lockstep:
+            self.lock.compare(stamp, "link_loss", max(loss, self._unanswered(stamp)))
+
+    def _unanswered(self, stamp: int) -> float:
+        """Share of the last second's samples for which no command came; while none comes, that is a stale command."""
+        if self.lock.commanded:
+            self._asked.add(stamp, 1)
+        asked = self._asked.total(stamp)
+        if asked * self.frame.sample_time < FILLED:
+            return 0.0
+        return 1.0 - min(1.0, self._answered.total(stamp) / asked)
 
     def _open_services(self) -> None:
         for service, answer in (

@@ -166,7 +166,7 @@ class Plant:
     def _on_command(self, stamp: int, u: float) -> None:
         if not self.frame.lockstep:
             self._heard = self.frame.now()
-            self._lock.command(stamp, u)
+            self._interlock.command(stamp, u)
         elif stamp == self._stamp:
             self._lock.command(stamp, u)
             self._step()

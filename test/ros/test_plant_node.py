@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import pytest
+
 from shake_ros.ros.loop import build_node, ros_context
 from shake_ros.ros.plant_node import Plant, build
 
@@ -78,7 +80,7 @@ def test_after_a_pause_each_sample_is_judged_by_its_own_time(ros_domain) -> None
         start = 1000 * MS
         node.tick(start, 1)
         for k in range(1, 200):
-            node._interlock.lock.command(start + (k - 1) * MS, 0.02)
+            node._interlock.command(start + (k - 1) * MS, 0.02)
             node.tick(start + k * MS, 1)
         last = start + 198 * MS
         node.tick(last + 501 * MS, 500)
@@ -87,3 +89,20 @@ def test_after_a_pause_each_sample_is_judged_by_its_own_time(ros_domain) -> None
         for name in ("stale_command", "command_lost"):
             assert trips[name] == last + round(limits[name] * 1e9) + MS
         assert node._machine.samples == 699
+
+
+@pytest.mark.parametrize(("behind", "every", "share"), [(1, 2, 0.5), (1, 5, 0.2), (3, 1, 0.0)])
+def test_commands_that_get_lost_hold_the_program_and_late_ones_do_not(ros_domain, behind, every, share) -> None:
+    changes = {**REAL_TIME, "interlock.causes.link_loss.threshold": "0.3"}
+    with plant("bergamo", ros_domain, changes) as node:
+        start = 1000 * MS
+        for k in range(600):
+            node.tick(start + k * MS, 1)
+            if k >= behind and (k % every or every == 1):
+                node._interlock.command(start + (k - behind) * MS, 0.001)
+        trips = [trip for trip in node._interlock.lock.trips if trip.cause == "link_loss"]
+        assert bool(trips) == (share > 0.3)
+        if trips:
+            assert trips[0].action == "program_hold"
+            assert trips[0].value == pytest.approx(share, abs=0.02)
+            assert trips[0].time - start <= 220 * MS

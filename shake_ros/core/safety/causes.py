@@ -54,7 +54,7 @@ CAUSES: dict[str, Cause] = {
     "stale_reference": Cause("s", "age of the newest reference, once one has come", 10.0),
     "deadline_overruns": Cause("1/s", "periods missed within a second", 1e4),
     "clock_jump": Cause("s", "step of the clock against the monotonic one", 1e6),
-    "link_loss": Cause("-", "share of datagrams lost within a second", 1.0),
+    "link_loss": Cause("-", "share of samples or commands lost within a second", 1.0),
     "target_trip": Cause("-", "interlock of the target computer", 1.0),
     # what the sensors say, in the order of sensors.watch
     "position_soft": Cause("m", "distance from the middle", 10.0),

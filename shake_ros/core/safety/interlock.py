@@ -267,6 +267,11 @@ class Interlock:
         return self._last
 
     @property
+    def commanded(self) -> bool:
+        """Whether commands come: one has, and it is not stale."""
+        return self._stamp >= 0 and self._last - self._stamp <= self._first_age
+
+    @property
     def tripped(self) -> bool:
         """Whether a hydraulic interlock waits for reset."""
         return self.ledger.severity >= TRIPS

@@ -184,7 +184,7 @@ def test_tracking_error_holds_and_reset_lets_it_come_back() -> None:
     lock = running()
     lock.observe(10_000 * MS, 0.0, 0.0, SUPPLY, reference=0.05)
     lock.act(10_000 * MS)
-    assert lock.condition()[1] == "safe hold: tracking_error 0.05 beyond 0.02 m; waiting for reset"
+    assert lock.condition()[1] == "safe hold: tracking_error 0.05 beyond 0.01 m; waiting for reset"
     assert lock.stage == RUN
     assert lock.reset()[0]
     lock.observe(10_001 * MS, 0.0, 0.0, SUPPLY, reference=0.049)
