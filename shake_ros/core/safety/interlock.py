@@ -102,7 +102,10 @@ class Interlock:
     def observe(
         self, now: int, position: float, acceleration: float, supply_pressure: float, reference: float = math.nan
     ) -> None:
-        """Look at one sample: [m], [m/s²], [Pa]; the reference at that instant [m] where there is one."""
+        """Look at one sample: [m], [m/s²], [Pa]; the reference at that instant [m] where there is one.
+
+        It is compared with the position at full span only: in a hold and in a soft start the table is elsewhere.
+        """
         elapsed = (now - self._observed) / SECOND if self._observed >= 0 else 0.0
         self._observed, self._position = now, position
         p = self.parameters
@@ -123,7 +126,7 @@ class Interlock:
             p.valve_time,
             p.plausibility_bandwidth,
         )
-        distance = abs(position - reference)
+        distance = abs(position - reference) if self.gain == p.span else math.nan
         if count or self._active or distance > self._distance:
             self._judge(now, distance)
 
@@ -133,8 +136,7 @@ class Interlock:
             value, limit = float(self._values[place]), float(self._limits[place])
             stands = not value >= limit if CAUSES[name].below else value > limit
             self._update(name, now, value, stands)
-        if not math.isnan(distance):
-            self._update("tracking_error", now, distance, distance > self._distance)
+        self._update("tracking_error", now, distance, distance > self._distance)
 
     def report(self, now: int, cause: str, value: float, text: str = "", stands: bool = True) -> None:
         """A cause that others have seen; one that does not stand is an event, which only a latch keeps."""

@@ -13,8 +13,7 @@ HOLDS = SEVERITY[PROGRAM_HOLD]
 STOPS = SEVERITY[PROGRAM_STOP]
 TRIPS = SEVERITY[HYDRAULIC]
 # `reset` may leave these behind while they stand, else nothing could bring the table back
-ACKNOWLEDGED = ("position_soft", "position_hard", "tracking_error")
-ONE_WAY = ("position_soft", "position_hard")  # until they are gone, only commands towards the middle act
+ACKNOWLEDGED = ("position_soft", "position_hard")  # until they are gone, only commands towards the middle act
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ class Ledger:
 
     def one_way(self) -> bool:
         """Whether the table was reset beyond a limit of its position, and still is."""
-        return any(name in self.active and self.active[name].acknowledged for name in ONE_WAY)
+        return any(name in self.active and self.active[name].acknowledged for name in ACKNOWLEDGED)
 
     def leading(self) -> Standing | None:
         """What is in force: of the hardest causes the first; None where nothing is."""

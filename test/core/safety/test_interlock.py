@@ -132,7 +132,7 @@ def test_real_table_starts_through_its_stages_in_their_times_and_ramps_the_span(
     assert reached == {LOW: 0, HIGH: 2000, RUN: 3000}
     assert np.diff(gains).max() == pytest.approx(1e-3) and gains[-1] == 1.0
     lock.enable(False)
-    assert lock.act(5000 * MS) == pytest.approx(0.5 - 1.0 / 60.0)  # the motion ramps first
+    assert lock.act(5000 * MS) == pytest.approx(0.5 - 1.0 / 50.0)  # the motion ramps first
     stages = [RUN if lock.act(k * MS) else lock.stage for k in range(5001, 8000)]
     assert stages[0] == RUN and stages[150] == LOW and stages[-1] == OFF
 
@@ -181,16 +181,32 @@ def test_each_cause_of_the_sensors_trips_with_time_value_and_limit(cause) -> Non
 
 
 def test_tracking_error_holds_and_reset_lets_it_come_back() -> None:
-    lock = running()
+    lock = running(tracking_error={"action": "program_hold"})
     lock.observe(10_000 * MS, 0.0, 0.0, SUPPLY, reference=0.05)
     lock.act(10_000 * MS)
     assert lock.condition()[1] == "safe hold: tracking_error 0.05 beyond 0.01 m; waiting for reset"
     assert lock.stage == RUN
-    assert lock.reset()[0]
     lock.observe(10_001 * MS, 0.0, 0.0, SUPPLY, reference=0.049)
+    assert lock.reset()[0]
     lock.command(10_001 * MS, 0.2)
     lock.act(10_002 * MS)
     assert 0.0 < lock.act(10_003 * MS) < 0.2  # softly
+
+
+@pytest.mark.parametrize("back", [True, False])
+def test_tracking_error_is_watched_again_once_the_soft_start_is_over(back) -> None:
+    lock = running()
+    lock.report(10_000 * MS, "command_jump", 1.0, stands=False)
+    ended = 10_000 + round(1000 * lock.parameters.span_time)
+    for k in range(10_000, ended + 500):
+        if k == 10_200:
+            assert lock.reset()[0]
+        away = 0.05 if 10_000 < k < 10_900 or (k > 10_900 and not back) else 0.001
+        lock.observe(k * MS, 1e-5 * (-1) ** k, 0.01 * (-1) ** k, SUPPLY, reference=away)
+        lock.command(k * MS, 0.01)
+        lock.act(k * MS)
+    tripped = [trip.time for trip in lock.trips if trip.cause == "tracking_error"]
+    assert tripped == ([] if back else [(ended + 200) * MS])
 
 
 def test_command_lost_takes_the_pressure_off_and_needs_reset_and_enable() -> None:
