@@ -88,14 +88,15 @@ class Interlock:
 
     def command(self, stamp: int, u: float) -> None:
         """A new finite command u in [−1, 1] for the instant `stamp` [ns]; larger ones are clipped."""
+        seen = max(stamp, self._last)  # a delayed command is judged when it comes
         if self._active:
             for name in COMMAND_CAUSES:
                 self.clear(name)
         if abs(u) > self._range:
-            self.report(stamp, "command_range", abs(u))
+            self.report(seen, "command_range", abs(u))
         u = min(max(u, -1.0), 1.0)
         if self._stamp >= 0 and abs(u - self._command) > self._jump and self.stage == RUN:
-            self.report(stamp, "command_jump", abs(u - self._command))
+            self.report(seen, "command_jump", abs(u - self._command))
         self._stamp = stamp
         self._command = u
 

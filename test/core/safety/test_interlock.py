@@ -333,3 +333,11 @@ def test_same_inputs_give_the_same_answers() -> None:
 
     first = run()
     assert any(first) and first == run()
+
+
+def test_jump_of_a_delayed_command_is_said_for_when_it_came() -> None:
+    lock = running()
+    for k in range(10_000, 10_010):
+        lock.act(k * MS)
+    lock.command(10_001 * MS, 0.9)
+    assert [(trip.cause, trip.time) for trip in lock.trips] == [("command_jump", 10_009 * MS)]
