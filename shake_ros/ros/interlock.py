@@ -18,6 +18,7 @@ from shake_ros.ros.diagnostics import ERROR, WARN
 from shake_ros.ros.frame import Frame, Reader
 from shake_ros.settings import load_interlock
 
+LOOKING = 0.1  # from one look for a second commander to the next [s]
 FILLED = 0.2  # of commands' flow, before the share that is lost says anything [s]
 NEAR = 3  # periods between a sample and the reference that it is compared with
 REFERENCED = ("tracking_error", "stale_reference")  # causes that read the reference
@@ -48,6 +49,7 @@ class NodeInterlock:
         self._built = True
         self.lock = Interlock(self._live.take(), enabled)
         self._announced = 0
+        self._until_look = 0
         self._missed = LastSecond()
         self._asked, self._answered = LastSecond(), LastSecond()
         self._clock_offset = time.time_ns() - time.monotonic_ns()
@@ -119,7 +121,11 @@ class NodeInterlock:
             self.frame.node.create_service(service.type, service.name, answer)
 
     def refresh(self) -> None:
-        """Between two samples: take changed parameters, say what has tripped."""
+        """Between two samples: take changed parameters, look for a second commander, say what has tripped."""
+        self._until_look -= 1
+        if self._until_look < 0 and not self.frame.lockstep:
+            self._until_look = round(LOOKING / self.frame.sample_time)
+            self.look_for_two()
         if self._live.changed:
             self.lock.apply(self._live.take())
         if self.lock.ledger.trip_count != self._announced:

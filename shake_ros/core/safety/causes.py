@@ -126,6 +126,9 @@ class InterlockParameters(Parameters):
     high_pressure_time: float = quantity("s", "at high pressure before commands act", low=0.0, high=600.0)
     span: float = quantity("-", "master gain of the command", low=0.0, high=1.0, live=True)
     span_time: float = quantity("s", "from no to full span", low=0.0, high=600.0, live=True)
+    return_time: float = quantity(
+        "s", "at full span, until the table must have come to the reference", low=0.0, high=600.0, live=True
+    )
     ramp_time: float = quantity("s", "from the full command to zero in a hold", low=0.0, high=10.0, live=True)
     enable_after_reset: bool = quantity("", "an enabled table starts by itself after `reset`")
     velocity_time: float = quantity("s", "time constant of the speed watched", low=0.0, high=1.0)

@@ -53,6 +53,7 @@ class Interlock:
         self._observed = -1
         self._position = math.nan
         self._holding = False
+        self._away = 0.0  # at full span and not yet at the reference [s]; infinite once there
         self._memory = sensors.fresh_memory()
         self._values = np.zeros(len(SENSED))
         self._limits = np.zeros(len(SENSED))
@@ -105,7 +106,8 @@ class Interlock:
     ) -> None:
         """Look at one sample: [m], [m/s²], [Pa]; the reference at that instant [m] where there is one.
 
-        It is compared with the position at full span only: in a hold and in a soft start the table is elsewhere.
+        It is compared with the position once that has come to it, or has had `return_time` for it at full span: in a
+        hold and in a soft start the table is elsewhere.
         """
         elapsed = (now - self._observed) / SECOND if self._observed >= 0 else 0.0
         self._observed, self._position = now, position
@@ -127,9 +129,22 @@ class Interlock:
             p.valve_time,
             p.plausibility_bandwidth,
         )
-        distance = abs(position - reference) if self.gain == p.span else math.nan
+        distance = self._distance_from(reference, elapsed)
         if count or self._active or distance > self._distance:
             self._judge(now, distance)
+
+    def _distance_from(self, reference: float, elapsed: float) -> float:
+        """How far the table is from its reference [m]; NaN while it need not be there."""
+        if self.gain != self.parameters.span:
+            self._away = 0.0
+            return math.nan
+        distance = abs(self._position - reference)
+        if self._away <= self.parameters.return_time:
+            if distance > self._distance:
+                self._away += elapsed
+                return math.nan
+            self._away = math.inf
+        return distance
 
     def _judge(self, now: int, distance: float) -> None:
         """Which sensed causes stand, one by one."""

@@ -193,20 +193,25 @@ def test_tracking_error_holds_and_reset_lets_it_come_back() -> None:
     assert 0.0 < lock.act(10_003 * MS) < 0.2  # softly
 
 
-@pytest.mark.parametrize("back", [True, False])
-def test_tracking_error_is_watched_again_once_the_soft_start_is_over(back) -> None:
-    lock = running()
+@pytest.mark.parametrize(("back", "watched_after"), [(0.5, None), (3.0, None), (9.0, "return"), (-0.5, "back")])
+def test_tracking_error_is_watched_once_the_table_has_come_back_or_has_had_the_time(back, watched_after) -> None:
+    """Back so long after full span [s]; negative: only for a moment, so long before the end of `return_time`."""
+    lock = running(position_soft={"action": "none"})
+    p = lock.parameters
+    full = 10_200 + round(1000 * p.span_time)
+    over = full + round(1000 * p.return_time)
+    came = full + round(1000 * back) if back > 0.0 else over + round(1000 * back)
     lock.report(10_000 * MS, "command_jump", 1.0, stands=False)
-    ended = 10_000 + round(1000 * lock.parameters.span_time)
-    for k in range(10_000, ended + 500):
+    for k in range(10_000, over + 1000):
         if k == 10_200:
             assert lock.reset()[0]
-        away = 0.05 if 10_000 < k < 10_900 or (k > 10_900 and not back) else 0.001
-        lock.observe(k * MS, 1e-5 * (-1) ** k, 0.01 * (-1) ** k, SUPPLY, reference=away)
+        near = k == 10_000 or (k >= came if back > 0.0 else k == came)
+        lock.observe(k * MS, 1e-5 * (-1) ** k, 0.01 * (-1) ** k, SUPPLY, reference=0.001 if near else 0.05)
         lock.command(k * MS, 0.01)
         lock.act(k * MS)
-    tripped = [trip.time for trip in lock.trips if trip.cause == "tracking_error"]
-    assert tripped == ([] if back else [(ended + 200) * MS])
+    tripped = [trip.time / MS for trip in lock.trips if trip.cause == "tracking_error"]
+    expected = {None: [], "return": [over + 1], "back": [came + 1]}[watched_after]
+    assert tripped == pytest.approx(expected, abs=1.5)
 
 
 def test_command_lost_takes_the_pressure_off_and_needs_reset_and_enable() -> None:
