@@ -58,7 +58,7 @@ class Row:
         if self.case.note:
             return self.case.note
         wrong = []
-        if self.detected is None and self.farthest > 0.0:
+        if self.detected is None and self.farthest > 0.0 and not self.ended_orderly():
             wrong.append("NOT DETECTED")
         if self.travel > TRAVEL:
             wrong.append("travels too far")
@@ -68,9 +68,14 @@ class Row:
             wrong.append("does not rest")
         return ", ".join(wrong)
 
+    def ended_orderly(self) -> bool:
+        """Whether a node that was told to end has brought the table to rest itself, so that nothing had to trip."""
+        return self.case.kind == "restart" and self.rests and self.whole <= TRAVEL
+
     def line(self) -> str:
         """The row of the table."""
-        detected = "-" if self.detected is None else f"{1e3 * self.detected:.0f}"
+        none = "orderly" if self.ended_orderly() else "-"
+        detected = none if self.detected is None else f"{1e3 * self.detected:.0f}"
         return (
             f"{self.case.name:38}{detected:>8}  {self.trips:62}{1e3 * self.travel:7.1f}{1e3 * self.whole:7.1f}"
             f"{self.peak:7.1f}  {self.recovered:10} {self.verdict()}"

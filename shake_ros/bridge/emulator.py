@@ -153,6 +153,8 @@ class Emulator:
                 self.interlock.reset()
             self._reset = reset
             self.interlock.enable(command.mode > OFF, command.mode)
+            if command.flags & wire.AT_ONCE:
+                self.interlock.cut()
 
     def _tell(self, now: int, read: Measurement, u: float) -> None:
         lock = self.interlock

@@ -66,10 +66,11 @@ class TableLink:
         """Whether one of the latest samples bears this stamp."""
         return stamp in self._sequences
 
-    def send(self, u: float, stage: int, reset: bool, stamp: int = -1) -> None:
+    def send(self, u: float, stage: int, reset: bool, at_once: bool, stamp: int = -1) -> None:
         """A command as the answer to the sample of a stamp, of the newest where it is left out."""
         answers = self._sequences.get(stamp, self._newest)
-        self.host.send(answers, self.parameters.valve.raw(u), stage, wire.RESET if reset else 0)
+        flags = (wire.RESET if reset else 0) | (wire.AT_ONCE if at_once else 0)
+        self.host.send(answers, self.parameters.valve.raw(u), stage, flags)
 
     def loss(self, now: int) -> float:
         """Share of the samples of the last second that never came; call it once a sample."""

@@ -29,7 +29,7 @@ LAYOUTS = {kind: struct.Struct(HEADER.format + body.format[1:]) for kind, body i
 STAGE_MASK = 0x3
 HOLDING, TRIPPED, STALE = 0x4, 0x8, 0x10
 # flags of a command
-RESET = 0x1
+RESET, AT_ONCE = 0x1, 0x2
 
 
 class Rejected(Exception):

@@ -83,7 +83,7 @@ class HardwareBridge:
         self.frame.stopping = True
         if self._thread.ident is not None:
             self._thread.join()
-        self._link.send(0.0, OFF, False)
+        self._link.send(0.0, OFF, False, False)
         self._link.host.close()
 
     def _run(self) -> None:
@@ -135,7 +135,7 @@ class HardwareBridge:
     def _answer(self, now: int, stamp: int = -1) -> None:
         """What acts now goes to the target."""
         u = self._lock.act(now, min(self._confirmed, RUN))
-        self._link.send(u, self._lock.stage, now < self._reset_until, stamp)
+        self._link.send(u, self._lock.stage, now < self._reset_until, self._lock.tripped, stamp)
         self._answered = now
 
     def _on_command(self, stamp: int, u: float) -> None:

@@ -42,6 +42,22 @@ def test_target_goes_no_further_than_the_stage_that_is_asked_for(make_pair) -> N
     assert stage(pair.newest) == OFF
 
 
+def test_lower_stage_is_reached_by_a_ramp_unless_the_host_has_tripped(make_pair) -> None:
+    pair = make_pair()
+    pair.start()
+    pair.run(100, 0.2)
+    ramp = pair.run(200, 0.2, mode=OFF)
+    assert ramp[3].acting > 0.1 and stage(ramp[3]) == RUN and stage(ramp[-1]) == LOW
+    pair.start()
+    pair.run(1100, 0.0)
+    pair.run(100, 0.2)
+    cut = pair.run(200, 0.2, mode=OFF, flags=wire.AT_ONCE)
+    assert cut[0].acting == 0.2  # answers the sample before
+    assert {(one.acting, stage(one)) for one in cut[2:]} == {(0.0, OFF)}
+    assert not cut[-1].status & wire.TRIPPED
+    pair.start()
+
+
 def test_watchdog_ramps_the_valve_to_null_and_then_takes_the_pressure_off(make_pair) -> None:
     pair = make_pair()
     pair.start()

@@ -176,6 +176,11 @@ class Interlock:
         self.enabled = wanted
         self._ceiling = ceiling
 
+    def cut(self) -> None:
+        """Valve to null and pressure off at once; where that is not to last, the start sequence follows."""
+        self.stage = OFF
+        self._acting = self.gain = 0.0
+
     def stop(self, now: int) -> None:
         """The service `stop`."""
         self.report(now, "stop", 1.0, "stopped; waiting for reset", stands=False)
@@ -204,8 +209,7 @@ class Interlock:
     def _follow(self) -> None:
         """What the hardest action asks for at once."""
         if self.ledger.severity >= TRIPS:
-            self.stage = OFF
-            self._acting = self.gain = 0.0
+            self.cut()
         if self.ledger.severity >= STOPS and not self.parameters.enable_after_reset:
             self.enabled = False
 
