@@ -62,6 +62,7 @@ class HardwareBridge:
         self._lock = self._interlock.lock
         self._heard = self._answered = self._reset_until = self._published = 0
         self._confirmed = OFF
+        self._told = False  # that the host has tripped
         self._delays: array[int] = array("q")
         present = [name for name in UNITS if self._link.parameters.channels[name].present]
         self._writers = {name: frame.writer(TOPICS[name]) for name in present}
@@ -98,7 +99,7 @@ class HardwareBridge:
                 elif self._heard:
                     self._lock.compare(now, "sensor_missing", (now - self._heard) * 1e-9)
                 self._interlock.refresh()
-                if sample is None or now - self._answered > self._late:
+                if sample is None or now - self._answered > self._late or self._lock.tripped != self._told:
                     self._answer(now)
 
     def _publish(self, sample: Sample) -> None:
@@ -135,7 +136,8 @@ class HardwareBridge:
     def _answer(self, now: int, stamp: int = -1) -> None:
         """What acts now goes to the target."""
         u = self._lock.act(now, min(self._confirmed, RUN))
-        self._link.send(u, self._lock.stage, now < self._reset_until, self._lock.tripped, stamp)
+        self._told = self._lock.tripped
+        self._link.send(u, self._lock.stage, now < self._reset_until, self._told, stamp)
         self._answered = now
 
     def _on_command(self, stamp: int, u: float) -> None:
