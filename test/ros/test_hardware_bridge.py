@@ -22,7 +22,17 @@ from shake_ros.ros.loop import build_node, ros_context
 from shake_ros.settings import config_folder
 
 PATIENCE = 40.0
-RELAXED = ("sensor_missing", "link_loss", "tracking_error", "clock_jump", "command_lost", "target_trip")
+RELAXED = (
+    "sensor_missing",
+    "link_loss",
+    "tracking_error",
+    "clock_jump",
+    "command_lost",
+    "target_trip",
+    "valve_implausible",
+    "two_commanders",
+    "stale_reference",
+)
 
 
 @pytest.fixture
