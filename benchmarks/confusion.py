@@ -140,10 +140,10 @@ def place_of(effect: str) -> str | None:
 
 
 def answer(row: dict[str, Any]) -> str:
-    """First effect named; 'unlisted' where none but something remains, 'none' where nothing does."""
+    """First effect named; 'unlisted' where none but a place where something remains; else 'none'."""
     if row["named"]:
         return str(row["named"][0])
-    return "unlisted" if row["remaining"]["above_noise"] else NONE
+    return "unlisted" if row["remaining"]["place"] else NONE
 
 
 def group(row: dict[str, Any]) -> list[str]:

@@ -12,8 +12,9 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import Candidate
 from shake_ros.core.discovery.judging import Policy
+from shake_ros.core.discovery.refits import CONVERGED, mean_square
 from shake_ros.core.discovery.remaining import Remaining, remaining
-from shake_ros.core.discovery.search import CONVERGED, Search, mean_square, search
+from shake_ros.core.discovery.search import Search, search
 from shake_ros.core.identification.axis_model import AXIS, InverseDynamics
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import Declared, FreeParameter, FreeParameters

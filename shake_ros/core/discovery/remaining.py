@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import welch
 
-from shake_ros.core.discovery.search import Search, mean_square
+from shake_ros.core.discovery.refits import mean_square
+from shake_ros.core.discovery.search import Search
 from shake_ros.core.identification.recordings import RecordingProblem, low_pass
 
 ABOVE = 1.15  # ratio of residual to noise from which something remains

@@ -15,15 +15,23 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import Candidate
 from shake_ros.core.discovery.judging import Attempt, Policy, pays, told_apart
+from shake_ros.core.discovery.refits import (
+    CONVERGED,
+    attempt,
+    held_out,
+    held_out_blocks,
+    mean_square,
+    on_problem,
+    polish,
+    side_by_side,
+)
 from shake_ros.core.discovery.screening import Screened, screen
 from shake_ros.core.discovery.unlisted import Unnamed, best_unlisted
-from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
+from shake_ros.core.identification.fit import Fit, Problem, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import RecordingProblem
 
 Progress = Callable[[str, float], None]
-CONVERGED = 1e-6  # relative change of cost and parameters at which the chosen fit stops
-PARTS = (0.25, 1.0, 2.5)  # multiples of a trial from which a refit may start
 
 
 @dataclass(frozen=True)
@@ -52,23 +60,6 @@ class Search:
     unnamed: Unnamed | None = None
 
 
-def mean_square(residuals: np.ndarray) -> float:
-    """Mean square of weighted residuals."""
-    return float(residuals @ residuals) / len(residuals)
-
-
-def held_out(problem: Problem, result: Fit) -> float:
-    """Mean square of a fit on recordings it has not seen."""
-    return mean_square(np.nan_to_num(problem.residuals(result.free.vectors(result.x))[0], nan=1e6))
-
-
-def held_out_blocks(problem: RecordingProblem, result: Fit) -> np.ndarray:
-    """Mean square of a fit on recordings it has not seen, block of time by block of time, shape (b,)."""
-    r = np.nan_to_num(problem.residuals(result.free.vectors(result.x))[0], nan=1e6)
-    number = problem.blocks()
-    return np.asarray(np.bincount(number, r**2) / np.maximum(np.bincount(number), 1))
-
-
 class Together:
     """Two problems as one, the residuals of the first in front."""
 
@@ -86,60 +77,6 @@ def best_per_candidate(screened: Sequence[Screened]) -> list[Screened]:
     for s in screened:
         first.setdefault(s.candidate.effect, s)
     return list(first.values())
-
-
-def refit_start(problem: Problem, current: Fit, screened: Sequence[Screened]) -> tuple[Fit, np.ndarray]:
-    """Best of a batch of starts for one candidate: its trials × parts × (old | predicted) other parameters."""
-    candidate = screened[0].candidate
-    free = current.free.extended(candidate.free)
-    starts = []
-    for s in screened:
-        trial = dict(candidate.trials[s.trial])
-        strength = candidate.strength.name
-        signs = (-1.0, 1.0) if candidate.signed else (1.0,)
-        parts = {*(sign * p for p in PARTS for sign in signs), s.part}
-        for part in parts:
-            values = {**trial, strength: candidate.neutral + part * (trial[strength] - candidate.neutral)}
-            for others in (current.x, s.x):
-                x = free.x_of(values)
-                x[: len(current.x)] = others
-                starts.append(np.clip(x, free.low, free.high))
-    rows = np.array(starts)
-    costs = np.array([mean_square(r) for r in np.nan_to_num(problem.residuals(free.vectors(rows)), nan=1e3)])
-    return Fit(free, current.x, current.residuals, current.jacobian, current.cost, 0), rows[int(np.argmin(costs))]
-
-
-def attempt(
-    problem: Problem, hold: Problem, current: Fit, screened: Sequence[Screened], evaluations: int, tolerance: float
-) -> Attempt:
-    """Refit one candidate from its best start."""
-    shell, start = refit_start(problem, current, screened)
-    result = fit(problem, shell.free, start, evaluations=evaluations, tolerance=tolerance)
-    return Attempt(
-        screened[0].candidate, result, mean_square(result.residuals), held_out(hold, result), screened[0].gain
-    )
-
-
-def polish(
-    problem: Problem, hold: RecordingProblem, tried: Attempt, evaluations: int, tolerance: float = 1e-4
-) -> Attempt:
-    """Continue a refit towards convergence."""
-    result = fit(problem, tried.fit.free, tried.fit.x, evaluations=evaluations, tolerance=tolerance)
-    return Attempt(
-        tried.candidate,
-        result,
-        mean_square(result.residuals),
-        held_out(hold, result),
-        tried.screened_gain,
-        held_out_blocks(hold, result),
-    )
-
-
-def on_problem(problem: Problem, result: Fit) -> Fit:
-    """The same solution with the residuals and the Jacobian of another problem."""
-    r = problem.residuals(result.free.vectors(result.x))[0]
-    j = jacobian(problem, result.free, result.x, r)
-    return Fit(result.free, result.x, r, j, 0.5 * float(r @ r), len(result.x) + 1)
 
 
 def unscreened_likes(attempts: Sequence[Attempt], pool: tuple[Candidate, ...]) -> list[Candidate]:
@@ -167,32 +104,34 @@ def one_step(
     both = Together(explore, explore_hold)
     screened = screen(both, on_problem(both, current), pool, len(first_look.residuals))
     hopeful = [s for s in best_per_candidate(screened) if s.gain > policy.least_screened][: policy.refits]
+    own = {s.candidate.effect: [t for t in screened if t.candidate.effect == s.candidate.effect] for s in screened}
     attempts = []
-    for i, s in enumerate(hopeful):
-        progress(f"refit with {s.candidate.effect}", 0.1 + 0.5 * i / len(hopeful))
-        own = [t for t in screened if t.candidate.effect == s.candidate.effect]
-        attempts.append(attempt(explore, hold, first_look, own, policy.evaluations, 1e-2))
-    attempts.sort(key=lambda a: a.score)
-    for i, tried in enumerate(attempts[: policy.polished]):
-        progress(f"polish {tried.candidate.effect}", 0.6 + 0.4 * i / policy.polished)
-        if i == 0 or tried.score < policy.worth_polishing * attempts[0].score:
-            attempts[i] = polish(problem, hold, tried, policy.final_evaluations)
-    attempts.sort(key=lambda a: a.score)
-    if not attempts:
+    names = [s.candidate.effect for s in hopeful]
+    if not names:
         return None, (), current
+    progress(f"refit with {names[0]}", 0.1)
+    for tried in side_by_side(lambda n: attempt(explore, hold, first_look, own[n], policy.evaluations, 1e-2), names):
+        attempts.append(tried)
+        progress(f"refitted with {tried.candidate.effect}", 0.1 + 0.5 * len(attempts) / len(names))
+    attempts.sort(key=lambda a: a.score)
+    progress(f"polish {attempts[0].candidate.effect}", 0.6)
+    attempts[0] = polish(problem, hold, attempts[0], policy.final_evaluations)
+    close = [a for a in attempts[1 : policy.polished] if a.score < policy.worth_polishing * attempts[0].score]
+    for tried in side_by_side(lambda a: polish(problem, hold, a, policy.final_evaluations), close):
+        progress(f"polished {tried.candidate.effect}", 0.8)
+        attempts = [tried if a.candidate is tried.candidate else a for a in attempts]
+    attempts.sort(key=lambda a: a.score)
     for candidate in unscreened_likes(attempts, pool):
-        own = [t for t in screened if t.candidate.effect == candidate.effect]
-        if own:
-            tried = attempt(explore, hold, first_look, own, policy.final_evaluations, 1e-3)
+        if candidate.effect in own:
+            tried = attempt(explore, hold, first_look, own[candidate.effect], policy.final_evaluations, 1e-3)
             attempts.append(polish(problem, hold, tried, policy.final_evaluations))
     attempts.sort(key=lambda a: a.score)
     progress(f"converge {attempts[0].candidate.effect}", 0.95)
     best = polish(problem, hold, attempts[0], policy.converging, CONVERGED)
-    rivals = [
-        polish(problem, hold, a, policy.converging, CONVERGED) if a.score < policy.rival * best.score else a
-        for a in attempts[1:]
-    ]
-    ranking = tuple(sorted((best, *rivals), key=lambda a: a.score))
+    near = [a for a in attempts[1:] if a.score < policy.rival * best.score]
+    rivals = list(side_by_side(lambda a: polish(problem, hold, a, policy.converging, CONVERGED), near))
+    rest = [a for a in attempts[1:] if all(a is not b for b in near)]
+    ranking = tuple(sorted((best, *rivals, *rest), key=lambda a: a.score))
     best = ranking[0]
     if not worth(problem, hold, current, best, policy, len(pool)):
         return None, ranking, current
@@ -200,8 +139,8 @@ def one_step(
     current = settled(problem, current, best, policy)
     if not worth(problem, hold, current, best, policy, len(pool)):
         return None, ranking, current
-    near = [a.candidate.effect for a in ranking[1:] if not told_apart(best, a, policy, hold.noise_cost())]
-    return Step(best, ranking, tuple(near), tuple(screened)), ranking, current
+    likes = [a.candidate.effect for a in ranking[1:] if not told_apart(best, a, policy, hold.noise_cost())]
+    return Step(best, ranking, tuple(likes), tuple(screened)), ranking, current
 
 
 def worth(problem: Problem, hold: RecordingProblem, current: Fit, best: Attempt, policy: Policy, tried: int) -> bool:

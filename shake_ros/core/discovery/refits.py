@@ -1,0 +1,96 @@
+"""Refits of candidates, one by one and side by side, and what is measured on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import numpy as np
+
+from shake_ros.core.discovery.judging import Attempt
+from shake_ros.core.discovery.screening import Screened
+from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
+from shake_ros.core.identification.recordings import RecordingProblem
+from shake_ros.core.plant.simulation import workers
+
+T = TypeVar("T")
+CONVERGED = 1e-6  # relative change of cost and parameters at which the chosen fit stops
+PARTS = (0.25, 1.0, 2.5)  # multiples of a trial from which a refit may start
+
+
+def mean_square(residuals: np.ndarray) -> float:
+    """Mean square of weighted residuals."""
+    return float(residuals @ residuals) / len(residuals)
+
+
+def held_out(problem: Problem, result: Fit) -> float:
+    """Mean square of a fit on recordings it has not seen."""
+    return mean_square(np.nan_to_num(problem.residuals(result.free.vectors(result.x))[0], nan=1e6))
+
+
+def held_out_blocks(problem: RecordingProblem, result: Fit) -> np.ndarray:
+    """Mean square of a fit on recordings it has not seen, block of time by block of time, shape (b,)."""
+    r = np.nan_to_num(problem.residuals(result.free.vectors(result.x))[0], nan=1e6)
+    number = problem.blocks()
+    return np.asarray(np.bincount(number, r**2) / np.maximum(np.bincount(number), 1))
+
+
+def refit_start(problem: Problem, current: Fit, screened: Sequence[Screened]) -> tuple[Fit, np.ndarray]:
+    """Best of a batch of starts for one candidate: its trials × parts × (old | predicted) other parameters."""
+    candidate = screened[0].candidate
+    free = current.free.extended(candidate.free)
+    starts = []
+    for s in screened:
+        trial = dict(candidate.trials[s.trial])
+        strength = candidate.strength.name
+        signs = (-1.0, 1.0) if candidate.signed else (1.0,)
+        parts = {*(sign * p for p in PARTS for sign in signs), s.part}
+        for part in parts:
+            values = {**trial, strength: candidate.neutral + part * (trial[strength] - candidate.neutral)}
+            for others in (current.x, s.x):
+                x = free.x_of(values)
+                x[: len(current.x)] = others
+                starts.append(np.clip(x, free.low, free.high))
+    rows = np.array(starts)
+    costs = np.array([mean_square(r) for r in np.nan_to_num(problem.residuals(free.vectors(rows)), nan=1e3)])
+    return Fit(free, current.x, current.residuals, current.jacobian, current.cost, 0), rows[int(np.argmin(costs))]
+
+
+def attempt(
+    problem: Problem, hold: Problem, current: Fit, screened: Sequence[Screened], evaluations: int, tolerance: float
+) -> Attempt:
+    """Refit one candidate from its best start."""
+    shell, start = refit_start(problem, current, screened)
+    result = fit(problem, shell.free, start, evaluations=evaluations, tolerance=tolerance)
+    return Attempt(
+        screened[0].candidate, result, mean_square(result.residuals), held_out(hold, result), screened[0].gain
+    )
+
+
+def polish(
+    problem: Problem, hold: RecordingProblem, tried: Attempt, evaluations: int, tolerance: float = 1e-4
+) -> Attempt:
+    """Continue a refit towards convergence."""
+    result = fit(problem, tried.fit.free, tried.fit.x, evaluations=evaluations, tolerance=tolerance)
+    return Attempt(
+        tried.candidate,
+        result,
+        mean_square(result.residuals),
+        held_out(hold, result),
+        tried.screened_gain,
+        held_out_blocks(hold, result),
+    )
+
+
+def on_problem(problem: Problem, result: Fit) -> Fit:
+    """The same solution with the residuals and the Jacobian of another problem."""
+    r = problem.residuals(result.free.vectors(result.x))[0]
+    j = jacobian(problem, result.free, result.x, r)
+    return Fit(result.free, result.x, r, j, 0.5 * float(r @ r), len(result.x) + 1)
+
+
+def side_by_side(work: Callable[[T], Attempt], items: Sequence[T]) -> Iterator[Attempt]:
+    """The same work on each item, in their order: fits do not depend on each other, and simulate without the GIL."""
+    with ThreadPoolExecutor(workers()) as pool:
+        yield from pool.map(work, items)
