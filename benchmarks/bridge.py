@@ -13,7 +13,6 @@ import argparse
 import json
 import os
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
@@ -23,21 +22,21 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "test" / "scripts")]
 
 from driver import Driver  # noqa: E402
+from emulated_target import emulated_target  # noqa: E402
 from listener import Listener  # noqa: E402
 
 from shake_ros.ros.graph import Graph, NodeSpec  # noqa: E402
-from shake_ros.settings import config_folder  # noqa: E402
 
 NODE = "hardware_bridge"
 STARTING = 60.0  # patience until the table runs [s]
 REQUIRED = {"datagram to topic, median": "150 us", "round trip, p99": "1000 us", "late or lost": "0.5 %"}
 
 
-def nodes(bridge: Path, priority: int) -> list[NodeSpec]:
+def nodes(bridge: str, priority: int) -> list[NodeSpec]:
     """The graph that is measured."""
     common = {"realtime.enabled": priority > 0, "realtime.priority": max(priority, 1)}
     return [
-        NodeSpec(NODE, {**common, "bridge": str(bridge)}),
+        NodeSpec(NODE, {**common, "bridge": bridge}),
         NodeSpec("reference_generator", {**common, "reference": "sine_20mm_2hz"}),
         NodeSpec("observer", common),
         NodeSpec("controller", common),
@@ -57,35 +56,29 @@ def statuses(listener: Listener) -> list[dict[str, str]]:
 
 def measure(seconds: float, domain: int, priority: int) -> dict[str, object]:
     """One run."""
-    emulate = [sys.executable, "-m", "shake_ros", "target_emulator", "--port", "0", "--priority", str(priority)]
     with (
         tempfile.TemporaryDirectory() as folder,
-        subprocess.Popen(emulate, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as emulator,
+        emulated_target(Path(folder), "--priority", str(priority)) as (emulator, bridge),
     ):
+        with (
+            Listener(["/diagnostics"], lockstep=False, domain_id=domain) as listener,
+            Driver(domain_id=domain, node=NODE) as driver,
+        ):
+            driver.node.destroy_publisher(driver.publisher)
+            with Graph(nodes(bridge, priority), domain_id=domain, lockstep=False) as graph:
+                graph.wait_until_ready()
+                driver.service("reset")
+                deadline = time.monotonic() + STARTING
+                while not driver.service("enable", data=True)[0]:
+                    if time.monotonic() > deadline:
+                        raise RuntimeError(f"not enabled: {listener.status(NODE)}")
+                    time.sleep(0.1)
+                listener.wait_for_status(NODE, "running", STARTING)
+                time.sleep(seconds)
+                graph.check()
+                last = listener.status(NODE)
+        emulator.terminate()
         assert emulator.stdout is not None
-        port = emulator.stdout.readline().strip().rpartition(":")[2]
-        bridge = Path(folder) / "bridge.yaml"
-        bridge.write_text((config_folder() / "bridge" / "emulator.yaml").read_text().replace("47800", port))
-        try:
-            with (
-                Listener(["/diagnostics"], lockstep=False, domain_id=domain) as listener,
-                Driver(domain_id=domain, node=NODE) as driver,
-            ):
-                driver.node.destroy_publisher(driver.publisher)
-                with Graph(nodes(bridge, priority), domain_id=domain, lockstep=False) as graph:
-                    graph.wait_until_ready()
-                    driver.service("reset")
-                    deadline = time.monotonic() + STARTING
-                    while not driver.service("enable", data=True)[0]:
-                        if time.monotonic() > deadline:
-                            raise RuntimeError(f"not enabled: {listener.status(NODE)}")
-                        time.sleep(0.1)
-                    listener.wait_for_status(NODE, "running", STARTING)
-                    time.sleep(seconds)
-                    graph.check()
-                    last = listener.status(NODE)
-        finally:
-            emulator.terminate()
         target = json.loads(emulator.stdout.read())
     medians = [float(one["datagram_to_topic_p50_us"]) for one in statuses(listener) if one["datagram_to_topic_p50_us"]]
     samples = max(target["samples_at_run"], 1)

@@ -20,12 +20,12 @@ from typing import IO, Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "test" / "scripts")]
 
+from emulated_target import emulated_target  # noqa: E402
 from listener import Listener  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
 
 from shake_ros.ros.graph import NodeSpec, run_composed  # noqa: E402
 from shake_ros.ros.interface import DIAGNOSTICS  # noqa: E402
-from shake_ros.settings import config_folder  # noqa: E402
 
 PRIORITY = 80
 GRACE = 60.0  # a composed graph may take so long to end [s]
@@ -89,20 +89,11 @@ def emulator(case: Case) -> Iterator[Emulator | None]:
     if not case.bridge:
         yield None
         return
-    command = [sys.executable, "-m", "shake_ros", "target_emulator", "--port", "0", "--priority", str(PRIORITY)]
     with (
         tempfile.TemporaryDirectory() as folder,
-        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process,
+        emulated_target(Path(folder), "--priority", str(PRIORITY)) as (process, bridge),
     ):
-        assert process.stdout is not None
-        port = process.stdout.readline().strip().rpartition(":")[2]
-        path = Path(folder) / "bridge.yaml"
-        path.write_text((config_folder() / "bridge" / "emulator.yaml").read_text().replace("47800", port))
-        made = Emulator(process, str(path))
-        try:
-            yield made
-        finally:
-            process.terminate()
+        yield Emulator(process, bridge)
 
 
 class Composed:

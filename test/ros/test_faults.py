@@ -16,6 +16,7 @@ import yaml
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
 
 from driver import Driver
+from emulated_target import emulated_target
 from listener import Listener
 
 from shake_ros.core.quantities import ShakeError
@@ -23,7 +24,7 @@ from shake_ros.ros.faults_node import build, parse_topics
 from shake_ros.ros.graph import Graph, NodeSpec
 from shake_ros.ros.loop import build_node, ros_context
 from shake_ros.ros.plant_node import build as build_plant
-from shake_ros.settings import config_folder, find, read_yaml
+from shake_ros.settings import find, read_yaml
 
 PATIENCE = 40.0
 WATCHED = ("stop", "sensor_missing", "command_not_finite", "target_trip")
@@ -50,17 +51,8 @@ def table(link: str, folder: Path) -> Iterator[tuple[dict[str, Any], subprocess.
     if link == "plant":
         yield parameters, None
         return
-    command = [sys.executable, "-m", "shake_ros", "target_emulator", "--port", "0"]
-    command += ["--interlock", interlock("target", folder), "--priority", "50"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as emulator:
-        assert emulator.stdout is not None
-        port = emulator.stdout.readline().strip().rpartition(":")[2]
-        path = folder / "bridge.yaml"
-        path.write_text((config_folder() / "bridge" / "emulator.yaml").read_text().replace("47800", port))
-        try:
-            yield {**parameters, "bridge": str(path)}, emulator
-        finally:
-            emulator.terminate()
+    with emulated_target(folder, "--interlock", interlock("target", folder), "--priority", "50") as (emulator, path):
+        yield {**parameters, "bridge": path}, emulator
 
 
 class Scene:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
 
 from driver import Driver
+from emulated_target import emulated_target
 from listener import Listener
 
 from shake_ros.core.quantities import ShakeError
@@ -41,16 +41,8 @@ def bridge(tmp_path: Path) -> Iterator[str]:
     target = tmp_path / "target.yaml"
     relaxed = (config_folder() / "interlock" / "target.yaml").read_text()
     target.write_text(relaxed.replace("command_lost: {threshold: 0.2", "command_lost: {threshold: 5.0"))
-    command = [sys.executable, "-m", "shake_ros", "target_emulator", "--port", "0", "--interlock", str(target)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as emulator:
-        assert emulator.stdout is not None
-        port = emulator.stdout.readline().strip().rpartition(":")[2]
-        path = tmp_path / "bridge.yaml"
-        path.write_text((config_folder() / "bridge" / "emulator.yaml").read_text().replace("47800", port))
-        try:
-            yield str(path)
-        finally:
-            emulator.terminate()
+    with emulated_target(tmp_path, "--interlock", str(target)) as (_, path):
+        yield path
 
 
 def wait_for(driver: Driver, service: str, **request: object) -> None:

@@ -40,6 +40,15 @@ def mutated(data: bytes, chance: random.Random) -> bytes:
     return bytes(content or b"\0")
 
 
+def changed(file: Path, statement: str) -> Path:
+    """The same file after a statement of SQL."""
+    connection = sqlite3.connect(file)
+    connection.execute(statement)
+    connection.commit()
+    connection.close()
+    return file
+
+
 def read_or_refuse(path: Path) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -128,18 +137,11 @@ def test_a_message_without_a_byte_is_counted_as_undecodable(tmp_path):
 
 
 def test_a_time_of_receipt_before_1970_is_read(tmp_path):
-    file = sqlite_recording(tmp_path / "run")
-    connection = sqlite3.connect(file)
-    connection.execute("UPDATE messages SET timestamp = -1564475391 WHERE id = 3")
-    connection.commit()
-    connection.close()
+    file = changed(sqlite_recording(tmp_path / "run"), "UPDATE messages SET timestamp = -1564475391 WHERE id = 3")
     assert read_or_refuse(file.parent) == "read"
 
 
 def test_a_type_with_a_line_end_in_it_is_refused_on_one_line(tmp_path):
-    file = sqlite_recording(tmp_path / "run")
-    connection = sqlite3.connect(file)
-    connection.execute("UPDATE topics SET type = 'a\nb' WHERE name = '/t/joint_states'")
-    connection.commit()
-    connection.close()
+    change = "UPDATE topics SET type = 'a\nb' WHERE name = '/t/joint_states'"
+    file = changed(sqlite_recording(tmp_path / "run"), change)
     assert read_or_refuse(file.parent) == "refused"
