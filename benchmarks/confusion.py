@@ -28,7 +28,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
 import hidden_tables as hidden  # noqa: E402
 
-from shake_ros.cli.fitting import all_candidates, declared_parameters  # noqa: E402
+from shake_ros.cli.fitting import all_candidates, declared_parameters, late_parameters  # noqa: E402
 from shake_ros.core.discovery.candidates import Candidate  # noqa: E402
 from shake_ros.core.discovery.closing import close_loop  # noqa: E402
 from shake_ros.core.discovery.judging import Policy  # noqa: E402
@@ -74,17 +74,18 @@ def recordings(case: Case, table: hidden.Truth, commands: dict[str, np.ndarray])
 def run(case: Case, pool: tuple[Candidate, ...]) -> dict[str, Any]:
     """Close the loop on one case; what it named and the errors, ready for JSON."""
     commands = hidden.excitations(case.seed, case.length)
-    table = truth(case, commands)
-    records = recordings(case, table, commands)
+    made = truth(case, commands)
+    records = recordings(case, made, commands)
     learn = [r for n, r in records.items() if n.startswith("learn")]
     hold = [r for n, r in records.items() if n.startswith("hold")]
     start = time.perf_counter()
     free = declared_parameters("full")
-    result = close_loop(load_table("bergamo"), free, pool, learn, hold, Policy(), lambda text, part: None)
+    table, late = load_table("bergamo"), late_parameters("full")
+    result = close_loop(table, free, pool, learn, hold, Policy(), lambda text, part: None, late=late)
     seconds = time.perf_counter() - start
     report = close_loop_json(result, [r.name for r in learn], [r.name for r in hold], "full")
     floor = {r.name: case.noise * hidden.ACCELERATION_NOISE / float(np.std(r.acceleration)) for r in hold}
-    strength = {} if case.effect == NONE else {"strength": float(getattr(table, case.effect))}
+    strength = {} if case.effect == NONE else {"strength": float(getattr(made, case.effect))}
     return {
         "case": {**vars(case), **strength},
         "named": [s["effect"] for s in report["steps"]],

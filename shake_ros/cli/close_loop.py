@@ -33,7 +33,9 @@ def main(arguments: Sequence[str]) -> int:
     learn, hold = fitting.read_records(given.learn, given.hold, declared.driven_by)
     table = declared.table(given.config, given.set, learn)
     with Bar("close_loop") as bar:
-        result = close_loop(table, declared.free(), declared.candidates(), learn, hold, Policy(), bar, declared.model)
+        result = close_loop(
+            table, declared.free(), declared.candidates(), learn, hold, Policy(), bar, declared.model, declared.late()
+        )
         bar("tracking with the model before and after", 1.0)
         benefit = tracking(result)
         bar("residuals and what would help", 1.0)

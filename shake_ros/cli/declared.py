@@ -70,8 +70,18 @@ class DeclaredModel:
 
     def free(self) -> list[FreeParameter]:
         """The parameters that a fit may move, from config/identification."""
+        return self._parameters(late=False)
+
+    def late(self) -> list[FreeParameter]:
+        """Those that it may move only once they explain most of what is left."""
+        return self._parameters(late=True)
+
+    def _parameters(self, late: bool) -> list[FreeParameter]:
         path = find("identification", self.name)
-        return [free_parameter(name, c, str(path), self.fields) for name, c in read_yaml(path).items()]
+        entries = {n: dict(c) for n, c in read_yaml(path).items()}
+        return [
+            free_parameter(n, c, str(path), self.fields) for n, c in entries.items() if c.pop("late", False) is late
+        ]
 
     def candidates(self) -> tuple[Candidate, ...]:
         """Every effect with its trials, from config/discovery."""

@@ -168,7 +168,8 @@ def close(
     learn, hold = fit_records(recordings["excitation"]), fit_records(recordings["earthquake"])
     policy = Policy(most_effects=2)
     table, free = load_table(settings["declared"]), fitting.declared_parameters("full")
-    return close_loop(table, free, fitting.all_candidates("full"), learn, hold, policy, bar), learn, hold
+    late = fitting.late_parameters("full")
+    return close_loop(table, free, fitting.all_candidates("full"), learn, hold, policy, bar, late=late), learn, hold
 
 
 def summarise(

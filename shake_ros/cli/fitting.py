@@ -43,6 +43,11 @@ def declared_parameters(model: str) -> list[FreeParameter]:
     return MODELS[model].free()
 
 
+def late_parameters(model: str) -> list[FreeParameter]:
+    """Those that it may move only once they explain most of what is left above the noise."""
+    return MODELS[model].late()
+
+
 def all_candidates(model: str) -> tuple[Candidate, ...]:
     """Every effect with its trials, from config/discovery."""
     return MODELS[model].candidates()

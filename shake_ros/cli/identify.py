@@ -46,7 +46,7 @@ def main(arguments: Sequence[str]) -> int:
         return _finish(given, model, found, learn, hold)
     with Bar("identify") as bar:
         bar.span(0.0, 0.85)
-        model = identify(table, declared.free(), learn, hold, bar, declared.model)
+        model = identify(table, declared.free(), learn, hold, bar, declared.model, declared.late())
         bar.span(0.85, 1.0)
         bar("residuals and what would help", 0.0)
         found = diagnose(model.fit, learn, hold, fitting.recordings_to_make(), declared.model)

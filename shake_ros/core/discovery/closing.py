@@ -12,6 +12,7 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import Candidate
 from shake_ros.core.discovery.judging import Policy
+from shake_ros.core.discovery.late import freed_late
 from shake_ros.core.discovery.refits import CONVERGED, mean_square
 from shake_ros.core.discovery.remaining import Remaining, remaining
 from shake_ros.core.discovery.search import Search, search
@@ -104,11 +105,18 @@ def identify(
     hold: list[Record],
     progress: Progress,
     model: Model = FULL,
+    late: Sequence[FreeParameter] = (),
 ) -> FittedModel:
-    """Fit the declared model to recordings; errors on them and on recordings held out."""
+    """Fit the declared model to recordings; errors on them and on recordings held out.
+
+    Parameters
+    ----------
+    free, late : its parameters that the fit may move, from the start or once the others have settled.
+    """
     problem = RecordingProblem(learn, model)
     explore = RecordingProblem(windows(learn, FIRST_LOOK), model)
     result = fit_declared(problem, explore, FreeParameters(table, free), progress)
+    result = freed_late(problem, None, result, late, Policy())
     return fitted_model(result, problem, RecordingProblem(hold, model) if hold else None)
 
 
@@ -132,6 +140,7 @@ def close_loop(
     policy: Policy,
     progress: Progress,
     model: Model = FULL,
+    late: Sequence[FreeParameter] = (),
 ) -> ClosedLoop:
     """Find what the declared model lacks.
 
@@ -139,13 +148,13 @@ def close_loop(
     ----------
     table : declared table. free : its parameters that a fit may move. pool : candidate effects.
     learn, hold : recordings to learn from and held out. progress : called with a text and the part done, 0 … 1.
-    model : simulates the table.
+    model : simulates the table. late : declared parameters freed once they explain most of what is left.
     """
     problem, held = RecordingProblem(learn, model), RecordingProblem(hold, model)
     explore = RecordingProblem(windows(learn, FIRST_LOOK), model)
     declared = fit_declared(problem, explore, FreeParameters(table, free), progress)
     explore_held = RecordingProblem(windows(hold, FIRST_LOOK), model)
-    found = search(problem, held, declared, pool, policy, progress, explore, explore_held)
+    found = search(problem, held, declared, pool, policy, progress, explore, explore_held, late)
     progress("errors and what remains", 0.9)
     baseline, last = fitted_model(found.declared, problem, held), fitted_model(found.final, problem, held)
     gone = tuple(f"effects.{effect}." for effect in found.removed)

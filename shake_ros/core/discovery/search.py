@@ -15,6 +15,7 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import Candidate
 from shake_ros.core.discovery.judging import Attempt, Policy, pays, told_apart
+from shake_ros.core.discovery.late import freed_late
 from shake_ros.core.discovery.refits import (
     CONVERGED,
     attempt,
@@ -28,7 +29,7 @@ from shake_ros.core.discovery.refits import (
 from shake_ros.core.discovery.screening import Screened, screen
 from shake_ros.core.discovery.unlisted import Unnamed, best_unlisted
 from shake_ros.core.identification.fit import Fit, Problem, fit
-from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recordings import RecordingProblem
 
 Progress = Callable[[str, float], None]
@@ -205,6 +206,7 @@ def search(
     progress: Progress = lambda text, part: None,
     explore: RecordingProblem | None = None,
     explore_hold: RecordingProblem | None = None,
+    late: Sequence[FreeParameter] = (),
 ) -> Search:
     """Add effects to the declared fit until none lowers the held-out error.
 
@@ -214,7 +216,9 @@ def search(
     pool : candidates. progress : called with what is being done and the part of the step that is done.
     explore, explore_hold : pieces of the recordings to learn from and held out, for screening and first refits; the
         whole of them where not given.
+    late : declared parameters that are freed once they explain most of what is left above the noise.
     """
+    declared = freed_late(problem, hold, declared, late, policy)
     current, steps, left = declared, list[Step](), pool
     explore = explore or problem
     ranking: tuple[Attempt, ...] = ()
@@ -230,7 +234,9 @@ def search(
         if step is None:
             break
         steps.append(step)
-        current = step.chosen.fit
+        current = freed_late(problem, hold, step.chosen.fit, late, policy)
+        if current is not step.chosen.fit:
+            declared, steps = with_last(declared, steps, current, hold)
         left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)
         ranking = ()
         if step.chosen.candidate.effect == "unlisted":
