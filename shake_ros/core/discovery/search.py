@@ -8,6 +8,7 @@ earlier effects are tried for removal.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -129,7 +130,8 @@ def one_step(
     attempts.sort(key=lambda a: a.score)
     progress(f"converge {attempts[0].candidate.effect}", 0.95)
     best = polish(problem, hold, attempts[0], policy.converging, CONVERGED)
-    near = [a for a in attempts[1:] if a.score < policy.rival * best.score]
+    improved = (1.0 - 0.5 * policy.least_gain) * math.sqrt(mean_square(current.residuals) * held_out(hold, current))
+    near = [a for a in attempts[1:] if a.score < min(policy.rival * best.score, improved)]
     rivals = list(side_by_side(lambda a: polish(problem, hold, a, policy.converging, CONVERGED), near))
     rest = [a for a in attempts[1:] if all(a is not b for b in near)]
     ranking = tuple(sorted((best, *rivals, *rest), key=lambda a: a.score))
