@@ -3,7 +3,7 @@
 Recordings are made by another simulator, one table and one noise per seed, and it is counted how often the 90 %
 interval (value ± 1.645 standard errors) holds the true value. A parameter at a bound has no standard error and is
 counted apart. Wanted: 80 to 97 %. The fit starts from the truth, so that what is looked at is the interval and not
-the search.
+the search; as in the command, friction's transition velocity is freed where it explains most of what is left.
 
 A true value exists only where the model can represent the truth. So the data come, by default, from a second writing
 of the declared equations (test/reference_model.py): no line of code in common, classical Runge–Kutta of 40 µs instead
@@ -33,7 +33,9 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks"), str(ROOT / "test")]
 import hidden_tables as hidden  # noqa: E402
 import reference_model as reference  # noqa: E402
 
-from shake_ros.cli.fitting import declared_parameters  # noqa: E402
+from shake_ros.cli.fitting import declared_parameters, late_parameters  # noqa: E402
+from shake_ros.core.discovery.judging import Policy  # noqa: E402
+from shake_ros.core.discovery.late import freed_late  # noqa: E402
 from shake_ros.core.identification.fit import fit  # noqa: E402
 from shake_ros.core.identification.free_parameters import FreeParameters  # noqa: E402
 from shake_ros.core.identification.recordings import Record, RecordingProblem  # noqa: E402
@@ -98,6 +100,7 @@ def fitted(seed: int, length: float, forms: str, saturation: float) -> tuple[hid
     problem = RecordingProblem(records)
     free = FreeParameters(true_table(truth), declared_parameters("full"))
     result = fit(problem, free, free.start(), evaluations=20, tolerance=1e-6)
+    result = freed_late(problem, None, result, late_parameters("full"), Policy())
     return truth, estimates(result, problem.blocks())
 
 
@@ -113,15 +116,18 @@ def main() -> None:
     given = command.parse_args()
     scores: dict[str, list[float]] = {name: [] for name in TRUE_FIELD}
     errors: dict[str, list[float]] = {name: [] for name in TRUE_FIELD}
-    start = time.perf_counter()
+    late, start = 0, time.perf_counter()
     for seed in range(given.seeds):
         truth, found = fitted(seed, given.length, given.forms, given.saturation)
+        late += any(e.name not in TRUE_FIELD for e in found)
         for e in found:
+            if e.name not in TRUE_FIELD:
+                continue  # the transition velocity has no true value where friction passes rest in another form
             true = float(getattr(truth, TRUE_FIELD[e.name]))
             if e.std_error:
                 scores[e.name].append((e.value - true) / e.std_error)
                 errors[e.name].append((e.value - true) / true)
-    print(f"{given.seeds} seeds, {time.perf_counter() - start:.0f} s")
+    print(f"{given.seeds} seeds, {time.perf_counter() - start:.0f} s; the transition velocity was freed in {late}")
     head = f"{'parameter':28} {'cover':>6}  {'cases':>5}  {'mean score':>10}  {'rms score':>9}"
     print(f"{head}  {'mean rel. error':>15}  {'rms rel. error':>14}")
     for name, values in scores.items():

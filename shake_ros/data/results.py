@@ -14,7 +14,7 @@ import numpy as np
 
 from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
 from shake_ros.core.discovery.judging import Attempt
-from shake_ros.core.discovery.search import Step
+from shake_ros.core.discovery.step import Step
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.quantities import ShakeError

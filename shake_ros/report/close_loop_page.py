@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
 from shake_ros.core.discovery.refits import held_out
-from shake_ros.core.discovery.search import Step
+from shake_ros.core.discovery.step import Step
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.recordings import Record, RecordingProblem

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -11,11 +12,13 @@ import numpy as np
 from shake_ros.core.discovery.judging import Attempt
 from shake_ros.core.discovery.screening import Screened
 from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
+from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import RecordingProblem
 from shake_ros.core.plant.simulation import workers
 
 T = TypeVar("T")
 CONVERGED = 1e-6  # relative change of cost and parameters at which the chosen fit stops
+CARRIED = (0.7, 0.4, 0.15, 0.0)  # parts of an effect's strength on the way to its being replaced by another
 PARTS = (0.25, 1.0, 2.5)  # multiples of a trial from which a refit may start
 
 
@@ -72,15 +75,39 @@ def polish(
     problem: Problem, hold: RecordingProblem, tried: Attempt, evaluations: int, tolerance: float = 1e-4
 ) -> Attempt:
     """Continue a refit towards convergence."""
-    result = fit(problem, tried.fit.free, tried.fit.x, evaluations=evaluations, tolerance=tolerance)
-    return Attempt(
-        tried.candidate,
-        result,
-        mean_square(result.residuals),
-        held_out(hold, result),
-        tried.screened_gain,
-        held_out_blocks(hold, result),
+    return measured(
+        hold, tried, fit(problem, tried.fit.free, tried.fit.x, evaluations=evaluations, tolerance=tolerance)
     )
+
+
+def measured(hold: RecordingProblem, tried: Attempt, result: Fit) -> Attempt:
+    """An attempt with another fit of its model, and the costs of that."""
+    learn, unseen, blocks = mean_square(result.residuals), held_out(hold, result), held_out_blocks(hold, result)
+    return replace(tried, fit=result, learn=learn, hold=unseen, blocks=blocks)
+
+
+def carried_over(problem: Problem, hold: RecordingProblem, best: Attempt, other: Attempt, evaluations: int) -> Attempt:
+    """The other attempt, or a better fit of its model at the end of a path from the best one's.
+
+    The best one's effect is taken out in steps while the other takes over. Of two effects that can stand for each other
+    one has its minimum in a long valley that a fit from elsewhere ends in too early.
+    """
+    candidate, strength = best.candidate, best.candidate.strength.name
+    own = {f.name for f in candidate.free}
+    keep = [i for i, name in enumerate(best.fit.free.names) if name not in own]
+    declared = [best.fit.free.free[i] for i in keep]
+    more = [f for f in other.candidate.free if f.name not in best.fit.free.names]
+    there, here = best.fit.free.table(best.fit.x), other.fit.free.table(other.fit.x)
+    values = {f.name: here.value(f.name) for f in more} | {other.candidate.strength.name: other.candidate.neutral}
+    base, full = best.fit.free.base, there.value(strength)
+    x = np.append(best.fit.x[keep], FreeParameters(base.with_values(values), more).start())
+    for part in CARRIED:
+        left = {f.name: there.value(f.name) for f in candidate.free if part > 0.0}
+        left |= {strength: candidate.neutral + part * (full - candidate.neutral)} if part > 0.0 else {}
+        free = FreeParameters(base.with_values(left), [*declared, *more])
+        result = fit(problem, free, x, evaluations=evaluations, tolerance=CONVERGED if part == 0.0 else 1e-3)
+        x = result.x
+    return measured(hold, other, result) if result.cost < other.fit.cost else other
 
 
 def on_problem(problem: Problem, result: Fit) -> Fit:

@@ -7,7 +7,7 @@ import pytest
 from closed_loops import DEAD_BAND, LEAN, named
 
 from shake_ros.core.discovery.refits import held_out, mean_square, on_problem
-from shake_ros.core.discovery.search import best_per_candidate
+from shake_ros.core.discovery.step import best_per_candidate
 from shake_ros.core.identification.uncertainty import estimates
 
 EFFECTS = ["spool_deadband", "soft_zone", "asymmetric_flow_gain"]

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from shake_ros.core.discovery.judging import Attempt, Policy
-from shake_ros.core.discovery.search import settled, with_last
+from shake_ros.core.discovery.search import with_last
+from shake_ros.core.discovery.step import settled
 from shake_ros.core.identification.fit import Fit, fit
 
 FREE: Any = SimpleNamespace(low=np.array([-3.0]), high=np.array([3.0]), vectors=np.atleast_2d)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.discovery.judging import Attempt, Policy, pays, told_apart
-from shake_ros.core.discovery.search import unscreened_likes
+from shake_ros.core.discovery.step import unscreened_likes
 
 POLICY = Policy(margin=0.03, rival=1.3)
 NOTHING = SimpleNamespace()
