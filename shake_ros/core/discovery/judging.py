@@ -32,7 +32,8 @@ class Policy:
     fitted and the held-out recordings prefer different ones.
     chance : probability with which a smaller fall, somewhere among all candidates tried, may be chance.
     significant : standard errors by which held-out costs must differ to tell effects within `rival` apart.
-    least_screened : predicted gain below which a candidate is not refitted.
+    least_screened : predicted gain below which a candidate is not refitted at first. much_left : ratio of the held-out
+    cost to that of the noise from which the others are refitted too, before the search gives up.
     at_noise : ratio to the cost that the noise alone leaves, up to which nothing more is looked for.
     clearly_above, weak, far_less : a function without a name is estimated where the held-out cost is more than
     `clearly_above` times that of the noise and a listed effect leaves more than the part `weak` of it; it is taken
@@ -55,6 +56,7 @@ class Policy:
     significant: float = 3.0
     most_effects: int = 3
     least_screened: float = 0.003
+    much_left: float = 1.3
     at_noise: float = 1.05
     clearly_above: float = 2.0
     weak: float = 0.35

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -169,14 +169,15 @@ def one_step(ground: Ground, current: Fit, pool: tuple[Candidate, ...]) -> tuple
     policy = ground.policy
     first_look = on_problem(ground.explore, current)
     screened = all_trials(ground, current, first_look, pool)
-    hopeful = [s for s in best_per_candidate(screened) if s.gain > policy.least_screened][: policy.refits]
     own = {s.candidate.effect: [t for t in screened if t.candidate.effect == s.candidate.effect] for s in screened}
-    if not hopeful:
-        return None, (), current
-    attempts = first_refits(ground, first_look, own, [s.candidate.effect for s in hopeful])
-    front, rest = converged(ground, polished(ground, attempts, first_look, own, pool), current)
-    ranking = ranked(front, rest)
-    if not worth(ground.problem, ground.hold, current, ranking[0], policy, len(pool)):
+    ranking: tuple[Attempt, ...] = ()
+    for names in waves(ground, current, best_per_candidate(screened)):
+        attempts = sorted((*ranking, *first_refits(ground, first_look, own, names)), key=lambda a: a.score)
+        front, rest = converged(ground, polished(ground, attempts, first_look, own, pool), current)
+        ranking = ranked(front, rest)
+        if worth(ground.problem, ground.hold, current, ranking[0], policy, len(pool)):
+            break
+    else:
         return None, ranking, current
     ground.progress("without it once more", 0.98)
     current = settled(ground.problem, current, ranking[0], policy)
@@ -186,6 +187,20 @@ def one_step(ground: Ground, current: Fit, pool: tuple[Candidate, ...]) -> tuple
     best, noise = ranking[0], ground.hold.noise_cost()
     likes = [a.candidate.effect for a in ranking[1:] if not told_apart(best, a, policy, noise)]
     return Step(best, ranking, tuple(likes), tuple(screened)), ranking, current
+
+
+def waves(ground: Ground, current: Fit, screened: list[Screened]) -> Iterator[list[str]]:
+    """Effects to refit: the promising ones; where that was in vain and much is left above the noise, all others.
+
+    Screening is linear. A table that sticks and breaks away is not, so a small promise may be a wrong one.
+    """
+    policy, names = ground.policy, [s.candidate.effect for s in screened]
+    first = [s.candidate.effect for s in screened if s.gain > policy.least_screened][: policy.refits]
+    if first:
+        yield first
+    others = [name for name in names if name not in first]
+    if others and held_out(ground.hold, current) > policy.much_left * ground.hold.noise_cost():
+        yield others
 
 
 def ranked(front: Iterable[Attempt], rest: Iterable[Attempt]) -> tuple[Attempt, ...]:
