@@ -82,7 +82,10 @@ def _step_json(step: Step, model: FittedModel) -> dict[str, Any]:
     own = {f.name for f in step.chosen.candidate.free}
     best, second = step.chosen, step.ranking[1] if len(step.ranking) > 1 else None
     why = f"lowest error on the recordings held out: weighted mean square {best.hold:.3g}"
-    if second:
+    if second and not second.usual and second.hold < best.hold:
+        why = f"as good as {second.candidate.effect}, whose value is not met on real tables: {best.hold:.3g}"
+        why += f" and {second.hold:.3g} on the recordings held out"
+    elif second:
         why += f", next {second.candidate.effect} with {second.hold:.3g}"
     return {
         "effect": best.candidate.effect,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import Field, dataclass
+from dataclasses import Field, dataclass, field
 from typing import Any
 
 from shake_ros.core.effects import EFFECTS
@@ -18,7 +18,7 @@ class Candidate:
 
     effect : its name. free : the parameters a refit frees. trials : values by dotted name, the strength first.
     place, depends_on : where it acts and on what. resembles : effects that recordings can hardly tell from it, which
-    are refitted beside it though screening may pass them over.
+    are refitted beside it though screening may pass them over. usual : values met on real tables by dotted name.
     """
 
     effect: str
@@ -27,6 +27,7 @@ class Candidate:
     place: str
     depends_on: tuple[str, ...]
     resembles: tuple[str, ...] = ()
+    usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def strength(self) -> FreeParameter:
@@ -55,8 +56,9 @@ def candidates(
             raise unknown_name("effect", effect, EFFECTS, where)
         if model not in EFFECTS[effect].models:
             continue
-        if not isinstance(entry, Mapping) or set(entry) - {"resembles"} != {"free", "trials"}:
-            raise ShakeError(f"{where}: {effect}: needs the keys 'free' and 'trials', and may have 'resembles'")
+        if not isinstance(entry, Mapping) or set(entry) - {"resembles", "usual"} != {"free", "trials"}:
+            more = "may have 'resembles' and 'usual'"
+            raise ShakeError(f"{where}: {effect}: needs the keys 'free' and 'trials', {more}")
         resembles = tuple(entry.get("resembles", ()))
         for other in resembles:
             if other not in EFFECTS:
@@ -68,6 +70,10 @@ def candidates(
             for name in trial:
                 if name not in fields:
                     raise unknown_name("parameter", name, [f.name for f in free], where)
+        usual = {prefix + name: (float(low), float(high)) for name, (low, high) in entry.get("usual", {}).items()}
+        for name in usual:
+            if name not in fields:
+                raise unknown_name("parameter", name, [f.name for f in free], where)
         kind = EFFECTS[effect]
-        result.append(Candidate(effect, free, trials, kind.place, kind.depends_on, resembles))
+        result.append(Candidate(effect, free, trials, kind.place, kind.depends_on, resembles, usual))
     return tuple(result)

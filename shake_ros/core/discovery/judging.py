@@ -84,6 +84,12 @@ class Attempt:
         """Geometric mean of the two costs: small where both the fitted and the unseen recordings agree."""
         return math.sqrt(self.learn * self.hold)
 
+    @property
+    def usual(self) -> bool:
+        """Whether its fitted values are such as are met on real tables."""
+        table = self.fit.free.table(self.fit.x)
+        return all(low <= table.value(name) <= high for name, (low, high) in self.candidate.usual.items())
+
 
 def told_apart(best: Attempt, other: Attempt, policy: Policy, noise: float = 0.0) -> bool:
     """Whether the recordings decide between the best attempt and another one.

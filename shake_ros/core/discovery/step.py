@@ -184,9 +184,12 @@ def one_step(ground: Ground, current: Fit, pool: tuple[Candidate, ...]) -> tuple
     if not worth(ground.problem, ground.hold, current, ranking[0], policy, len(pool)):
         return None, ranking, current
     ranking = ranked(side_by_side(lambda a: finer(ground, a), front), rest)
-    best, noise = ranking[0], ground.hold.noise_cost()
-    likes = [a.candidate.effect for a in ranking[1:] if not told_apart(best, a, policy, noise)]
-    return Step(best, ranking, tuple(likes), tuple(screened)), ranking, current
+    noise = ground.hold.noise_cost()
+    alike = [a for a in ranking if a is ranking[0] or not told_apart(ranking[0], a, policy, noise)]
+    best = next((a for a in alike if a.usual), alike[0])
+    ranking = (best, *(a for a in ranking if a is not best))
+    likes = tuple(a.candidate.effect for a in alike if a is not best)
+    return Step(best, ranking, likes, tuple(screened)), ranking, current
 
 
 def waves(ground: Ground, current: Fit, screened: list[Screened]) -> Iterator[list[str]]:

@@ -8,8 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from shake_ros.cli import fitting
 from shake_ros.core.discovery.judging import Attempt, Policy, pays, told_apart
 from shake_ros.core.discovery.step import unscreened_likes
+from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.settings import load_table
 
 POLICY = Policy(margin=0.03, rival=1.3)
 NOTHING = SimpleNamespace()
@@ -83,3 +87,11 @@ def test_the_best_of_many_candidates_must_stand_out_further(tried: int, added: b
     blocks = np.where(np.arange(40) % 2, 0.25, -0.25)  # 2.5 standard errors
     best = replace(with_blocks(np.full(40, 0.9)), learn=0.99)
     assert pays(best, 1.0, 1.0 + blocks, 1.0, POLICY, tried) is added
+
+
+@pytest.mark.parametrize(("pressure", "usual"), [(4e5, True), (31e5, False)])
+def test_a_back_pressure_as_of_a_blocked_filter_is_not_usual(pressure: float, usual: bool) -> None:
+    tank = next(c for c in fitting.all_candidates("full") if c.effect == "tank_back_pressure")
+    free = FreeParameters(load_table("bergamo"), tank.free)
+    fit = Fit(free, free.x_of({tank.strength.name: pressure}), np.zeros(1), np.zeros((1, 1)), 0.0, 1)
+    assert Attempt(tank, fit, 1.0, 1.0, 0.0).usual is usual
