@@ -3,7 +3,7 @@
 Recordings are made by another simulator, one table and one noise per seed, and it is counted how often the 90 %
 interval (value ± 1.645 standard errors) holds the true value. A parameter at a bound has no standard error and is
 counted apart. Wanted: 80 to 97 %. The fit starts from the truth, so that what is looked at is the interval and not
-the search; as in the command, friction's transition velocity is freed where it explains most of what is left.
+the search; as in the command, friction's transition velocity is freed where it explains much of what is left.
 
 A true value exists only where the model can represent the truth. So the data come, by default, from a second writing
 of the declared equations (test/reference_model.py): no line of code in common, classical Runge–Kutta of 40 µs instead

@@ -73,7 +73,7 @@ class DeclaredModel:
         return self._parameters(late=False)
 
     def late(self) -> list[FreeParameter]:
-        """Those that it may move only once they explain most of what is left."""
+        """Those that it may move only once they explain much of what is left."""
         return self._parameters(late=True)
 
     def _parameters(self, late: bool) -> list[FreeParameter]:

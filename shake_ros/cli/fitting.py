@@ -44,7 +44,7 @@ def declared_parameters(model: str) -> list[FreeParameter]:
 
 
 def late_parameters(model: str) -> list[FreeParameter]:
-    """Those that it may move only once they explain most of what is left above the noise."""
+    """Those that it may move only once they explain much of what is left above the noise."""
     return MODELS[model].late()
 
 

@@ -70,7 +70,10 @@ def candidates(
             for name in trial:
                 if name not in fields:
                     raise unknown_name("parameter", name, [f.name for f in free], where)
-        usual = {prefix + name: (float(low), float(high)) for name, (low, high) in entry.get("usual", {}).items()}
+        try:
+            usual = {prefix + name: (float(low), float(high)) for name, (low, high) in entry.get("usual", {}).items()}
+        except (AttributeError, TypeError, ValueError):
+            raise ShakeError(f"{where}: {effect}: usual: needs [low, high] for each name") from None
         for name in usual:
             if name not in fields:
                 raise unknown_name("parameter", name, [f.name for f in free], where)

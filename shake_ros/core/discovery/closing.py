@@ -148,7 +148,7 @@ def close_loop(
     ----------
     table : declared table. free : its parameters that a fit may move. pool : candidate effects.
     learn, hold : recordings to learn from and held out. progress : called with a text and the part done, 0 … 1.
-    model : simulates the table. late : declared parameters freed once they explain most of what is left.
+    model : simulates the table. late : declared parameters freed once they explain much of what is left.
     """
     problem, held = RecordingProblem(learn, model), RecordingProblem(hold, model)
     explore = RecordingProblem(windows(learn, FIRST_LOOK), model)

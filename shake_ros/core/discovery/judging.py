@@ -38,7 +38,7 @@ class Policy:
     clearly_above, weak, far_less : a function without a name is estimated where the held-out cost is more than
     `clearly_above` times that of the noise and a listed effect leaves more than the part `weak` of it; it is taken
     where it leaves less than the part `far_less` of what the listed effect leaves.
-    promising, mostly : parts of what stands above the noise that freeing a late parameter must promise, and take.
+    promising, freeing : parts of what stands above the noise that freeing a late parameter must promise, and take.
     """
 
     refits: int = 9
@@ -62,7 +62,7 @@ class Policy:
     weak: float = 0.35
     far_less: float = 0.5
     promising: float = 0.2
-    mostly: float = 0.4
+    freeing: float = 0.4
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Declared parameters that are freed late: only once they explain most of what a model leaves above the noise.
+"""Declared parameters that are freed late: only once they explain much of what a model leaves above the noise.
 
 How dry friction passes through rest (the transition velocity) shows at every reversal, but weakly. Free from the start,
 it would bend to whatever else the model lacks; kept for ever, it would leave a residual that other effects explain in
@@ -38,7 +38,7 @@ def freed_late(
     late: Sequence[FreeParameter],
     policy: Policy,
 ) -> Fit:
-    """The fit with late parameters freed as well, each where it takes most of what stands above the noise; else as is.
+    """The fit with late parameters freed as well, each where it takes much of what stands above the noise; else as is.
 
     Parameters
     ----------
@@ -46,12 +46,14 @@ def freed_late(
     """
     for parameter in late:
         above = mean_square(current.residuals) - problem.noise_cost()
-        if parameter.name in current.free.names or promise(problem, current, parameter) < policy.promising * above:
+        if above <= 0.0 or parameter.name in current.free.names:
+            continue
+        if promise(problem, current, parameter) < policy.promising * above:
             continue
         free = current.free.extended([parameter])
         start = np.append(current.x, free.start()[-1])
         tried = fit(problem, free, start, evaluations=policy.converging, tolerance=CONVERGED)
-        helps = mean_square(current.residuals) - mean_square(tried.residuals) > policy.mostly * above
-        if above > 0.0 and helps and (hold is None or held_out(hold, tried) < held_out(hold, current)):
+        helps = mean_square(current.residuals) - mean_square(tried.residuals) > policy.freeing * above
+        if helps and (hold is None or held_out(hold, tried) < held_out(hold, current)):
             current = tried
     return current

@@ -87,7 +87,7 @@ def search(
     pool : candidates. progress : called with what is being done and the part of the step that is done.
     explore, explore_hold : pieces of the recordings to learn from and held out, for screening and first refits; the
         whole of them where not given.
-    late : declared parameters that are freed once they explain most of what is left above the noise.
+    late : declared parameters that are freed once they explain much of what is left above the noise.
     """
     declared = freed_late(problem, hold, declared, late, policy)
     current, steps, left = declared, list[Step](), pool

@@ -37,7 +37,7 @@ class Ground:
     """What a search stands on.
 
     problem, hold : recordings to learn from and held out. explore, explore_hold : pieces of them, for screening and
-    first refits. late : declared parameters that are freed once they explain most of what is left above the noise.
+    first refits. late : declared parameters that are freed once they explain much of what is left above the noise.
     progress : called with what is being done and the part of the step that is done.
     """
 
@@ -156,7 +156,7 @@ def converged(ground: Ground, attempts: list[Attempt], current: Fit) -> tuple[li
 
 
 def finer(ground: Ground, tried: Attempt) -> Attempt:
-    """An attempt with the late parameters freed, where they explain most of what it leaves."""
+    """An attempt with the late parameters freed, where they explain much of what it leaves."""
     better = freed_late(ground.problem, ground.hold, tried.fit, ground.late, ground.policy)
     return tried if better is tried.fit else measured(ground.hold, tried, better)
 

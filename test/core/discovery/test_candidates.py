@@ -59,6 +59,7 @@ FREE = {"depth": {"scale": 0.1}}
         ({"soft_zone": {"free": FREE}}, "soft_zone: needs the keys 'free' and 'trials'"),
         ({"soft_zone": {"free": FREE, "trials": [{"dept": 0.5}]}}, "did you mean 'effects.soft_zone.depth'"),
         ({"soft_zone": {"free": FREE, "trials": [], "usual": {"dept": [0.0, 0.5]}}}, "did you mean 'effects.soft_zone"),
+        ({"soft_zone": {"free": FREE, "trials": [], "usual": {"depth": 0.5}}}, "soft_zone: usual: needs [low, high]"),
         ({"soft_zone": {"free": {"depth": {}}, "trials": []}}, "needs a number 'scale'"),
         ({"soft_zone": {"free": FREE, "trials": [], "resembles": ["dead_volum"]}}, "did you mean 'dead_volume'"),
     ],

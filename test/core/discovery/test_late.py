@@ -1,4 +1,4 @@
-"""A late parameter is freed where it explains most of what is left above the noise, and nowhere else."""
+"""A late parameter is freed where it explains much of what is left above the noise, and nowhere else."""
 
 from __future__ import annotations
 
