@@ -93,7 +93,7 @@ def all_trials(ground: Ground, current: Fit, first_look: Fit, pool: tuple[Candid
 
 
 def first_refits(ground: Ground, first_look: Fit, own: Trials, names: list[str]) -> list[Attempt]:
-    """Short refits of candidates on the first look, the best first."""
+    """Short refits of candidates on the first look, in the order of their names."""
     attempts: list[Attempt] = []
     ground.progress(f"refit with {names[0]}", 0.1)
 
@@ -103,14 +103,14 @@ def first_refits(ground: Ground, first_look: Fit, own: Trials, names: list[str])
     for tried in side_by_side(short, names):
         attempts.append(tried)
         ground.progress(f"refitted with {tried.candidate.effect}", 0.1 + 0.5 * len(attempts) / len(names))
-    return sorted(attempts, key=lambda a: a.score)
+    return attempts
 
 
 def polished(
     ground: Ground,
     attempts: list[Attempt],
     first_look: Fit,
-    own: dict[str, list[Screened]],
+    own: Trials,
     pool: tuple[Candidate, ...],
 ) -> list[Attempt]:
     """The first few refitted on the whole recordings, with what the best of them resembles; the best first."""
@@ -130,7 +130,7 @@ def polished(
 
 
 def converged(ground: Ground, attempts: list[Attempt], current: Fit) -> tuple[list[Attempt], list[Attempt]]:
-    """The best with what comes near or resembles it, all converged, the best first; and the rest.
+    """The best with what comes near or resembles it, all converged; and the rest.
 
     What does not improve on the model as it stands is no rival.
     """
@@ -150,9 +150,9 @@ def converged(ground: Ground, attempts: list[Attempt], current: Fit) -> tuple[li
         alike = a.candidate.effect in best.candidate.resembles
         return carried_over(problem, hold, best, done, policy.final_evaluations) if alike else done
 
-    front = list(side_by_side(settle, chosen))
+    front = [best, *side_by_side(settle, chosen)]
     rest = [a for a in attempts[1:] if all(a is not b for b in chosen)]
-    return sorted((best, *front), key=lambda a: a.score), rest
+    return front, rest
 
 
 def finer(ground: Ground, tried: Attempt) -> Attempt:
@@ -172,8 +172,8 @@ def one_step(ground: Ground, current: Fit, pool: tuple[Candidate, ...]) -> tuple
     own = {s.candidate.effect: [t for t in screened if t.candidate.effect == s.candidate.effect] for s in screened}
     ranking: tuple[Attempt, ...] = ()
     for names in waves(ground, current, best_per_candidate(screened)):
-        attempts = sorted((*ranking, *first_refits(ground, first_look, own, names)), key=lambda a: a.score)
-        front, rest = converged(ground, polished(ground, attempts, first_look, own, pool), current)
+        attempts = ranked(ranking, first_refits(ground, first_look, own, names))
+        front, rest = converged(ground, polished(ground, list(attempts), first_look, own, pool), current)
         ranking = ranked(front, rest)
         if worth(ground.problem, ground.hold, current, ranking[0], policy, len(pool)):
             break
