@@ -1,9 +1,9 @@
 """The one `njit` of the package, with a cache that cannot go stale.
 
 numba keys its cache by the file of the function alone and does not notice an edit in a file that the
-function calls into. Here the cache folder's name carries a hash of every source file of `core`, which
-imports nothing of the package outside itself, and of the versions of numba, llvmlite, numpy and Python:
-any edit there starts a fresh folder, an unchanged core starts warm in about a second.
+function calls into. Here the cache folder of a file carries a hash of that file and of every file of `core` that it
+imports, at any depth, and of the versions of numba, llvmlite, numpy and Python: an edit makes afresh what can
+see it and nothing else, an unchanged core starts warm in about a second.
 
 `error_model="numpy"` (division by zero gives inf, as on the hardware) and no `fastmath`: NaN must stay NaN,
 and a result must not depend on how a compiler reassociates a sum.
@@ -11,57 +11,102 @@ and a result must not depend on how a compiler reassociates a sum.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import platform
+import re
 import shutil
 import sys
 import tempfile
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numba
 
 CORE = Path(__file__).resolve().parent
-KEPT_CACHES = 8
+KEPT_CACHES = 400  # folders, one for each file with compiled functions and state of its sources
+IMPORTS = re.compile(
+    r"^\s*(?:from\s+shake_ros\.core([\w.]*)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+shake_ros\.core([\w.]*))",
+    re.MULTILINE,
+)
+VERSIONS = f"{sys.version}{platform.machine()}{version('numba')}{version('llvmlite')}{version('numpy')}"
 
 
-def source_hash(core: Path = CORE) -> str:
-    """Hash of the core's sources and of the versions that compiled code depends on, 16 hex digits."""
-    digest = hashlib.sha256()
-    for path in sorted(core.rglob("*.py")):
-        digest.update(str(path.relative_to(core)).encode())
-        digest.update(path.read_bytes())
-    from importlib.metadata import version
+@functools.cache
+def _files(core: Path = CORE) -> dict[str, Path]:
+    """Files of the core by dotted name; a folder's name stands for its `__init__`."""
+    found = {}
+    for path in core.rglob("*.py"):
+        found[".".join(path.relative_to(core).with_suffix("").parts).removesuffix("__init__").rstrip(".")] = path
+    return found
 
-    digest.update(
-        f"{sys.version}{platform.machine()}{version('numba')}{version('llvmlite')}{version('numpy')}".encode()
-    )
+
+@functools.cache
+def _read(path: Path, core: Path = CORE) -> tuple[bytes, tuple[Path, ...]]:
+    """Hash of a file, and the files of the core that its imports name, each folder's `__init__` on the way included."""
+    content, files = path.read_bytes(), _files(core)
+    found: dict[Path, None] = {}
+    for package, names, module in IMPORTS.findall(content.decode("utf-8")):
+        dotted = (package or module).strip(".")
+        parts = dotted.split(".")
+        wanted = [".".join(parts[:depth]) for depth in range(len(parts) + 1)]
+        wanted += [f"{dotted}.{name}".lstrip(".") for name in re.findall(r"\w+", names)]
+        found.update((files[name], None) for name in wanted if name in files)
+    return hashlib.sha256(content).digest(), tuple(found)
+
+
+def imported(path: Path, core: Path = CORE) -> tuple[Path, ...]:
+    """Files of the core that a file names in its imports."""
+    return _read(path, core)[1]
+
+
+def source_hash(path: Path, core: Path = CORE) -> str:
+    """Hash of a file, of all that it imports from the core and of the versions that matter, 16 hex digits."""
+    seen, waiting = dict[Path, bytes](), [path]
+    while waiting:
+        here = waiting.pop()
+        if here not in seen:
+            seen[here], more = _read(here, core)
+            waiting.extend(more)
+    digest = hashlib.sha256(VERSIONS.encode())
+    for each in sorted(map(str, seen)):
+        digest.update(each.removeprefix(str(core)).encode() + seen[Path(each)])
     return digest.hexdigest()[:16]
 
 
-def _cache_folder() -> str:
-    """Folder for compiled code; the oldest of earlier ones are removed, a read-only home falls back to /tmp."""
+def _cache_root() -> Path:
+    """Folder of all caches; the oldest are removed, a read-only home falls back to the folder for temporary files."""
     home = Path(os.environ.get("XDG_CACHE_HOME", "") or Path.home() / ".cache")
     roots = [home / "shake_ros", Path(tempfile.gettempdir()) / f"shake_ros-{os.getuid()}"]
     if os.environ.get("NUMBA_CACHE_DIR"):
         roots.insert(0, Path(os.environ["NUMBA_CACHE_DIR"]))
     for root in roots:
-        folder = root / f"compiled-{source_hash()}"
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            os.utime(folder)
+            root.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=root):
+                pass
         except OSError:
             continue
         others = sorted(root.glob("compiled-*"), key=lambda p: p.stat().st_mtime if p.exists() else 0.0)
         for old in others[:-KEPT_CACHES]:
             shutil.rmtree(old, ignore_errors=True)
-        return str(folder)
-    return tempfile.mkdtemp(prefix="shake_ros-")
+        return root
+    return Path(tempfile.mkdtemp(prefix="shake_ros-"))
 
 
-FOLDER = _cache_folder()
+ROOT = _cache_root()
+
+
+@functools.cache
+def cache_folder(file: str) -> str:
+    """Folder for what is compiled of a file of the core."""
+    folder = ROOT / f"compiled-{source_hash(Path(file).resolve())}"
+    folder.mkdir(exist_ok=True)
+    os.utime(folder)
+    return str(folder)
 
 
 def njit(function: Callable[..., Any]) -> Any:
@@ -71,7 +116,7 @@ def njit(function: Callable[..., Any]) -> Any:
     numba was imported before this package, and neither other code nor a child process inherits it.
     """
     settings: Any = numba.config
-    before, settings.CACHE_DIR = settings.CACHE_DIR, FOLDER
+    before, settings.CACHE_DIR = settings.CACHE_DIR, cache_folder(function.__code__.co_filename)
     try:
         return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     finally:

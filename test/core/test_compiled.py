@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import shutil
 import subprocess
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 import reference_model as reference
 
-from shake_ros.core.compiled import CORE, source_hash
+from shake_ros.core.compiled import CORE, imported, source_hash
 from shake_ros.core.plant.simulation import run
 from shake_ros.settings import load_table
 
@@ -80,12 +81,34 @@ def test_nothing_compiled_lies_among_the_sources(copy: Path) -> None:
     assert list((copy / "cache").rglob("*.nbc"))
 
 
-def test_hash_follows_every_source_of_the_core(copy: Path) -> None:
-    first = source_hash(copy / "shake_ros" / "core")
-    assert first == source_hash(CORE)
-    path = copy / "shake_ros" / "core" / "friction" / "tustin.py"
+def test_hash_follows_a_file_and_what_it_imports_and_nothing_else(copy: Path) -> None:
+    program = (
+        "from shake_ros.core.compiled import CORE, source_hash\n"
+        "print(*(source_hash(CORE / name) for name in "
+        "('plant/right_hand_side.py', 'friction/tustin.py', 'control/pid.py')))"
+    )
+    core = copy / "shake_ros" / "core"
+    before = python(copy, program).split()
+    assert before == [
+        source_hash(CORE / name) for name in ("plant/right_hand_side.py", "friction/tustin.py", "control/pid.py")
+    ]
+    path = core / "friction" / "tustin.py"
     path.write_text(path.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    assert source_hash(copy / "shake_ros" / "core") != first
+    after = python(copy, program).split()
+    assert [a == b for a, b in zip(before, after, strict=True)] == [False, False, True]
+
+
+def test_every_file_of_the_core_that_is_imported_counts() -> None:
+    for path in CORE.rglob("*.py"):
+        named = {
+            f"{node.module}.{alias.name}"
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("shake_ros.core")
+            for alias in node.names
+        }
+        found = {".".join(("shake_ros.core", *p.relative_to(CORE).with_suffix("").parts)) for p in imported(path)}
+        for name in named:
+            assert name in found or name.rpartition(".")[0] in found or f"{name.rpartition('.')[0]}.__init__" in found
 
 
 def test_plain_python_gives_the_compiled_numbers(tmp_path: Path) -> None:
