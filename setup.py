@@ -2,7 +2,7 @@
 
 `ros2 run shake_ros NAME` looks for lib/shake_ros/NAME. pip does not honour the `install_scripts` folder of
 setup.cfg, so those executables are data files: one small shell script for each entry point, written here from
-the table ENTRY_POINTS of shake_ros/__main__.py.
+the table ENTRY_POINTS of shake_ros/entry_points.py.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ exec "$python" -m shake_ros {name} "$@"
 
 def entry_points() -> list[str]:
     """The names in the table ENTRY_POINTS, read without importing the package."""
-    tree = ast.parse((ROOT / "shake_ros" / "__main__.py").read_text(encoding="utf-8"))
+    tree = ast.parse((ROOT / "shake_ros" / "entry_points.py").read_text(encoding="utf-8"))
     for node in tree.body:
         if isinstance(node, ast.AnnAssign) and ast.unparse(node.target) == "ENTRY_POINTS":
             assert isinstance(node.value, ast.Dict), "ENTRY_POINTS is not a literal table"
             return [ast.literal_eval(key) for key in node.value.keys if key is not None]
-    raise SystemExit("shake_ros/__main__.py holds no table ENTRY_POINTS")
+    raise SystemExit("shake_ros/entry_points.py holds no table ENTRY_POINTS")
 
 
 def executables() -> list[str]:

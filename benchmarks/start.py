@@ -27,8 +27,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test" / "scripts")]
 
 from listener import Listener  # noqa: E402
 
-from shake_ros.__main__ import NODES  # noqa: E402
 from shake_ros.data.recordings import write_table_recording  # noqa: E402
+from shake_ros.entry_points import NODES  # noqa: E402
 from shake_ros.ros.interface import DIAGNOSTICS  # noqa: E402
 
 PATIENCE = 120.0  # [s] the first start may have to compile

@@ -18,7 +18,7 @@ PACKAGE = ROOT / "shake_ros"
 
 # From the bottom up. A module may import from its own group (one folder or file) and from any lower layer.
 LAYERS: tuple[tuple[str, ...], ...] = (
-    ("core.quantities", "core.compiled"),
+    ("core.quantities", "core.compiled", "entry_points"),
     ("core.packing",),
     ("core.fluid", "core.bulk_modulus", "core.friction", "core.valve"),
     ("core.effects",),
@@ -35,7 +35,6 @@ LAYERS: tuple[tuple[str, ...], ...] = (
 )
 # Arrows that go sideways or up, each with its reason.
 ALLOWED = {
-    ("shake_ros.ros.graph", "shake_ros.__main__"),  # starts nodes by their names in the table of entry points
     ("shake_ros.cli.demo", "shake_ros.ros.experiment"),  # the demo runs the loop, in a function that needs ROS
 }
 RANKS = {group: rank for rank, layer in enumerate(LAYERS) for group in layer}

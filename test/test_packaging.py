@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 import shake_ros
-from shake_ros.__main__ import ENTRY_POINTS
+from shake_ros.entry_points import ENTRY_POINTS
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -187,7 +187,7 @@ def installation(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, A
     """What setup.py hands to setuptools, from a copy of the files it reads."""
     setuptools = pytest.importorskip("setuptools")
     (tmp_path / "shake_ros").mkdir()
-    shutil.copy(ROOT / "shake_ros" / "__main__.py", tmp_path / "shake_ros")
+    shutil.copy(ROOT / "shake_ros" / "entry_points.py", tmp_path / "shake_ros")
     shutil.copy(ROOT / "setup.py", tmp_path)
     shutil.copytree(ROOT / "config", tmp_path / "config")
     given: dict[str, Any] = {}

@@ -25,8 +25,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from shake_ros.__main__ import NODES
 from shake_ros.core.quantities import unknown_name
+from shake_ros.entry_points import NODES
 from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, REFERENCE, TOPICS
 from shake_ros.ros.loop import Loop, build_node, ros_context, stopped_by_signals
 

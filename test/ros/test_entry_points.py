@@ -10,19 +10,20 @@ import pytest
 
 from shake_ros import __main__ as entry
 from shake_ros.core.quantities import ShakeError
+from shake_ros.entry_points import ENTRY_POINTS, NODES
 
 
 def test_without_a_name_every_entry_is_listed_with_a_line(capsys) -> None:
     assert entry.main([]) == 0
     printed = capsys.readouterr().out
-    for name, one in entry.ENTRY_POINTS.items():
+    for name, one in ENTRY_POINTS.items():
         assert f"  {name}" in printed and one.line in printed
 
 
-@pytest.mark.parametrize("name", list(entry.ENTRY_POINTS))
+@pytest.mark.parametrize("name", list(ENTRY_POINTS))
 def test_every_entry_leads_to_something(name) -> None:
-    module = importlib.import_module(entry.ENTRY_POINTS[name].module)
-    assert callable(getattr(module, "build" if name in entry.NODES else "main"))
+    module = importlib.import_module(ENTRY_POINTS[name].module)
+    assert callable(getattr(module, "build" if name in NODES else "main"))
 
 
 def test_listing_imports_neither_ros_nor_compiled_code() -> None:

@@ -21,9 +21,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
 from listener import Listener
 
 from shake_ros import realtime
-from shake_ros.__main__ import NODES
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import write_table_recording
+from shake_ros.entry_points import NODES
 from shake_ros.realtime import RealtimeParameters
 from shake_ros.ros.graph import Graph, NodeSpec
 

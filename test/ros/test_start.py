@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from shake_ros.__main__ import NODES
+from shake_ros.entry_points import NODES
 
 ROOT = Path(__file__).resolve().parents[2]
 SLOW = ("matplotlib", "pandas", "scipy.signal", "scipy.stats", "scipy.optimize", "scipy.integrate", "scipy.interpolate")
