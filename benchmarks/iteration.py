@@ -21,7 +21,6 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from shake_ros.cli.declared import MODELS  # noqa: E402
 from shake_ros.core.control import CONTROLLERS  # noqa: E402
 from shake_ros.core.control.closed_loop import ClosedLoop  # noqa: E402
 from shake_ros.core.control.iteration import Iteration, iterate  # noqa: E402
@@ -34,6 +33,7 @@ from shake_ros.core.observer import OBSERVERS  # noqa: E402
 from shake_ros.core.observer.runner import Observer  # noqa: E402
 from shake_ros.core.plant.parameters import TableParameters  # noqa: E402
 from shake_ros.data.reference_program import build_program  # noqa: E402
+from shake_ros.declared import MODELS  # noqa: E402
 from shake_ros.settings import find, load_table, load_variant, read_yaml  # noqa: E402
 
 SAMPLE_TIME, LATE, RUNS = 0.001, 1, 3

@@ -26,11 +26,11 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT)]
 
-from shake_ros.cli.declared import MODELS  # noqa: E402
 from shake_ros.core.identification.fit import fit  # noqa: E402
 from shake_ros.core.identification.free_parameters import Declared, FreeParameters  # noqa: E402
 from shake_ros.core.identification.recordings import Record, RecordingProblem, low_pass, relative_error  # noqa: E402
 from shake_ros.core.identification.reduced_model import REDUCED, first_table  # noqa: E402
+from shake_ros.declared import MODELS  # noqa: E402
 
 LEARN = ("SineA02F02", "SineA05F03", "SineA3F08")
 HOLD = ("SineA1F1", "SquareA05F1", "seisme")

@@ -1,3 +1,44 @@
-"""Servo-hydraulic shaking table: simulation, control and identification as a ROS 2 node graph."""
+"""Servo-hydraulic shaking table: simulation, control and identification as a ROS 2 node graph.
+
+    import shake_ros as sr
+
+The names of PUBLIC are imported when they are first used; none of them needs ROS.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+PUBLIC = {  # name → module
+    "Frame": "shake_ros.api.frame",
+    "Model": "shake_ros.api.model",
+    "Recordings": "shake_ros.api.read",
+    "import_csv": "shake_ros.api.import_csv",
+    "model": "shake_ros.api.model",
+    "read": "shake_ros.api.read",
+    "recording": "shake_ros.api.read",
+}
+
+if TYPE_CHECKING:  # the same for type checkers and editors
+    from shake_ros.api.frame import Frame as Frame
+    from shake_ros.api.import_csv import import_csv as import_csv
+    from shake_ros.api.model import Model as Model
+    from shake_ros.api.model import model as model
+    from shake_ros.api.read import Recordings as Recordings
+    from shake_ros.api.read import read as read
+    from shake_ros.api.read import recording as recording
+
+__all__ = list(PUBLIC)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in PUBLIC:
+        raise AttributeError(f"module 'shake_ros' has no attribute '{name}'")
+    return getattr(importlib.import_module(PUBLIC[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *PUBLIC})

@@ -28,8 +28,10 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("core.identification",),
     ("core.discovery",),
     ("settings", "realtime"),
+    ("declared",),
     ("data", "bridge"),
     ("report",),
+    ("api",),
     ("cli", "ros"),
     ("__main__",),
 )

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shake_ros.cli import fitting
-from shake_ros.cli.declared import MODELS
 from shake_ros.cli.progress import Bar
 from shake_ros.cli.tracking import tracking
 from shake_ros.core.discovery.closing import ClosedLoop, close_loop
@@ -17,6 +16,7 @@ from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.loop.benefit import Benefit
 from shake_ros.data.results import close_loop_json, diagnosis_json, write_folder, write_json
+from shake_ros.declared import recordings_to_make
 from shake_ros.report.close_loop_page import close_loop_page
 from shake_ros.report.text import close_loop_lines, diagnosis_lines, tracking_lines
 from shake_ros.settings import save_table
@@ -28,10 +28,10 @@ def main(arguments: Sequence[str]) -> int:
     fitting.add_arguments(command, hold_needed=True)
     given = command.parse_args(list(arguments))
     fitting.check_output(given.out, given.force)
-    declared = MODELS[given.model]
-    declared.changed(given.set)  # a wrong name is told before the work
+    chosen = fitting.declare(given)
+    declared = chosen.declared
     learn, hold = fitting.read_records(given.learn, given.hold, declared.driven_by)
-    table = declared.table(given.config, given.set, learn)
+    table = chosen.start(learn)
     with Bar("close_loop") as bar:
         result = close_loop(
             table, declared.free(), declared.candidates(), learn, hold, Policy(), bar, declared.model, declared.late()
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str]) -> int:
         bar("tracking with the model before and after", 1.0)
         benefit = tracking(result)
         bar("residuals and what would help", 1.0)
-        found = diagnose(result.final.fit, learn, hold, fitting.recordings_to_make(), declared.model)
+        found = diagnose(result.final.fit, learn, hold, recordings_to_make(), declared.model)
     write_folder(
         given.out, lambda folder: fill(folder, result, found, benefit, learn, hold, given.model), force=given.force
     )

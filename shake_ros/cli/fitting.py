@@ -8,14 +8,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from shake_ros.cli.declared import DEFAULT_TABLE, MODELS
+from shake_ros.api.model import Model, model
 from shake_ros.core.discovery.candidates import Candidate
-from shake_ros.core.identification import experiments
 from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.fit_records import read_fit_records
-from shake_ros.settings import find, read_yaml
+from shake_ros.declared import DEFAULT_TABLE, MODELS
 
 
 def add_arguments(command: argparse.ArgumentParser, hold_needed: bool) -> None:
@@ -53,10 +52,21 @@ def all_candidates(model: str) -> tuple[Candidate, ...]:
     return MODELS[model].candidates()
 
 
-def recordings_to_make() -> tuple[experiments.Candidate, ...]:
-    """The catalogue of recordings of which the most helpful is named, from config/experiment."""
-    path = find("experiment", "catalogue")
-    return experiments.catalogue(read_yaml(path), str(path))
+def declare(given: argparse.Namespace) -> Model:
+    """The declared model of the arguments; what its table does not declare goes to standard error."""
+    changes = {}
+    for change in given.set:
+        key, equals, text = change.partition("=")
+        try:
+            changes[key] = float(text)
+        except ValueError:
+            raise ShakeError(f"--set {change}: expected KEY=NUMBER") from None
+        if not equals:
+            raise ShakeError(f"--set {change}: expected KEY=NUMBER")
+    declared = model(given.model, given.config, changes)
+    for note in declared.notes:
+        print(note, file=sys.stderr)
+    return declared
 
 
 def check_output(out: Path, force: bool) -> None:

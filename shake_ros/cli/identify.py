@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from shake_ros.cli import fitting
-from shake_ros.cli.declared import MODELS
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.closing import FittedModel, identify, identify_inverse
 from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
@@ -16,6 +15,7 @@ from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import IDENTIFY_SCHEMA, diagnosis_json, model_json, write_folder, write_json
+from shake_ros.declared import recordings_to_make
 from shake_ros.report.identify_page import identify_page
 from shake_ros.report.text import diagnosis_lines, error_lines, parameter_lines
 from shake_ros.settings import save_table
@@ -35,21 +35,21 @@ def main(arguments: Sequence[str]) -> int:
     if given.method == "inverse_dynamics" and given.model != "axis":
         raise ShakeError(f"--method inverse_dynamics: needs --model axis, not {given.model}")
     fitting.check_output(given.out, given.force)
-    declared = MODELS[given.model]
-    declared.changed(given.set)  # a wrong name is told before the work
+    chosen = fitting.declare(given)
+    declared = chosen.declared
     learn, hold = fitting.read_records(given.learn, given.hold, declared.driven_by)
-    table = declared.table(given.config, given.set, learn)
+    table = chosen.start(learn)
     if given.method == "inverse_dynamics":
         model = identify_inverse(table, declared.free(), learn, hold)
         blocks = InverseDynamics(learn).blocks()
-        found = diagnose(model.fit, learn, hold, fitting.recordings_to_make(), declared.model, blocks)
+        found = diagnose(model.fit, learn, hold, recordings_to_make(), declared.model, blocks)
         return _finish(given, model, found, learn, hold)
     with Bar("identify") as bar:
         bar.span(0.0, 0.85)
         model = identify(table, declared.free(), learn, hold, bar, declared.model, declared.late())
         bar.span(0.85, 1.0)
         bar("residuals and what would help", 0.0)
-        found = diagnose(model.fit, learn, hold, fitting.recordings_to_make(), declared.model)
+        found = diagnose(model.fit, learn, hold, recordings_to_make(), declared.model)
     return _finish(given, model, found, learn, hold)
 
 

@@ -12,7 +12,6 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from shake_ros.cli.declared import MODELS
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.iteration import Iteration, Run, error_in_band, iterate, next_drive
@@ -29,6 +28,7 @@ from shake_ros.data.fit_records import read_fit_records
 from shake_ros.data.recordings import read_table_recording
 from shake_ros.data.reference_program import build_program
 from shake_ros.data.results import write_folder, write_json
+from shake_ros.declared import MODELS
 from shake_ros.report import figures_iteration
 from shake_ros.settings import find, load_table, load_variant, read_yaml, save_table
 

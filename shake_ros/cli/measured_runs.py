@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from shake_ros.cli import fitting
-from shake_ros.cli.declared import DEFAULT_TABLE
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.measured_models import Comparison, compare
 from shake_ros.core.discovery.measured_runs import MeasuredRuns, Variant, study
@@ -21,6 +20,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.measured_results import comparison_csv, comparison_json
 from shake_ros.data.results import write_folder, write_json
+from shake_ros.declared import DEFAULT_TABLE
 from shake_ros.report.figures_measured import harmonics_figure, traces_figure
 from shake_ros.report.measured_text import comparison_lines
 from shake_ros.report.page import png

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from shake_ros.cli import fitting
-from shake_ros.cli.declared import MODELS
 from shake_ros.cli.progress import Bar
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import Declared, FreeParameters
@@ -21,6 +20,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import write_folder, write_json
+from shake_ros.declared import MODELS
 from shake_ros.report.schedule_page import schedule_page
 from shake_ros.settings import find, load_table, read_yaml
 

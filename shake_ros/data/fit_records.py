@@ -77,7 +77,7 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
                 drive[span],
                 recording.position[span],
                 acceleration,
-                standing=float(drive[span][0]) if span.start else 0.0,
+                standing=float(drive[span][0]) if span.start or recording.time[0] > 0.0 else 0.0,
             )
         )
     if not np.ptp(recording.position[np.isfinite(recording.position)]):
@@ -103,18 +103,18 @@ def read_fit_records(paths: Sequence[Path | str], driven_by: str = "valve_comman
             raise ShakeError(f"{path}: a recording named '{recording.name}' is given twice")
         names.add(recording.name)
         records += fit_records(recording, driven_by)
-        findings += [f"{recording.name}: {finding}" for finding in recording.findings]
-        findings += _leap_lines(recording)
+        findings += finding_lines(recording)
     return records, findings
 
 
-def _leap_lines(recording: TableRecording) -> list[str]:
-    """A line on where the position leaps, none where it does not."""
+def finding_lines(recording: TableRecording) -> list[str]:
+    """What reading a recording met, a line each, and one on where the position leaps."""
+    lines = [f"{recording.name}: {finding}" for finding in recording.findings]
     found = [span.start + k for span in recording.segments for k in leaps(recording.position[span]).tolist()]
-    if not found:
-        return []
-    used = sum(p.stop - p.start for p in unbroken(recording)) * recording.sample_time
-    return [
-        f"{recording.name}: joint_states: the position leaps {len(found)} times, first at "
-        f"{recording.time[found[0]]:.3f} s; parted there, {used:.1f} of {recording.time[-1]:.1f} s are used"
-    ]
+    if found:
+        used = sum(p.stop - p.start for p in unbroken(recording)) * recording.sample_time
+        lines.append(
+            f"{recording.name}: joint_states: the position leaps {len(found)} times, first at "
+            f"{recording.time[found[0]]:.3f} s; parted there, {used:.1f} of {recording.time[-1]:.1f} s are used"
+        )
+    return lines

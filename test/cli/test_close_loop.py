@@ -13,8 +13,8 @@ import yaml
 from closed_loops import bag, command, recording
 
 from shake_ros import __main__
+from shake_ros.api.model import model
 from shake_ros.cli import close_loop as close_loop_command
-from shake_ros.cli.declared import MODELS
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import write_table_recording
@@ -106,7 +106,9 @@ def test_declared_table_alone_is_written_where_nothing_is_missing() -> None:
 
 @pytest.mark.parametrize("change", ["specimen_mass=137.5", "body.specimen_mass=137.5"])
 def test_set_changes_a_declared_value(change: str) -> None:
-    table = MODELS["full"].table("bergamo", [change, "supply_pressure=1.5e7"], [])
+    key, _, value = change.partition("=")
+    table = model("full", "bergamo", {key: float(value), "supply_pressure": 1.5e7}).table
+    assert table is not None
     assert table.value("body.specimen_mass") == 137.5
     assert table.value("supply.supply_pressure") == 1.5e7
     assert table.value("body.table_mass") == load_table("bergamo").value("body.table_mass")

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from shake_ros.__main__ import main
-from shake_ros.cli.declared import MODELS
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import RecordingProblem
@@ -17,6 +16,7 @@ from shake_ros.core.identification.reduced_model import REDUCED, first_table
 from shake_ros.core.plant.reduced_simulation import run
 from shake_ros.core.plant.small_table import SmallTable
 from shake_ros.data.fit_records import read_fit_records
+from shake_ros.declared import MODELS
 
 
 @pytest.fixture(scope="module")

@@ -93,6 +93,20 @@ class TableRecording:
             changes[name] = None if values is None else values[rows]
         return replace(self, **changes)
 
+    def between(self, start: float, stop: float) -> TableRecording:
+        """The samples from `start` to before `stop` [s], named after them; its segments stay apart.
+
+        Raises
+        ------
+        ShakeError : no segment lies there.
+        """
+        first, last = (int(i) for i in np.searchsorted(self.time, (start, stop)))
+        cut = [(max(s.start, first) - first, min(s.stop, last) - first) for s in self.segments]
+        segments = tuple(slice(a, b) for a, b in cut if b - a >= SHORTEST_SEGMENT)
+        if not segments:
+            raise ShakeError(f"{self.name}: no unbroken samples between {start:g} and {stop:g} s")
+        return replace(self[first:last], name=f"{self.name}[{start:g}:{stop:g}]", segments=segments)
+
     @property
     def longest(self) -> TableRecording:
         """The samples of the longest segment."""

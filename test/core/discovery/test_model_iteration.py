@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.cli.declared import MODELS
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.iteration import Iteration
 from shake_ros.core.control.runner import Controller
@@ -17,6 +16,7 @@ from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
+from shake_ros.declared import MODELS
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 DT = 0.001

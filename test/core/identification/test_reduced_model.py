@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.cli.declared import MODELS
 from shake_ros.core.discovery.closing import close_loop
 from shake_ros.core.discovery.judging import Policy
 from shake_ros.core.identification.recordings import Record, RecordingProblem
@@ -15,6 +14,7 @@ from shake_ros.core.plant.reduced_simulation import run
 from shake_ros.core.plant.reduced_table import reduced_table
 from shake_ros.core.plant.small_table import SmallTable
 from shake_ros.core.quantities import ShakeError
+from shake_ros.declared import MODELS
 
 DT = 0.005
 TRUTH = reduced_table(ReducedParameters(beta1=-1600.0, beta2=-30.0, beta3=1000.0, beta4=-2.0, beta5=-10.0))

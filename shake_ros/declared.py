@@ -1,13 +1,13 @@
-"""The declared models that `identify` and `close_loop` fit: what drives them, how they are declared, their effects."""
+"""The declared models that a fit starts from: what drives them, how they are declared, what a fit may move or add."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass
 from typing import Any
 
 from shake_ros.core.discovery.candidates import Candidate, candidates
+from shake_ros.core.identification import experiments
 from shake_ros.core.identification.axis_model import AXIS, InverseDynamics
 from shake_ros.core.identification.free_parameters import Declared, FreeParameter, free_parameter
 from shake_ros.core.identification.recordings import FULL, Model, Record
@@ -23,12 +23,13 @@ DEFAULT_TABLE = "bergamo"
 
 @dataclass(frozen=True)
 class DeclaredModel:
-    """One model of the option --model.
+    """One kind of declared model.
 
     Attributes
     ----------
     model : simulates it. fields : its numbers by dotted name. effects : file of config/discovery with its candidates.
-    driven_by : signal of a recording that drives it. declare : table from --config and the recordings to learn from.
+    driven_by : signal of a recording that drives it. declare : table of a configuration; None where that declares no
+    numbers of this model. guess : the table to start from where none is declared, from recordings.
     """
 
     name: str
@@ -36,26 +37,8 @@ class DeclaredModel:
     fields: Mapping[str, Field[Any]]
     effects: str
     driven_by: str
-    declare: Callable[[str | None, list[Record]], Declared]
-
-    def table(self, config: str | None, changes: Sequence[str], learn: list[Record]) -> Declared:
-        """The declared table with `key=value` changes."""
-        values = self.changed(changes)
-        return self.declare(config, learn).with_values(values)
-
-    def changed(self, changes: Sequence[str]) -> dict[str, float]:
-        """Values by dotted name of `key=value` texts; a key may be the last part of a name alone."""
-        values = {}
-        for change in changes:
-            key, equals, text = change.partition("=")
-            name = self.full_name(key)
-            try:
-                values[name] = float(text)
-            except ValueError:
-                raise ShakeError(f"--set {change}: expected KEY=NUMBER") from None
-            if not equals:
-                raise ShakeError(f"--set {change}: expected KEY=NUMBER")
-        return values
+    declare: Callable[[str | None], Declared | None]
+    guess: Callable[[list[Record]], Declared]
 
     def full_name(self, key: str) -> str:
         """The dotted name of a parameter given by it or by its last part alone (`specimen_mass`)."""
@@ -65,8 +48,8 @@ class DeclaredModel:
         if len(matches) == 1:
             return matches[0]
         if matches:
-            raise ShakeError(f"--set {key}: could be {', '.join(matches)}")
-        raise unknown_name("parameter", key, self.fields, "--set")
+            raise ShakeError(f"set: {key}: could be {', '.join(matches)}")
+        raise unknown_name("parameter", key, self.fields, "set")
 
     def free(self) -> list[FreeParameter]:
         """The parameters that a fit may move, from config/identification."""
@@ -89,15 +72,26 @@ class DeclaredModel:
         return candidates(read_yaml(path), str(path), self.name, self.fields)
 
 
-def declare_full(config: str | None, learn: list[Record]) -> Declared:
+def recordings_to_make() -> tuple[experiments.Candidate, ...]:
+    """The catalogue of recordings of which the most helpful is named, from config/experiment."""
+    path = find("experiment", "catalogue")
+    return experiments.catalogue(read_yaml(path), str(path))
+
+
+def declare_full(config: str | None) -> Declared:
     """The table of a configuration."""
     return load_table(config or DEFAULT_TABLE)
 
 
-def declare_reduced(config: str | None, learn: list[Record]) -> Declared:
-    """The reduced table of a configuration; a first guess from the recordings where it declares no β."""
+def guess_full(records: list[Record]) -> Declared:
+    """The default table, whatever was recorded."""
+    return load_table(DEFAULT_TABLE)
+
+
+def declare_reduced(config: str | None) -> Declared | None:
+    """The reduced table of a configuration; None where it declares no β, or there is none."""
     if config is None:
-        return first_table(learn)
+        return None
     path = find("table", config)
     content = read_yaml(path)
     if isinstance(content, Mapping) and "dynamics" in content:
@@ -105,22 +99,26 @@ def declare_reduced(config: str | None, learn: list[Record]) -> Declared:
     known = (*parameters.SECTIONS, "effects")
     if not isinstance(content, Mapping) or any(key not in known for key in content):
         raise ShakeError(f"{path}: expected a reduced table with the section 'dynamics', or the sections of a table")
-    print(f"{path}: declares no beta1 … beta5; the reduced model starts from the recordings alone", file=sys.stderr)
-    return first_table(learn)
+    return None
 
 
-def declare_axis(config: str | None, learn: list[Record]) -> Declared:
-    """The axis of a YAML file with the section `axis`; without one, by inverse dynamics."""
+def declare_axis(config: str | None) -> Declared | None:
+    """The axis of a YAML file with the section `axis`."""
     if config is None:
-        return InverseDynamics(learn).solve()
+        return None
     path = find("table", config)
     return AXIS_LAYOUT.table(read_yaml(path), str(path))
 
 
+def guess_axis(records: list[Record]) -> Declared:
+    """The axis of inverse dynamics."""
+    return InverseDynamics(records).solve()
+
+
 MODELS: dict[str, DeclaredModel] = {
-    "full": DeclaredModel("full", FULL, parameters.FIELDS, "effects", "valve_command", declare_full),
+    "full": DeclaredModel("full", FULL, parameters.FIELDS, "effects", "valve_command", declare_full, guess_full),
     "reduced": DeclaredModel(
-        "reduced", REDUCED, REDUCED_LAYOUT.fields, "reduced_effects", "valve_command", declare_reduced
+        "reduced", REDUCED, REDUCED_LAYOUT.fields, "reduced_effects", "valve_command", declare_reduced, first_table
     ),
-    "axis": DeclaredModel("axis", AXIS, AXIS_LAYOUT.fields, "axis_effects", "force", declare_axis),
+    "axis": DeclaredModel("axis", AXIS, AXIS_LAYOUT.fields, "axis_effects", "force", declare_axis, guess_axis),
 }

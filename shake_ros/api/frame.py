@@ -1,0 +1,95 @@
+"""A small table of results: columns by name, aligned text in a terminal, HTML in a notebook."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+Format = Callable[[Any], str]
+
+
+def plain(value: Any) -> str:
+    """A cell: four digits of a number, nothing for what is not there.
+
+    >>> plain(1234.567), plain(None), plain("sine")
+    ('1235', '–', 'sine')
+    """
+    if value is None:
+        return "–"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def percent(value: float | None) -> str:
+    """A ratio in per cent.
+
+    >>> percent(0.12345), percent(None)
+    ('12.35 %', '–')
+    """
+    return "–" if value is None else f"{100.0 * value:.2f} %"
+
+
+class Frame(Mapping[str, Sequence[Any]]):
+    """Rows of results under column names; a mapping from column to values, so `pandas.DataFrame(dict(frame))` works.
+
+    Parameters
+    ----------
+    columns : names. rows : one value a column each. formats : how a column is shown, by name; else as `plain`.
+
+    Examples
+    --------
+    >>> frame = Frame(("recording", "error"), [("run1", 0.25), ("run2", None)], {"error": percent})
+    >>> frame
+    recording    error
+    run1       25.00 %
+    run2             –
+    >>> frame["error"]
+    (0.25, None)
+    >>> frame.rows[0]["recording"]
+    'run1'
+    """
+
+    def __init__(
+        self, columns: Sequence[str], rows: Sequence[Sequence[Any]], formats: Mapping[str, Format] | None = None
+    ) -> None:
+        self.columns = tuple(columns)
+        self.rows = tuple(dict(zip(self.columns, row, strict=True)) for row in rows)
+        self._formats = dict(formats or {})
+
+    def __getitem__(self, column: str) -> tuple[Any, ...]:
+        if column not in self.columns:
+            raise KeyError(column)
+        return tuple(row[column] for row in self.rows)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    def cells(self) -> list[list[str]]:
+        """The rows as text."""
+        return [[self._formats.get(c, plain)(row[c]) for c in self.columns] for row in self.rows]
+
+    def _numeric(self, column: str) -> bool:
+        values = [value for value in self[column] if value is not None]
+        return bool(values) and all(isinstance(value, int | float) for value in values)
+
+    def __repr__(self) -> str:
+        cells = [list(self.columns), *self.cells()]
+        widths = [max(len(row[i]) for row in cells) for i in range(len(self.columns))]
+        right = [self._numeric(c) for c in self.columns]
+        lines = (
+            "  ".join(c.rjust(w) if r else c.ljust(w) for c, w, r in zip(row, widths, right, strict=True))
+            for row in cells
+        )
+        return "\n".join(line.rstrip() for line in lines)
+
+    def _repr_html_(self) -> str:
+        head = "".join(f"<th>{html.escape(c)}</th>" for c in self.columns)
+        style = [" style='text-align: right'" if self._numeric(c) else "" for c in self.columns]
+        body = "".join(
+            "<tr>" + "".join(f"<td{s}>{html.escape(c)}</td>" for c, s in zip(row, style, strict=True)) + "</tr>"
+            for row in self.cells()
+        )
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

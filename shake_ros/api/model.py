@@ -1,0 +1,111 @@
+"""`model`: a declared model of a table: its numbers, what a fit may move, what it may lack, its free run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from shake_ros.api.frame import Frame
+from shake_ros.core.identification.free_parameters import Declared
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.declared import MODELS, DeclaredModel
+
+
+@dataclass(frozen=True, repr=False)
+class Model:
+    """A declared model.
+
+    Attributes
+    ----------
+    kind : "full", "reduced" or "axis". table : the declared table; None where the recordings give the first guess.
+    changes : values by dotted name over those of the table.
+    notes : what the given table does not declare, a line each.
+    """
+
+    kind: str
+    declared: DeclaredModel
+    table: Declared | None
+    changes: Mapping[str, float]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def parameters(self) -> Frame:
+        """The parameters that a fit may move: from the start, or only once they explain much of what is left."""
+        table, free = self.table, self.declared.free()
+        rows = [
+            (p.name, None if table is None else table.value(p.name), p.unit, p.low, p.high, when)
+            for group, when in ((free, "from the start"), (self.declared.late(), "late"))
+            for p in group
+        ]
+        return Frame(("parameter", "value", "unit", "low", "high", "freed"), rows)
+
+    @property
+    def candidates(self) -> Frame:
+        """The effects that the model may lack."""
+        rows = [(c.effect, c.place, ", ".join(c.depends_on), c.strength.name) for c in self.declared.candidates()]
+        return Frame(("effect", "place", "depends on", "strength"), rows)
+
+    def start(self, records: list[Record]) -> Declared:
+        """The table that a fit to these records starts from."""
+        return self.table or self.declared.guess(records).with_values(self.changes)
+
+    def simulate(self, record: Record) -> np.ndarray:
+        """Free run of the table over a record from its command alone, shape (n, ≥ 3): position [m], velocity, …"""
+        return self.declared.model.run(self.start([record]), record)
+
+    def __repr__(self) -> str:
+        changed = "".join(f", {name} = {value:g}" for name, value in self.changes.items())
+        where = "starting from the recordings" if self.table is None else f"{len(self.declared.fields)} numbers"
+        return f"Model({self.kind}, {where}{changed})\n{self.parameters!r}"
+
+
+def model(
+    kind: str = "full",
+    table: str | Path | Declared | None = None,
+    set: Mapping[str, float] | None = None,  # noqa: A002 (the command's option has this name)
+) -> Model:
+    """A declared model of a shaking table.
+
+    Parameters
+    ----------
+    kind : "full", the sixth-order table of (6.15); "reduced", third order in acceleration per command (6.36), for
+        hydraulics that are not declared; "axis", a positioning axis driven by a force.
+    table : a name of config/table, a YAML file, or a table; the default table of `full`, otherwise the first guess
+        comes from the recordings.
+    set : declared values to change, by dotted name or its last part: `{"specimen_mass": 200.0}`.
+
+    Raises
+    ------
+    ShakeError
+        An unknown name, a value out of bounds, or a table of another kind.
+
+    Examples
+    --------
+    >>> import shake_ros as sr
+    >>> model = sr.model("full", set={"specimen_mass": 200.0})
+    >>> model.table.value("body.specimen_mass")
+    200.0
+    >>> "bulk_modulus.modulus" in model.parameters["parameter"]
+    True
+    >>> "soft_zone" in model.candidates["effect"]
+    True
+    """
+    if kind not in MODELS:
+        raise unknown_name("model", kind, MODELS)
+    declared = MODELS[kind]
+    changes = {declared.full_name(key): float(value) for key, value in (set or {}).items()}
+    notes: tuple[str, ...] = ()
+    if table is None or isinstance(table, str | Path):
+        config = None if table is None else str(table)
+        base = declared.declare(config)
+        if base is None and config is not None:
+            notes = (f"{config}: declares no beta1 … beta5; the reduced model starts from the recordings alone",)
+    else:
+        base = table
+        if list(base.fields) != list(declared.fields):
+            raise ShakeError(f"the model {kind} does not take a table that begins with {next(iter(base.fields))}")
+    return Model(kind, declared, base and base.with_values(changes), changes, notes)

@@ -1,0 +1,195 @@
+"""`read`: recordings from bags or from a laboratory's tables; `recording`: one from arrays."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy.typing as npt
+
+from shake_ros.api.frame import Frame
+from shake_ros.api.import_csv import import_csv
+from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from shake_ros.core.identification.recordings import Record
+
+TABLES = (".csv", ".txt", ".dat", ".tsv", ".mat")
+SIGNALS = (
+    *("valve_command", "position", "acceleration", "pressure_a", "pressure_b", "pressure_supply"),
+    *("force", "reference", "estimate", "truth"),
+)
+
+
+class Recordings(Sequence[TableRecording]):
+    """Recordings in the order given, by number or by name.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import shake_ros as sr
+    >>> time = np.arange(2000) / 1000
+    >>> runs = sr.recording("sine", time, command=np.sin(time), position=0.01 * np.cos(time))
+    >>> runs
+    name  samples  rate [Hz]  length [s]  signals                  findings
+    sine     2000       1000           2  valve_command, position  –
+    >>> runs["sine"].position.shape
+    (2000,)
+    >>> runs.between(0.5, 1.5)
+    name           samples  rate [Hz]  length [s]  signals                  findings
+    sine[0.5:1.5]     1000       1000           1  valve_command, position  –
+    """
+
+    def __init__(self, recordings: Iterable[TableRecording]) -> None:
+        self._recordings = tuple(recordings)
+        names = self.names
+        for name in names:
+            if names.count(name) > 1:
+                raise ShakeError(f"a recording named '{name}' is given twice")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The recordings' names."""
+        return tuple(r.name for r in self._recordings)
+
+    def __len__(self) -> int:
+        return len(self._recordings)
+
+    @overload
+    def __getitem__(self, key: int | str) -> TableRecording: ...
+
+    @overload
+    def __getitem__(self, key: slice) -> Recordings: ...
+
+    def __getitem__(self, key: int | str | slice) -> TableRecording | Recordings:
+        if isinstance(key, slice):
+            return Recordings(self._recordings[key])
+        if isinstance(key, int):
+            return self._recordings[key]
+        if key not in self.names:
+            raise unknown_name("recording", key, self.names)
+        return self._recordings[self.names.index(key)]
+
+    def __add__(self, others: Iterable[TableRecording]) -> Recordings:
+        return Recordings((*self, *others))
+
+    def __repr__(self) -> str:
+        return repr(self._frame())
+
+    def _repr_html_(self) -> str:
+        return self._frame()._repr_html_()
+
+    def _frame(self) -> Frame:
+        rows = []
+        for r in self:
+            signals = ", ".join(name for name in SIGNALS if getattr(r, name) is not None)
+            kinds = ", ".join(dict.fromkeys(f.kind for f in r.findings)) or None
+            rows.append((r.name, len(r), 1.0 / r.sample_time, len(r) * r.sample_time, signals, kinds))
+        return Frame(("name", "samples", "rate [Hz]", "length [s]", "signals", "findings"), rows)
+
+    @property
+    def findings(self) -> list[str]:
+        """What reading met, a line each: gaps, stamps, values that are not numbers, leaps of the position."""
+        from shake_ros.data.fit_records import finding_lines
+
+        return [line for r in self for line in finding_lines(r)]
+
+    def between(self, start: float, stop: float) -> Recordings:
+        """The samples from `start` to before `stop` [s] of each recording; segments stay apart."""
+        return Recordings(r.between(start, stop) for r in self)
+
+    def records(self, driven_by: str = "valve_command") -> list[Record]:
+        """The gapless parts as a fit takes them; driven_by : `valve_command` or `force`."""
+        from shake_ros.data.fit_records import fit_records
+
+        return [record for r in self for record in fit_records(r, driven_by)]
+
+    def plot(self) -> Figure:
+        """Command, position and acceleration over time, a column for each recording."""
+        from shake_ros.report.figures_recordings import recordings_figure
+
+        return recordings_figure(self._recordings)
+
+
+def read(
+    *paths: str | Path,
+    command: str | None = None,
+    position: str | None = None,
+    **columns: Any,
+) -> Recordings:
+    """Read recordings: rosbag2 folders, .mcap and .db3 files; or text tables and .mat files with their columns.
+
+    Parameters
+    ----------
+    paths : recordings of different names.
+    command, position, columns : columns of text tables and .mat files with factors to SI units, as `import_csv` takes
+        them: `time` or `rate`, `command`, `position`, and if there are any `acceleration`, `force`; `skip`.
+
+    Returns
+    -------
+    Recordings
+        A sequence of named recordings in SI units on one time base each; nothing is filled in.
+
+    Raises
+    ------
+    ShakeError
+        One line naming file, topic or column and reason, where a recording cannot be used.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import shake_ros as sr
+    >>> file = Path(tempfile.mkdtemp()) / "run.csv"
+    >>> _ = file.write_text("t_s,u,x\\n" + "".join(f"{k / 200},{k % 7 / 10},{k % 5}\\n" for k in range(400)))
+    >>> sr.read(file, time="t_s", command="u", position="x*0.001")
+    name  samples  rate [Hz]  length [s]  signals                  findings
+    run       400        200           2  valve_command, position  –
+    """
+    if command is None and position is None and not columns:
+        tables = [path for path in paths if Path(path).suffix.lower() in TABLES]
+        if tables:
+            raise ShakeError(f'{tables[0]}: a table needs its columns, as in time="t", command="u", position="x*0.001"')
+        return Recordings(read_table_recording(path) for path in paths)
+    if command is None or position is None:
+        raise ShakeError("a table needs the columns of the command and of the position")
+    found = []
+    with tempfile.TemporaryDirectory(prefix="shake_ros-read-") as folder:
+        for number, path in enumerate(paths):
+            recording = import_csv(path, Path(folder) / str(number), command=command, position=position, **columns)
+            provenance = replace(recording.provenance, path=Path(path), files=(Path(path).name,))
+            found.append(replace(recording, name=Path(path).stem, provenance=provenance))
+    return Recordings(found)
+
+
+def recording(
+    name: str, time: npt.ArrayLike, command: npt.ArrayLike, position: npt.ArrayLike, **signals: npt.ArrayLike
+) -> Recordings:
+    """A recording from arrays.
+
+    Parameters
+    ----------
+    name : of the recording. time : shape (n,), rising [s]. command : valve command, shape (n,) [-].
+    position : shape (n,) [m].
+    signals : acceleration [m/s²], pressure_a, pressure_b, pressure_supply [Pa], force [N], each of shape (n,);
+        reference, estimate, truth, shape (n, 3) in SI units.
+
+    Raises
+    ------
+    ShakeError
+        Lengths differ, or the time does not rise.
+
+    Examples
+    --------
+    >>> import shake_ros as sr
+    >>> sr.recording("rest", [0.0, 0.1, 0.2], [0.0, 0.0, 0.0], [0.01, 0.01, 0.01])[0].position.tolist()
+    [0.01, 0.01, 0.01]
+    """
+    with tempfile.TemporaryDirectory(prefix="shake_ros-recording-") as folder:
+        path = write_table_recording(Path(folder) / "bag", time, command, position, **signals)  # type: ignore[arg-type]
+        return Recordings([replace(read_table_recording(path), name=name)])
