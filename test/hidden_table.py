@@ -1,8 +1,9 @@
 """Recordings of a table with effects that the declared model lacks, for tests of identification and discovery.
 
-The declared part is that of reference_model.py, the effects are written here a second time. Nothing imports the
-package: classical Runge–Kutta of small fixed steps, friction with a sharper sign than the fit uses, noise and steps of
-the sensors drawn here. A weak position loop keeps the table centred; the recorded command is the one that acted.
+The declared part is that of benchmarks/plant/reference_model.py, the effects are written here a second time. Nothing
+imports the package: classical Runge–Kutta of small fixed steps, friction with a sharper sign than the fit uses, noise
+and steps of the sensors drawn here. A weak position loop keeps the table centred; the recorded command is the one that
+acted.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from reference_model import Constants, at_rest, constants
+
+from benchmarks.plant.reference_model import Constants, at_rest, constants
 
 SAMPLE_TIME = 0.001
 STEPS = 20  # Runge–Kutta steps a sample

@@ -1,15 +1,11 @@
-"""The short version of benchmarks/confusion.py: effects hidden by another simulator are named, nothing is made up."""
+"""benchmarks/discovery/confusion.py in short: effects hidden by another simulator are named, nothing is made up."""
 
-import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
-
-import confusion
-import hidden_tables
-import numpy as np
+from benchmarks.discovery import confusion, hidden_tables
 
 
 @pytest.fixture(scope="module")

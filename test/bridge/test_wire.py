@@ -25,7 +25,7 @@ from shake_ros.core.quantities import ShakeError
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "msg_docs" / "hardware_bridge.md"
-FUZZED = 3000  # here; benchmarks/fuzz_bridge.py takes 100 000
+FUZZED = 3000  # here; benchmarks/bridge/fuzz.py takes 100 000
 
 
 def reason(data: bytes, key: bytes = KEY) -> str:

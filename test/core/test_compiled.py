@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import reference_model as reference
 
+from benchmarks.plant import reference_model as reference
 from shake_ros.core.compiled import CORE, imported, source_hash
 from shake_ros.core.plant.simulation import run
 from shake_ros.settings import load_table

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,12 +12,9 @@ from typing import Any
 import pytest
 import yaml
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
-
-from driver import Driver
-from emulated_target import emulated_target
-from listener import Listener
-
+from benchmarks.realtime.driver import Driver
+from benchmarks.realtime.emulated_target import emulated_target
+from benchmarks.realtime.listener import Listener
 from shake_ros.core.quantities import ShakeError
 from shake_ros.ros.faults_node import build, parse_topics
 from shake_ros.ros.graph import Graph, NodeSpec

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
-
-from driver import Driver
-from emulated_target import emulated_target
-from listener import Listener
-
+from benchmarks.realtime.driver import Driver
+from benchmarks.realtime.emulated_target import emulated_target
+from benchmarks.realtime.listener import Listener
 from shake_ros.core.quantities import ShakeError
 from shake_ros.ros.graph import Graph, NodeSpec
 from shake_ros.ros.hardware_bridge_node import build

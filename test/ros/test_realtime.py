@@ -16,10 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
-
-from listener import Listener
-
+from benchmarks.realtime.listener import Listener
 from shake_ros import realtime
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import write_table_recording

@@ -15,11 +15,9 @@ import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from driver import Driver
-from listener import Listener
-
+from benchmarks.realtime.driver import Driver
+from benchmarks.realtime.listener import Listener
 from shake_ros.ros.graph import Graph, NodeSpec
 
 PATIENCE = 15.0  # for a state on /diagnostics [s]

@@ -13,11 +13,10 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from listener import SAMPLED, Listener
 from same_every_time import Run, differences_from_core
 
+from benchmarks.realtime.listener import SAMPLED, Listener
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.runner import Controller

@@ -3,7 +3,7 @@
     python test/scripts/real_time.py [--seconds 4.0] [--fifo] [--domain 0]
 
 Says what it found; the exit status is 0 where the bookkeeping is right and the loop is closed, however slow the
-machine is. `benchmarks/realtime.py` measures.
+machine is. `benchmarks/realtime/timing.py` measures.
 """
 
 from __future__ import annotations
@@ -16,10 +16,8 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from listener import Listener
-
+from benchmarks.realtime.listener import Listener
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.graph import Graph, NodeSpec
 

@@ -15,10 +15,8 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from listener import SAMPLED, Listener
-
+from benchmarks.realtime.listener import SAMPLED, Listener
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import ClosedLoop, simulate_closed_loop
 from shake_ros.core.control.runner import Controller

@@ -12,7 +12,7 @@ know: where Σ|E_n|² of a window is well above the least so far, the R_n of the
 recovers by and by, and what is the least is slowly forgotten. The law under it sees nothing but another reference.
 
 Not in the thesis, which measures the distortion (6.1) and leaves it. Verified against: a linear loop with known lag,
-and the distortion of the simulated table's sine (benchmarks/harmonic_cancellation.py).
+and the distortion of the simulated table's sine (benchmarks/control/harmonic_cancellation.py).
 """
 
 from __future__ import annotations

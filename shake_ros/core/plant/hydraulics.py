@@ -1,7 +1,7 @@
 """The hydraulic side of the right-hand side: ports, pipelines, leakage and the pressures of the chambers, (6.5)–(6.14).
 
 Each effect on the oil or the valve stands at its place; `p` is one record of plant/parameters.py. Verified against
-the same equations written a second time (test/reference_model.py).
+the same equations written a second time (benchmarks/plant/reference_model.py).
 """
 
 from __future__ import annotations

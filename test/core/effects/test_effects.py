@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-import reference_model as reference
 
+from benchmarks.plant import reference_model as reference
 from shake_ros.core.effects import EFFECTS, PLACES
 from shake_ros.core.plant.parameters import records
 from shake_ros.core.plant.right_hand_side import active_states, right_hand_side

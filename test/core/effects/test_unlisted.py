@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import reference_model as reference
 
+from benchmarks.plant import reference_model as reference
 from shake_ros.core.effects import unlisted
 from shake_ros.core.plant.parameters import records
 from shake_ros.core.plant.simulation import run

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import reference_model as reference
 from scipy.integrate import simpson
 
+from benchmarks.plant import reference_model as reference
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
 from shake_ros.settings import load_table

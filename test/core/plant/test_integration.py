@@ -1,11 +1,11 @@
-"""The plant against the same model written a second time (test/reference_model.py) and integrated by scipy's Radau."""
+"""The plant against the same model written a second time (benchmarks/plant/reference_model.py), under scipy's Radau."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-import reference_model as reference
 
+from benchmarks.plant import reference_model as reference
 from shake_ros.core.plant.dormand_prince import PATH, STAGE, dormand_prince, workspace
 from shake_ros.core.plant.parameters import records
 from shake_ros.core.plant.right_hand_side import table_rates

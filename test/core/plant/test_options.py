@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 import pytest
-import reference_model as reference
 import yaml
 from scipy.integrate import solve_ivp
 
+from benchmarks.plant import reference_model as reference
 from shake_ros.core.fluid.oil import Oil
 from shake_ros.core.friction import FRICTIONS
 from shake_ros.core.plant.cavitation import acting_pressure

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-import reference_model as reference
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import brentq
 
+from benchmarks.plant import reference_model as reference
 from shake_ros.core.plant.simulation import initial_state, run, run_batch
 from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import ShakeError

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from benchmarks.recordings.raw import JOINT_STATE, STORE, joint_state
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import read_table_recording
 
 from .conftest import table_arrays
-from .raw import JOINT_STATE, STORE, joint_state
 
 MUTATIONS = 150
 

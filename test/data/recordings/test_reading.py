@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
+from benchmarks.recordings.raw import JOINT_STATE, STORE, joint_state
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import BagWriter, TableRecording, iterate_table_recording, read_table_recording
 from shake_ros.data.recordings.bag import Bag
 
 from .conftest import table_arrays
-from .raw import JOINT_STATE, STORE, joint_state
 
 
 def kinds(recording: TableRecording) -> set[str]:

@@ -14,12 +14,12 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from benchmarks.recordings.raw import JOINT_STATE, joint_state
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import BagWriter, read_table_recording, recover, write_table_recording
 from shake_ros.data.recordings.bag import Bag
 
 from .conftest import table_arrays
-from .raw import JOINT_STATE, joint_state
 
 ROOT = Path(__file__).resolve().parents[3]
 
