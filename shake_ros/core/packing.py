@@ -2,13 +2,16 @@
 
 A member's parameters stand in the fields of their names; a field that it does not have is zero; `kind` tells
 compiled code which member reads them. So a table's record is the same whatever law or valve it uses, and one
-compilation serves all. A member is a `Parameters` class with a class constant `code`, the number.
+compilation serves all. A member is a `Parameters` class with a class constant `code`, the number, and where its kernels
+need more than its own fields, `derived`: names of numbers that are computed once. A choice among names counts as its
+place among them, free text is left out.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,17 +19,18 @@ import numpy as np
 from shake_ros.core.quantities import Parameters, quantity
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _Kind:
     kind: float = quantity("-", "number of the member that is used", low=0.0)
 
 
 def union_fields(family: Mapping[str, type[Parameters]]) -> dict[str, dataclasses.Field[Any]]:
-    """Every field that any member has, by name, with the first member's metadata; `kind` at the end."""
+    """Every number that any member has, by name, with the first member's metadata; `kind` at the end."""
     fields: dict[str, dataclasses.Field[Any]] = {}
     for member in family.values():
         for field in dataclasses.fields(member):
-            fields.setdefault(field.name, field)
+            if field.metadata.get("names", True):
+                fields.setdefault(field.name, field)
     return fields | {"kind": dataclasses.fields(_Kind)[0]}
 
 
@@ -37,11 +41,33 @@ def name_of(family: Mapping[str, type[Parameters]], member: Parameters) -> str:
 
 def field_value(member: Parameters, name: str) -> float:
     """Value of one of `union_fields` for a member: zero where it does not have it."""
-    return float(type(member).code if name == "kind" else getattr(member, name, 0.0))  # type: ignore[attr-defined]
+    if name == "kind":
+        return float(type(member).code)  # type: ignore[attr-defined]
+    value = getattr(member, name, 0.0)
+    if isinstance(value, str):
+        names = next(f.metadata["names"] for f in dataclasses.fields(member) if f.name == name)
+        return float(names.index(value))
+    return float(value)
+
+
+def layout(family: Mapping[str, type[Parameters]], prefix: str = "") -> np.dtype[Any]:
+    """Type of the family's records: `union_fields` and then what any member derives, each name behind the prefix."""
+    derived = dict.fromkeys(name for member in family.values() for name in getattr(member, "derived", ()))
+    return np.dtype([(prefix + name, "f8") for name in (*union_fields(family), *derived)])
+
+
+def records(
+    family: Mapping[str, type[Parameters]], member: Parameters, prefix: str = "", **derived: float
+) -> np.recarray[Any, Any]:
+    """The member as an array of one record, as compiled code takes it from Python without delay."""
+    made = np.zeros(1, layout(family, prefix))
+    for name in union_fields(family):
+        made[prefix + name] = field_value(member, name)
+    for name, value in derived.items():
+        made[prefix + name] = value
+    return made.view(np.recarray)
 
 
 def record(prefix: str, family: Mapping[str, type[Parameters]], member: Parameters) -> Any:
     """The member alone as a record with fields prefix_name, as the kernels of its family take it."""
-    names = list(union_fields(family))
-    dtype = np.dtype([(f"{prefix}_{name}", "f8") for name in names])
-    return np.array([tuple(field_value(member, name) for name in names)], dtype=dtype).view(np.recarray)[0]
+    return records(family, member, f"{prefix}_")[0]

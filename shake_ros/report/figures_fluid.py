@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shake_ros.core.bulk_modulus import BULK_MODULI, BulkModulusLaw
+from shake_ros.core.bulk_modulus.selected import moduli
 from shake_ros.settings import find, load_variant, read_yaml
 
 COLOURS = ("#1d4e89", "#c8553d", "#2a7f62", "#b8860b", "#6a4c93", "#5b6770")
@@ -58,8 +59,8 @@ def entrained_air() -> Figure:
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
     for axes, fraction in zip(np.ravel(panels), fractions, strict=True):
         for (name, label), colour, style in zip(WITH_AIR.items(), COLOURS, ("-", "--", ":", "-"), strict=False):
-            moduli = law(name).replace(fraction=fraction).at(axis)
-            axes.plot(axis * 1e-5, moduli * 1e-9, style, color=colour, linewidth=1.7, label=label)
+            found = moduli(law(name).replace(fraction=fraction), axis)
+            axes.plot(axis * 1e-5, found * 1e-9, style, color=colour, linewidth=1.7, label=label)
         dress(axes, f"air content {100.0 * fraction:g} %")
     np.ravel(panels)[0].legend(frameon=False, fontsize=8, loc="lower right")
     for axes in np.ravel(panels):
@@ -73,7 +74,7 @@ def empirical() -> Figure:
     figure = Figure(figsize=(7.0, 4.6), layout="constrained")
     axes = figure.subplots()
     for (name, label), colour in zip(EMPIRICAL.items(), COLOURS, strict=False):
-        axes.plot(axis * 1e-5, law(name).at(axis) * 1e-9, color=colour, linewidth=1.7, label=label)
+        axes.plot(axis * 1e-5, moduli(law(name), axis) * 1e-9, color=colour, linewidth=1.7, label=label)
     dress(axes, "Effective bulk modulus after Lee, Hoffmann and Eggerth")
     axes.legend(frameon=False, fontsize=9, loc="lower right")
     return figure

@@ -1,7 +1,7 @@
 """Bulk modulus of the oil and what the chambers see of it: one file per published law.
 
-To add one: write its file (range, source, parameters, the law as a compiled function), add its row here and a file in
-config/bulk_modulus/. The tests over this table do the rest.
+To add one: write its file (range, source, parameters, number, the compiled `bulk_modulus`), add its row here and a
+file in config/bulk_modulus/. `selected`, the plant and the tests over this table take it from here.
 """
 
 from __future__ import annotations

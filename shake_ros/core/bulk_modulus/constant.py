@@ -1,20 +1,28 @@
-"""The same bulk modulus at every pressure: the `none` of this family."""
+"""The same bulk modulus at every pressure: the `none` of this family, and the law of a table that names none."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import numpy as np
+from typing import ClassVar
 
 from shake_ros.core.bulk_modulus.law import BulkModulusLaw
+from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import quantity
+
+CODE = 0
 
 
 @dataclass(frozen=True)
 class Constant(BulkModulusLaw):
     """E does not depend on the pressure."""
 
-    modulus: float = quantity("Pa", "bulk modulus E", low=1e6, high=1e11)
+    code: ClassVar[int] = CODE
 
-    def at(self, pressure: np.ndarray) -> np.ndarray:
-        return np.full(np.shape(pressure), self.modulus)
+    modulus: float = quantity("Pa", "bulk modulus E (θ_5 V_t/2)", low=1e6, high=1e11, live=True)
+    reference_pressure: float = quantity("Pa", "pressure P_0 at which E is meant", low=0.0, high=1e8)
+
+
+@njit
+def bulk_modulus(p, pressure):
+    """E at any pressure [Pa]."""
+    return p.bulk_modulus_modulus

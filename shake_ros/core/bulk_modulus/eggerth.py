@@ -8,33 +8,31 @@ It includes entrained air and the walls. Range: P > 0, 20 … 90 °C. Source: th
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import numpy as np
+from typing import ClassVar
 
 from shake_ros.core.bulk_modulus.law import BulkModulusLaw
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import quantity
+
+CODE = 8
 
 
 @dataclass(frozen=True)
 class Eggerth(BulkModulusLaw):
     """Parameters of (2.39), one row of table 2.3."""
 
+    code: ClassVar[int] = CODE
+    stiffness: ClassVar[tuple[str, ...]] = ()
+    compliance: ClassVar[tuple[str, ...]] = ("k1", "k2")
+
     k1: float = quantity("1/Pa", "compressibility k_1 at high pressure", low=1e-12, high=1e-6)
     k2: float = quantity("1/Pa", "compressibility k_2 that pressure takes away", low=0.0, high=1e-6)
     exponent: float = quantity("-", "exponent λ", low=0.0, high=5.0)
     reference_pressure: float = quantity("Pa", "pressure P_0", low=1e3, high=1e8)
 
-    def at(self, pressure: np.ndarray) -> np.ndarray:
-        p = np.asarray(pressure, dtype=float)
-        return np.asarray(bulk_modulus(p, self.k1, self.k2, self.exponent, self.reference_pressure))
-
 
 @njit
-def bulk_modulus(pressure, k_1, k_2, exponent, p_0):
-    """E(P) of (2.39) [Pa].
-
-    >>> round(float(bulk_modulus(10e5, 4.943e-10, 1.954e-10, 1.48, 10e5)) / 1e9, 4)  # 1/(k_1 + k_2)
-    1.4499
-    """
-    return 1.0 / (k_1 + k_2 * (pressure / p_0) ** (-exponent))  # (2.39)
+def bulk_modulus(p, pressure):
+    """E(P) [Pa]."""
+    relative = pressure / p.bulk_modulus_reference_pressure
+    return 1.0 / (p.bulk_modulus_k1 + p.bulk_modulus_k2 * relative ** (-p.bulk_modulus_exponent))  # (2.39)

@@ -8,28 +8,34 @@ is configured. Source: thesis, section 2.4.4. Verified by hand.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import ClassVar
 
-import numpy as np
-
-from shake_ros.core.bulk_modulus.law import BulkModulusLaw
+from shake_ros.core.bulk_modulus.law import STANDARD_PRESSURE, BulkModulusLaw
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import quantity
+
+CODE = 7
 
 
 @dataclass(frozen=True)
 class Hoffmann(BulkModulusLaw):
     """Parameters of (2.38)."""
 
+    code: ClassVar[int] = CODE
+    stiffness: ClassVar[tuple[str, ...]] = ("largest_modulus",)
+
     largest_modulus: float = quantity("Pa", "E_max", low=1e6, high=1e11)
     offset: float = quantity("-", "exponent at zero pressure", low=0.0, high=10.0)
     rate: float = quantity("1/Pa", "rise of the exponent per pressure", low=0.0, high=1e-3)
-
-    def at(self, pressure: np.ndarray) -> np.ndarray:
-        return np.asarray(bulk_modulus(np.asarray(pressure, dtype=float), self.largest_modulus, self.offset, self.rate))
+    reference_pressure: float = quantity(
+        "Pa", "pressure P_0 at which an effect counts free air", low=0.0, high=1e8, default=STANDARD_PRESSURE
+    )
 
 
 @njit
-def bulk_modulus(pressure, e_max, offset, rate):
+def bulk_modulus(p, pressure):
     """E(P) of (2.38) [Pa]."""
-    return e_max * (1.0 - np.exp(-offset - rate * pressure))  # (2.38)
+    left = math.exp(-p.bulk_modulus_offset - p.bulk_modulus_rate * pressure)
+    return p.bulk_modulus_largest_modulus * (1.0 - left)  # (2.38)

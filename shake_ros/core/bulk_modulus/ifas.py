@@ -17,13 +17,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-
-import numpy as np
+from typing import ClassVar
 
 from shake_ros.core.bulk_modulus.law import BulkModulusLaw
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import quantity
 
+CODE = 5
 LOWEST_PRESSURE = 1.0e3  # [Pa] the laws of mixture are not evaluated below this
 
 
@@ -31,16 +31,14 @@ LOWEST_PRESSURE = 1.0e3  # [Pa] the laws of mixture are not evaluated below this
 class Ifas(BulkModulusLaw):
     """Parameters of (2.32)."""
 
+    code: ClassVar[int] = CODE
+    stiffness: ClassVar[tuple[str, ...]] = ("modulus", "slope")
+
     modulus: float = quantity("Pa", "bulk modulus E_0 of the liquid at P_0", low=1e6, high=1e11)
     slope: float = quantity("-", "rise of the liquid's modulus per pressure m", low=0.0, high=300.0)
     fraction: float = quantity("-", "volume fraction α of free air at P_0", low=0.0, high=0.3)
     polytropic_exponent: float = quantity("-", "polytropic exponent κ of the air", low=0.3, high=2.0)
     reference_pressure: float = quantity("Pa", "initial pressure P_0", low=1e3, high=1e7)
-
-    def at(self, pressure: np.ndarray) -> np.ndarray:
-        numbers = (self.modulus, self.slope, self.fraction, self.polytropic_exponent, self.reference_pressure)
-        flat = [bulk_modulus(p, *numbers) for p in np.ravel(pressure)]
-        return np.array(flat, dtype=float).reshape(np.shape(pressure))
 
 
 @njit
@@ -52,7 +50,7 @@ def relative_volume(pressure, e_0, m, alpha, kappa, p_0):
 
 
 @njit
-def bulk_modulus(pressure, e_0, m, alpha, kappa, p_0):
+def mixture(pressure, e_0, m, alpha, kappa, p_0):
     """Tangent bulk modulus of the mixture (2.32) [Pa]."""
     p = max(pressure, LOWEST_PRESSURE)
     liquid_modulus = max(e_0 + m * (p - p_0), 1e-2 * e_0)  # (2.28)
@@ -63,3 +61,10 @@ def bulk_modulus(pressure, e_0, m, alpha, kappa, p_0):
     volume = (1.0 - alpha) * liquid + air
     slope = (1.0 - alpha) * liquid / liquid_modulus + air / (kappa * p)  # −dV/dP
     return volume / slope
+
+
+@njit
+def bulk_modulus(p, pressure):
+    """The mixture's modulus with the law's own numbers [Pa]."""
+    e_0, m, alpha = p.bulk_modulus_modulus, p.bulk_modulus_slope, p.bulk_modulus_fraction
+    return mixture(pressure, e_0, m, alpha, p.bulk_modulus_polytropic_exponent, p.bulk_modulus_reference_pressure)

@@ -7,31 +7,37 @@ It includes entrained air and the walls. Range: 0 … P_max. Source: thesis, sec
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import ClassVar
 
-import numpy as np
-
-from shake_ros.core.bulk_modulus.law import BulkModulusLaw
+from shake_ros.core.bulk_modulus.law import STANDARD_PRESSURE, BulkModulusLaw
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import quantity
+
+CODE = 6
 
 
 @dataclass(frozen=True)
 class Lee(BulkModulusLaw):
     """Parameters of (2.37)."""
 
+    code: ClassVar[int] = CODE
+    stiffness: ClassVar[tuple[str, ...]] = ("largest_modulus",)
+
     largest_modulus: float = quantity("Pa", "E_max", low=1e6, high=1e11)
     largest_pressure: float = quantity("Pa", "P_max", low=1e5, high=1e9)
     a1: float = quantity("-", "factor a_1", low=0.0, high=10.0)
     a2: float = quantity("-", "factor a_2", low=0.0, high=1e4)
     a3: float = quantity("-", "summand a_3", low=1.0, high=1e3)
-
-    def at(self, pressure: np.ndarray) -> np.ndarray:
-        p = np.asarray(pressure, dtype=float)
-        return np.asarray(bulk_modulus(p, self.largest_modulus, self.largest_pressure, self.a1, self.a2, self.a3))
+    reference_pressure: float = quantity(
+        "Pa", "pressure P_0 at which an effect counts free air", low=0.0, high=1e8, default=STANDARD_PRESSURE
+    )
 
 
 @njit
-def bulk_modulus(pressure, e_max, p_max, a_1, a_2, a_3):
+def bulk_modulus(p, pressure):
     """E(P) of (2.37), decimal logarithm [Pa]."""
-    return a_1 * e_max * np.log10(a_2 * pressure / p_max + a_3)  # (2.37)
+    relative = pressure / p.bulk_modulus_largest_pressure
+    rise = math.log10(p.bulk_modulus_a2 * relative + p.bulk_modulus_a3)
+    return p.bulk_modulus_a1 * p.bulk_modulus_largest_modulus * rise  # (2.37)

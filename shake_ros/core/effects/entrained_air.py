@@ -1,6 +1,7 @@
 """Free air in the oil, (2.32): the mixture is soft at low pressure.
 
-α is the volume fraction of air at atmospheric pressure. Absent at α = 0. Evaluated by bulk_modulus/ifas.py.
+α is the volume fraction of air at the table's `bulk_modulus.reference_pressure`. Absent at α = 0.
+Evaluated by bulk_modulus/ifas.py.
 """
 
 from __future__ import annotations

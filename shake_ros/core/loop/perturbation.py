@@ -30,7 +30,7 @@ class Spread(Parameters):
 
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    "bulk_modulus": ("bulk_modulus.modulus",),
+    "bulk_modulus": ("bulk_modulus.modulus",),  # or what another law has in its place, `BulkModulusLaw.scaled`
     "friction": ("friction.coulomb_level", "friction.stribeck_rise", "friction.viscous"),
     "supply": ("supply.supply_pressure",),
     "leakage": ("leakage.internal", "leakage.external"),
@@ -52,7 +52,11 @@ def perturbed(table: TableParameters, spread: Spread, count: int, seed: int) -> 
         values = {}
         for share, (group, names) in zip(row, GROUPS.items(), strict=False):
             low, high = getattr(spread, f"{group}_low"), getattr(spread, f"{group}_high")
-            values.update({name: table.value(name) * (low + (high - low) * float(share)) for name in names})
+            factor = low + (high - low) * float(share)
+            if group == "bulk_modulus":
+                values.update({f"{group}.{name}": v for name, v in table.bulk_modulus.scaled(factor).items()})
+            else:
+                values.update({name: table.value(name) * factor for name in names})
         values[DEAD_TIME] = spread.delay_low + (spread.delay_high - spread.delay_low) * float(row[-1])
         result.append(table.with_values(values))
     return result

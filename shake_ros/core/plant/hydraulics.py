@@ -6,7 +6,9 @@ the same equations written a second time (benchmarks/plant/reference_model.py).
 
 from __future__ import annotations
 
-from shake_ros.core.bulk_modulus.ifas import bulk_modulus
+from shake_ros.core.bulk_modulus.constant import CODE as CONSTANT
+from shake_ros.core.bulk_modulus.ifas import mixture
+from shake_ros.core.bulk_modulus.selected import modulus
 from shake_ros.core.compiled import njit
 from shake_ros.core.effects.asymmetric_flow_gain import flow_factor
 from shake_ros.core.effects.soft_zone import factor as soft_zone_factor
@@ -58,15 +60,41 @@ def chamber_pressure(p, liquid_pressure):
 
 
 @njit
+def oil_modulus(p, pressure):
+    """E of the table's law, without effects [Pa]."""
+    return p.bulk_modulus_modulus if p.bulk_modulus_kind == CONSTANT else modulus(p, pressure)
+
+
+@njit
+def chamber_moduli(p, p_a, p_b):
+    """E that acts in chambers A and B: the law's, with pressure, air and soft zone of the effects on top [Pa].
+
+    Pressure and air act on the law's E at this pressure as on a constant one: exact for a constant law, and for any
+    law without air.
+    """
+    e_a, e_b = oil_modulus(p, p_a), oil_modulus(p, p_b)
+    m, alpha = p.pressure_dependent_bulk_modulus_slope, p.entrained_air_fraction
+    if m != 0.0 or alpha != 0.0:
+        kappa, p_0 = p.entrained_air_polytropic_exponent, p.bulk_modulus_reference_pressure
+        e_a = mixture(p_a, e_a, m, alpha, kappa, p_0)
+        e_b = mixture(p_b, e_b, m, alpha, kappa, p_0)
+    if p.soft_zone_depth != 0.0:
+        h = soft_zone_factor(p_a - p_b, p.soft_zone_depth, p.soft_zone_threshold, p.soft_zone_sharpness)
+        e_a *= h  # (6.18)
+        e_b *= h  # (6.19)
+    return e_a, e_b
+
+
+@njit
 def pipeline_flows(p, y, clock, p_a, p_b, p_s, rates):
     """Flow into A, out of B and drawn from the supply [m³/s] with pipelines; their rates into `rates`."""
     length, diameter, rho, eta = p.pipelines_length, p.pipelines_diameter, p.pipelines_density, p.pipelines_viscosity
     p_1, p_2 = chamber_pressure(p, y[LINE_PRESSURE_A]), chamber_pressure(p, y[LINE_PRESSURE_B])
     q_1, q_2, q_s = port_flows(p, y[SPOOL], clock, p_1, p_2, p_s)
     q_a, q_b = y[LINE_FLOW_A], y[LINE_FLOW_B]
-    stiffness = p.bulk_modulus_modulus / half_volume(length, diameter)
-    rates[LINE_PRESSURE_A] = stiffness * (q_1 - q_a)
-    rates[LINE_PRESSURE_B] = stiffness * (q_b - q_2)
+    half = half_volume(length, diameter)
+    rates[LINE_PRESSURE_A] = oil_modulus(p, p_1) / half * (q_1 - q_a)
+    rates[LINE_PRESSURE_B] = oil_modulus(p, p_2) / half * (q_b - q_2)
     rates[LINE_FLOW_A] = flow_rate(q_a, p_1, p_a, length, diameter, rho, eta)
     rates[LINE_FLOW_B] = flow_rate(q_b, p_b, p_2, length, diameter, rho, eta)
     return q_a, q_b, q_s
@@ -83,17 +111,7 @@ def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
         dead += half_volume(p.pipelines_length, p.pipelines_diameter)
     else:
         q_a, q_b, q_s = port_flows(p, y[SPOOL], clock, p_a, p_b, p_s)
-    e_0, p_0, m = p.bulk_modulus_modulus, p.bulk_modulus_reference_pressure, p.pressure_dependent_bulk_modulus_slope
-    alpha, kappa = p.entrained_air_fraction, p.entrained_air_polytropic_exponent
-    if m != 0.0 or alpha != 0.0:
-        e_a = bulk_modulus(p_a, e_0, m, alpha, kappa, p_0)
-        e_b = bulk_modulus(p_b, e_0, m, alpha, kappa, p_0)
-    else:
-        e_a = e_b = e_0
-    if p.soft_zone_depth != 0.0:
-        h = soft_zone_factor(p_a - p_b, p.soft_zone_depth, p.soft_zone_threshold, p.soft_zone_sharpness)
-        e_a *= h  # (6.18)
-        e_b *= h  # (6.19)
+    e_a, e_b = chamber_moduli(p, p_a, p_b)
     stiffer = 1.0 + unlisted(p, STIFFNESS_OF_LOAD_PRESSURE, p_a - p_b)
     half = 0.5 * p.body_cylinder_volume
     smallest = 0.02 * half  # the end stops keep the piston off the covers

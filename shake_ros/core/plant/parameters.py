@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from shake_ros.core.bulk_modulus import BULK_MODULI, BulkModulusLaw
 from shake_ros.core.effects import EFFECTS, Effect
 from shake_ros.core.friction import FRICTIONS, FrictionLaw
 from shake_ros.core.packing import field_value, name_of, union_fields
@@ -47,14 +48,6 @@ class Supply(Parameters):
 
 
 @dataclass(frozen=True)
-class BulkModulus(Parameters):
-    """Declared bulk modulus of the oil column."""
-
-    modulus: float = quantity("Pa", "bulk modulus E (θ_5 V_t/2)", low=1e6, high=1e11, live=True)
-    reference_pressure: float = quantity("Pa", "pressure P_0 at which E is meant", low=0.0, high=1e8)
-
-
-@dataclass(frozen=True)
 class Leakage(Parameters):
     """Laminar leakage, (3.25)."""
 
@@ -81,7 +74,7 @@ SECTIONS: dict[str, type[Parameters]] = {
     "body": Body,
     "supply": Supply,
     "valve": Parameters,
-    "bulk_modulus": BulkModulus,
+    "bulk_modulus": BulkModulusLaw,
     "friction": FrictionLaw,
     "leakage": Leakage,
     "sensors": SensorParameters,
@@ -89,8 +82,16 @@ SECTIONS: dict[str, type[Parameters]] = {
     "pipelines": Pipelines,
     "frame": ShearFrame,
 }
-FAMILIES: dict[str, Mapping[str, type[Parameters]]] = {"valve": VALVES, "friction": FRICTIONS}
-DECLARED_KIND = {"valve": "simplified", "friction": "tustin"}  # where a file's section has no key `kind`
+FAMILIES: dict[str, Mapping[str, type[Parameters]]] = {
+    "valve": VALVES,
+    "bulk_modulus": BULK_MODULI,
+    "friction": FRICTIONS,
+}
+DECLARED_KIND = {
+    "valve": "simplified",
+    "bulk_modulus": "constant",
+    "friction": "tustin",
+}  # where a file's section has no key `kind`
 OPTIONAL = ("cavitation", "pipelines", "frame")  # absent by default, at no cost
 
 
@@ -114,7 +115,7 @@ RECORD = np.dtype([(name.removeprefix("effects.").replace(".", "_"), "f8") for n
 
 
 def section_from(section: str, content: Any, where: str) -> Parameters:
-    """One section of a table's file; the key `kind` of the valve and the friction section chooses the model."""
+    """One section of a table's file; the key `kind` of a family's section chooses the member."""
     cls = SECTIONS[section]
     if section in FAMILIES:
         kind, family = DECLARED_KIND[section], FAMILIES[section]
@@ -131,15 +132,15 @@ def section_from(section: str, content: Any, where: str) -> Parameters:
 class TableParameters:
     """A whole table. `effects` holds the effects beyond the declared model by name; an absent one is not in it.
 
-    `friction` is any law of FRICTIONS and `valve` any model of VALVES; in a file the section's key `kind` names it,
-    Tustin's law and the simplified valve where the key is absent. A name that only another member of the family has
+    `friction`, `bulk_modulus` and `valve` are any member of FRICTIONS, BULK_MODULI and VALVES; in a file the section's
+    key `kind` names it, DECLARED_KIND where the key is absent. A name that only another member of the family has
     (`friction.static_level` under Tustin's law) reads as zero and cannot be set.
     """
 
     body: Body
     supply: Supply
     valve: Parameters
-    bulk_modulus: BulkModulus
+    bulk_modulus: BulkModulusLaw
     friction: FrictionLaw
     leakage: Leakage
     sensors: SensorParameters

@@ -27,6 +27,7 @@ from shake_ros.core.plant.parameters import TableParameters
 
 SMALLEST_PART = 0.02  # of half the cylinder's volume, which the right-hand side keeps in a chamber
 LOOSE = (  # what lets a chamber rise above the bound, or swings beside the table with a motion of its own
+    "bulk_modulus.kind",
     "effects.pressure_dependent_bulk_modulus.slope",
     "effects.unlisted.kind",
     "effects.coupling_backlash.gap",
@@ -54,7 +55,7 @@ def highest_pressure(table: TableParameters, speed: float, reach: float, force: 
     """
     body = table.body
     mass = table.moved_mass + max(table.value("effects.payload_error.mass"), 0.0)
-    surge = speed * math.sqrt(table.bulk_modulus.modulus * mass / smallest_volume(table, reach))
+    surge = speed * math.sqrt(table.value("bulk_modulus.modulus") * mass / smallest_volume(table, reach))
     return table.value("supply.supply_pressure") + abs(force) / body.piston_area + surge
 
 

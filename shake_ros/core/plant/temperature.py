@@ -50,6 +50,7 @@ def at_temperature(
         for t in (temperature, reference_temperature)
     )
     factors = dict.fromkeys(VISCOUS, float(thickness)) | dict.fromkeys(LAMINAR, 1.0 / float(thickness))
-    factors |= {"bulk_modulus.modulus": stiffness, "valve.flow_coefficient": math.sqrt(float(rho_0) / float(rho))}
+    factors["valve.flow_coefficient"] = math.sqrt(float(rho_0) / float(rho))
     values = {name: factor * table.value(name) for name, factor in factors.items() if name in INDEX}
+    values |= {f"bulk_modulus.{name}": value for name, value in table.bulk_modulus.scaled(stiffness).items()}
     return table.with_values({name: value for name, value in values.items() if value != table.value(name)})

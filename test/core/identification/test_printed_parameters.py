@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from shake_ros.core.bulk_modulus.ifas import bulk_modulus
+from shake_ros.core.bulk_modulus.ifas import mixture
 from shake_ros.core.effects.soft_zone import factor
 from shake_ros.core.identification.harmonic_account import account
 from shake_ros.core.identification.harmonics import HarmonicProblem, HarmonicRun
@@ -41,7 +41,7 @@ def test_stiffness_is_that_of_the_printed_equations(name: str, p_a: float) -> No
             c.lambda_1
             - c.lambda_2 * (tanh(c.sharpness * (load + c.threshold)) - tanh(c.sharpness * (load - c.threshold)))
         )
-        own = bulk_modulus(
+        own = mixture(
             p_a,
             values["bulk_modulus.modulus"],
             values["effects.pressure_dependent_bulk_modulus.slope"],
