@@ -1,4 +1,4 @@
-"""Recording measured beside the `rosbags` library alone, in the same run.
+"""Recording measured beside the `rosbags` and `mcap` libraries alone, in the same run.
 
     python -m benchmarks.recordings.recorder [--messages N] [--json FILE]
 
@@ -21,12 +21,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType
+from mcap.writer import Writer as LibraryWriter
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import BagWriter, iterate_table_recording, read_table_recording
-from shake_ros.data.recordings.cdr import typestore
+from shake_ros.data.recordings.bag import Bag
+from shake_ros.data.recordings.cdr import columns, typestore
+from shake_ros.data.recordings.mcap_writer import CHUNK_SIZE
 from shake_ros.data.recordings.series import SIGNALS
 from shake_ros.data.recordings.table_writer import serialised
 
@@ -71,6 +76,32 @@ def read_rosbags(path: Path) -> None:
             reader.deserialize(raw, connection.msgtype)
 
 
+def write_mcap(path: Path, count: int, block: list[list[bytes]]) -> None:
+    """The same with the writer of `mcap`, in chunks of the same size."""
+    with path.open("wb", buffering=0) as file:
+        writer = LibraryWriter(file, chunk_size=CHUNK_SIZE, compression=CompressionType.NONE)
+        writer.start("ros2", "benchmark")
+        schema = writer.register_schema("any", "ros2msg", b"")
+        topics = [writer.register_channel(name, "cdr", schema) for name in TOPICS]
+        for k in range(count):
+            stamp, row = 1_000_000_000 + k * PERIOD, k % len(block[0])
+            for topic, messages in zip(topics, block, strict=True):
+                writer.add_message(topic, stamp, messages[row], stamp)
+        writer.finish()
+
+
+def read_mcap(path: Path) -> int:
+    """Records of a file, scanned with StreamReader of `mcap`."""
+    with path.open("rb") as file:
+        return sum(1 for _ in StreamReader(file).records)
+
+
+def scan(path: Path) -> int:
+    """Messages of a recording, scanned with our reader."""
+    with Bag(path) as bag:
+        return sum(1 for _ in bag.messages())
+
+
 def seconds(act: Callable[[], object]) -> float:
     """Time that an act takes [s]."""
     begin = time.perf_counter()
@@ -100,6 +131,23 @@ def throughput(folder: Path, count: int) -> dict[str, float]:
     result["read_rosbags"] = total / seconds(lambda: read_rosbags(short))
     result["write_ratio"] = result["write_ours"] / result["write_rosbags"]
     result["read_ratio"] = result["read_ours"] / result["read_rosbags"]
+    return result
+
+
+def by_hand(folder: Path, count: int) -> dict[str, float]:
+    """Messages/s of what is written by hand beside the library that would do it: packing, scanning, decoding."""
+    block, total = samples(10_000), count * len(TOPICS)
+    ours, theirs = folder / "by_hand", folder / "by_mcap.mcap"
+    kind, signal = SIGNALS["joint_states"].type, SIGNALS["joint_states"]
+    result = {
+        "pack_ours": total / seconds(lambda: write_ours(ours, count, block)),
+        "pack_mcap": total / seconds(lambda: write_mcap(theirs, count, block)),
+        "scan_ours": total / seconds(lambda: scan(ours)),
+        "scan_mcap": total / seconds(lambda: read_mcap(ours / "by_hand.mcap")),
+    }
+    messages, store = block[0], typestore()
+    result["decode_ours"] = len(messages) / seconds(lambda: columns(messages, kind, signal.choose, 1))
+    result["decode_rosbags"] = len(messages) / seconds(lambda: [store.deserialize_cdr(m, kind) for m in messages])
     return result
 
 
@@ -142,8 +190,6 @@ def loss_after_kill(folder: Path, kind: str) -> dict[str, float]:
         written += len(os.read(child.stdout.fileno(), 65536)) // 8
     os.kill(child.pid, signal.SIGKILL)
     written += len(child.communicate()[0]) // 8
-    from shake_ros.data.recordings.bag import Bag
-
     last, kept = 1_000_000_000 - PERIOD, 0
     try:
         with Bag(path) as bag:
@@ -198,6 +244,7 @@ def main() -> int:
         folder = Path(name)
         result = {
             "throughput_messages_per_s": throughput(folder, given.messages // len(TOPICS)),
+            "by_hand_messages_per_s": by_hand(folder, given.messages // len(TOPICS)),
             "kill_ours": loss_after_kill(folder, "ours"),
             "kill_rosbags": loss_after_kill(folder, "rosbags"),
             "memory_mb": growth(folder, given.minutes),

@@ -3,6 +3,10 @@
 Messages are gathered in chunks of 64 KiB; a chunk is handed to the operating system, complete with checksum and
 index, when it is full or when `flush` is called. What the operating system has survives SIGKILL. Index entries are
 kept packed (about 100 bytes a chunk), so memory stays flat over hours.
+
+Records are laid out by the `mcap` library, but for messages and their index, which are packed here: its Writer makes
+objects of both, 0.27 million messages/s against 0.99 million (`python -m benchmarks.recordings.recorder`, pack_mcap and
+pack_ours, on a quiet core), and keeps every chunk's index as an object too.
 """
 
 from __future__ import annotations
@@ -12,24 +16,27 @@ import zlib
 from pathlib import Path
 
 import zstandard
-
-from shake_ros.data.recordings import mcap_reader as codes
+from mcap import records
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC
 
 CHUNK_SIZE = 64 * 1024
 PROFILE, LIBRARY = "ros2", "shake_ros"
+NO_SPAN = (2**63 - 1, 0)
 
-_RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<BQHIQQ")
+_INDEX = struct.Struct("<BQHI")
 _ENTRY = struct.Struct("<QQ")
+_MESSAGE_CODE, _INDEX_CODE = int(Opcode.MESSAGE), int(Opcode.MESSAGE_INDEX)
 
 
-def _text(value: str | bytes) -> bytes:
-    raw = value.encode() if isinstance(value, str) else value
-    return struct.pack("<I", len(raw)) + raw
-
-
-def _record(code: int, body: bytes) -> bytes:
-    return _RECORD.pack(code, len(body)) + body
+def _packed(*content: records.McapRecord) -> bytes:
+    builder = RecordBuilder()
+    for record in content:
+        record.write(builder)
+    data: bytes = builder.end()
+    return data
 
 
 class McapWriter:
@@ -48,48 +55,43 @@ class McapWriter:
 
     def __init__(self, path: Path, compression: str = "") -> None:
         self.counts: dict[int, int] = {}
-        self.first, self.last = 2**63 - 1, 0
+        self.first, self.last = NO_SPAN
         self._compressor = zstandard.ZstdCompressor(level=1) if compression == "zstd" else None
         self._compression = compression
         self._file = path.open("xb", buffering=0)
-        self._schemas: list[bytes] = []
-        self._channels: list[bytes] = []
+        self._schemas: list[records.Schema] = []
+        self._channels: list[records.Channel] = []
         self._chunk = bytearray()
         self._entries: dict[int, bytearray] = {}
-        self._span = (2**63 - 1, 0)
+        self._span = NO_SPAN
         self._chunk_index = bytearray()
         self._chunks = 0
         self._position = 0
-        self._put(codes.MAGIC + _record(codes.HEADER, _text(PROFILE) + _text(LIBRARY)))
+        self._put(MCAP0_MAGIC + _packed(records.Header(PROFILE, LIBRARY)))
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Declare a message type; returns its number."""
-        number = len(self._schemas) + 1
-        record = _record(codes.SCHEMA, struct.pack("<H", number) + _text(name) + _text(encoding) + _text(data))
-        self._schemas.append(record)
-        self._put(record)
-        return number
+        schema = records.Schema(len(self._schemas) + 1, data, encoding, name)
+        self._schemas.append(schema)
+        self._put(_packed(schema))
+        return schema.id
 
     def add_channel(self, topic: str, schema: int, metadata: dict[str, str]) -> int:
         """Declare a topic; returns its number."""
-        number = len(self._channels) + 1
-        pairs = b"".join(_text(key) + _text(value) for key, value in metadata.items())
-        head = struct.pack("<HH", number, schema) + _text(topic) + _text("cdr")
-        record = _record(codes.CHANNEL, head + _text(pairs))
-        self._channels.append(record)
-        self.counts[number] = 0
-        self._put(record)
-        return number
+        channel = records.Channel(len(self._channels) + 1, topic, "cdr", metadata, schema)
+        self._channels.append(channel)
+        self.counts[channel.id] = 0
+        self._put(_packed(channel))
+        return channel.id
 
-    def write(self, channel: int, received: int, data: bytes, published: int | None = None) -> None:
-        """Append a serialised message, received and published at those times [ns]."""
+    def write(self, channel: int, received: int, data: bytes) -> None:
+        """Append a serialised message, received at that time [ns]."""
         sequence = self.counts[channel]
         entries = self._entries.get(channel)
         if entries is None:
             entries = self._entries[channel] = bytearray()
         entries += _ENTRY.pack(received, len(self._chunk))
-        stamp = received if published is None else published
-        self._chunk += _MESSAGE.pack(codes.MESSAGE, 22 + len(data), channel, sequence & 0xFFFFFFFF, received, stamp)
+        self._chunk += _MESSAGE.pack(_MESSAGE_CODE, 22 + len(data), channel, sequence & 0xFFFFFFFF, received, received)
         self._chunk += data
         self.counts[channel] = sequence + 1
         first, last = self._span
@@ -104,54 +106,68 @@ class McapWriter:
         raw = bytes(self._chunk)
         packed = self._compressor.compress(raw) if self._compressor else raw
         first, last = self._span
-        head = struct.pack("<QQQI", first, last, len(raw), zlib.crc32(raw)) + _text(self._compression)
-        chunk = _record(codes.CHUNK, head + struct.pack("<Q", len(packed)) + packed)
-        start, offsets, indexes = self._position, bytearray(), bytearray()
+        chunk = _packed(records.Chunk(self._compression, packed, last, first, zlib.crc32(raw), len(raw)))
+        start, offsets, indexes = self._position, {}, bytearray()
         for channel, entries in self._entries.items():
-            offsets += struct.pack("<HQ", channel, start + len(chunk) + len(indexes))
-            indexes += _record(codes.MESSAGE_INDEX, struct.pack("<H", channel) + _text(bytes(entries)))
+            offsets[channel] = start + len(chunk) + len(indexes)
+            indexes += _INDEX.pack(_INDEX_CODE, 6 + len(entries), channel, len(entries)) + entries
         self._put(chunk + bytes(indexes))
-        index = struct.pack("<QQQQ", first, last, start, len(chunk)) + _text(bytes(offsets))
-        index += struct.pack("<Q", len(indexes)) + _text(self._compression) + struct.pack("<QQ", len(packed), len(raw))
-        self._chunk_index += _record(codes.CHUNK_INDEX, index)
+        self._chunk_index += _packed(
+            records.ChunkIndex(
+                chunk_length=len(chunk),
+                chunk_start_offset=start,
+                compression=self._compression,
+                compressed_size=len(packed),
+                message_end_time=last,
+                message_index_length=len(indexes),
+                message_index_offsets=offsets,
+                message_start_time=first,
+                uncompressed_size=len(raw),
+            )
+        )
         self._chunks += 1
         self.first, self.last = min(self.first, first), max(self.last, last)
         self._chunk.clear()
         self._entries.clear()
-        self._span = (2**63 - 1, 0)
+        self._span = NO_SPAN
 
     def close(self) -> None:
         """Write the last chunk, the summary and the footer."""
         if self._file.closed:
             return
         self.flush()
-        self._put(_record(codes.DATA_END, struct.pack("<I", 0)))
-        total, (first, last) = sum(self.counts.values()), (self.first, self.last)
-        if not total:
-            first = last = 0
-        counts = b"".join(struct.pack("<HQ", number, count) for number, count in self.counts.items())
-        sizes = (total, len(self._schemas), len(self._channels), 0, 0, self._chunks, first, last)
-        statistics = _record(codes.STATISTICS, struct.pack("<QHIIIIQQ", *sizes) + _text(counts))
+        self._put(_packed(records.DataEnd(0)))
         groups = {
-            codes.SCHEMA: b"".join(self._schemas),
-            codes.CHANNEL: b"".join(self._channels),
-            codes.STATISTICS: statistics,
-            codes.CHUNK_INDEX: bytes(self._chunk_index),
+            Opcode.SCHEMA: _packed(*self._schemas),
+            Opcode.CHANNEL: _packed(*self._channels),
+            Opcode.STATISTICS: _packed(self._statistics()),
+            Opcode.CHUNK_INDEX: bytes(self._chunk_index),
         }
-        start, at, offsets = self._position, self._position, b""
+        start = at = self._position
+        offsets = []
         for code, group in groups.items():
             if group:
-                offsets += _record(codes.SUMMARY_OFFSET, struct.pack("<BQQ", code, at, len(group)))
+                offsets.append(records.SummaryOffset(code, at, len(group)))
             at += len(group)
-        summary = b"".join(groups.values()) + offsets
-        footer = _RECORD.pack(codes.FOOTER, 20) + struct.pack("<QQ", start, at)
+        summary = b"".join(groups.values()) + _packed(*offsets)
+        footer = _packed(records.Footer(start, at, 0))[:-4]
         checksum = zlib.crc32(footer, zlib.crc32(summary))
-        self._put(summary + footer + struct.pack("<I", checksum) + codes.MAGIC)
+        self._put(summary + footer + struct.pack("<I", checksum) + MCAP0_MAGIC)
         self._file.close()
 
-    def abandon(self) -> None:
-        """Close the file as it is, without a summary."""
-        self._file.close()
+    def _statistics(self) -> records.Statistics:
+        total = sum(self.counts.values())
+        return records.Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=self.counts,
+            chunk_count=self._chunks,
+            message_count=total,
+            message_end_time=self.last if total else 0,
+            message_start_time=self.first if total else 0,
+            metadata_count=0,
+            schema_count=len(self._schemas),
+        )
 
     def _put(self, data: bytes) -> None:
         view = memoryview(data)

@@ -9,7 +9,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from urllib.parse import quote
 
-from shake_ros.data.recordings.mcap_reader import Channel, Damage, Schema
+from mcap.records import Schema
+
+from shake_ros.data.recordings.mcap_reader import Channel, Damage
 
 MAGIC = b"SQLite format 3\0"
 UNSIGNED = 2**64 - 1  # a time before 1970 takes the form that it has in an .mcap file
@@ -61,14 +63,14 @@ class SqliteFile:
             rows = connection.execute(
                 "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
             )
-            definitions = {str(row[0]): Schema(str(row[0]), str(row[1]), str(row[2]).encode()) for row in rows}
+            definitions = {str(row[0]): Schema(0, str(row[2]).encode(), str(row[1]), str(row[0])) for row in rows}
         columns = [row[1] for row in connection.execute("PRAGMA table_info(topics)")]
         for row in connection.execute("SELECT * FROM topics"):
             topic = {name: "" if value is None else value for name, value in zip(columns, row, strict=False)}
             number, kind = int(topic["id"]), str(topic["type"])
             names = {"offered_qos_profiles": "offered_qos_profiles", "type_description_hash": "topic_type_hash"}
             metadata = {new: str(topic[old]) for old, new in names.items() if old in topic}
-            schema = definitions.get(kind, Schema(kind, "", b""))
+            schema = definitions.get(kind, Schema(0, b"", "", kind))
             encoding = str(topic.get("serialization_format", "cdr"))
             self.channels[number] = Channel(number, str(topic["name"]), kind, encoding, schema, metadata)
         rows = connection.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id")
