@@ -23,7 +23,7 @@ from shake_ros.data.results import write_folder, write_json
 from shake_ros.declared import DEFAULT_TABLE
 from shake_ros.report.figures_measured import harmonics_figure, traces_figure
 from shake_ros.report.measured_text import comparison_lines
-from shake_ros.report.page import png
+from shake_ros.report.style import png
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
 DEFAULT_RUNS = "harmonics"

@@ -9,6 +9,7 @@ from shake_ros.core.loop.comparison import Outcome, Summary, summarise
 from shake_ros.report import figures_comparison
 from shake_ros.report.comparison_text import HEAD, load_rows, number, percent, summary_rows, trouble
 from shake_ros.report.page import Page
+from shake_ros.report.style import COLOURS
 
 CASE_HEAD = (
     "controller", "load [kg]", "J1 [ms]", "position", "peak", "velocity", "peak", "acceleration", "spectrum",
@@ -74,8 +75,8 @@ def comparison_page(outcomes: Sequence[Outcome], runs: Mapping[str, ClosedLoop],
     page.table(head, rows)
     page.heading("Errors and spectra")
     groups = list(runs.items())
-    for start in range(0, len(groups), len(figures_comparison.COLOURS)):
-        part = dict(groups[start : start + len(figures_comparison.COLOURS)])
+    for start in range(0, len(groups), len(COLOURS)):
+        part = dict(groups[start : start + len(COLOURS)])
         page.figure(figures_comparison.error_figure(part), f"Position and velocity error, {figure_case}")
         page.figure(figures_comparison.spectrum_figure(part), f"Spectra of position and velocity, {figure_case}")
     page.heading("Unstable runs and end stops")

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.comparison import Summary
-from shake_ros.report.figures_fit import MEASURED, tidy
+from shake_ros.report.style import COLOURS, MEASURED, new_figure, tidy
 
-COLOURS = ("#c8553d", "#1d4e89", "#2a7f62", "#b8860b", "#7b4f8f", "#4a6670")
 QUANTITIES = (("position", "mm", 1e3), ("velocity", "mm/s", 1e3))
 HIGHEST_SHOWN = 30.0  # [Hz]
 LOWEST_AMPLITUDE = 1e-4  # of the largest, below which a spectrum is not shown
@@ -21,7 +20,7 @@ LOWEST_AMPLITUDE = 1e-4  # of the largest, below which a spectrum is not shown
 
 def error_figure(runs: Mapping[str, ClosedLoop]) -> Figure:
     """Figure 6.61: position and velocity error of each controller over time."""
-    figure = Figure(figsize=(9.5, 6.0), layout="constrained")
+    figure = new_figure(9.5, 6.0)
     for (name, unit, scale), axes, column in zip(QUANTITIES, figure.subplots(2, 1, sharex=True), (0, 1), strict=True):
         for (label, run), colour in zip(runs.items(), COLOURS, strict=False):
             time = np.arange(len(run.command)) * run.sample_time
@@ -35,7 +34,7 @@ def error_figure(runs: Mapping[str, ClosedLoop]) -> Figure:
 
 def amplitudes(signal: NDArray[np.float64], sample_time: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Frequencies [Hz] and amplitudes of the signal's lines up to 30 Hz [unit of the signal]."""
-    spectrum = 2.0 * np.abs(np.fft.rfft(signal - signal.mean())) / len(signal)
+    spectrum: NDArray[np.float64] = 2.0 * np.abs(np.fft.rfft(signal - signal.mean())) / len(signal)
     frequency = np.fft.rfftfreq(len(signal), sample_time)
     shown = (frequency > 0.0) & (frequency <= HIGHEST_SHOWN)
     return frequency[shown], spectrum[shown]
@@ -56,7 +55,7 @@ def _spectrum_axes(axes: Axes, runs: Mapping[str, ClosedLoop], column: int, scal
 
 def spectrum_figure(runs: Mapping[str, ClosedLoop]) -> Figure:
     """Figure 6.62: spectra of position and velocity of the reference and under each controller."""
-    figure = Figure(figsize=(9.5, 6.0), layout="constrained")
+    figure = new_figure(9.5, 6.0)
     for (name, unit, scale), axes, column in zip(QUANTITIES, figure.subplots(2, 1, sharex=True), (0, 1), strict=True):
         _spectrum_axes(axes, runs, column, scale)
         tidy(axes, "frequency [Hz]" if column else "", f"{name} amplitude [{unit}]")
@@ -67,7 +66,7 @@ def spectrum_figure(runs: Mapping[str, ClosedLoop]) -> Figure:
 
 def error_bars(summaries: Sequence[Summary]) -> Figure:
     """Worst position, velocity and acceleration error of every controller, logarithmic."""
-    figure = Figure(figsize=(9.5, 0.32 * len(summaries) + 1.4), layout="constrained")
+    figure = new_figure(9.5, 0.32 * len(summaries) + 1.4)
     panels = np.ravel(figure.subplots(1, 3, sharey=True))
     place = np.arange(len(summaries))[::-1]
     for axes, name in zip(panels, ("position", "velocity", "acceleration"), strict=True):

@@ -10,8 +10,8 @@ from shake_ros.core.discovery.closing import ClosedLoop
 from shake_ros.core.discovery.measured_runs import MeasuredRuns
 from shake_ros.core.identification.recordings import Record
 from shake_ros.data.recordings import TableRecording
-from shake_ros.report.figures_fit import AFTER, BEFORE, MEASURED, free_runs, liveliest, tidy
-from shake_ros.report.page import png
+from shake_ros.report.figures_fit import free_runs, liveliest
+from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, png, tidy
 
 
 def harmonic_axes(axes: Axes, runs: MeasuredRuns, index: int) -> None:
@@ -36,7 +36,7 @@ def harmonic_axes(axes: Axes, runs: MeasuredRuns, index: int) -> None:
 
 def harmonics_figure(runs: MeasuredRuns) -> Figure:
     """All measured runs side by side."""
-    figure = Figure(figsize=(12.5, 3.4), layout="constrained")
+    figure = new_figure(12.5, 3.4)
     row = figure.subplots(1, len(runs.problem.runs), sharey=True)
     for i, axes in enumerate(row):
         harmonic_axes(axes, runs, i)
@@ -60,7 +60,7 @@ def tracking_axes(axes: Axes, before: TableRecording, after: TableRecording) -> 
 
 def tracking_figure(before: TableRecording, after: TableRecording) -> Figure:
     """Reference and true position, and the errors before and after."""
-    figure = Figure(figsize=(9.5, 5.0), layout="constrained")
+    figure = new_figure(9.5, 5.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
     assert before.reference is not None and before.truth is not None
     upper.plot(before.time, 1e3 * before.reference[:, 0], color=MEASURED, linewidth=1.4, label="reference")
@@ -75,7 +75,7 @@ def overview(
     runs: MeasuredRuns, result: ClosedLoop, hold: list[Record], before: TableRecording, after: TableRecording
 ) -> bytes:
     """One picture of the whole result as PNG: harmonics, held-out acceleration, tracking error."""
-    figure = Figure(figsize=(12.5, 7.2), layout="constrained")
+    figure = new_figure(12.5, 7.2)
     grid = figure.add_gridspec(2, 2)
     bars = figure.add_subplot(grid[0, 0])
     harmonic_axes(bars, runs, 0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,13 +9,12 @@ from matplotlib.figure import Figure
 
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.plant.simulation import run
-from shake_ros.report.figures_friction import COLOURS, dress
+from shake_ros.report.style import BEFORE, GREY, new_figure, tidy
 from shake_ros.settings import find, load_table, read_yaml
 
 HARMONICS = 15
 LOWEST_SHOWN = 3e-3  # [m/s²]
 OUTPUT, UNITS = {"position_sensor_lag": 0}, {0: "position [m]", 2: "acceleration [m/s²]"}
-IN_FULL_MODEL = tuple(name for name, effect in EFFECTS.items() if "full" in effect.models and name != "unlisted")
 
 
 def strength(name: str) -> dict[str, float]:
@@ -44,7 +41,7 @@ def responses(name: str, frequency: float) -> tuple[np.ndarray, np.ndarray, np.n
 def effect_figure(name: str) -> Figure:
     """Two periods in time and the harmonics, without and with the effect, at both frequencies."""
     content: dict[str, Any] = read_yaml(find("figures", "effects"))
-    figure = Figure(figsize=(11.0, 5.6), layout="constrained")
+    figure = new_figure(11.0, 5.6)
     values = ", ".join(f"{field} = {value:g}" for field, value in strength(name).items())
     figure.suptitle(f"{name.replace('_', ' ')}  ({EFFECTS[name].place}; {values})", fontsize=11)
     panels = figure.subplots(2, 2)
@@ -54,7 +51,7 @@ def effect_figure(name: str) -> Figure:
         harmonics = np.arange(1, HARMONICS + 1)
         places = harmonics * round(frequency * len(t) * content["sample_time"])
         for i, (signal, label) in enumerate(((before, "declared"), (after, "with the effect"))):
-            colour = COLOURS[5] if i == 0 else COLOURS[1]
+            colour = GREY if i == 0 else BEFORE
             left.plot(t[shown], signal[shown], color=colour, linewidth=1.4, label=label)
             amplitudes = 2.0 / len(signal) * np.abs(np.fft.rfft(signal))[places]
             right.bar(harmonics + 0.4 * i - 0.2, amplitudes, 0.4, color=colour)
@@ -63,10 +60,7 @@ def effect_figure(name: str) -> Figure:
         unit = UNITS[OUTPUT.get(name, 2)]
         if name not in OUTPUT:
             right.set_ylim(bottom=LOWEST_SHOWN)
-        dress(left, "time [s]", unit, f"{frequency:g} Hz")
-        dress(right, "harmonic", unit)
+        tidy(left, "time [s]", unit, f"{frequency:g} Hz")
+        tidy(right, "harmonic", unit)
     panels[0][0].legend(frameon=False, fontsize=9, loc="upper right")
     return figure
-
-
-FIGURES: dict[str, Callable[[], Figure]] = {name: functools.partial(effect_figure, name) for name in IN_FULL_MODEL}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import welch
 
@@ -14,8 +13,8 @@ from shake_ros.core.effects.unlisted import NODES
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import Declared
 from shake_ros.core.identification.recordings import FULL, Model, Record, low_pass
+from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
 
-MEASURED, BEFORE, AFTER = "#1d2733", "#c8553d", "#2a7f62"
 LABELS = {
     "position": "position [mm]",
     "velocity": "velocity [m/s]",
@@ -40,16 +39,6 @@ FUNCTIONS = {  # kind of effects/unlisted.py → its quantity, label and scale
 }
 
 
-def tidy(axes: Axes, x: str, y: str) -> None:
-    """Labels, a light grid, no box."""
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
-    axes.grid(True, color="#e3e8ee", linewidth=0.8)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-
-
 def free_runs(record: Record, before: Declared, after: Declared, model: Model = FULL) -> tuple[np.ndarray, np.ndarray]:
     """Free runs of both tables over a recording, columns as the model gives them: position, velocity, acceleration …"""
     return model.run(before, record), model.run(after, record)
@@ -70,7 +59,7 @@ def time_histories(record: Record, before: np.ndarray, after: np.ndarray, second
     channels = [(record.velocity, 1, "velocity [m/s]")]
     if record.acceleration is not None:
         channels.append((record.acceleration, 2, "acceleration [m/s²]"))
-    figure = Figure(figsize=(9.5, 2.6 * len(channels)), layout="constrained")
+    figure = new_figure(9.5, 2.6 * len(channels))
     rows = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (measured, column, label) in zip(rows, channels, strict=True):
         simulated = [
@@ -86,7 +75,7 @@ def time_histories(record: Record, before: np.ndarray, after: np.ndarray, second
 
 def spectra(record: Record, before: np.ndarray, after: np.ndarray) -> Figure:
     """Amplitude spectral densities of the measured acceleration and of both residuals."""
-    figure = Figure(figsize=(9.5, 3.6), layout="constrained")
+    figure = new_figure(9.5, 3.6)
     axes = figure.subplots()
     assert record.acceleration is not None
     curves = (
@@ -106,7 +95,7 @@ def spectra(record: Record, before: np.ndarray, after: np.ndarray) -> Figure:
 
 def ranking_figure(ranking: Sequence[Attempt], baseline_hold: float) -> Figure:
     """Held-out cost of each refitted candidate."""
-    figure = Figure(figsize=(9.5, 0.6 + 0.34 * (len(ranking) + 1)), layout="constrained")
+    figure = new_figure(9.5, 0.6 + 0.34 * (len(ranking) + 1))
     axes = figure.subplots()
     names = ["declared model", *(a.candidate.effect for a in reversed(ranking))]
     costs = [baseline_hold, *(a.hold for a in reversed(ranking))]
@@ -135,7 +124,7 @@ def residual_figure(
     names = list(wanted) or [n for n in ("load_pressure", "valve_opening", "velocity") if n in known][-2:]
     force_label = "residual force [N]" if moved_mass != 1.0 else "residual force per mass [m/s²]"
     label_y = "residual velocity [m/s]" if record.acceleration is None else force_label
-    figure = Figure(figsize=(9.5, 3.4), layout="constrained")
+    figure = new_figure(9.5, 3.4)
     row = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
     for axes, name in zip(row, names, strict=True):
         for run_, colour, label in ((before, BEFORE, "declared"), (after, AFTER, "extended")):
@@ -162,7 +151,7 @@ def unlisted_figure(fit: Fit) -> Figure:
     low, high = (table.value(f"effects.unlisted.{end}") for end in ("low", "high"))
     values = np.array([table.value(f"effects.unlisted.node_{i:02d}") for i in range(NODES)])
     quantity, label, scale = FUNCTIONS[int(table.value("effects.unlisted.kind"))]
-    figure = Figure(figsize=(9.5, 3.2), layout="constrained")
+    figure = new_figure(9.5, 3.2)
     axes = figure.subplots()
     axes.plot(np.linspace(low, high, NODES) * SCALES.get(quantity, 1.0), values * scale, ".-", color=AFTER)
     tidy(axes, LABELS[quantity], label)

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from shake_ros.core.bulk_modulus import BULK_MODULI, BulkModulusLaw
 from shake_ros.core.bulk_modulus.selected import moduli
+from shake_ros.report.style import COLOURS, new_figure, tidy
 from shake_ros.settings import find, load_variant, read_yaml
 
-COLOURS = ("#1d4e89", "#c8553d", "#2a7f62", "#b8860b", "#6a4c93", "#5b6770")
 WITH_AIR = {
     "wylie_kajaste": "Wylie–Kajaste (2.29)",
     "nykanen": "Nykänen (2.30)",
@@ -40,28 +40,23 @@ def pressures() -> tuple[np.ndarray, Sequence[float]]:
     return axis, settings["air_fractions"]
 
 
-def dress(axes: Axes, title: str) -> None:
-    """Labels in bar and GPa, a light grid, no box."""
-    axes.set_title(title, fontsize=10)
-    axes.set_xlabel("pressure [bar]")
-    axes.set_ylabel("effective bulk modulus [GPa]")
+def draw_axes(axes: Axes, title: str) -> None:
+    """Pressure in bar and modulus in GPa, both from zero."""
+    tidy(axes, "pressure [bar]", "effective bulk modulus [GPa]", title)
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
-    axes.grid(True, color="#e3e8ee", linewidth=0.8)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
 
 
 def entrained_air() -> Figure:
     """Figure 2.4: effective bulk modulus against pressure for several air contents after four models."""
     axis, fractions = pressures()
-    figure = Figure(figsize=(9.0, 6.6), layout="constrained")
+    figure = new_figure(9.0, 6.6)
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
     for axes, fraction in zip(np.ravel(panels), fractions, strict=True):
         for (name, label), colour, style in zip(WITH_AIR.items(), COLOURS, ("-", "--", ":", "-"), strict=False):
             found = moduli(law(name).replace(fraction=fraction), axis)
             axes.plot(axis * 1e-5, found * 1e-9, style, color=colour, linewidth=1.7, label=label)
-        dress(axes, f"air content {100.0 * fraction:g} %")
+        draw_axes(axes, f"air content {100.0 * fraction:g} %")
     np.ravel(panels)[0].legend(frameon=False, fontsize=8, loc="lower right")
     for axes in np.ravel(panels):
         axes.label_outer()
@@ -71,10 +66,10 @@ def entrained_air() -> Figure:
 def empirical() -> Figure:
     """Figure 2.5: the empirical formulas for the effective bulk modulus against pressure."""
     axis, _ = pressures()
-    figure = Figure(figsize=(7.0, 4.6), layout="constrained")
+    figure = new_figure(7.0, 4.6)
     axes = figure.subplots()
     for (name, label), colour in zip(EMPIRICAL.items(), COLOURS, strict=False):
         axes.plot(axis * 1e-5, moduli(law(name), axis) * 1e-9, color=colour, linewidth=1.7, label=label)
-    dress(axes, "Effective bulk modulus after Lee, Hoffmann and Eggerth")
+    draw_axes(axes, "Effective bulk modulus after Lee, Hoffmann and Eggerth")
     axes.legend(frameon=False, fontsize=9, loc="lower right")
     return figure

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from shake_ros.core.analysis.frequency_response import COHERENT, FrequencyResponse
-from shake_ros.report.figures_fit import AFTER, BEFORE, MEASURED, tidy
+from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
 
 
 def response_figure(found: FrequencyResponse, highest: float, unit: str) -> Figure:
@@ -14,7 +14,7 @@ def response_figure(found: FrequencyResponse, highest: float, unit: str) -> Figu
     shown = found.frequency <= highest
     good = shown & (found.coherence >= COHERENT)
     frequency, gain, spread = found.frequency[good], found.gain[good], 2.0 * found.deviation[good]
-    figure = Figure(figsize=(9.5, 7.2), layout="constrained")
+    figure = new_figure(9.5, 7.2)
     upper, middle, lower = figure.subplots(3, 1, sharex=True)
     upper.fill_between(frequency, gain * (1.0 - spread), gain * (1.0 + spread), color=AFTER, alpha=0.2, linewidth=0.0)
     upper.plot(frequency, gain, color=AFTER, linewidth=1.4)

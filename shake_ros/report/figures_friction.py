@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shake_ros.core.friction import FRICTIONS
 from shake_ros.core.friction.packing import friction_record
 from shake_ros.core.friction.response import break_away_force, pulled_block, under_motion
 from shake_ros.core.friction.selected import steady_force
+from shake_ros.report.style import COLOURS, new_figure, tidy
 from shake_ros.settings import find, load_variant, read_yaml
 
-COLOURS = ("#1d4e89", "#c8553d", "#2a7f62", "#b8860b", "#6a4c93", "#5b6770")
 CURVES = ("coulomb_viscous_static", "tustin", "hess_soom", "bo_pavelescu", "marton_lantos", "armstrong")
 BRISTLES = ("lugre", "modified_lugre", "new_modified_lugre")
 KEPT = 50  # one row in so many of a pulled block
@@ -32,21 +30,10 @@ def settings() -> dict[str, Any]:
     return content
 
 
-def dress(axes: Axes, x: str, y: str, title: str = "") -> None:
-    """Labels, a light grid behind, no box."""
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
-    axes.set_title(title, fontsize=10)
-    axes.set_axisbelow(True)
-    axes.grid(True, color="#e3e8ee", linewidth=0.8)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-
-
 def curves() -> Figure:
     """Figure 3.6: steady friction force over velocity, the laws as curves and the bristle laws by direction."""
     highest = settings()["highest_velocity"]
-    figure = Figure(figsize=(11.0, 4.2), layout="constrained")
+    figure = new_figure(11.0, 4.2)
     left, right = figure.subplots(1, 2)
     v = np.linspace(-highest, highest, 2001)
     for axes, names in ((left, CURVES), (right, BRISTLES)):
@@ -56,8 +43,8 @@ def curves() -> Figure:
             style = "--" if name == "new_modified_lugre" else "-"
             axes.plot(v, force, style, color=colour, linewidth=1.5, label=name.replace("_", " "))
         axes.legend(frameon=False, fontsize=8, loc="upper left")
-    dress(left, "velocity [m/s]", "friction force [N]", "levels of table 6.8")
-    dress(right, "velocity [m/s]", "friction force [N]", "tables 6.5, 6.6, 6.7")
+    tidy(left, "velocity [m/s]", "friction force [N]", "levels of table 6.8")
+    tidy(right, "velocity [m/s]", "friction force [N]", "tables 6.5, 6.6, 6.7")
     return figure
 
 
@@ -65,7 +52,7 @@ def lag() -> Figure:
     """Figure 3.7: friction follows a change of velocity late; the loop opens with the rate of change."""
     s = settings()
     p, dt, part = law(s["block"]), s["sample_time"], s["lag"]
-    figure = Figure(figsize=(6.5, 4.2), layout="constrained")
+    figure = new_figure(6.5, 4.2)
     axes = figure.subplots()
     for omega, colour in zip(part["rates"], COLOURS, strict=False):
         t = np.arange(round(4.0 * np.pi / omega / dt)) * dt
@@ -73,7 +60,7 @@ def lag() -> Figure:
         last = slice(len(t) // 2, None)
         axes.plot(1e3 * velocity[last], under_motion(p, velocity, dt)[last], color=colour, label=f"{omega:g} rad/s")
     axes.legend(frameon=False, fontsize=9)
-    dress(axes, "velocity [mm/s]", "friction force [N]")
+    tidy(axes, "velocity [mm/s]", "friction force [N]")
     return figure
 
 
@@ -81,7 +68,7 @@ def reversal() -> Figure:
     """Figure 3.8: force over velocity through zero, a loop that depends on the rate."""
     s = settings()
     p, dt, part = law(s["block"]), s["sample_time"], s["reversal"]
-    figure = Figure(figsize=(6.5, 4.2), layout="constrained")
+    figure = new_figure(6.5, 4.2)
     axes = figure.subplots()
     for frequency, colour in zip(part["frequencies"], COLOURS, strict=False):
         t = np.arange(round(2.0 / frequency / dt)) * dt
@@ -89,7 +76,7 @@ def reversal() -> Figure:
         last = slice(len(t) // 2, None)
         axes.plot(1e3 * velocity[last], under_motion(p, velocity, dt)[last], color=colour, label=f"{frequency:g} Hz")
     axes.legend(frameon=False, fontsize=9)
-    dress(axes, "velocity [mm/s]", "friction force [N]")
+    tidy(axes, "velocity [mm/s]", "friction force [N]")
     return figure
 
 
@@ -106,10 +93,10 @@ def presliding() -> Figure:
     t = np.arange(round(period / dt)) * dt
     position = np.interp(t / period * corners[-1], corners, turns)
     velocity = np.gradient(position, dt)
-    figure = Figure(figsize=(6.5, 4.2), layout="constrained")
+    figure = new_figure(6.5, 4.2)
     axes = figure.subplots()
     axes.plot(1e6 * np.cumsum(velocity) * dt, under_motion(p, velocity, dt), color=COLOURS[0])
-    dress(axes, "position [µm]", "friction force [N]")
+    tidy(axes, "position [µm]", "friction force [N]")
     return figure
 
 
@@ -120,7 +107,7 @@ def stick_slip() -> Figure:
     pull = part["speed"] * np.arange(round(part["seconds"] / dt)) * dt
     rows = pulled_block(law(s["block"]), part["mass"], part["stiffness"], pull, dt, KEPT)
     t = np.arange(len(rows)) * KEPT * dt
-    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+    figure = new_figure(9.0, 6.0)
     panels = figure.subplots(3, 1, sharex=True)
     panels[0].plot(t, 1e3 * part["speed"] * t, color=COLOURS[5], linewidth=1.0, label="pulled end")
     panels[0].plot(t, 1e3 * rows[:, 0], color=COLOURS[0], label="block")
@@ -130,7 +117,7 @@ def stick_slip() -> Figure:
     panels[2].plot(t, rows[:, 2], color=COLOURS[5], linewidth=1.0, label="spring")
     panels[2].legend(frameon=False, fontsize=9)
     for axes, y in zip(panels, ("position [mm]", "velocity [mm/s]", "force [N]"), strict=True):
-        dress(axes, "time [s]" if axes is panels[2] else "", y)
+        tidy(axes, "time [s]" if axes is panels[2] else "", y)
     return figure
 
 
@@ -143,18 +130,8 @@ def break_away() -> Figure:
         pull = rate / part["stiffness"] * np.arange(round(4.0 / rate / dt)) * dt
         rows = pulled_block(p, 1.0, part["stiffness"], pull, dt, 10)
         forces.append(break_away_force(rows, part["travel"]))
-    figure = Figure(figsize=(6.5, 4.0), layout="constrained")
+    figure = new_figure(6.5, 4.0)
     axes = figure.subplots()
     axes.semilogx(part["rates"], forces, "o-", color=COLOURS[0])
-    dress(axes, "rate of the force [N/s]", "break-away force [N]")
+    tidy(axes, "rate of the force [N/s]", "break-away force [N]")
     return figure
-
-
-FIGURES: dict[str, Callable[[], Figure]] = {
-    "3.6": curves,
-    "3.7": lag,
-    "3.8": reversal,
-    "3.9": presliding,
-    "3.10": stick_slip,
-    "break_away": break_away,
-}

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from shake_ros.report.style import COLOURS, GREY, new_figure, tidy
+
 Array = NDArray[np.float64]
 
 
@@ -21,19 +23,16 @@ def draw(
     errors : of the acceleration, one a run [-]. spectra : largest deviation of the response spectrum, one a run [-].
     frequencies : [Hz]. wanted, found : spectra of the reference and of the best run, on those frequencies [m/s²]
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.0, 4.0), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(10.0, 4.0)
     left, right = figure.subplots(1, 2)
     number = np.arange(1, len(errors) + 1)
-    left.plot(number, 100.0 * np.asarray(errors), "o-", label="acceleration, NRMSE")
-    left.plot(number, 100.0 * np.asarray(spectra), "s--", label="response spectrum, largest")
-    left.set(xlabel="run", ylabel="error [%]", ylim=(0.0, None))
-    left.legend()
-    right.semilogx(frequencies, wanted, color="0.6", linewidth=3.0, label="wanted")
-    right.semilogx(frequencies, found, label="best run")
-    right.set(xlabel="frequency [Hz]", ylabel="response at 5 % damping [m/s²]")
-    right.legend()
+    left.plot(number, 100.0 * np.asarray(errors), "o-", color=COLOURS[0], label="acceleration, NRMSE")
+    left.plot(number, 100.0 * np.asarray(spectra), "s--", color=COLOURS[1], label="response spectrum, largest")
+    left.set_ylim(bottom=0.0)
+    tidy(left, "run", "error [%]")
+    left.legend(frameon=False)
+    right.semilogx(frequencies, wanted, color=GREY, linewidth=3.0, label="wanted")
+    right.semilogx(frequencies, found, color=COLOURS[0], label="best run")
+    tidy(right, "frequency [Hz]", "response at 5 % damping [m/s²]")
+    right.legend(frameon=False)
     figure.savefig(path, dpi=120)

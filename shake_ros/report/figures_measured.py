@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from shake_ros.core.discovery.measured_models import Comparison, MeasuredModel
 from shake_ros.core.identification.harmonic_account import measured_distortion
 from shake_ros.core.identification.harmonics import HarmonicRun
-from shake_ros.report.figures_fit import AFTER, BEFORE, MEASURED, tidy
+from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
 
 PRINTED = ("#c9d2dc", "#e0a899", BEFORE)  # of the printed models, the last one counts
 LOWEST_SHOWN = 0.02  # [m/s²]
@@ -30,7 +30,7 @@ def shown(comparison: Comparison) -> list[tuple[MeasuredModel, str]]:
 def harmonics_figure(comparison: Comparison) -> Figure:
     """Amplitudes of every run: measured, with printed parameters, after the fit; THD below the title."""
     problem, models = comparison.problem, shown(comparison)
-    figure = Figure(figsize=(14.0, 4.2), layout="constrained")
+    figure = new_figure(14.0, 4.2)
     row = np.atleast_1d(
         figure.subplots(1, len(problem.runs), sharey=True, width_ratios=[len(r.orders) + 1 for r in problem.runs])
     )
@@ -57,7 +57,7 @@ def harmonics_figure(comparison: Comparison) -> Figure:
 def traces_figure(comparison: Comparison) -> Figure:
     """One period of the acceleration of every run; phases are not printed, so there is no measured curve."""
     problem = comparison.problem
-    figure = Figure(figsize=(14.0, 3.4), layout="constrained")
+    figure = new_figure(14.0, 3.4)
     row = np.atleast_1d(figure.subplots(1, len(problem.runs)))
     for i, (axes, run) in enumerate(zip(row, problem.runs, strict=True)):
         samples = round(1.0 / (run.frequency * problem.sample_time))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from shake_ros.data.recordings import TableRecording
-from shake_ros.report.figures_fit import MEASURED, tidy
+from shake_ros.report.style import MEASURED, new_figure, tidy
 
 CHANNELS = (("valve_command", "command [-]", 1.0), ("position", "position [mm]", 1e3))
 ACCELERATION = ("acceleration", "acceleration [m/s²]", 1.0)
@@ -16,7 +16,7 @@ ACCELERATION = ("acceleration", "acceleration [m/s²]", 1.0)
 def recordings_figure(recordings: Sequence[TableRecording]) -> Figure:
     """A column for each recording, a row for each signal."""
     channels = [*CHANNELS, *([ACCELERATION] if any(r.acceleration is not None for r in recordings) else [])]
-    figure = Figure(figsize=(5.0 + 4.5 * (len(recordings) - 1), 2.2 * len(channels)), layout="constrained")
+    figure = new_figure(5.0 + 4.5 * (len(recordings) - 1), 2.2 * len(channels))
     grid = figure.subplots(len(channels), len(recordings), squeeze=False, sharex="col", sharey="row")
     for column, recording in enumerate(recordings):
         grid[0, column].set_title(recording.name)

@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 
 from shake_ros.core.identification.diagnosis import Judgement
 from shake_ros.core.identification.identifiability import Identifiability
-from shake_ros.report.figures_fit import AFTER, BEFORE, MEASURED, tidy
+from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
 
 
 def correlogram(judgements: Sequence[Judgement]) -> Figure:
     """Autocorrelation and cross-correlation with the drive over ±25 lags, with the bounds of a single lag at 99 %."""
     tested = [(j, j.test) for j in judgements if j.test is not None]
-    figure = Figure(figsize=(9.5, 1.9 * max(len(tested), 1)), layout="constrained")
+    figure = new_figure(9.5, 1.9 * max(len(tested), 1))
     rows = figure.subplots(max(len(tested), 1), 2, squeeze=False, sharex="col")
     for (left, right), (judgement, test) in zip(rows, tested, strict=True):
         lags = len(test.autocorrelation) - 1
@@ -39,7 +39,7 @@ def correlogram(judgements: Sequence[Judgement]) -> Figure:
 def correlation_figure(known: Identifiability) -> Figure:
     """Correlation matrix of the estimates; blank where a parameter rests on a bound."""
     count = len(known.names)
-    figure = Figure(figsize=(3.4 + 0.5 * count, 1.2 + 0.42 * count), layout="constrained")
+    figure = new_figure(3.4 + 0.5 * count, 1.2 + 0.42 * count)
     axes = figure.subplots()
     picture = axes.imshow(known.correlation, vmin=-1.0, vmax=1.0, cmap="RdBu_r")
     short = [name.removeprefix("effects.") for name in known.names]

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shake_ros.core.analysis.parameter_study import ParameterStudy
+from shake_ros.report.style import COLOURS, new_figure, tidy
 
-COLOURS = ("#c8553d", "#1d4e89", "#2a7f62", "#b8860b")
 SYMBOLS = {"theta_5": ("θ₅", "Pa/m³"), "theta_6": ("θ₆", "m³/(s·Pa)"), "theta_7": ("θ₇", "")}
 ROWS = (("position [m]", 0), ("velocity [m/s]", 1), ("acceleration [m/s²]", 2))
 SHOWN_PERIODS = 3
@@ -22,17 +21,9 @@ def label(study: ParameterStudy, value: float) -> str:
     return f"{symbol} = {value:g} {unit}".rstrip()
 
 
-def plain(axes: Axes) -> None:
-    """A light grid behind, no box."""
-    axes.set_axisbelow(True)
-    axes.grid(True, color="#e3e8ee", linewidth=0.8)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-
-
 def motion_figure(study: ParameterStudy, frequency: float) -> Figure:
     """Figures 6.19, 6.21, 6.23: position, velocity and acceleration over the last periods."""
-    figure = Figure(figsize=(9.0, 7.0), layout="constrained")
+    figure = new_figure(9.0, 7.0)
     panels = figure.subplots(3, 1, sharex=True)
     shown = round(SHOWN_PERIODS / frequency / study.sample_time)
     t = np.arange(len(study.commands))[-shown:] * study.sample_time
@@ -41,16 +32,14 @@ def motion_figure(study: ParameterStudy, frequency: float) -> Figure:
             run = study.motion[i, -shown:, column]
             run = run - run.mean() if column == 0 else run
             axes.plot(t, run, color=COLOURS[i % len(COLOURS)], linewidth=1.4, label=label(study, float(value)))
-        axes.set_ylabel(name)
-        plain(axes)
+        tidy(axes, "time [s]" if column == ROWS[-1][1] else "", name)
     np.ravel(panels)[0].legend(frameon=False, fontsize=9, ncols=len(study.values), loc="upper right")
-    np.ravel(panels)[-1].set_xlabel("time [s]")
     return figure
 
 
 def spectrum_figure(study: ParameterStudy, frequency: float, samples: int) -> Figure:
     """Figures 6.20, 6.22, 6.24: amplitudes of the acceleration over frequency."""
-    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+    figure = new_figure(9.0, 4.0)
     axes = figure.subplots()
     frequencies, amplitudes = study.spectrum(samples)
     harmonics = np.arange(1, HIGHEST_HARMONIC + 1)
@@ -61,10 +50,8 @@ def spectrum_figure(study: ParameterStudy, frequency: float, samples: int) -> Fi
         heights = amplitudes[i, places]
         axes.bar(harmonics + offset, heights, width, color=COLOURS[i % len(COLOURS)], label=label(study, float(value)))
     axes.set_xticks(harmonics, [f"{k * frequency:g}" for k in harmonics])
-    axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel("acceleration [m/s²]")
     axes.set_yscale("log")
     axes.set_ylim(bottom=LOWEST_SHOWN)
     axes.legend(frameon=False, fontsize=9)
-    plain(axes)
+    tidy(axes, "frequency [Hz]", "acceleration [m/s²]")
     return figure

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from shake_ros.core.analysis.describing_function import fundamental
 from shake_ros.core.quantities import Parameters
 from shake_ros.core.valve import VALVES
 from shake_ros.core.valve.response import linear_response, valve_response
-from shake_ros.report.figures_friction import COLOURS, dress
+from shake_ros.report.style import COLOURS, new_figure, tidy
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 PERIODS = 6
@@ -33,14 +32,14 @@ def steps() -> Figure:
     content, valves, supply, tank = settings()
     dt = content["sample_time"]
     t = np.arange(round(content["seconds"] / dt)) * dt
-    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    figure = new_figure(8.0, 4.6)
     axes = figure.subplots()
     for (name, valve), colour, style in zip(valves.items(), COLOURS, ("-", "--"), strict=False):
         for i, size in enumerate(content["steps"]):
             spool = valve_response(valve, np.full(len(t), size), dt, supply, tank)
             axes.plot(1e3 * t, 100.0 * spool, style, color=colour, linewidth=1.5, label=name if i == 0 else None)
     axes.legend(frameon=False, fontsize=9, loc="lower right")
-    dress(axes, "time [ms]", "spool position [%]")
+    tidy(axes, "time [ms]", "spool position [%]")
     return figure
 
 
@@ -67,15 +66,12 @@ def frequency_response() -> Figure:
             sine_response(valves["two-stage"], amplitude, f, content["sample_time"], supply, tank) for f in frequencies
         ]
         curves.append((f"two-stage, {100.0 * amplitude:g} %", np.array(points), ":"))
-    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+    figure = new_figure(8.0, 6.0)
     gain, phase = figure.subplots(2, 1, sharex=True)
     for (label, response, style), colour in zip(curves, COLOURS, strict=False):
         gain.semilogx(frequencies, 20.0 * np.log10(np.abs(response)), style, color=colour, label=label)
         phase.semilogx(frequencies, np.degrees(np.unwrap(np.angle(response))), style, color=colour)
     gain.legend(frameon=False, fontsize=9, loc="lower left")
-    dress(gain, "", "gain [dB]")
-    dress(phase, "frequency [Hz]", "phase [°]")
+    tidy(gain, "", "gain [dB]")
+    tidy(phase, "frequency [Hz]", "phase [°]")
     return figure
-
-
-FIGURES: dict[str, Callable[[], Figure]] = {"6.10": steps, "6.11": frequency_response}

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import base64
 import html
-import io
 from collections.abc import Sequence
 
 from matplotlib.figure import Figure
+
+from shake_ros.report.style import png
 
 STYLE = """
 :root { color-scheme: light; }
@@ -80,10 +81,3 @@ class Page:
             + "\n".join(self._parts)
             + "</body></html>\n"
         )
-
-
-def png(figure: Figure) -> bytes:
-    """A figure as PNG."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110, bbox_inches="tight")
-    return buffer.getvalue()

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.schedule import WINDOW, Training
-from shake_ros.report.figures_fit import AFTER, BEFORE, MEASURED, tidy
 from shake_ros.report.page import Page
+from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
 
 SMOOTH = 0.5  # of the running error shown [s]
 
@@ -20,7 +20,7 @@ def running_error(record: Record, runs: dict[str, np.ndarray], change: float | N
     """Root mean square of the acceleration's error over SMOOTH, of each model; the blind window shaded."""
     assert record.acceleration is not None
     dt, n = record.sample_time, max(round(SMOOTH / record.sample_time), 1)
-    figure = Figure(figsize=(9.5, 3.4), layout="constrained")
+    figure = new_figure(9.5, 3.4)
     axes = figure.subplots()
     time = np.arange(len(record.commands)) * dt
     for (name, out), colour in zip(runs.items(), (MEASURED, BEFORE, AFTER), strict=False):

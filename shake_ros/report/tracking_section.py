@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from shake_ros.core.loop.benefit import Benefit
-from shake_ros.report.figures_fit import AFTER, BEFORE, MEASURED, tidy
 from shake_ros.report.page import Page
+from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
 
 WINDOW = 2.0  # [s] of the figure, about the largest acceleration of the reference
 
@@ -19,7 +19,7 @@ def tracking_figure(benefit: Benefit) -> Figure:
     peak = int(np.argmax(np.abs(wanted[:, 2])))
     half = round(0.5 * WINDOW / dt)
     span = slice(max(peak - half, 0), peak + half)
-    figure = Figure(figsize=(9.5, 5.2), layout="constrained")
+    figure = new_figure(9.5, 5.2)
     upper, lower = figure.subplots(2, 1)
     upper.plot(time[span], wanted[span, 2], color=MEASURED, linewidth=1.6, label="reference")
     for run, colour, label in ((benefit.before, BEFORE, "model before"), (benefit.after, AFTER, "model after")):

@@ -17,7 +17,8 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.report import figures_fit, text
 from shake_ros.report.close_loop_page import close_loop_page, parameter_table, percent
-from shake_ros.report.page import Page, png
+from shake_ros.report.page import Page
+from shake_ros.report.style import png
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
