@@ -18,8 +18,9 @@ import numpy as np
 from hidden_table import SAMPLE_TIME, Hidden, record
 
 from shake_ros import __main__
-from shake_ros.cli import close_loop as close_loop_command
-from shake_ros.cli import fitting
+from shake_ros.api import close_loop as close_loop_verb
+from shake_ros.api.fitted import fit_data
+from shake_ros.api.read import read
 from shake_ros.core.discovery import closing
 from shake_ros.core.discovery.closing import ClosedLoop
 from shake_ros.core.discovery.judging import Policy
@@ -28,6 +29,7 @@ from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.data.recordings import write_table_recording
+from shake_ros.declared import MODELS
 from shake_ros.settings import load_table
 
 SECONDS = 3.0
@@ -41,7 +43,7 @@ CASES: dict[str, dict[str, Any]] = {
     "asymmetric_flow_gain": {"hidden": Hidden(flow_asymmetry=0.1)},
     "payload_error": {"mass": 750.0},
 }
-CLOSE_LOOP = close_loop_command.close_loop
+CLOSE_LOOP = closing.close_loop
 COMMANDS = ("nothing", "spool_deadband")
 SHORT_LISTS = {
     "payload_error": ("payload_error", "tank_back_pressure"),
@@ -86,7 +88,7 @@ def bag(case: str, seed: int, path: Path, seconds: float = SECONDS) -> Path:
 def declared_fit(case: str) -> tuple[Fit, RecordingProblem]:
     """The declared model fitted to the learning recording of a case, from the catalogue's values."""
     problem = RecordingProblem([recording(case, 1, "learn")])
-    free = FreeParameters(load_table("bergamo"), fitting.declared_parameters("full"))
+    free = FreeParameters(load_table("bergamo"), MODELS["full"].free())
     return fit(problem, free, free.start(), evaluations=15, tolerance=1e-4), problem
 
 
@@ -99,7 +101,7 @@ def named(case: str) -> Named:
         return Named(run.result.search, run.result.baseline.fit, learn, hold)
     declared, learn = declared_fit(case)
     hold = RecordingProblem([recording(case, 2, "hold")])
-    pool = [c for c in fitting.all_candidates("full") if c.effect in SHORT_LISTS.get(case, (c.effect,))]
+    pool = [c for c in MODELS["full"].candidates() if c.effect in SHORT_LISTS.get(case, (c.effect,))]
     return Named(search(learn, hold, declared, tuple(pool), LEAN), declared, learn, hold)
 
 
@@ -117,13 +119,13 @@ def command(case: str) -> Command:
     output, out = io.StringIO(), folder / "out"
     given = ["close_loop", "--learn", str(learn), "--hold", str(hold), "--out", str(out)]
     with (
-        mock.patch.object(close_loop_command, "close_loop", kept),
-        mock.patch.object(close_loop_command, "Policy", return_value=LEAN),
+        mock.patch.object(closing, "close_loop", kept),
+        mock.patch.object(close_loop_verb, "Policy", return_value=LEAN),
         mock.patch.object(closing, "STARTS", FEW_STARTS),
         mock.patch.object(closing, "REFINED", 1),
         contextlib.redirect_stdout(output),
         contextlib.redirect_stderr(io.StringIO()),
     ):
         code = __main__.main(given)
-    records = fitting.read_records([learn], [hold])
+    records = fit_data(read(learn), read(hold), "valve_command")
     return Command(code, output.getvalue(), out, results[0], *records)

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import yaml
 
-from shake_ros.cli import fitting
 from shake_ros.cli.measured_runs import ALL, fit_runs, read_problem
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.closing import ClosedLoop, close_loop
@@ -28,6 +27,7 @@ from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.fit_records import fit_records
 from shake_ros.data.recordings import TableRecording, read_table_recording
 from shake_ros.data.results import close_loop_json, write_folder, write_json
+from shake_ros.declared import MODELS
 from shake_ros.report.demo_page import Tracking, demo_page
 from shake_ros.report.figures_demo import overview
 from shake_ros.settings import find, load_table, read_yaml, save_table
@@ -167,9 +167,9 @@ def close(
     """Step 3: fit the declared model to the recordings, find and add what it lacks."""
     learn, hold = fit_records(recordings["excitation"]), fit_records(recordings["earthquake"])
     policy = Policy(most_effects=2)
-    table, free = load_table(settings["declared"]), fitting.declared_parameters("full")
-    late = fitting.late_parameters("full")
-    return close_loop(table, free, fitting.all_candidates("full"), learn, hold, policy, bar, late=late), learn, hold
+    table, free = load_table(settings["declared"]), MODELS["full"].free()
+    late = MODELS["full"].late()
+    return close_loop(table, free, MODELS["full"].candidates(), learn, hold, policy, bar, late=late), learn, hold
 
 
 def summarise(

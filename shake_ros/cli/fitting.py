@@ -1,28 +1,38 @@
-"""What `identify` and `close_loop` share: arguments, recordings, the declared model's parameters and candidates."""
+"""What `identify` and `close_loop` share: their arguments, and the model and recordings that these name."""
 
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from shake_ros.api.model import Model, model
+from shake_ros.api.read import Recordings, read
 from shake_ros.core.discovery.candidates import Candidate
 from shake_ros.core.identification.free_parameters import FreeParameter
-from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.fit_records import read_fit_records
+from shake_ros.data.results import check_folder
 from shake_ros.declared import DEFAULT_TABLE, MODELS
 
 
-def add_arguments(command: argparse.ArgumentParser, hold_needed: bool) -> None:
+def add_data(command: argparse.ArgumentParser, needed: Sequence[str] = ()) -> None:
+    """The recordings, of which some are needed ("estimation", "validation"), and the result folder."""
+    for name, short, text in (
+        ("estimation", "learn", "recordings to fit"),
+        ("validation", "hold", "recordings that the fit does not see"),
+    ):
+        options = (f"--{short}", f"--{name}")
+        command.add_argument(
+            *options, dest=name, type=Path, nargs="+", required=name in needed, default=[], metavar="BAG", help=text
+        )
+    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    command.add_argument("--force", action="store_true", help="replace an existing result folder")
+
+
+def add_arguments(command: argparse.ArgumentParser, *, validation_needed: bool) -> None:
     """Arguments of both commands."""
-    command.add_argument("--learn", type=Path, nargs="+", required=True, metavar="BAG", help="recordings to fit")
-    command.add_argument(
-        "--hold", type=Path, nargs="+", required=hold_needed, default=[], metavar="BAG", help="recordings held out"
-    )
+    add_data(command, ("estimation", "validation") if validation_needed else ("estimation",))
     command.add_argument("--model", choices=sorted(MODELS), default="full", help="declared model (default: full)")
     command.add_argument(
         "--config",
@@ -33,8 +43,33 @@ def add_arguments(command: argparse.ArgumentParser, hold_needed: bool) -> None:
     command.add_argument(
         "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="change a declared value"
     )
-    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
-    command.add_argument("--force", action="store_true", help="replace an existing result folder")
+
+
+def inputs(given: argparse.Namespace) -> tuple[Model, Recordings, Recordings]:
+    """Model, estimation and validation data of the arguments; what they bring to tell goes to standard error."""
+    check_folder(given.out, given.force)
+    declared = model(given.model, given.config, dict(map(change, given.set)))
+    estimation, validation = read_data(given)
+    for note in declared.notes:
+        print(note, file=sys.stderr)
+    return declared, estimation, validation
+
+
+def read_data(given: argparse.Namespace) -> tuple[Recordings, Recordings]:
+    """Estimation and validation data of the arguments; what reading met goes to standard error."""
+    estimation, validation = read(*given.estimation), read(*given.validation)
+    for finding in estimation.findings + validation.findings:
+        print(finding, file=sys.stderr)
+    return estimation, validation
+
+
+def change(text: str) -> tuple[str, float]:
+    """Name and value of `KEY=VALUE`."""
+    key, _, value = text.partition("=")
+    try:
+        return key, float(value)
+    except ValueError:
+        raise ShakeError(f"--set {text}: expected KEY=NUMBER") from None
 
 
 def declared_parameters(model: str) -> list[FreeParameter]:
@@ -42,51 +77,6 @@ def declared_parameters(model: str) -> list[FreeParameter]:
     return MODELS[model].free()
 
 
-def late_parameters(model: str) -> list[FreeParameter]:
-    """Those that it may move only once they explain much of what is left above the noise."""
-    return MODELS[model].late()
-
-
 def all_candidates(model: str) -> tuple[Candidate, ...]:
     """Every effect with its trials, from config/discovery."""
     return MODELS[model].candidates()
-
-
-def declare(given: argparse.Namespace) -> Model:
-    """The declared model of the arguments; what its table does not declare goes to standard error."""
-    changes = {}
-    for change in given.set:
-        key, equals, text = change.partition("=")
-        try:
-            changes[key] = float(text)
-        except ValueError:
-            raise ShakeError(f"--set {change}: expected KEY=NUMBER") from None
-        if not equals:
-            raise ShakeError(f"--set {change}: expected KEY=NUMBER")
-    declared = model(given.model, given.config, changes)
-    for note in declared.notes:
-        print(note, file=sys.stderr)
-    return declared
-
-
-def check_output(out: Path, force: bool) -> None:
-    """Refuse an existing result folder before the work, not after it."""
-    if out.exists() and not force:
-        raise ShakeError(f"{out}: exists already (--force replaces it)")
-    above = next((folder for folder in out.absolute().parents if folder.exists()), None)
-    if above is None or not above.is_dir() or not os.access(above, os.W_OK):
-        raise ShakeError(f"{out}: cannot be made (no permission to write in {above})")
-
-
-def read_records(
-    learn: Sequence[Path], hold: Sequence[Path], driven_by: str = "valve_command"
-) -> tuple[list[Record], list[Record]]:
-    """Records of both sets; what reading them met goes to standard error. A recording in both sets is an error."""
-    first, findings = read_fit_records(learn, driven_by)
-    second, more = read_fit_records(hold, driven_by)
-    for finding in findings + more:
-        print(finding, file=sys.stderr)
-    both = {r.name for r in first} & {r.name for r in second}
-    if both:
-        raise ShakeError(f"{', '.join(sorted(both))}: given both to learn from and to hold out")
-    return first, second

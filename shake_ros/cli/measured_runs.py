@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shake_ros.cli import fitting
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.measured_models import Comparison, compare
 from shake_ros.core.discovery.measured_runs import MeasuredRuns, Variant, study
@@ -19,8 +18,8 @@ from shake_ros.core.identification.printed_parameters import PrintedParameters
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.measured_results import comparison_csv, comparison_json
-from shake_ros.data.results import write_folder, write_json
-from shake_ros.declared import DEFAULT_TABLE
+from shake_ros.data.results import check_folder, write_folder, write_json
+from shake_ros.declared import DEFAULT_TABLE, MODELS
 from shake_ros.report.figures_measured import harmonics_figure, traces_figure
 from shake_ros.report.measured_text import comparison_lines
 from shake_ros.report.style import png
@@ -133,7 +132,7 @@ def fit_runs(problem: HarmonicProblem, table: TableParameters, names: Sequence[s
     """The declared model and some of its extensions fitted to the runs."""
     extensions = read_extensions()
     variants = chosen(names, extensions.single, "--extend")
-    return study(table, fitting.declared_parameters("full"), variants, problem, progress, extensions.declared)
+    return study(table, MODELS["full"].free(), variants, problem, progress, extensions.declared)
 
 
 def printed_tables(table: TableParameters) -> dict[str, TableParameters]:
@@ -150,7 +149,7 @@ def printed_tables(table: TableParameters) -> dict[str, TableParameters]:
 
 def run(arguments: argparse.Namespace) -> None:
     """Fit, compare, draw, write."""
-    fitting.check_output(arguments.out, arguments.force)
+    check_folder(arguments.out, arguments.force)
     problem, table = read_problem(find("measured", arguments.runs))
     printed = printed_tables(table)
     extensions = read_extensions()

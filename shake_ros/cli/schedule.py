@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from shake_ros.api.fitted import fit_data
 from shake_ros.cli import fitting
 from shake_ros.cli.progress import Bar
 from shake_ros.core.identification.fit import Fit, fit
@@ -19,7 +20,7 @@ from shake_ros.core.identification.schedule import WINDOW, Training, pieces, run
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.results import write_folder, write_json
+from shake_ros.data.results import check_folder, write_folder, write_json
 from shake_ros.declared import MODELS
 from shake_ros.report.schedule_page import schedule_page
 from shake_ros.settings import find, load_table, read_yaml
@@ -50,19 +51,16 @@ class Comparison:
 def main(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     command = argparse.ArgumentParser(prog="schedule", description=__doc__)
-    command.add_argument("--learn", type=Path, nargs="+", default=[], metavar="BAG", help="recordings to train on")
-    command.add_argument("--hold", type=Path, nargs="+", default=[], metavar="BAG", help="recordings held out")
+    fitting.add_data(command)
     command.add_argument("--config", default="default", metavar="NAME", help="config/schedule/NAME.yaml or a file")
-    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
-    command.add_argument("--force", action="store_true", help="replace an existing result folder")
     given = command.parse_args(list(arguments))
-    if bool(given.learn) != bool(given.hold):
+    if bool(given.estimation) != bool(given.validation):
         raise ShakeError("--learn and --hold: both or neither (without them, data are simulated)")
-    fitting.check_output(given.out, given.force)
+    check_folder(given.out, given.force)
     settings = read_settings(given.config)
     table = load_table(settings["table"])
-    if given.learn:
-        learn, hold = fitting.read_records(given.learn, given.hold)
+    if given.estimation:
+        learn, hold = fit_data(*fitting.read_data(given), "valve_command")
         change = None
     else:
         learn, hold = simulated(settings, table)
@@ -116,7 +114,7 @@ def simulated(settings: dict[str, Any], table: TableParameters) -> tuple[list[Re
 
 def with_effect(settings: dict[str, Any], declared: Fit, windows: list[Record]) -> Declared:
     """The table with the physical effect, fitted from the best of its trials."""
-    candidate = next((c for c in fitting.all_candidates("full") if c.effect == settings["effect"]), None)
+    candidate = next((c for c in MODELS["full"].candidates() if c.effect == settings["effect"]), None)
     if candidate is None:
         raise ShakeError(f"config/schedule: unknown effect '{settings['effect']}'")
     free = declared.free.extended(candidate.free)

@@ -123,6 +123,15 @@ def close_loop_json(result: ClosedLoop, learn: Sequence[str], hold: Sequence[str
     }
 
 
+def check_folder(out: Path, force: bool) -> None:
+    """Refuse an existing result folder, or one that cannot be made: before the work, not after it."""
+    if out.exists() and not force:
+        raise ShakeError(f"{out}: exists already (--force replaces it)")
+    above = next((folder for folder in out.absolute().parents if folder.exists()), None)
+    if above is None or not above.is_dir() or not os.access(above, os.W_OK):
+        raise ShakeError(f"{out}: cannot be made (no permission to write in {above})")
+
+
 def write_folder(out: Path, fill: Callable[[Path], None], *, force: bool = False) -> None:
     """Make a result folder whole or not at all: `fill` writes into a hidden neighbour which then takes its place.
 

@@ -52,7 +52,13 @@ def liveliest(record: Record, seconds: float) -> slice:
     return slice(first, first + n)
 
 
-def time_histories(record: Record, before: np.ndarray, after: np.ndarray, seconds: float = 2.0) -> Figure:
+def time_histories(
+    record: Record,
+    before: np.ndarray,
+    after: np.ndarray,
+    seconds: float = 2.0,
+    labels: tuple[str, str] = ("declared model", "extended model"),
+) -> Figure:
     """Velocity and acceleration of the liveliest stretch, measured and simulated before and after."""
     span = liveliest(record, seconds)
     time = np.arange(len(record.commands))[span] * record.sample_time
@@ -66,8 +72,8 @@ def time_histories(record: Record, before: np.ndarray, after: np.ndarray, second
             low_pass(r[:, column], record.sample_time) if column == 1 else r[:, column] for r in (before, after)
         ]
         axes.plot(time, measured[span], color=MEASURED, linewidth=1.6, label="measured")
-        axes.plot(time, simulated[0][span], color=BEFORE, linewidth=1.1, label="declared model")
-        axes.plot(time, simulated[1][span], color=AFTER, linewidth=1.1, linestyle="--", label="extended model")
+        axes.plot(time, simulated[0][span], color=BEFORE, linewidth=1.1, label=labels[0])
+        axes.plot(time, simulated[1][span], color=AFTER, linewidth=1.1, linestyle="--", label=labels[1])
         tidy(axes, "time [s]" if axes is rows[-1] else "", label)
     rows[0].legend(loc="upper right", frameon=False, ncols=3)
     return figure

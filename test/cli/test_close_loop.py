@@ -14,10 +14,11 @@ from closed_loops import bag, command, recording
 
 from shake_ros import __main__
 from shake_ros.api.model import model
-from shake_ros.cli import close_loop as close_loop_command
+from shake_ros.core.discovery import closing
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import write_table_recording
+from shake_ros.report import close_loop_page
 from shake_ros.settings import load_table
 
 TIME = np.arange(1500) * 0.001
@@ -123,7 +124,7 @@ def test_set_reaches_the_fit(
         seen.append(table.value("body.specimen_mass"))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(close_loop_command, "close_loop", stop)
+    monkeypatch.setattr(closing, "close_loop", stop)
     arguments = ["close_loop", "--learn", str(bags[0]), "--hold", str(bags[1]), "--out", str(tmp_path / "out" / "x")]
     assert __main__.main([*arguments, "--set", "specimen_mass=150", "--set", "tank_pressure=2e5"]) == 130
     assert seen == [150.0]
@@ -193,7 +194,7 @@ def test_nan_every_half_second_leaves_nothing_to_fit(refused, tmp_path: Path) ->
 
 
 def test_recording_in_both_sets_is_refused(refused, bags: tuple[Path, Path], tmp_path: Path) -> None:
-    assert "learn: given both to learn from and to hold out" in refused(hold=bags[0])
+    assert "learn: given both as estimation and as validation data" in refused(hold=bags[0])
     assert "given both" in refused(hold=shutil.copytree(bags[0], tmp_path / "copy" / "learn"))
 
 
@@ -229,8 +230,8 @@ def test_error_in_writing_the_page_leaves_no_folder(
         raise ShakeError("the page cannot be drawn")
 
     done = command("nothing")
-    monkeypatch.setattr(close_loop_command, "close_loop", lambda *a, **m: done.result)
-    monkeypatch.setattr(close_loop_command, "close_loop_page", fail)
+    monkeypatch.setattr(closing, "close_loop", lambda *a, **m: done.result)
+    monkeypatch.setattr(close_loop_page, "close_loop_page", fail)
     out = tmp_path / "out"
     line = refusal(capsys, "close_loop", "--learn", bags[0], "--hold", bags[1], "--out", out)
     assert "the page cannot be drawn" in line

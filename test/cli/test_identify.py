@@ -98,11 +98,9 @@ def test_wrong_recording_is_one_line_and_exit_code_2(tmp_path: Path, capsys: pyt
 def test_interrupted_identify_leaves_nothing(
     bags: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from shake_ros.cli import identify
-
     def interrupt(*arguments: object, **more: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(identify, "identify", interrupt)
+    monkeypatch.setattr(closing, "identify", interrupt)
     assert __main__.main(["identify", "--learn", str(bags[0]), "--out", str(tmp_path / "out")]) == 130
     assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,236 @@
+"""`close_loop`: what the declared model is missing: found in recordings, traced to an effect, added, validated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from shake_ros.api import fitted
+from shake_ros.api.frame import Frame
+from shake_ros.api.model import Model
+from shake_ros.api.progress import Progress, Told
+from shake_ros.api.tracking import tracking
+from shake_ros.core.discovery import closing
+from shake_ros.core.discovery.closing import ClosedLoop
+from shake_ros.core.discovery.judging import Policy
+from shake_ros.core.discovery.remaining import Remaining
+from shake_ros.core.identification.axis_model import position_errors
+from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
+from shake_ros.core.identification.free_parameters import Declared
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.uncertainty import Estimate
+from shake_ros.core.loop.benefit import Benefit
+from shake_ros.data.results import close_loop_json, diagnosis_json, write_folder, write_json
+from shake_ros.declared import recordings_to_make
+from shake_ros.settings import save_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that the declared model was missing.
+
+    Attributes
+    ----------
+    name, place : of the effect. parameters : its own, with standard errors. evidence : why this one.
+    alternatives : effects that these recordings cannot tell from it.
+    """
+
+    name: str
+    place: str
+    parameters: tuple[Estimate, ...]
+    evidence: str
+    alternatives: tuple[str, ...]
+
+
+class Effects(Sequence[FoundEffect]):
+    """Effects in the order in which they were added."""
+
+    def __init__(self, effects: Sequence[FoundEffect]) -> None:
+        self._effects = tuple(effects)
+
+    def __len__(self) -> int:
+        return len(self._effects)
+
+    def __getitem__(self, key: Any) -> Any:
+        return self._effects[key]
+
+    def __iter__(self) -> Iterator[FoundEffect]:
+        return iter(self._effects)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects' names."""
+        return tuple(effect.name for effect in self)
+
+    @property
+    def frame(self) -> Frame:
+        """A row for each parameter."""
+        rows = [
+            (
+                e.name,
+                e.place,
+                p.name.rpartition(".")[2],
+                p.value,
+                p.std_error,
+                p.unit,
+                ", ".join(e.alternatives) or None,
+            )
+            for e in self
+            for p in e.parameters
+        ]
+        return Frame(("effect", "place", "parameter", "value", "std. error", "unit", "not told apart from"), rows)
+
+    def __repr__(self) -> str:
+        return repr(self.frame) if self else "nothing is missing"
+
+    def _repr_html_(self) -> str:
+        return self.frame._repr_html_() if self else "nothing is missing"
+
+
+@dataclass(frozen=True, repr=False)
+class Discovery:
+    """The declared model, what it was missing, and what remains.
+
+    Attributes
+    ----------
+    model : as declared. closed : models before and after with the steps between them.
+    estimation, validation : the gapless parts of the recordings. diagnosis : tests of the residuals, what the
+    recordings identify, and which one would help. tracking : the found table in closed loop under the model before
+    and the model after; None where nothing was added, or where the model has no valve to control.
+    """
+
+    model: Model
+    closed: ClosedLoop
+    estimation: Sequence[Record]
+    validation: Sequence[Record]
+    diagnosis: Diagnosis
+    tracking: Benefit | None
+
+    @property
+    def table(self) -> Declared:
+        """The fitted table with the effects that were found."""
+        return self.closed.final.table
+
+    @property
+    def effects(self) -> Effects:
+        """What was missing."""
+        steps = close_loop_json(self.closed, (), (), self.model.kind)["steps"]
+        return Effects(
+            [
+                FoundEffect(
+                    step["effect"],
+                    step["place"],
+                    tuple(Estimate(name, **content) for name, content in step["parameters"].items()),
+                    step["evidence"]["why"],
+                    tuple(step["alternatives"]),
+                )
+                for step in steps
+            ]
+        )
+
+    @property
+    def error(self) -> Frame:
+        """Error of the free run of every recording before and after, relative to the measured signal [-]."""
+        return fitted.error_frame({"before": self.closed.baseline, "after": self.closed.final})
+
+    @property
+    def position_error(self) -> dict[str, tuple[float, float]]:
+        """Position error of the free run before and after by recording [m rms]; empty but for the model axis."""
+        if self.model.kind != "axis":
+            return {}
+        records = [*self.estimation, *self.validation]
+        before, after = (position_errors(m.table, records) for m in (self.closed.baseline, self.closed.final))
+        return {name: (error, after[name]) for name, error in before.items()}
+
+    @property
+    def parameters(self) -> Frame:
+        """All fitted parameters of the final model with their standard errors."""
+        return fitted.parameter_frame(self.closed.final.parameters)
+
+    @property
+    def remaining(self) -> Remaining:
+        """Whether a residual stands above the noise, where it acts and on what it depends."""
+        return self.closed.remaining
+
+    def plot(self, recording: str | None = None) -> Figure:
+        """The two seconds of a recording that move most: measured, before and after; the first one validated."""
+        from shake_ros.report.figures_fit import free_runs, time_histories
+
+        record = fitted.chosen_record([*self.validation, *self.estimation], recording)
+        tables = self.closed.baseline.table, self.table
+        return time_histories(record, *free_runs(record, *tables, self.model.declared.model))
+
+    def report(self, folder: str | Path, force: bool = False) -> Path:
+        """Write report.json, diagnosis.json, report.html, table.yaml, and tracking.json where there is a tracking.
+
+        `force` replaces an existing folder.
+        """
+        from shake_ros.report.close_loop_page import close_loop_page
+
+        names = [fitted.names_of(records) for records in (self.estimation, self.validation)]
+        content = close_loop_json(self.closed, *names, self.model.kind)
+        added = ", ".join(self.effects.names) or "nothing to add"
+
+        def fill(out: Path) -> None:
+            write_json(out / "report.json", content)
+            write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
+            if self.tracking:
+                write_json(out / "tracking.json", {"reference": self.tracking.reference, **self.tracking.errors()})
+            save_table(out / "table.yaml", self.table, f"Fitted to {', '.join(names[0])} by close_loop: {added}.")
+            page = close_loop_page(
+                self.closed, list(self.estimation), list(self.validation), self.diagnosis, self.tracking
+            )
+            (out / "report.html").write_text(page, encoding="utf-8")
+
+        write_folder(Path(folder), fill, force=force)
+        return Path(folder)
+
+    def _parts(self) -> list[tuple[str, Any]]:
+        effects = self.effects.frame if self.effects else "nothing"
+        return [("Missing", effects), ("Error of the free run", self.error), ("Remaining", self.remaining.text)]
+
+    def __repr__(self) -> str:
+        return fitted.text_of(self._parts())
+
+    def _repr_html_(self) -> str:
+        return fitted.html_of(self._parts())
+
+
+def close_loop(
+    model: Model,
+    estimation: fitted.Data,
+    validation: fitted.Data,
+    *,
+    policy: Policy | None = None,
+    progress: Told = True,
+) -> Discovery:
+    """Find what a declared model is missing, and add it.
+
+    Parameters
+    ----------
+    model : from `sr.model`.
+    estimation : recordings to fit. validation : recordings that decide whether an effect is added.
+    policy : rules of the search, where not the default ones.
+    progress : show it, or a function to tell what is being done and which part is done.
+
+    Raises
+    ------
+    ShakeError
+        A recording cannot be fitted, or is in both sets.
+    """
+    declared = model.declared
+    first, second = fitted.fit_data(estimation, validation, declared.driven_by)
+    table, pool = model.start(first), declared.candidates()
+    free, late = declared.free(), declared.late()
+    with Progress("close_loop", progress) as bar:
+        found = closing.close_loop(table, free, pool, first, second, policy or Policy(), bar, declared.model, late)
+        bar("tracking with the model before and after", 1.0)
+        benefit = tracking(found)
+        bar("residuals and what would help", 1.0)
+        told = diagnose(found.final.fit, first, second, recordings_to_make(), declared.model)
+    return Discovery(model, found, first, second, told, benefit)

@@ -1,0 +1,81 @@
+"""What results of `identify` and `close_loop` share: their data, and errors, parameters and folders of results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from shake_ros.api.frame import Frame, percent
+from shake_ros.api.read import Recordings
+from shake_ros.core.discovery.closing import FittedModel
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.uncertainty import Estimate
+from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.data.recordings import TableRecording
+
+Data = TableRecording | Sequence[TableRecording]
+CHANNELS = ("velocity", "acceleration")
+
+
+def recordings(data: Data | None) -> Recordings:
+    """One or several recordings, or none, as Recordings."""
+    if isinstance(data, Recordings):
+        return data
+    return Recordings([data] if isinstance(data, TableRecording) else data or ())
+
+
+def fit_data(estimation: Data, validation: Data | None, driven_by: str) -> tuple[list[Record], list[Record]]:
+    """Records of both sets as a fit takes them; a recording in both is an error."""
+    first, second = recordings(estimation), recordings(validation)
+    if not first:
+        raise ShakeError("no recording to estimate from")
+    both = sorted({*first.names} & {*second.names})
+    if both:
+        raise ShakeError(f"{', '.join(both)}: given both as estimation and as validation data")
+    return first.records(driven_by), second.records(driven_by)
+
+
+def names_of(records: Sequence[Record]) -> list[str]:
+    """The recordings' names, each once."""
+    return list(dict.fromkeys(r.name for r in records))
+
+
+def chosen_record(records: Sequence[Record], name: str | None) -> Record:
+    """The first record, or the first of a recording."""
+    if name is None:
+        return records[0]
+    if name not in names_of(records):
+        raise unknown_name("recording", name, names_of(records))
+    return next(r for r in records if r.name == name)
+
+
+def error_frame(models: Mapping[str, FittedModel]) -> Frame:
+    """Relative errors of free runs per recording, a column for each channel and model."""
+    first = next(iter(models.values()))
+    rows = []
+    for role, sets in (("estimation", "learn"), ("validation", "hold")):
+        for name in getattr(first, sets):
+            errors = [getattr(model, sets)[name].get(channel) for channel in CHANNELS for model in models.values()]
+            rows.append((name, role, *errors))
+    columns = [f"{channel} {title}".strip() for channel in CHANNELS for title in models]
+    return Frame(("recording", "data", *columns), rows, dict.fromkeys(columns, percent))
+
+
+def parameter_frame(parameters: Sequence[Estimate]) -> Frame:
+    """Fitted parameters; a standard error is None where the value rests on a bound."""
+    return Frame(
+        ("parameter", "value", "std. error", "unit"), [(p.name, p.value, p.std_error, p.unit) for p in parameters]
+    )
+
+
+def html_of(parts: Sequence[tuple[str, Any]]) -> str:
+    """Titled frames or texts for a notebook."""
+    return "".join(
+        f"<p><b>{title}</b></p>{part._repr_html_() if isinstance(part, Frame) else f'<p>{part}</p>'}"
+        for title, part in parts
+    )
+
+
+def text_of(parts: Sequence[tuple[str, Any]]) -> str:
+    """Titled frames or texts for a terminal."""
+    return "\n\n".join(f"{title}\n{part}" for title, part in parts)

@@ -1,0 +1,165 @@
+"""`identify`: the declared model fitted to recordings: parameters with standard errors, error on every recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from shake_ros.api import fitted
+from shake_ros.api.frame import Frame
+from shake_ros.api.model import Model
+from shake_ros.api.progress import Progress, Told
+from shake_ros.core.discovery import closing
+from shake_ros.core.discovery.closing import FittedModel
+from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
+from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
+from shake_ros.core.identification.free_parameters import Declared
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.results import IDENTIFY_SCHEMA, diagnosis_json, model_json, write_folder, write_json
+from shake_ros.declared import recordings_to_make
+from shake_ros.settings import save_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+METHODS = ("free_run", "inverse_dynamics")
+
+
+@dataclass(frozen=True, repr=False)
+class Identification:
+    """A fitted model.
+
+    Attributes
+    ----------
+    model : as declared. start : the table that the fit began with. fit : table, parameters and errors.
+    estimation, validation : the gapless parts of the recordings. diagnosis : tests of the residuals, what the
+    recordings identify, and which one would help.
+    """
+
+    model: Model
+    start: Declared
+    fit: FittedModel
+    estimation: Sequence[Record]
+    validation: Sequence[Record]
+    diagnosis: Diagnosis
+
+    @property
+    def table(self) -> Declared:
+        """The fitted table."""
+        return self.fit.table
+
+    @property
+    def parameters(self) -> Frame:
+        """Fitted parameters with their standard errors."""
+        return fitted.parameter_frame(self.fit.parameters)
+
+    @property
+    def error(self) -> Frame:
+        """Error of the free run of every recording, relative to the measured signal [-]."""
+        return fitted.error_frame({"": self.fit})
+
+    @property
+    def position_error(self) -> dict[str, float]:
+        """Root mean square position error of the free run by recording [m]; empty but for the model axis."""
+        records = [*self.estimation, *self.validation]
+        return position_errors(self.table, records) if self.model.kind == "axis" else {}
+
+    def plot(self, recording: str | None = None) -> Figure:
+        """The two seconds of a recording that move most: measured, as declared, as fitted; the first one validated."""
+        from shake_ros.report.figures_fit import free_runs, time_histories
+
+        record = fitted.chosen_record([*self.validation, *self.estimation], recording)
+        runs = free_runs(record, self.start, self.table, self.model.declared.model)
+        return time_histories(record, *runs, labels=("before the fit", "fitted"))
+
+    def report(self, folder: str | Path, force: bool = False) -> Path:
+        """Write report.json, diagnosis.json, report.html and table.yaml; `force` replaces an existing folder."""
+        from shake_ros.report.identify_page import identify_page
+
+        names = [fitted.names_of(records) for records in (self.estimation, self.validation)]
+        content = {
+            "schema": IDENTIFY_SCHEMA,
+            "model": self.model.kind,
+            "recordings": dict(zip(("learn", "hold"), names, strict=True)),
+            **model_json(self.fit),
+        }
+        if self.model.kind == "axis":
+            content["position_error"] = self.position_error
+
+        def fill(out: Path) -> None:
+            write_json(out / "report.json", content)
+            write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
+            (out / "report.html").write_text(identify_page(self.fit, self.diagnosis, *names), encoding="utf-8")
+            save_table(out / "table.yaml", self.table, f"Fitted to {', '.join(names[0])} by identify.")
+
+        write_folder(Path(folder), fill, force=force)
+        return Path(folder)
+
+    def _parts(self) -> list[tuple[str, Any]]:
+        return [("Parameters", self.parameters), ("Error of the free run", self.error)]
+
+    def __repr__(self) -> str:
+        return fitted.text_of(self._parts())
+
+    def _repr_html_(self) -> str:
+        return fitted.html_of(self._parts())
+
+
+def identify(
+    model: Model,
+    estimation: fitted.Data,
+    validation: fitted.Data | None = None,
+    *,
+    method: str = "free_run",
+    progress: Told = True,
+) -> Identification:
+    """Fit a declared model to recordings.
+
+    Parameters
+    ----------
+    model : from `sr.model`.
+    estimation : recordings to fit. validation : recordings that the fit does not see.
+    method : "free_run" fits the error of the simulation from the command alone; "inverse_dynamics" that of the force,
+        for the model axis.
+    progress : show it, or a function to tell what is being done and which part is done.
+
+    Raises
+    ------
+    ShakeError
+        A recording cannot be fitted, is in both sets, or the method does not go with the model.
+
+    Examples
+    --------
+    An axis of 10 kg under a known force, without friction:
+
+    >>> import numpy as np
+    >>> import shake_ros as sr
+    >>> time = np.arange(3000) / 1000
+    >>> force, position = 100 * np.sin(9 * time), (time / 0.9 - np.sin(9 * time) / 8.1)
+    >>> runs = sr.recording("push", time, 0 * time, position, force=force)
+    >>> fitted = sr.identify(sr.model("axis"), runs, method="inverse_dynamics", progress=False)
+    >>> round(fitted.table.value("axis.mass"), 1)
+    10.0
+    """
+    if method not in METHODS:
+        raise ShakeError(f"method {method}: known are {' and '.join(METHODS)}")
+    if method == "inverse_dynamics" and model.kind != "axis":
+        raise ShakeError(f"--method inverse_dynamics: needs --model axis, not {model.kind}")
+    declared = model.declared
+    first, second = fitted.fit_data(estimation, validation, declared.driven_by)
+    table = model.start(first)
+    if method == "inverse_dynamics":
+        found = closing.identify_inverse(table, declared.free(), first, second)
+        blocks = InverseDynamics(first).blocks()
+        told = diagnose(found.fit, first, second, recordings_to_make(), declared.model, blocks)
+        return Identification(model, table, found, first, second, told)
+    with Progress("identify", progress) as bar:
+        bar.span(0.0, 0.85)
+        found = closing.identify(table, declared.free(), first, second, bar, declared.model, declared.late())
+        bar.span(0.85, 1.0)
+        bar("residuals and what would help", 0.0)
+        told = diagnose(found.fit, first, second, recordings_to_make(), declared.model)
+    return Identification(model, table, found, first, second, told)

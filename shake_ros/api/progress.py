@@ -1,0 +1,64 @@
+"""Progress of work that takes longer than a second: a bar in a terminal or a notebook, lines where there is neither."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from types import TracebackType
+
+from tqdm import tqdm as plain
+from tqdm.auto import tqdm
+
+Told = bool | Callable[[str, float], None]  # whether progress is shown, or who is told what is done and which part
+
+TERMINAL = "{desc:<44.44}|{bar:24}| {percentage:3.0f} % {elapsed}"
+NOTEBOOK = "{desc}{bar} {percentage:3.0f} % {elapsed}"
+
+
+class Progress:
+    """Is told what is being done and which part of the whole is done.
+
+    A bar is redrawn; elsewhere each change of what is being done is one line on standard error.
+
+    Parameters
+    ----------
+    title : of the work. told : whether to show it, or a function to tell instead.
+    """
+
+    def __init__(self, title: str, told: Told = True) -> None:
+        notebook = hasattr(tqdm, "display") and tqdm.display is not plain.display
+        self._told = told
+        self._drawn = told is True and (notebook or sys.stderr.isatty())
+        form = NOTEBOOK if notebook else TERMINAL
+        self._bar = tqdm(total=1.0, desc=title, bar_format=form, disable=not self._drawn, file=sys.stderr)
+        self._title = title
+        self._text = ""
+        self._low, self._high = 0.0, 1.0
+
+    def span(self, low: float, high: float) -> None:
+        """Parts told from now on count from `low` to `high` of the whole."""
+        self._low, self._high = low, high
+
+    def __call__(self, text: str, part: float) -> None:
+        """Say what is being done and which part of the present span is done; the bar never goes back."""
+        whole = self._low + (self._high - self._low) * min(max(part, 0.0), 1.0)
+        if self._drawn:
+            self._bar.n = max(self._bar.n, whole)
+            self._bar.set_description_str(f"{self._title}: {text}")
+        elif callable(self._told):
+            self._told(text, whole)
+        elif self._told and text != self._text:
+            sys.stderr.write(f"{self._title}: {text}\n")
+            sys.stderr.flush()
+        self._text = text
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None and self._drawn:
+            self._bar.n = 1.0
+            self._bar.refresh()
+        self._bar.close()
