@@ -13,17 +13,25 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 PUBLIC = {  # name → module
+    "Discovery": "shake_ros.api.close_loop",
+    "close_loop": "shake_ros.api.close_loop",
     "Frame": "shake_ros.api.frame",
-    "Model": "shake_ros.api.model",
-    "Recordings": "shake_ros.api.read",
+    "Identification": "shake_ros.api.identify",
+    "identify": "shake_ros.api.identify",
     "import_csv": "shake_ros.api.import_csv",
+    "Model": "shake_ros.api.model",
     "model": "shake_ros.api.model",
+    "Recordings": "shake_ros.api.read",
     "read": "shake_ros.api.read",
     "recording": "shake_ros.api.read",
 }
 
 if TYPE_CHECKING:  # the same for type checkers and editors
+    from shake_ros.api.close_loop import Discovery as Discovery
+    from shake_ros.api.close_loop import close_loop as close_loop
     from shake_ros.api.frame import Frame as Frame
+    from shake_ros.api.identify import Identification as Identification
+    from shake_ros.api.identify import identify as identify
     from shake_ros.api.import_csv import import_csv as import_csv
     from shake_ros.api.model import Model as Model
     from shake_ros.api.model import model as model

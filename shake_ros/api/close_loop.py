@@ -172,7 +172,7 @@ class Discovery:
         """
         from shake_ros.report.close_loop_page import close_loop_page
 
-        names = [fitted.names_of(records) for records in (self.estimation, self.validation)]
+        names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
         content = close_loop_json(self.closed, *names, self.model.kind)
         added = ", ".join(self.effects.names) or "nothing to add"
 

@@ -79,7 +79,7 @@ class Identification:
         """Write report.json, diagnosis.json, report.html and table.yaml; `force` replaces an existing folder."""
         from shake_ros.report.identify_page import identify_page
 
-        names = [fitted.names_of(records) for records in (self.estimation, self.validation)]
+        names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
         content = {
             "schema": IDENTIFY_SCHEMA,
             "model": self.model.kind,
@@ -138,7 +138,7 @@ def identify(
     >>> import numpy as np
     >>> import shake_ros as sr
     >>> time = np.arange(3000) / 1000
-    >>> force, position = 100 * np.sin(9 * time), (time / 0.9 - np.sin(9 * time) / 8.1)
+    >>> force, position = 100 * np.sin(9 * time), -np.sin(9 * time) / 8.1
     >>> runs = sr.recording("push", time, 0 * time, position, force=force)
     >>> fitted = sr.identify(sr.model("axis"), runs, method="inverse_dynamics", progress=False)
     >>> round(fitted.table.value("axis.mass"), 1)

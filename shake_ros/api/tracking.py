@@ -37,14 +37,11 @@ def tracking(result: ClosedLoop) -> Benefit | None:
         return None
     path = find("identification", "tracking")
     settings = TrackingSettings.from_mapping(read_yaml(path), str(path))
-    observer, observer_parameters = load_variant("observer", settings.observer, OBSERVERS)
-    law, law_parameters = load_variant("controller", settings.controller, CONTROLLERS)
 
     def loops(model: TableParameters) -> tuple[Observer, Controller]:
-        return (
-            Observer(observer, observer_parameters, settings.sample_time, model),
-            Controller(law, law_parameters, settings.sample_time, model),
-        )
+        observer = Observer(*load_variant("observer", settings.observer, OBSERVERS), settings.sample_time, model)
+        law = Controller(*load_variant("controller", settings.controller, CONTROLLERS), settings.sample_time, model)
+        return observer, law
 
     program = build_program(settings.reference, settings.sample_time)
     return benefit(
