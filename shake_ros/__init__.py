@@ -15,29 +15,49 @@ __version__ = "0.1.0"
 PUBLIC = {  # name → module
     "Discovery": "shake_ros.api.close_loop",
     "close_loop": "shake_ros.api.close_loop",
+    "figures": "shake_ros.api.figures",
     "Frame": "shake_ros.api.frame",
+    "frequency_response": "shake_ros.api.frequency_response",
     "Identification": "shake_ros.api.identify",
     "identify": "shake_ros.api.identify",
     "import_csv": "shake_ros.api.import_csv",
     "Model": "shake_ros.api.model",
     "model": "shake_ros.api.model",
+    "multisine_split": "shake_ros.api.multisine_split",
     "Recordings": "shake_ros.api.read",
     "read": "shake_ros.api.read",
     "recording": "shake_ros.api.read",
+    "ScaledRecord": "shake_ros.api.record_scale",
+    "accelerogram": "shake_ros.api.record_scale",
+    "record_scale": "shake_ros.api.record_scale",
+    "ResponseSpectrum": "shake_ros.api.response_spectrum",
+    "response_spectrum": "shake_ros.api.response_spectrum",
+    "sensitivity": "shake_ros.api.sensitivity",
+    "thd": "shake_ros.api.thd",
 }
 
 if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.close_loop import Discovery as Discovery
     from shake_ros.api.close_loop import close_loop as close_loop
+    from shake_ros.api.figures import figures as figures
     from shake_ros.api.frame import Frame as Frame
+    from shake_ros.api.frequency_response import frequency_response as frequency_response
     from shake_ros.api.identify import Identification as Identification
     from shake_ros.api.identify import identify as identify
     from shake_ros.api.import_csv import import_csv as import_csv
     from shake_ros.api.model import Model as Model
     from shake_ros.api.model import model as model
+    from shake_ros.api.multisine_split import multisine_split as multisine_split
     from shake_ros.api.read import Recordings as Recordings
     from shake_ros.api.read import read as read
     from shake_ros.api.read import recording as recording
+    from shake_ros.api.record_scale import ScaledRecord as ScaledRecord
+    from shake_ros.api.record_scale import accelerogram as accelerogram
+    from shake_ros.api.record_scale import record_scale as record_scale
+    from shake_ros.api.response_spectrum import ResponseSpectrum as ResponseSpectrum
+    from shake_ros.api.response_spectrum import response_spectrum as response_spectrum
+    from shake_ros.api.sensitivity import sensitivity as sensitivity
+    from shake_ros.api.thd import thd as thd
 
 __all__ = list(PUBLIC)
 

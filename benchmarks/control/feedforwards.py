@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from shake_ros.cli.loops import Entry, Plant, load_plant
+from shake_ros.api.loops import Entry, Plant, load_plant
 from shake_ros.cli.tune import Cost, gains_of, rounded, text_of
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller

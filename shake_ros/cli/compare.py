@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from shake_ros.cli.loops import Course, Entry, Plant, entries, load_plant
+from shake_ros.api.loops import Course, Entry, Plant, entries, load_plant
 from shake_ros.cli.progress import Bar
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.comparison import Outcome, summarise

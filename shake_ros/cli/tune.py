@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from shake_ros.cli.loops import MODELS, Course, Entry, Plant, load_plant, strict
+from shake_ros.api.loops import MODELS, Course, Entry, Plant, load_plant, strict
 from shake_ros.cli.progress import Bar
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import ClosedLoop

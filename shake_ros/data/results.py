@@ -6,7 +6,8 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -123,10 +124,25 @@ def close_loop_json(result: ClosedLoop, learn: Sequence[str], hold: Sequence[str
     }
 
 
+def refuse_existing(*paths: Path, force: bool) -> None:
+    """ShakeError for the first file or folder that is there already, unless it may be replaced."""
+    for path in paths:
+        if path.exists() and not force:
+            raise ShakeError(f"{path}: exists already (--force replaces it)")
+
+
+@contextmanager
+def writing() -> Iterator[None]:
+    """Files that cannot be written in the block are a ShakeError."""
+    try:
+        yield
+    except OSError as error:
+        raise ShakeError(f"{error.filename}: cannot be written ({error.strerror})") from None
+
+
 def check_folder(out: Path, force: bool) -> None:
     """Refuse an existing result folder, or one that cannot be made: before the work, not after it."""
-    if out.exists() and not force:
-        raise ShakeError(f"{out}: exists already (--force replaces it)")
+    refuse_existing(out, force=force)
     above = next((folder for folder in out.absolute().parents if folder.exists()), None)
     if above is None or not above.is_dir() or not os.access(above, os.W_OK):
         raise ShakeError(f"{out}: cannot be made (no permission to write in {above})")
@@ -139,8 +155,7 @@ def write_folder(out: Path, fill: Callable[[Path], None], *, force: bool = False
     ------
     ShakeError : where the folder exists already and `force` is not set, or cannot be made.
     """
-    if out.exists() and not force:
-        raise ShakeError(f"{out}: exists already (--force replaces it)")
+    refuse_existing(out, force=force)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         workshop = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
+from matplotlib.figure import Figure
 
 from shake_ros.core.analysis.multisine_split import MultisineSplit
 from shake_ros.report.style import COLOURS, GREY, new_figure, tidy
 
 
-def draw_split(path: Path, title: str, split: MultisineSplit, unit: str, highest: float) -> None:
-    """Write a PNG with the amplitude of every line up to `highest` [Hz], by what stands on it."""
+def split_figure(title: str, split: MultisineSplit, unit: str, highest: float) -> Figure:
+    """Amplitude of every line up to `highest` [Hz], by what stands on it."""
     figure = new_figure(10.0, 5.5)
     axis = figure.add_subplot()
     shown = split.frequency <= highest
@@ -31,4 +30,4 @@ def draw_split(path: Path, title: str, split: MultisineSplit, unit: str, highest
     tidy(axis, "frequency [Hz]", f"amplitude of a line [{unit}]")
     axis.legend(loc="upper right", fontsize="small")
     figure.suptitle(title, fontsize="medium")
-    figure.savefig(path, dpi=110, format="png")
+    return figure

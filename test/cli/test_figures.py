@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from shake_ros.cli.figures import FIGURES, main
+from shake_ros import __main__ as shake_ros
+from shake_ros.api.figures import FIGURES
 from shake_ros.report import figures_fluid
+
+
+def main(arguments: list[str]) -> int:
+    return shake_ros.main(["figures", *arguments])
 
 
 @pytest.mark.parametrize("name", ["2.4", "2.5"])

@@ -8,8 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shake_ros.cli.multisine_split import main
+from shake_ros import __main__ as shake_ros
 from shake_ros.data.recordings import write_table_recording
+
+
+def main(arguments: list[str]) -> int:
+    return shake_ros.main(["multisine_split", *arguments])
+
 
 N = 2000
 TURN = 2.0 * np.pi * np.arange(N) / N

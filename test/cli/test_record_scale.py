@@ -7,9 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shake_ros.cli.record_scale import main
+from shake_ros import __main__ as shake_ros
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.reference_program import build_program
+
+
+def main(arguments: list[str]) -> int:
+    return shake_ros.main(["record_scale", *arguments])
 
 
 @pytest.fixture
@@ -26,7 +30,10 @@ def record(tmp_path: Path) -> Path:
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    code = main([str(a) for a in arguments])
+    try:
+        code = main([str(a) for a in arguments])
+    except SystemExit as stop:  # of argparse
+        code = int(stop.code or 0)
     captured = capsys.readouterr()
     return code, captured.out, captured.err
 
@@ -94,7 +101,7 @@ def test_nothing_is_overwritten_without_force(record: Path, tmp_path: Path, caps
     out.write_text("mine")
     code, _, err = run(capsys, record, "--out", out)
     assert code == 2
-    assert err == f"record_scale: {out}: exists (overwrite with --force)\n"
+    assert err == f"shake_ros record_scale: {out}: exists already (--force replaces it)\n"
     assert out.read_text() == "mine"
     assert run(capsys, record, "--out", out, "--force")[0] == 0
     assert out.read_text() != "mine"

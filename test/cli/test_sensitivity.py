@@ -7,13 +7,18 @@ import json
 import numpy as np
 import pytest
 
-from shake_ros.cli.sensitivity import main, read_study, studies, values_of
+from shake_ros import __main__ as shake_ros
+from shake_ros.api.sensitivity import sensitivity, values_of
 from shake_ros.settings import load_table
+
+
+def main(arguments: list[str]) -> int:
+    return shake_ros.main(["sensitivity", *arguments])
 
 
 @pytest.fixture(scope="module")
 def results():
-    return studies(read_study("thesis"), load_table("bergamo"))
+    return sensitivity().studies
 
 
 def test_theta_5_is_the_modulus_over_half_the_volume():

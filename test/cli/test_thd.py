@@ -9,8 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shake_ros.cli.thd import main
+from shake_ros import __main__ as shake_ros
 from shake_ros.data.recordings import write_table_recording
+
+
+def main(arguments: list[str]) -> int:
+    return shake_ros.main(["thd", *arguments])
+
 
 TIME = np.arange(8000) * 0.001
 FREQUENCY = 2.137
@@ -109,5 +114,7 @@ def test_a_folder_that_is_no_recording_is_refused(tmp_path: Path, capsys: pytest
 
 
 def test_unknown_arguments_exit_with_2(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--loud"]) == 2
-    assert main(["--help"]) == 0
+    for argument, code in (("--loud", 2), ("--help", 0)):
+        with pytest.raises(SystemExit) as stop:
+            main([argument])
+        assert stop.value.code == code

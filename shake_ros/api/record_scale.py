@@ -1,0 +1,268 @@
+"""`accelerogram`, `record_scale`: a record as it is distributed, and the motion that a table can play of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from shake_ros.api.response_spectrum import ResponseSpectrum, response_spectrum
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import Parameters, ShakeError, quantity
+from shake_ros.core.reference import earthquake
+from shake_ros.core.reference.baseline import integrate
+from shake_ros.core.reference.earthquake import EarthquakeParameters, Fitted
+from shake_ros.core.reference.envelope import envelope
+from shake_ros.core.reference.motion import Record
+from shake_ros.core.reference.shaping import Shaping
+from shake_ros.data.accelerograms import read_accelerogram
+from shake_ros.data.accelerograms.accelerogram import Accelerogram
+from shake_ros.data.reference_program import load_reference
+from shake_ros.data.results import writing
+from shake_ros.settings import find, load_table, read_yaml
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FILL = "fill"
+LARGEST_FACTOR = 1e4
+PERIODS = 80
+YAML = (".yaml", ".yml")
+
+
+@dataclass(frozen=True)
+class ScaleParameters(Parameters):
+    """Content of config/record_scale/default.yaml."""
+
+    position_share: float = quantity("-", "usable share of half the stroke", low=0.01, high=1.0)
+    velocity_share: float = quantity("-", "usable share of the largest velocity", low=0.01, high=1.0)
+    acceleration_share: float = quantity("-", "usable share of the largest acceleration", low=0.01, high=1.0)
+    spectrum_damping: float = quantity("-", "damping of the response spectrum", low=0.0, high=0.99)
+    shortest_period: float = quantity("s", "shortest period of the spectrum", low=0.001, high=100.0)
+    longest_period: float = quantity("s", "longest period of the spectrum", low=0.001, high=100.0)
+
+    @property
+    def periods(self) -> NDArray[np.float64]:
+        """Of the response spectrum [s]."""
+        return np.geomspace(self.shortest_period, self.longest_period, PERIODS)
+
+
+@dataclass(frozen=True, repr=False)
+class ScaledRecord:
+    """A record made fit for a table.
+
+    Attributes
+    ----------
+    path : the file. read : what it holds. parameters : its treatment and the limits. shaping : of the reference.
+    fitted : acceleration for the table [m/s²], its time step [s], the factor on the record.
+    """
+
+    path: Path
+    read: Accelerogram
+    parameters: EarthquakeParameters
+    shaping: Shaping
+    fitted: Fitted
+    scale: ScaleParameters
+
+    @property
+    def band(self) -> str:
+        """Frequencies that are left in the motion, in words."""
+        return band_of(self.parameters)
+
+    def spectrum(self) -> ResponseSpectrum:
+        """Response spectrum of the motion for the table."""
+        step, damping = self.fitted.time_step, self.scale.spectrum_damping
+        return response_spectrum(self.fitted.acceleration, self.scale.periods, damping, step)
+
+    def plot(self) -> Figure:
+        """Histories and response spectra of the record and of the motion for the table."""
+        from shake_ros.report.record_figure import Curve, record_figure
+
+        fitted, read = self.fitted, self.read
+        pad = (fitted.acceleration.size - read.acceleration.size) / 2 * fitted.time_step
+        before = Curve("as recorded", pad, read.time_step, read.acceleration)
+        after = Curve(f"for the table, factor {fitted.factor:.3g}", 0.0, fitted.time_step, fitted.acceleration)
+        title = f"{self.path.name}: {read.name}"
+        return record_figure(title, before, after, self.scale.periods, self.scale.spectrum_damping)
+
+    def write(self, out: str | Path) -> None:
+        """Write columns (.csv) or a configuration of reference_generator (.yaml)."""
+        path = Path(out)
+        if path.suffix not in (".csv", *YAML):
+            raise ShakeError(f"{path}: give a name that ends in .csv or .yaml")
+        with writing():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(self._yaml() if path.suffix in YAML else self._csv(), encoding="utf-8")
+
+    def _csv(self) -> str:
+        """Columns time, acceleration, velocity, position, with the treatment in comments."""
+        fitted = self.fitted
+        velocity, position = integrate(fitted.acceleration, fitted.time_step)
+        time = np.arange(fitted.acceleration.size) * fitted.time_step
+        head = [
+            f"# {self.path.name}: {self.read.name}",
+            f"# factor {fitted.factor:.9g}, time scale {self.parameters.time_scale:g}",
+            "time [s],acceleration [m/s2],velocity [m/s],position [m]",
+        ]
+        rows = zip(time, fitted.acceleration, velocity, position, strict=True)
+        return "\n".join([*head, *(f"{t:.9g},{a:.9e},{v:.9e},{x:.9e}" for t, a, v, x in rows)]) + "\n"
+
+    def _yaml(self) -> str:
+        """A configuration of reference_generator that plays the record in the same way."""
+        final = self.parameters.replace(scale=self.fitted.factor)
+        content = {"kind": "earthquake", **dataclasses.asdict(final), "shaping": dataclasses.asdict(self.shaping)}
+        body: str = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+        return f"# {self.read.name}, fitted by record_scale. SI units.\n{body}"
+
+    def __repr__(self) -> str:
+        read, fitted, p = self.read, self.fitted, self.parameters
+        before = _three(read.acceleration, read.time_step)
+        unscaled = fitted.acceleration / fitted.factor if fitted.factor else fitted.acceleration
+        corrected, after = (_three(a, fitted.time_step) for a in (unscaled, fitted.acceleration))
+        limits = (p.acceleration_limit, p.velocity_limit, p.position_limit)
+        lines = [
+            f"{self.path}: {read.name}; outside the band {self.band} it is filtered out",
+            f"  {read.format}, {read.acceleration.size} samples of {read.time_step:g} s in {read.unit}"
+            f"{f', channel {p.channel}' if p.channel > 1 else ''}",
+            *(f"  warning: {warning}" for warning in read.warnings),
+            f"  {'peak':<22}{'as recorded':>14}{'corrected':>14}{'for the table':>16}{'limit':>12}",
+        ]
+        names = ("acceleration [m/s²]", "velocity [m/s]", "displacement [m]")
+        for name, b, c, a, limit in zip(names, before, corrected, after, limits, strict=True):
+            lines.append(f"  {name:<22}{b[0]:>14.4g}{c[0]:>14.4g}{a[0]:>16.4g}{limit:>12.4g}")
+        for name, b, c, a in zip(names[1:], before[1:], corrected[1:], after[1:], strict=True):
+            lines.append(f"  {'at the end: ' + name.split()[0]:<22}{b[1]:>14.2e}{c[1]:>14.2e}{a[1]:>16.2e}")
+        because = f" (limited by {fitted.limited_by.split('_')[0]})" if fitted.limited_by else ""
+        lines.append(f"  factor {fitted.factor:.5g}{because}, time scale {p.time_scale:g}, band {self.band}")
+        return "\n".join(lines)
+
+
+def band_of(parameters: EarthquakeParameters) -> str:
+    """Frequencies that a treatment leaves, in words."""
+    low, high = parameters.high_pass, parameters.low_pass
+    return f"{low:g} … {high:g} Hz" if high else f"from {low:g} Hz"
+
+
+def treatment() -> tuple[EarthquakeParameters, Shaping]:
+    """The treatment of records in config/reference/earthquake.yaml."""
+    reference = load_reference("earthquake")
+    assert isinstance(reference.parameters, EarthquakeParameters)
+    return reference.parameters, reference.shaping
+
+
+def accelerogram(path: str | Path, channel: int = 1, unit: str = "") -> Accelerogram:
+    """An accelerogram as it is distributed: .AT2, .smc, .V2, .V2c, or two columns.
+
+    Parameters
+    ----------
+    path : the file. channel : of a file that has several, from 1. unit : of a file that does not name its own.
+
+    Raises
+    ------
+    ShakeError
+        One line with file, line and reason.
+
+    Examples
+    --------
+    >>> import shake_ros as sr
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "record.csv"
+    >>> rows = "".join(f"{k / 100:.2f},{(k % 5) / 10}\\n" for k in range(200))
+    >>> _ = file.write_text("time [s],acceleration [m/s2]\\n" + rows)
+    >>> record = sr.accelerogram(file)
+    >>> record.peak, record.unit
+    (0.4, 'm/s2')
+    """
+    return read_accelerogram(path, channel=channel, unit=unit)
+
+
+def record_scale(
+    path: str | Path,
+    table: str | TableParameters = "bergamo",
+    *,
+    scale: float | str = 1.0,
+    channel: int = 1,
+    unit: str = "",
+    stroke: float | None = None,
+    velocity: float | None = None,
+    acceleration: float | None = None,
+    time_scale: float | None = None,
+    high_pass: float | None = None,
+    low_pass: float | None = None,
+) -> ScaledRecord:
+    """A record, baseline-corrected, filtered to a band and scaled into the table's envelope.
+
+    Parameters
+    ----------
+    path : an accelerogram. table : whose envelope is used, by name, file or object.
+    scale : factor on the acceleration, reduced to meet the limits; "fill" for as much as the table allows [-].
+    channel, unit : as in `accelerogram`.
+    stroke, velocity, acceleration : in place of the table's limits [m], [m/s], [m/s²].
+    time_scale, high_pass, low_pass : in place of those of config/reference/earthquake.yaml [-], [Hz], [Hz].
+
+    Raises
+    ------
+    ShakeError
+        A file that is no record, nothing left within the band, a limit out of bounds.
+
+    Examples
+    --------
+    >>> import shake_ros as sr
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "record.csv"
+    >>> t = np.arange(2000) / 100
+    >>> felt = 3 * np.sin(2 * np.pi * 2 * t) * np.hanning(2000)
+    >>> rows = "".join(f"{time:.2f},{a:.6f}\\n" for time, a in zip(t, felt))
+    >>> _ = file.write_text("time [s],acceleration [m/s2]\\n" + rows)
+    >>> found = sr.record_scale(file, scale="fill", stroke=0.02)
+    >>> found.band, found.fitted.limited_by
+    ('0.25 … 12 Hz', 'position_limit')
+    """
+    where = find("record_scale", "default")
+    settings = ScaleParameters.from_mapping(read_yaml(where), str(where))
+    base, shaping = treatment()
+    bounds = envelope(load_table(table) if isinstance(table, str) else table)
+    changes: dict[str, float | int | str] = {
+        "position_limit": settings.position_share * bounds.position,
+        "velocity_limit": settings.velocity_share * bounds.velocity,
+        "acceleration_limit": settings.acceleration_share * bounds.acceleration,
+        "scale": LARGEST_FACTOR if scale == FILL else _number(scale),
+        "channel": channel,
+        "unit": unit,
+    }
+    given = {
+        "position_limit": stroke,
+        "velocity_limit": velocity,
+        "acceleration_limit": acceleration,
+        "time_scale": time_scale,
+        "high_pass": high_pass,
+        "low_pass": low_pass,
+    }
+    base = base.replace(**changes | {name: value for name, value in given.items() if value is not None})
+    read = read_accelerogram(path, channel=channel, unit=unit)
+    parameters = base.replace(record=str(path))
+    try:
+        fitted = earthquake.fit(parameters, Record(read.time, read.acceleration))
+    except ShakeError as error:
+        raise ShakeError(f"{path}: {error}") from None
+    if scale == FILL and not fitted.limited_by:
+        raise ShakeError(f"{path}: no limit reached at a factor of {LARGEST_FACTOR:g}; is this a record?")
+    return ScaledRecord(Path(path), read, parameters, shaping, fitted, settings)
+
+
+def _number(text: float | str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ShakeError(f"--scale '{text}' is neither a number nor 'fill'") from None
+
+
+def _three(acceleration: NDArray[np.float64], step: float) -> list[tuple[float, float]]:
+    """Peak and end value of acceleration, velocity and displacement."""
+    signals = (acceleration, *integrate(acceleration, step))
+    return [(float(np.max(np.abs(signal))), float(signal[-1])) for signal in signals]
