@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass
 from typing import Any
 
-from shake_ros.core.discovery.candidates import Candidate, candidates
+from shake_ros.core.discovery.candidates import CandidateEffect, candidates
+from shake_ros.core.discovery.problem import ModelStructure
 from shake_ros.core.identification import experiments
 from shake_ros.core.identification.axis_model import AXIS, InverseDynamics
 from shake_ros.core.identification.free_parameters import Declared, FreeParameter, free_parameter
@@ -40,6 +41,10 @@ class DeclaredModel:
     declare: Callable[[str | None], Declared | None]
     guess: Callable[[list[Record]], Declared]
 
+    def structure(self, table: Declared) -> ModelStructure:
+        """A table of this model with what a fit may move and the effects that it may lack."""
+        return ModelStructure(table, tuple(self.free()), tuple(self.late()), self.candidates(), self.model)
+
     def full_name(self, key: str) -> str:
         """The dotted name of a parameter given by it or by its last part alone (`specimen_mass`)."""
         if key in self.fields:
@@ -66,7 +71,7 @@ class DeclaredModel:
             free_parameter(n, c, str(path), self.fields) for n, c in entries.items() if c.pop("late", False) is late
         ]
 
-    def candidates(self) -> tuple[Candidate, ...]:
+    def candidates(self) -> tuple[CandidateEffect, ...]:
         """Every effect with its trials, from config/discovery."""
         path = find("discovery", self.effects)
         return candidates(read_yaml(path), str(path), self.name, self.fields)

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import yaml
 
+from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.free_parameters import Declared
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
@@ -135,6 +136,12 @@ def load_interlock(name: str) -> InterlockParameters:
     """The interlock of config/interlock/<name>.yaml, or of a YAML file given by path."""
     path = find("interlock", name)
     return InterlockParameters.from_mapping(read_yaml(path), str(path))
+
+
+def load_search(name: str = "search") -> SearchSettings:
+    """The thresholds of config/discovery/<name>.yaml, or of a YAML file given by path."""
+    path = find("discovery", name)
+    return SearchSettings.from_mapping(read_yaml(path), str(path))
 
 
 def save_table(path: Path, table: Declared, comment: str) -> None:

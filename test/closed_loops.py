@@ -21,20 +21,28 @@ from shake_ros import __main__
 from shake_ros.api import close_loop as close_loop_verb
 from shake_ros.api.fitted import fit_data
 from shake_ros.api.read import read
-from shake_ros.core.discovery import closing
-from shake_ros.core.discovery.closing import ClosedLoop
-from shake_ros.core.discovery.judging import Policy
-from shake_ros.core.discovery.search import Search, search
+from shake_ros.core.discovery import close_loop as closing
+from shake_ros.core.discovery.close_loop import LoopClosure
+from shake_ros.core.discovery.forward_selection import Selection, forward_selection
+from shake_ros.core.discovery.problem import ModelStructure, SearchProblem
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.data.recordings import write_table_recording
 from shake_ros.declared import MODELS
-from shake_ros.settings import load_table
+from shake_ros.settings import load_search, load_table
 
 SECONDS = 3.0
-LEAN = Policy(refits=3, evaluations=4, polished=2, final_evaluations=8, converging=12, most_effects=1)
-FEW_STARTS = 8
+LEAN = load_search().replace(
+    most_refits=3,
+    first_evaluations=4,
+    most_continued=2,
+    continued_evaluations=8,
+    converging_evaluations=12,
+    most_effects=1,
+    starts=8,
+    fitted_starts=1,
+)
 DEAD_BAND = 0.02
 CASES: dict[str, dict[str, Any]] = {
     "nothing": {},
@@ -54,10 +62,8 @@ _folder = tempfile.TemporaryDirectory(prefix="shake_ros-closed-")
 class Named(NamedTuple):
     """A search with what it was done on."""
 
-    search: Search
-    declared: Fit
-    learn: RecordingProblem
-    hold: RecordingProblem
+    search: Selection
+    problem: SearchProblem
 
 
 class Command(NamedTuple):
@@ -66,7 +72,7 @@ class Command(NamedTuple):
     code: int
     printed: str
     out: Path
-    result: ClosedLoop
+    result: LoopClosure
     learn: list[Record]
     hold: list[Record]
 
@@ -84,6 +90,12 @@ def bag(case: str, seed: int, path: Path, seconds: float = SECONDS) -> Path:
     return write_table_recording(path, time, made.commands, made.position, made.acceleration)
 
 
+def problem_of(learn: list[Record], hold: list[Record]) -> SearchProblem:
+    """The problem of two sets of recordings that are too short for pieces."""
+    structure = ModelStructure(load_table("bergamo"), ())
+    return SearchProblem.of(structure, learn, hold, LEAN, lambda text, part: None)
+
+
 @functools.cache
 def declared_fit(case: str) -> tuple[Fit, RecordingProblem]:
     """The declared model fitted to the learning recording of a case, from the catalogue's values."""
@@ -97,12 +109,11 @@ def named(case: str) -> Named:
     """The search for what a case's table has beyond the declared model; from the command where that runs anyway."""
     if case in COMMANDS:
         run = command(case)
-        learn, hold = RecordingProblem(run.learn), RecordingProblem(run.hold)
-        return Named(run.result.search, run.result.baseline.fit, learn, hold)
+        return Named(run.result.search, problem_of(run.learn, run.hold))
     declared, learn = declared_fit(case)
-    hold = RecordingProblem([recording(case, 2, "hold")])
+    problem = problem_of(learn.records, [recording(case, 2, "hold")])
     pool = [c for c in MODELS["full"].candidates() if c.effect in SHORT_LISTS.get(case, (c.effect,))]
-    return Named(search(learn, hold, declared, tuple(pool), LEAN), declared, learn, hold)
+    return Named(forward_selection(problem, declared, tuple(pool)), problem)
 
 
 @functools.cache
@@ -110,9 +121,9 @@ def command(case: str) -> Command:
     """`close_loop` on two bags of a case's table."""
     folder = Path(_folder.name) / case
     learn, hold = bag(case, 1, folder / "learn"), bag(case, 2, folder / "hold")
-    results: list[ClosedLoop] = []
+    results: list[LoopClosure] = []
 
-    def kept(*arguments: Any, **more: Any) -> ClosedLoop:
+    def kept(*arguments: Any, **more: Any) -> LoopClosure:
         results.append(CLOSE_LOOP(*arguments, **more))
         return results[-1]
 
@@ -120,9 +131,7 @@ def command(case: str) -> Command:
     given = ["close_loop", "--learn", str(learn), "--hold", str(hold), "--out", str(out)]
     with (
         mock.patch.object(closing, "close_loop", kept),
-        mock.patch.object(close_loop_verb, "Policy", return_value=LEAN),
-        mock.patch.object(closing, "STARTS", FEW_STARTS),
-        mock.patch.object(closing, "REFINED", 1),
+        mock.patch.object(close_loop_verb, "load_search", return_value=LEAN),
         contextlib.redirect_stdout(output),
         contextlib.redirect_stderr(io.StringIO()),
     ):

@@ -19,7 +19,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +27,12 @@ import numpy as np
 
 from benchmarks import ROOT
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.core.discovery.candidates import Candidate
-from shake_ros.core.discovery.closing import close_loop
-from shake_ros.core.discovery.judging import Policy
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.close_loop import close_loop
 from shake_ros.core.identification.recordings import Record
 from shake_ros.data.results import close_loop_json
 from shake_ros.declared import MODELS
-from shake_ros.settings import load_table
+from shake_ros.settings import load_search, load_table
 
 SEVERITIES = (0.1, 0.3, 0.03)
 NONE = "none"
@@ -70,7 +69,7 @@ def recordings(case: Case, table: hidden.Truth, commands: dict[str, np.ndarray])
     return {n: Record(n, hidden.SAMPLE, m["command"], m["position"], m["acceleration"]) for n, m in made.items()}
 
 
-def run(case: Case, pool: tuple[Candidate, ...]) -> dict[str, Any]:
+def run(case: Case, pool: tuple[CandidateEffect, ...]) -> dict[str, Any]:
     """Close the loop on one case; what it named and the errors, ready for JSON."""
     commands = hidden.excitations(case.seed, case.length)
     made = truth(case, commands)
@@ -78,9 +77,8 @@ def run(case: Case, pool: tuple[Candidate, ...]) -> dict[str, Any]:
     learn = [r for n, r in records.items() if n.startswith("learn")]
     hold = [r for n, r in records.items() if n.startswith("hold")]
     start = time.perf_counter()
-    free = MODELS["full"].free()
-    table, late = load_table("bergamo"), MODELS["full"].late()
-    result = close_loop(table, free, pool, learn, hold, Policy(), lambda text, part: None, late=late)
+    model = replace(MODELS["full"].structure(load_table("bergamo")), candidates=pool)
+    result = close_loop(model, learn, hold, load_search(), lambda text, part: None)
     seconds = time.perf_counter() - start
     report = close_loop_json(result, [r.name for r in learn], [r.name for r in hold], "full")
     floor = {r.name: case.noise * hidden.ACCELERATION_NOISE / float(np.std(r.acceleration)) for r in hold}
@@ -92,7 +90,9 @@ def run(case: Case, pool: tuple[Candidate, ...]) -> dict[str, Any]:
         "places": [s["place"] for s in report["steps"]],
         "parameters": [s["parameters"] for s in report["steps"]],
         "rankings": [s["evidence"].get("ranking", [])[:6] for s in report["steps"]],
-        "rejected": [[a.candidate.effect, a.learn, a.hold] for a in result.search.rejected[:6]],
+        "rejected": [
+            [a.candidate.effect, a.result.estimation_cost, a.result.validation_cost] for a in result.search.rejected[:6]
+        ],
         "removed": list(result.search.removed),
         "remaining": report["remaining"],
         "declared": {p.name: p.value for p in result.baseline.parameters},
@@ -104,7 +104,7 @@ def run(case: Case, pool: tuple[Candidate, ...]) -> dict[str, Any]:
     }
 
 
-def candidates(quick: bool) -> tuple[Candidate, ...]:
+def candidates(quick: bool) -> tuple[CandidateEffect, ...]:
     """The effects that compete."""
     pool = MODELS["full"].candidates()
     return tuple(c for c in pool if c.effect in QUICK_POOL) if quick else pool

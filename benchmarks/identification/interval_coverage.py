@@ -29,16 +29,16 @@ import numpy as np
 
 from benchmarks.discovery import hidden_tables as hidden
 from benchmarks.plant import reference_model as reference
-from shake_ros.core.discovery.judging import Policy
-from shake_ros.core.discovery.late import freed_late
+from shake_ros.core.discovery.late_parameters import with_late_parameters
+from shake_ros.core.discovery.problem import SearchProblem
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate, estimates
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
 from shake_ros.declared import MODELS
-from shake_ros.settings import load_table
+from shake_ros.settings import load_search, load_table
 
 SAME_DEFICIT = 2.0 * 0.693 * 1e-3  # ∫(1 − v/w) dv = ∫(1 − tanh(v/(1 mm/s))) dv for this width w [m/s]
 QUANTILE = 1.645  # of the 90 % interval
@@ -93,11 +93,12 @@ def fitted(seed: int, length: float, forms: str, saturation: float) -> tuple[hid
             records.append(Record(name, hidden.SAMPLE, other["command"], other["position"], other["acceleration"]))
         else:
             records.append(made(name, truth, other["command"], 7 * seed + len(name), forms))
-    problem = RecordingProblem(records)
-    free = FreeParameters(true_table(truth), MODELS["full"].free())
-    result = fit(problem, free, free.start(), evaluations=20, tolerance=1e-6)
-    result = freed_late(problem, None, result, MODELS["full"].late(), Policy())
-    return truth, estimates(result, problem.blocks())
+    model = MODELS["full"].structure(true_table(truth))
+    problem = SearchProblem.of(model, records, (), load_search(), lambda text, part: None)
+    free = FreeParameters(model.table, model.free)
+    result = fit(problem.estimation, free, free.start(), evaluations=20, tolerance=1e-6)
+    result = with_late_parameters(problem, problem.scored(result)).fit
+    return truth, estimates(result, problem.estimation.blocks())
 
 
 def main() -> None:

@@ -22,13 +22,13 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.discovery import hidden_tables as hidden
 from benchmarks.plant import reference_model as reference
-from shake_ros.core.discovery.closing import identify
+from shake_ros.core.discovery.declared_fit import identify
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.plant.simulation import workers
 from shake_ros.declared import MODELS
-from shake_ros.settings import load_table
+from shake_ros.settings import load_search, load_table
 
 FIELDS = ("coulomb", "rise", "decay", "viscous", "modulus", "internal", "external", "flow")
 METHODS = ("RK45", "LSODA", "Radau")
@@ -98,10 +98,10 @@ def main() -> None:
     command.add_argument("--evaluations", type=int, help="simulations of a plain fit (default: counted)")
     given = command.parse_args()
     records = recordings(given.seconds)
-    free, table = MODELS["full"].free(), load_table("bergamo")
+    model = MODELS["full"].structure(load_table("bergamo"))
 
     def ours(some: list[Record]) -> object:
-        return identify(table, free, some, [], lambda text, part: None, late=MODELS["full"].late())
+        return identify(model, some, [], load_search(), lambda text, part: None)
 
     ours([shortened(records[0], 1.0)])  # start-up: compiling or loading what is compiled
     seconds = min(timed(lambda: ours(records)) for _ in range(2))

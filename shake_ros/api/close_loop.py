@@ -12,10 +12,10 @@ from shake_ros.api.frame import Frame
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.tracking import tracking
-from shake_ros.core.discovery import closing
-from shake_ros.core.discovery.closing import ClosedLoop
-from shake_ros.core.discovery.judging import Policy
+from shake_ros.core.discovery import close_loop as closing
+from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.remaining import Remaining
+from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.free_parameters import Declared
@@ -24,7 +24,7 @@ from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import Benefit
 from shake_ros.data.results import close_loop_json, diagnosis_json, write_folder, write_json
 from shake_ros.declared import recordings_to_make
-from shake_ros.settings import save_table
+from shake_ros.settings import load_search, save_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -105,7 +105,7 @@ class Discovery:
     """
 
     model: Model
-    closed: ClosedLoop
+    closed: LoopClosure
     estimation: Sequence[Record]
     validation: Sequence[Record]
     diagnosis: Diagnosis
@@ -206,7 +206,7 @@ def close_loop(
     estimation: fitted.Data,
     validation: fitted.Data,
     *,
-    policy: Policy | None = None,
+    settings: SearchSettings | None = None,
     progress: Told = True,
 ) -> Discovery:
     """Find what a declared model is missing, and add it.
@@ -215,7 +215,7 @@ def close_loop(
     ----------
     model : from `sr.model`.
     estimation : recordings to fit. validation : recordings that decide whether an effect is added.
-    policy : rules of the search, where not the default ones.
+    settings : thresholds of the search, where not those of config/discovery/search.yaml.
     progress : show it, or a function to tell what is being done and which part is done.
 
     Raises
@@ -225,10 +225,9 @@ def close_loop(
     """
     declared = model.declared
     first, second = fitted.fit_data(estimation, validation, declared.driven_by)
-    table, pool = model.start(first), declared.candidates()
-    free, late = declared.free(), declared.late()
+    structure = declared.structure(model.start(first))
     with Progress("close_loop", progress) as bar:
-        found = closing.close_loop(table, free, pool, first, second, policy or Policy(), bar, declared.model, late)
+        found = closing.close_loop(structure, first, second, settings or load_search(), bar)
         bar("tracking with the model before and after", 1.0)
         benefit = tracking(found)
         bar("residuals and what would help", 1.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 from shake_ros.api.frame import Frame, percent
 from shake_ros.api.read import Recordings
-from shake_ros.core.discovery.closing import FittedModel
+from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.quantities import ShakeError, unknown_name

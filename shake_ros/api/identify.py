@@ -11,8 +11,8 @@ from shake_ros.api import fitted
 from shake_ros.api.frame import Frame
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Progress, Told
-from shake_ros.core.discovery import closing
-from shake_ros.core.discovery.closing import FittedModel
+from shake_ros.core.discovery import declared_fit
+from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.free_parameters import Declared
@@ -20,7 +20,7 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import IDENTIFY_SCHEMA, diagnosis_json, model_json, write_folder, write_json
 from shake_ros.declared import recordings_to_make
-from shake_ros.settings import save_table
+from shake_ros.settings import load_search, save_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -152,13 +152,13 @@ def identify(
     first, second = fitted.fit_data(estimation, validation, declared.driven_by)
     table = model.start(first)
     if method == "inverse_dynamics":
-        found = closing.identify_inverse(table, declared.free(), first, second)
+        found = declared_fit.identify_inverse(declared.structure(table), first, second, load_search())
         blocks = InverseDynamics(first).blocks()
         told = diagnose(found.fit, first, second, recordings_to_make(), declared.model, blocks)
         return Identification(model, table, found, first, second, told)
     with Progress("identify", progress) as bar:
         bar.span(0.0, 0.85)
-        found = closing.identify(table, declared.free(), first, second, bar, declared.model, declared.late())
+        found = declared_fit.identify(declared.structure(table), first, second, load_search(), bar)
         bar.span(0.85, 1.0)
         bar("residuals and what would help", 0.0)
         told = diagnose(found.fit, first, second, recordings_to_make(), declared.model)

@@ -18,8 +18,7 @@ import yaml
 
 from shake_ros.cli.measured_runs import ALL, fit_runs, read_problem
 from shake_ros.cli.progress import Bar
-from shake_ros.core.discovery.closing import ClosedLoop, close_loop
-from shake_ros.core.discovery.judging import Policy
+from shake_ros.core.discovery.close_loop import LoopClosure, close_loop
 from shake_ros.core.discovery.measured_runs import MeasuredRuns
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
@@ -30,7 +29,7 @@ from shake_ros.data.results import close_loop_json, write_folder, write_json
 from shake_ros.declared import MODELS
 from shake_ros.report.demo_page import Tracking, demo_page
 from shake_ros.report.figures_demo import overview
-from shake_ros.settings import find, load_table, read_yaml, save_table
+from shake_ros.settings import find, load_search, load_table, read_yaml, save_table
 
 DURATION = {"excitation": 11.0, "earthquake": 12.0}  # of the recordings [s]
 RUNS = ("excitation", "earthquake", "earthquake_again")  # recorded, each with sensor noise of its own
@@ -163,17 +162,15 @@ def _run(folder: Path, settings: Mapping[str, Any], hidden: Hidden, bar: Bar, st
 
 def close(
     settings: Mapping[str, Any], recordings: Mapping[str, TableRecording], bar: Bar
-) -> tuple[ClosedLoop, list[Record], list[Record]]:
+) -> tuple[LoopClosure, list[Record], list[Record]]:
     """Step 3: fit the declared model to the recordings, find and add what it lacks."""
     learn, hold = fit_records(recordings["excitation"]), fit_records(recordings["earthquake"])
-    policy = Policy(most_effects=2)
-    table, free = load_table(settings["declared"]), MODELS["full"].free()
-    late = MODELS["full"].late()
-    return close_loop(table, free, MODELS["full"].candidates(), learn, hold, policy, bar, late=late), learn, hold
+    model = MODELS["full"].structure(load_table(settings["declared"]))
+    return close_loop(model, learn, hold, load_search().replace(most_effects=2), bar), learn, hold
 
 
 def summarise(
-    runs: MeasuredRuns, hidden: Hidden, result: ClosedLoop, tracks: Tracking, seconds: float
+    runs: MeasuredRuns, hidden: Hidden, result: LoopClosure, tracks: Tracking, seconds: float
 ) -> dict[str, Any]:
     """Content of summary.json."""
     steps = result.search.steps

@@ -9,8 +9,6 @@ from pathlib import Path
 
 from shake_ros.api.model import Model, model
 from shake_ros.api.read import Recordings, read
-from shake_ros.core.discovery.candidates import Candidate
-from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import check_folder
 from shake_ros.declared import DEFAULT_TABLE, MODELS
@@ -70,13 +68,3 @@ def change(text: str) -> tuple[str, float]:
         return key, float(value)
     except ValueError:
         raise ShakeError(f"--set {text}: expected KEY=NUMBER") from None
-
-
-def declared_parameters(model: str) -> list[FreeParameter]:
-    """The parameters of a declared model that a fit may move, from config/identification."""
-    return MODELS[model].free()
-
-
-def all_candidates(model: str) -> tuple[Candidate, ...]:
-    """Every effect with its trials, from config/discovery."""
-    return MODELS[model].candidates()

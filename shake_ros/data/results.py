@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
-from shake_ros.core.discovery.judging import Attempt
-from shake_ros.core.discovery.step import Step
+from shake_ros.core.discovery.close_loop import LoopClosure
+from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.declared_fit import FittedModel
+from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.quantities import ShakeError
@@ -70,36 +71,38 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _attempt_json(attempt: Attempt) -> dict[str, Any]:
+def _refit_json(refit: Refit) -> dict[str, Any]:
     return {
-        "effect": attempt.candidate.effect,
-        "learn_cost": attempt.learn,
-        "hold_cost": attempt.hold,
-        "screened_gain": attempt.screened_gain,
+        "effect": refit.candidate.effect,
+        "learn_cost": refit.result.estimation_cost,
+        "hold_cost": refit.result.validation_cost,
+        "screened_gain": refit.predicted_gain,
     }
 
 
-def _step_json(step: Step, model: FittedModel) -> dict[str, Any]:
+def _step_json(step: ForwardStep, model: FittedModel) -> dict[str, Any]:
     own = {f.name for f in step.chosen.candidate.free}
     best, second = step.chosen, step.ranking[1] if len(step.ranking) > 1 else None
-    why = f"lowest error on the recordings held out: weighted mean square {best.hold:.3g}"
-    if second and not second.usual and second.hold < best.hold:
-        why = f"as good as {second.candidate.effect}, whose value is not met on real tables: {best.hold:.3g}"
-        why += f" and {second.hold:.3g} on the recordings held out"
+    least = best.result.validation_cost
+    next_least = second.result.validation_cost if second else least
+    why = f"lowest error on the recordings held out: weighted mean square {least:.3g}"
+    if second and not second.usual and next_least < least:
+        why = f"as good as {second.candidate.effect}, whose value is not met on real tables: {least:.3g}"
+        why += f" and {next_least:.3g} on the recordings held out"
     elif second:
-        why += f", next {second.candidate.effect} with {second.hold:.3g}"
+        why += f", next {second.candidate.effect} with {next_least:.3g}"
     return {
         "effect": best.candidate.effect,
         "alternatives": list(step.alternatives),
         "place": best.candidate.place,
         "depends_on": list(best.candidate.depends_on),
         "parameters": parameters_json([p for p in model.parameters if p.name in own]),
-        "evidence": {"why": why, "ranking": [_attempt_json(a) for a in step.ranking]},
+        "evidence": {"why": why, "ranking": [_refit_json(r) for r in step.ranking]},
         "error": {"learn": model.learn, "hold": model.hold},
     }
 
 
-def close_loop_json(result: ClosedLoop, learn: Sequence[str], hold: Sequence[str], model: str) -> dict[str, Any]:
+def close_loop_json(result: LoopClosure, learn: Sequence[str], hold: Sequence[str], model: str) -> dict[str, Any]:
     """Content of report.json as spec'd for other programs (schema shake_ros.close_loop/1)."""
     rest = result.remaining
     place, depends_on, text = rest.place, rest.depends_on, rest.text

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
-from shake_ros.core.discovery.refits import held_out
-from shake_ros.core.discovery.step import Step
+from shake_ros.core.discovery.close_loop import LoopClosure
+from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.diagnosis import Diagnosis
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import Benefit
 from shake_ros.report import figures_fit
@@ -49,18 +49,18 @@ def error_table(page: Page, before: FittedModel, after: FittedModel) -> None:
     page.table(["recording", "velocity before", "velocity after", "acceleration before", "acceleration after"], rows)
 
 
-def step_section(page: Page, step: Step, baseline_hold: float) -> None:
+def step_section(page: Page, step: ForwardStep, baseline_hold: float) -> None:
     """Which effect was added, why, and what else was tried."""
     effect = EFFECTS[step.chosen.candidate.effect]
     page.heading(f"Added: {step.chosen.candidate.effect} ({step.chosen.candidate.place})")
     page.paragraph((effect.__doc__ or "").strip().splitlines()[0])
     why = (
         f"Of {len(step.ranking)} effects refitted after screening, this one leaves the smallest error on the "
-        f"recordings that the fit has not seen: {step.chosen.hold:.3g} weighted mean square, "
+        f"recordings that the fit has not seen: {step.chosen.result.validation_cost:.3g} weighted mean square, "
         f"against {baseline_hold:.3g} before"
     )
     if len(step.ranking) > 1:
-        why += f" and {step.ranking[1].hold:.3g} with {step.ranking[1].candidate.effect}, the next"
+        why += f" and {step.ranking[1].result.validation_cost:.3g} with {step.ranking[1].candidate.effect}, the next"
     page.paragraph(why + ".")
     if step.alternatives:
         page.paragraph(f"These recordings cannot tell it apart from: {', '.join(step.alternatives)}.")
@@ -71,15 +71,15 @@ def step_section(page: Page, step: Step, baseline_hold: float) -> None:
             f"No listed effect explains the residual. It acts at {step.chosen.candidate.place} "
             f"and depends on {depends}."
         )
-        page.figure(figures_fit.unlisted_figure(step.chosen.fit), "The function without a name, as estimated")
+        page.figure(figures_fit.unlisted_figure(step.chosen.result.fit), "The function without a name, as estimated")
 
 
-def model_sections(page: Page, result: ClosedLoop, hold: list[Record]) -> None:
+def model_sections(page: Page, result: LoopClosure, hold: list[Record]) -> None:
     """Steps, errors, parameters, figures on the recordings held out, what remains."""
-    before_hold = held_out(RecordingProblem(hold, result.model), result.search.declared)
+    before_hold = result.search.declared.validation_cost
     for step in result.search.steps:
         step_section(page, step, before_hold)
-        before_hold = step.chosen.hold
+        before_hold = step.chosen.result.validation_cost
     page.heading("Error of the free run")
     page.paragraph(
         "Simulated from the recorded valve command alone; rms(measured − simulated) / rms(measured − mean). "
@@ -105,7 +105,7 @@ def model_sections(page: Page, result: ClosedLoop, hold: list[Record]) -> None:
 
 
 def close_loop_page(
-    result: ClosedLoop,
+    result: LoopClosure,
     learn: list[Record],
     hold: list[Record],
     diagnosis: Diagnosis | None = None,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from shake_ros.core.discovery.closing import ClosedLoop
+from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.measured_runs import MeasuredRuns
 from shake_ros.core.identification.recordings import Record
 from shake_ros.data.recordings import TableRecording
@@ -61,7 +61,7 @@ def tracking_section(page: Page, tracks: Tracking) -> None:
 def demo_page(
     runs: MeasuredRuns,
     hidden: str,
-    result: ClosedLoop,
+    result: LoopClosure,
     learn: list[Record],
     hold: list[Record],
     tracks: Tracking,

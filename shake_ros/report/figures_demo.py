@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from shake_ros.core.discovery.closing import ClosedLoop
+from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.measured_runs import MeasuredRuns
 from shake_ros.core.identification.recordings import Record
 from shake_ros.data.recordings import TableRecording
@@ -72,7 +72,7 @@ def tracking_figure(before: TableRecording, after: TableRecording) -> Figure:
 
 
 def overview(
-    runs: MeasuredRuns, result: ClosedLoop, hold: list[Record], before: TableRecording, after: TableRecording
+    runs: MeasuredRuns, result: LoopClosure, hold: list[Record], before: TableRecording, after: TableRecording
 ) -> bytes:
     """One picture of the whole result as PNG: harmonics, held-out acceleration, tracking error."""
     figure = new_figure(12.5, 7.2)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import welch
 
-from shake_ros.core.discovery.judging import Attempt
+from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.effects.unlisted import NODES
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import Declared
@@ -99,12 +99,12 @@ def spectra(record: Record, before: np.ndarray, after: np.ndarray) -> Figure:
     return figure
 
 
-def ranking_figure(ranking: Sequence[Attempt], baseline_hold: float) -> Figure:
+def ranking_figure(ranking: Sequence[Refit], baseline_hold: float) -> Figure:
     """Held-out cost of each refitted candidate."""
     figure = new_figure(9.5, 0.6 + 0.34 * (len(ranking) + 1))
     axes = figure.subplots()
     names = ["declared model", *(a.candidate.effect for a in reversed(ranking))]
-    costs = [baseline_hold, *(a.hold for a in reversed(ranking))]
+    costs = [baseline_hold, *(a.result.validation_cost for a in reversed(ranking))]
     colours = [MEASURED, *[BEFORE] * (len(ranking) - 1), AFTER][: len(names)]
     axes.barh(names, np.sqrt(costs), color=colours, height=0.62)
     axes.set_xscale("log")

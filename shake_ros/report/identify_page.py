@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from shake_ros.core.discovery.closing import FittedModel
+from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.report.identification_section import diagnosis_section
 from shake_ros.report.page import Page

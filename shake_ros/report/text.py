@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from shake_ros.core.discovery.closing import ClosedLoop, FittedModel
+from shake_ros.core.discovery.close_loop import LoopClosure
+from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import Benefit
@@ -29,7 +30,7 @@ def error_lines(model: FittedModel, title: str = "error of the free run") -> lis
     return lines
 
 
-def close_loop_lines(result: ClosedLoop) -> list[str]:
+def close_loop_lines(result: LoopClosure) -> list[str]:
     """Baseline, steps, final and what remains."""
     lines = error_lines(result.baseline, "declared model, error of the free run")
     for step, model in zip(result.search.steps, result.models, strict=True):

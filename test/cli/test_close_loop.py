@@ -14,7 +14,7 @@ from closed_loops import bag, command, recording
 
 from shake_ros import __main__
 from shake_ros.api.model import model
-from shake_ros.core.discovery import closing
+from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import write_table_recording

@@ -11,8 +11,11 @@ from closed_loops import bag
 from hidden_table import OWN
 
 from shake_ros import __main__
-from shake_ros.core.discovery import closing
-from shake_ros.settings import load_table
+from shake_ros.api import identify as command
+from shake_ros.core.discovery import declared_fit
+from shake_ros.settings import load_search, load_table
+
+SEARCH = load_search()
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +28,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 def out(bags: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("identified") / "out"
     given = ["identify", "--learn", str(bags[0]), "--hold", str(bags[1]), "--out", str(folder)]
-    with mock.patch.object(closing, "STARTS", 4), mock.patch.object(closing, "REFINED", 1):
+    with mock.patch.object(command, "load_search", return_value=SEARCH.replace(starts=4, fitted_starts=1)):
         assert __main__.main(given) == 0
     return folder
 
@@ -76,7 +79,7 @@ def test_residual_tests_and_what_the_recordings_identify_are_reported(out: Path)
 def test_recordings_held_out_are_not_needed(
     bags: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with mock.patch.object(closing, "STARTS", 1), mock.patch.object(closing, "REFINED", 0):
+    with mock.patch.object(command, "load_search", return_value=SEARCH.replace(starts=1, fitted_starts=0)):
         assert __main__.main(["identify", "--learn", str(bags[0]), "--out", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
     assert "bulk_modulus.modulus" in printed
@@ -101,6 +104,6 @@ def test_interrupted_identify_leaves_nothing(
     def interrupt(*arguments: object, **more: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(closing, "identify", interrupt)
+    monkeypatch.setattr(declared_fit, "identify", interrupt)
     assert __main__.main(["identify", "--learn", str(bags[0]), "--out", str(tmp_path / "out")]) == 130
     assert list(tmp_path.iterdir()) == []

@@ -184,7 +184,7 @@ def test_ranking_has_a_bar_for_the_declared_model_and_each_candidate() -> None:
     (axes,) = figures_fit.ranking_figure(step.ranking, 100.0).axes
     labels = [t.get_text() for t in axes.get_yticklabels()]
     assert labels == ["declared model", *(a.candidate.effect for a in reversed(step.ranking))]
-    assert axes.patches[-1].get_width() == pytest.approx(np.sqrt(step.chosen.hold))
+    assert axes.patches[-1].get_width() == pytest.approx(np.sqrt(step.chosen.result.validation_cost))
 
 
 def test_lines_of_the_terminal_hold_values_errors_and_alternatives() -> None:

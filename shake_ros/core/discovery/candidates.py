@@ -13,7 +13,7 @@ from shake_ros.core.quantities import ShakeError, unknown_name
 
 
 @dataclass(frozen=True)
-class Candidate:
+class CandidateEffect:
     """One effect that may be missing.
 
     effect : its name. free : the parameters a refit frees. trials : values by dotted name, the strength first.
@@ -48,7 +48,7 @@ class Candidate:
 
 def candidates(
     content: Mapping[str, Any], where: str, model: str = "full", fields: Mapping[str, Field[Any]] = FIELDS
-) -> tuple[Candidate, ...]:
+) -> tuple[CandidateEffect, ...]:
     """Candidates from the content of a file of config/discovery for a declared model with these fields; strict."""
     result = []
     for effect, entry in content.items():
@@ -78,5 +78,5 @@ def candidates(
             if name not in fields:
                 raise unknown_name("parameter", name, [f.name for f in free], where)
         kind = EFFECTS[effect]
-        result.append(Candidate(effect, free, trials, kind.place, kind.depends_on, resembles, usual))
+        result.append(CandidateEffect(effect, free, trials, kind.place, kind.depends_on, resembles, usual))
     return tuple(result)

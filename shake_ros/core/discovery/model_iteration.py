@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.control.iteration import Iteration, converged, error_in_band
-from shake_ros.core.discovery.candidates import Candidate
+from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 EVALUATIONS = 20  # trial points of a fit, at most; it starts near its end after the first run
 
 
-def starts(free: FreeParameters, effects: Sequence[Candidate]) -> Array:
+def starts(free: FreeParameters, effects: Sequence[CandidateEffect]) -> Array:
     """The model as it is, and the model with each trial of each effect that it does not have yet, (m, p)."""
     rows = [free.start()]
     for effect in effects:
@@ -38,7 +38,7 @@ def starts(free: FreeParameters, effects: Sequence[Candidate]) -> Array:
 
 
 def refit(
-    model: TableParameters, free: Sequence[FreeParameter], effects: Sequence[Candidate], records: Sequence[Record]
+    model: TableParameters, free: Sequence[FreeParameter], effects: Sequence[CandidateEffect], records: Sequence[Record]
 ) -> TableParameters:
     """The model fitted to recordings.
 

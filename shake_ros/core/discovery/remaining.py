@@ -12,18 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import welch
 
-from shake_ros.core.discovery.refits import mean_square
-from shake_ros.core.discovery.search import Search
+from shake_ros.core.discovery.forward_selection import Selection
+from shake_ros.core.discovery.problem import SearchProblem
+from shake_ros.core.identification.free_parameters import Declared
 from shake_ros.core.identification.recordings import RecordingProblem, low_pass
 
-ABOVE = 1.15  # ratio of residual to noise from which something remains
-FAR_ABOVE = 3.0  # ratio of residual to noise from which what fits no function counts as a motion of its own
-GROUPS = 24  # quantile groups of a quantity
-SHARE = 0.05  # explained share of the residual's variance from which it depends on a quantity
-MEMORYLESS = (
-    0.1  # gain that every function without a name stays below where something with states of its own is missing
-)
-BAND_SHARE = 0.6  # share of the power within a third of an octave from which it depends on frequency
 PLACES = {
     "position": "force",
     "velocity": "friction",
@@ -47,14 +40,14 @@ class Remaining:
     text: str
 
 
-def explained_share(values: np.ndarray, by: np.ndarray) -> float:
+def explained_share(values: np.ndarray, by: np.ndarray, groups: int) -> float:
     """Share of the variance of `values` that its mean in quantile groups of `by` explains, less what chance gives.
 
     >>> x = np.linspace(-1.0, 1.0, 1000)
-    >>> round(float(explained_share(x**2, x)), 1)
+    >>> round(float(explained_share(x**2, x, 24)), 1)
     1.0
     """
-    edges = np.unique(np.quantile(by, np.linspace(0.0, 1.0, GROUPS + 1)))
+    edges = np.unique(np.quantile(by, np.linspace(0.0, 1.0, groups + 1)))
     group = np.clip(np.searchsorted(edges, by, side="right") - 1, 0, max(len(edges) - 2, 0))
     count = np.bincount(group)
     mean = np.bincount(group, values) / np.maximum(count, 1)
@@ -76,9 +69,8 @@ def band_share(values: np.ndarray, sample_time: float) -> tuple[float, float]:
     return best
 
 
-def residual_series(problem: RecordingProblem, search: Search) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
-    """Residual of the final model, what it may depend on, and its ratio to the noise, over all recordings."""
-    table = search.final.free.table(search.final.x)
+def residual_series(problem: RecordingProblem, table: Declared) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
+    """Residual of a table, what it may depend on, and its ratio to the noise, over all recordings."""
     residuals: list[np.ndarray] = []
     columns: dict[str, list[np.ndarray]] = {}
     square = noise = 0.0
@@ -98,40 +90,40 @@ def residual_series(problem: RecordingProblem, search: Search) -> tuple[np.ndarr
     return np.concatenate(residuals), {n: np.concatenate(c) for n, c in columns.items()}, ratio
 
 
-def remaining(problem: RecordingProblem, search: Search) -> Remaining:
-    """Judge the residual of the final model on the given recordings."""
-    rest, columns, ratio = residual_series(problem, search)
-    shares = {name: explained_share(rest, values) for name, values in columns.items()}
-    if ratio <= ABOVE:
+def remaining(problem: SearchProblem, found: Selection) -> Remaining:
+    """Judge the residual of the final model on the validation data."""
+    settings, final = problem.settings, found.final.fit
+    rest, columns, ratio = residual_series(problem.validation, final.free.table(final.x))
+    shares = {name: explained_share(rest, values, settings.remaining_groups) for name, values in columns.items()}
+    if ratio <= settings.remaining_above:
         text = f"nothing above the noise: the residual is {ratio:.2f} times the sensor noise"
         return Remaining(False, ratio, None, (), shares, text)
-    in_band, centre = band_share(rest, problem.records[0].sample_time)
-    shares["frequency"] = in_band if in_band > BAND_SHARE else 0.0
-    if ratio > FAR_ABOVE and nothing_fits(search):
-        best = max(search.unnamed.gains.values()) if search.unnamed else 0.0
+    in_band, centre = band_share(rest, problem.validation.records[0].sample_time)
+    shares["frequency"] = in_band if in_band > settings.band_share else 0.0
+    if ratio > settings.remaining_far_above and nothing_fits(found, settings.memoryless):
+        best = max(found.functions.gains.values()) if found.functions else 0.0
         text = (
             f"the residual is {ratio:.2f} times the sensor noise; no function of position, velocity, opening, load "
             f"pressure or time would take more than {100.0 * best:.0f} % off it: something with a motion of its own, "
             "such as a resonance that is not linear"
         )
         return Remaining(True, ratio, "structure", ("frequency",), shares, text)
-    order = sorted((name for name, share in shares.items() if share > SHARE), key=lambda name: -shares[name])
-    place = next((PLACES[name] for name in order if name in PLACES), _nearest_place(search))
+    least = settings.remaining_share
+    order = sorted((name for name, share in shares.items() if share > least), key=lambda name: -shares[name])
+    place = next((PLACES[name] for name in order if name in PLACES), _nearest_place(found, least))
     where = f", mostly about {centre:.1f} Hz" if shares["frequency"] else ""
     depends = f"; it goes with {', '.join(order)}" if order else "; it follows no single quantity"
     text = f"the residual is {ratio:.2f} times the sensor noise{where}{depends}"
     return Remaining(True, ratio, place, tuple(order), shares, text)
 
 
-def nothing_fits(search: Search) -> bool:
-    """Whether functions without a name were tried in the last round and none promised anything."""
-    return search.unnamed is not None and max(search.unnamed.gains.values(), default=1.0) < MEMORYLESS
+def nothing_fits(found: Selection, memoryless: float) -> bool:
+    """Whether functions of one quantity were tried in the last step and none promised anything."""
+    return found.functions is not None and max(found.functions.gains.values(), default=1.0) < memoryless
 
 
-def _nearest_place(search: Search) -> str | None:
+def _nearest_place(found: Selection, least: float) -> str | None:
     """Place of the candidate that explains some of the rest, though not enough to be added."""
-    if not search.rejected:
-        return None
-    learned = mean_square(search.final.residuals)
-    near = [a for a in search.rejected if a.learn < (1.0 - SHARE) * learned]
+    most = (1.0 - least) * found.final.estimation_cost
+    near = [r for r in found.rejected if r.result.estimation_cost < most]
     return near[0].candidate.place if near else None

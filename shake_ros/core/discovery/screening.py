@@ -11,76 +11,109 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shake_ros.core.discovery.candidates import Candidate
-from shake_ros.core.identification.fit import Fit, Problem
-
-LARGEST_PART = 3.0  # the linear prediction is not followed beyond this multiple of a trial
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+from shake_ros.core.identification.fit import Fit, Problem, jacobian
 
 
 @dataclass(frozen=True)
-class Screened:
+class ScreenedTrial:
     """One trial. gain : predicted relative fall of the cost. part : multiple s of the trial. x : start for a refit."""
 
-    candidate: Candidate
+    candidate: CandidateEffect
     trial: int
     gain: float
     part: float
     x: np.ndarray
 
 
-def _directions(problem: Problem, fit: Fit, pool: tuple[Candidate, ...]) -> tuple[list[tuple[int, int]], np.ndarray]:
-    """(candidate, trial) pairs and the full parameter vectors to try, in one batch."""
-    base = fit.free.vectors(fit.x)[0]
-    pairs, rows = [], []
-    for i, candidate in enumerate(pool):
-        for j, trial in enumerate(candidate.trials):
-            table = fit.free.table(fit.x).with_values(trial)
-            row = table.vector()
-            row[fit.free.columns] = base[fit.free.columns]
-            pairs.append((i, j))
-            rows.append(row)
-    return pairs, np.array(rows)
+@dataclass(frozen=True)
+class Screening:
+    """Every trial of every candidate that promises anything, the most promising first.
+
+    current : the model that was screened, on the pieces of the estimation data. candidates : all that were tried.
+    """
+
+    current: Fit
+    candidates: tuple[CandidateEffect, ...]
+    trials: tuple[ScreenedTrial, ...]
+
+    def of(self, effect: str) -> list[ScreenedTrial]:
+        """The trials of one effect."""
+        return [t for t in self.trials if t.candidate.effect == effect]
+
+    @property
+    def best(self) -> list[ScreenedTrial]:
+        """The most promising trial of each effect, in falling order of gain."""
+        first: dict[str, ScreenedTrial] = {}
+        for t in self.trials:
+            first.setdefault(t.candidate.effect, t)
+        return list(first.values())
 
 
-def explained(r: np.ndarray, jacobian: np.ndarray, d: np.ndarray, signed: bool) -> tuple[float, float]:
-    """Relative fall of the cost by r + J δ + s d, and the best s within ±LARGEST_PART."""
+class JointProblem:
+    """Two problems as one, the residuals of the first in front."""
+
+    def __init__(self, first: Problem, second: Problem) -> None:
+        self._parts = first, second
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        """Weighted residuals of both, shape (m, n)."""
+        return np.hstack([part.residuals(vectors) for part in self._parts])
+
+
+def linearised(problem: Problem, result: Fit) -> Fit:
+    """The same solution with the residuals and the Jacobian of another problem."""
+    r = problem.residuals(result.free.vectors(result.x))[0]
+    j = jacobian(problem, result.free, result.x, r)
+    return Fit(result.free, result.x, r, j, 0.5 * float(r @ r), len(result.x) + 1)
+
+
+def score_test(
+    r: np.ndarray, jacobian: np.ndarray, direction: np.ndarray, signed: bool, largest: float
+) -> tuple[float, float]:
+    """Relative fall of the cost by r + J δ + s d, and the best s within ±largest (from 0 where it has no sign)."""
     q, _ = np.linalg.qr(jacobian)
-    r_free, d_free = r - q @ (q.T @ r), d - q @ (q.T @ d)
+    r_free, d_free = r - q @ (q.T @ r), direction - q @ (q.T @ direction)
     power, total = float(d_free @ d_free), float(r @ r)
     if power <= 1e-12 * total:
         return 0.0, 0.0
     part = -float(d_free @ r_free) / power
-    part = float(np.clip(part, -LARGEST_PART if signed else 0.0, LARGEST_PART))
+    part = float(np.clip(part, -largest if signed else 0.0, largest))
     left = r_free + part * d_free
     return 1.0 - float(left @ left) / total, part
 
 
-def screen(problem: Problem, fit: Fit, pool: tuple[Candidate, ...], seen: int | None = None) -> list[Screened]:
-    """All trials of all candidates, the most promising first.
+def screen(problem: SearchProblem, current: ScoredFit, candidates: tuple[CandidateEffect, ...]) -> Screening:
+    """Score every trial of every candidate on pieces of the recordings.
 
-    Parameters
-    ----------
-    problem, fit : the current fit with its residuals and Jacobian on this problem.
-    seen : number of leading residuals that a refit sees, the others are held out. A trial is as promising as the better
-        of what it promises on those and on all: an effect that the fitted recordings hardly show may be what the others
-        lack. The start for a refit comes from those that it sees.
+    A trial is as promising as the better of what it promises on the estimation data and on all: an effect that the
+    estimation data hardly show may be what the validation data lack. Starts for a refit come from the former alone.
     """
-    pairs, rows = _directions(problem, fit, pool)
-    moved = problem.residuals(rows)
-    seen = len(fit.residuals) if seen is None else seen
-    r, j = fit.residuals, fit.jacobian
-    q, triangle = np.linalg.qr(j[:seen])
-    result = []
-    for (i, trial), other in zip(pairs, moved, strict=True):
-        candidate = pool[i]
+    problem.progress("screening", 0.0)
+    pieces = linearised(problem.estimation_pieces, current.fit)
+    both = JointProblem(problem.estimation_pieces, problem.validation_pieces)
+    joint, seen = linearised(both, current.fit), len(pieces.residuals)
+    pairs = [(c, i) for c in candidates for i in range(len(c.trials))]
+    moved = both.residuals(np.array([trial_vector(current.fit, c, i) for c, i in pairs]))
+    q, triangle = np.linalg.qr(joint.jacobian[:seen])
+    largest, shift = problem.settings.largest_multiple, problem.settings.largest_shift
+    r, j, trials = joint.residuals, joint.jacobian, list[ScreenedTrial]()
+    for (candidate, i), other in zip(pairs, moved, strict=True):
         d = other - r
         if not np.all(np.isfinite(d)):
             continue
-        gain, part = explained(r[:seen], j[:seen], d[:seen], candidate.signed)
-        if seen < len(r):
-            gain = max(gain, explained(r, j, d, candidate.signed)[0])
-        if gain <= 0.0:
-            continue
-        shift = np.linalg.lstsq(triangle, -q.T @ (r + part * d)[:seen], rcond=1e-10)[0]
-        result.append(Screened(candidate, trial, gain, part, fit.x + np.clip(shift, -5.0, 5.0)))
-    return sorted(result, key=lambda s: -s.gain)
+        gain, part = score_test(r[:seen], j[:seen], d[:seen], candidate.signed, largest)
+        gain = max(gain, score_test(r, j, d, candidate.signed, largest)[0])
+        if gain > 0.0:
+            change = np.linalg.lstsq(triangle, -q.T @ (r + part * d)[:seen], rcond=1e-10)[0]
+            x = current.fit.x + np.clip(change, -shift, shift)
+            trials.append(ScreenedTrial(candidate, i, gain, part, x))
+    return Screening(pieces, candidates, tuple(sorted(trials, key=lambda t: -t.gain)))
+
+
+def trial_vector(current: Fit, candidate: CandidateEffect, trial: int) -> np.ndarray:
+    """All parameters of a model with a trial of an effect on top."""
+    row = current.free.table(current.x).with_values(candidate.trials[trial]).vector()
+    row[current.free.columns] = current.free.vectors(current.x)[0][current.free.columns]
+    return row

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from shake_ros.cli import fitting
-from shake_ros.core.discovery.candidates import Candidate, candidates
+from shake_ros.core.discovery.candidates import CandidateEffect, candidates
 from shake_ros.core.effects import EFFECTS, PLACES
 from shake_ros.core.plant.parameters import FIELDS
 from shake_ros.core.quantities import ShakeError
+from shake_ros.declared import MODELS
 from shake_ros.settings import load_table
 
-POOL = fitting.all_candidates("full")
+POOL = MODELS["full"].candidates()
 LISTED = """
     spool_deadband spool_hysteresis asymmetric_flow_gain valve_null_shift slow_valve turbulent_leakage
     supply_droop tank_back_pressure pressure_dependent_bulk_modulus entrained_air soft_zone dead_volume
@@ -26,7 +26,7 @@ def test_every_listed_effect_that_the_full_model_may_lack_is_tried() -> None:
 
 
 @pytest.mark.parametrize("candidate", POOL, ids=lambda c: c.effect)
-def test_candidate_is_absent_at_its_neutral_value_and_present_in_every_trial(candidate: Candidate) -> None:
+def test_candidate_is_absent_at_its_neutral_value_and_present_in_every_trial(candidate: CandidateEffect) -> None:
     assert candidate.place in PLACES
     assert candidate.strength.name == f"effects.{candidate.effect}." + next(iter(FIELDS_OF[candidate.effect]))
     assert load_table("bergamo").value(candidate.strength.name) == candidate.neutral

@@ -6,38 +6,39 @@ import numpy as np
 import pytest
 from closed_loops import named
 
-from shake_ros.core.discovery.remaining import GROUPS, band_share, explained_share, remaining
+from shake_ros.core.discovery.remaining import band_share, explained_share, remaining
 from shake_ros.core.effects import PLACES
 
+GROUPS = 24
 X = np.linspace(-1.0, 1.0, 24000)
 NAMES = {"position", "velocity", "direction", "load_pressure", "valve_opening", "flow", "time", "frequency"}
 
 
 def test_line_is_explained_but_for_its_rise_within_the_groups() -> None:
     closed = 1.0 - 1.0 / GROUPS**2
-    assert explained_share(X, X) == pytest.approx(closed, abs=2e-3)
+    assert explained_share(X, X, GROUPS) == pytest.approx(closed, abs=2e-3)
 
 
 def test_noise_on_a_function_takes_its_share_of_the_variance() -> None:
     noise = np.random.default_rng(0).standard_normal(len(X))
     step = np.sign(X)
-    assert explained_share(step + 2.0 * noise, X) == pytest.approx(1.0 / 5.0, abs=0.02)
+    assert explained_share(step + 2.0 * noise, X, GROUPS) == pytest.approx(1.0 / 5.0, abs=0.02)
 
 
 def test_chance_explains_nothing() -> None:
     rng = np.random.default_rng(1)
     for _ in range(5):
-        assert explained_share(rng.standard_normal(2400), rng.standard_normal(2400)) < 0.015
+        assert explained_share(rng.standard_normal(2400), rng.standard_normal(2400), GROUPS) < 0.015
 
 
 def test_direction_has_two_groups_and_explains_what_changes_with_it() -> None:
     direction = np.sign(np.sin(40.0 * X))
-    assert explained_share(3.0 * direction, direction) == pytest.approx(1.0, abs=1e-3)
-    assert explained_share(np.cos(40.0 * X), direction) < 0.01
+    assert explained_share(3.0 * direction, direction, GROUPS) == pytest.approx(1.0, abs=1e-3)
+    assert explained_share(np.cos(40.0 * X), direction, GROUPS) < 0.01
 
 
 def test_quantity_that_stands_still_explains_nothing() -> None:
-    assert explained_share(X, np.zeros_like(X)) < 1e-12
+    assert explained_share(X, np.zeros_like(X), GROUPS) < 1e-12
 
 
 def test_narrow_band_is_found_at_its_frequency() -> None:
@@ -51,7 +52,7 @@ def test_narrow_band_is_found_at_its_frequency() -> None:
 
 def test_nothing_remains_above_the_noise_of_a_table_of_the_declared_kind() -> None:
     found = named("nothing")
-    rest = remaining(found.hold, found.search)
+    rest = remaining(found.problem, found.search)
     assert not rest.above_noise
     assert rest.place is None
     assert rest.depends_on == ()
@@ -61,13 +62,13 @@ def test_nothing_remains_above_the_noise_of_a_table_of_the_declared_kind() -> No
 
 def test_nothing_remains_above_the_noise_once_the_effect_is_added() -> None:
     found = named("soft_zone")
-    assert not remaining(found.hold, found.search).above_noise
+    assert not remaining(found.problem, found.search).above_noise
 
 
 def test_what_the_declared_model_leaves_of_a_valve_with_unequal_edges_goes_with_direction() -> None:
     found = named("asymmetric_flow_gain")
     without = type(found.search)(found.declared, (), found.declared)
-    rest = remaining(found.hold, without)
+    rest = remaining(found.problem, without)
     assert rest.above_noise
     assert rest.ratio > 5.0
     assert set(rest.depends_on) <= NAMES

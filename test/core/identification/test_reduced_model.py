@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.closing import close_loop
-from shake_ros.core.discovery.judging import Policy
+from shake_ros.core.discovery.close_loop import close_loop
+from shake_ros.core.discovery.problem import ModelStructure
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.identification.reduced_model import REDUCED, first_table
 from shake_ros.core.plant.reduced import ReducedParameters
@@ -15,6 +15,7 @@ from shake_ros.core.plant.reduced_table import reduced_table
 from shake_ros.core.plant.small_table import SmallTable
 from shake_ros.core.quantities import ShakeError
 from shake_ros.declared import MODELS
+from shake_ros.settings import load_search
 
 DT = 0.005
 TRUTH = reduced_table(ReducedParameters(beta1=-1600.0, beta2=-30.0, beta3=1000.0, beta4=-2.0, beta5=-10.0))
@@ -66,8 +67,8 @@ def test_a_hidden_effect_is_named_from_recordings_without_an_accelerometer(name:
     learn, hold = [record(hidden, 1), record(hidden, 2)], [record(hidden, 3)]
     model = MODELS["reduced"]
     pool = tuple(c for c in model.candidates() if c.effect != "specimen_resonance")
-    policy = Policy(most_effects=1)
-    result = close_loop(first_table(learn), model.free(), pool, learn, hold, policy, quiet, REDUCED)
+    structure = ModelStructure(first_table(learn), tuple(model.free()), candidates=pool, simulator=REDUCED)
+    result = close_loop(structure, learn, hold, load_search().replace(most_effects=1), quiet)
     step = result.search.steps[0]
     assert name.partition(".")[0] in (step.chosen.candidate.effect, *step.alternatives)
     assert result.final.hold["run_3"]["velocity"] < 0.3 * result.baseline.hold["run_3"]["velocity"]

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.judging import Policy
-from shake_ros.core.discovery.late import freed_late
-from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.discovery.late_parameters import with_late_parameters
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.settings import load_table
+from shake_ros.settings import load_search, load_table
 
 TABLE = load_table("bergamo")
 VISCOUS = FreeParameter("friction.viscous", 1.0, 0.0, 10.0, "N*s/m")
@@ -34,40 +34,46 @@ class Linear:
         rest = NOISE + self.strange * STRANGE
         return rest + np.outer(viscous - 3.0, REGRESSOR) + np.outer(off, self.passing * PASSING)
 
+    def blocks(self) -> np.ndarray:
+        return np.arange(len(NOISE)) // 100
+
     def noise_cost(self) -> float:
         return 1.0
 
 
-def declared(problem: Any) -> Fit:
+def problem_of(estimation: Any, validation: Any) -> SearchProblem:
+    return SearchProblem(
+        estimation, validation, estimation, validation, (PASSAGE,), load_search(), lambda text, part: None
+    )
+
+
+def freed(estimation: Any, validation: Any = None) -> ScoredFit:
+    problem = problem_of(estimation, validation or estimation)
     free = FreeParameters(TABLE, [VISCOUS])
-    return fit(problem, free, free.start(), evaluations=20, tolerance=1e-9)
-
-
-def freed(problem: Any, hold: Any = None) -> Fit:
-    return freed_late(problem, hold, declared(problem), [PASSAGE], Policy())
+    declared = fit(estimation, free, free.start(), evaluations=20, tolerance=1e-9)
+    return with_late_parameters(problem, problem.scored(declared))
 
 
 def test_it_is_freed_where_it_explains_what_is_left() -> None:
-    problem = Linear(passing=1.0, strange=0.2)
-    result = freed(problem, problem)
+    result = freed(Linear(passing=1.0, strange=0.2)).fit
     assert result.free.names == (VISCOUS.name, PASSAGE.name)
     assert result.free.table(result.x).value(PASSAGE.name) == pytest.approx(TRUE_PASSAGE, rel=0.05)
 
 
 def test_it_stays_where_something_else_is_missing() -> None:
-    assert freed(Linear(passing=1.0, strange=5.0)).free.names == (VISCOUS.name,)
+    assert freed(Linear(passing=1.0, strange=5.0)).fit.free.names == (VISCOUS.name,)
 
 
 def test_it_stays_where_nothing_is_left() -> None:
-    assert freed(Linear(passing=0.02, strange=0.0)).free.names == (VISCOUS.name,)
+    assert freed(Linear(passing=0.02, strange=0.0)).fit.free.names == (VISCOUS.name,)
 
 
-def test_it_stays_where_the_recordings_held_out_speak_against_it() -> None:
-    problem, other = Linear(passing=1.0, strange=0.2), Linear(passing=3.0, strange=0.2, true_passage=1e-3)
-    assert freed(problem, other).free.names == (VISCOUS.name,)
+def test_it_stays_where_validation_data_speak_against_it() -> None:
+    estimation, other = Linear(passing=1.0, strange=0.2), Linear(passing=3.0, strange=0.2, true_passage=1e-3)
+    assert freed(estimation, other).fit.free.names == (VISCOUS.name,)
 
 
 def test_it_is_freed_once() -> None:
-    problem: Any = Linear(passing=1.0, strange=0.2)
-    once = freed(problem)
-    assert freed_late(problem, None, once, [PASSAGE], Policy()) is once
+    estimation = Linear(passing=1.0, strange=0.2)
+    once = freed(estimation)
+    assert with_late_parameters(problem_of(estimation, estimation), once) is once

@@ -8,19 +8,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shake_ros.cli import fitting
-from shake_ros.core.discovery.judging import Attempt, Policy, pays, told_apart
-from shake_ros.core.discovery.step import unscreened_likes
+from shake_ros.core.discovery.decision import distinguishable, improves
+from shake_ros.core.discovery.problem import ScoredFit
+from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.settings import load_table
+from shake_ros.declared import MODELS
+from shake_ros.settings import load_search, load_table
 
-POLICY = Policy(margin=0.03, rival=1.3)
+SETTINGS = load_search().replace(margin=0.03, rival=1.3)
 NOTHING = SimpleNamespace()
 
 
-def attempt(learn: float, hold: float) -> Attempt:
-    return Attempt(NOTHING, NOTHING, learn, hold, 0.0)  # type: ignore[arg-type]
+def scored(estimation: float, validation: float) -> ScoredFit:
+    return ScoredFit(NOTHING, estimation, validation)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -34,38 +35,28 @@ def attempt(learn: float, hold: float) -> Attempt:
     ],
 )
 def test_two_effects_are_told_apart_only_where_all_recordings_agree(other: tuple[float, float], decided: bool) -> None:
-    assert told_apart(attempt(1.0, 1.0), attempt(*other), POLICY, 1.0) is decided
+    assert distinguishable(scored(1.0, 1.0), scored(*other), SETTINGS, 1.0) is decided
 
 
 def test_a_difference_below_what_the_best_leaves_unexplained_does_not_decide() -> None:
-    best, other = attempt(1.0, 1.0), attempt(1.1, 1.1)
-    assert [told_apart(best, other, POLICY, noise) for noise in (0.5, 0.95)] == [False, True]
+    best, other = scored(1.0, 1.0), scored(1.1, 1.1)
+    assert [distinguishable(best, other, SETTINGS, noise) for noise in (0.5, 0.95)] == [False, True]
 
 
-def test_an_effect_that_the_best_resembles_is_compared_though_screening_passed_it_over() -> None:
-    mass = SimpleNamespace(effect="payload_error", resembles=("tank_back_pressure",))
-    tank = SimpleNamespace(effect="tank_back_pressure", resembles=("payload_error",))
-    other = SimpleNamespace(effect="soft_zone", resembles=())
-    pool = (mass, tank, other)
-    tried = [Attempt(c, NOTHING, cost, cost, 0.0) for c, cost in ((mass, 1.0), (other, 2.0))]  # type: ignore[arg-type]
-    assert unscreened_likes(tried, pool) == [tank]  # type: ignore[arg-type]
-    assert unscreened_likes(tried[::-1], pool) == []  # type: ignore[arg-type]
-
-
-def with_blocks(hold: np.ndarray) -> Attempt:
-    return Attempt(NOTHING, NOTHING, 1.0, float(np.mean(hold)), 0.0, hold)  # type: ignore[arg-type]
+def with_blocks(validation: np.ndarray) -> ScoredFit:
+    return ScoredFit(NOTHING, 1.0, float(np.mean(validation)), validation)  # type: ignore[arg-type]
 
 
 def test_a_difference_that_some_blocks_make_and_others_take_back_is_chance() -> None:
     best = with_blocks(np.ones(40))
     scattered = with_blocks(1.0 + 0.14 + np.where(np.arange(40) % 2, 0.7, -0.7))
     steady = with_blocks(1.0 + 0.14 + np.where(np.arange(40) % 2, 0.05, -0.05))
-    worse = replace(scattered, learn=1.01), replace(steady, learn=1.01)
-    assert [told_apart(best, other, POLICY, 1.0) for other in worse] == [False, True]
+    worse = replace(scattered, estimation_cost=1.01), replace(steady, estimation_cost=1.01)
+    assert [distinguishable(best, other, SETTINGS, 1.0) for other in worse] == [False, True]
 
 
 @pytest.mark.parametrize(
-    ("learn", "hold", "scatter", "added"),
+    ("estimation", "validation", "scatter", "added"),
     [
         (0.99, 0.60, 0.9, True),  # far better on what was held out
         (0.999, 0.60, 0.0, False),  # nothing to show for it where it was fitted
@@ -75,23 +66,23 @@ def test_a_difference_that_some_blocks_make_and_others_take_back_is_chance() -> 
     ],
 )
 def test_an_effect_is_added_only_for_what_is_beyond_chance(
-    learn: float, hold: float, scatter: float, added: bool
+    estimation: float, validation: float, scatter: float, added: bool
 ) -> None:
     blocks = np.where(np.arange(40) % 2, scatter, -scatter)
-    best = replace(with_blocks(np.full(40, hold)), learn=learn)
-    assert pays(best, 1.0, 1.0 + blocks, 1.0, POLICY) is added
+    best = replace(with_blocks(np.full(40, validation)), estimation_cost=estimation)
+    assert improves(best, with_blocks(1.0 + blocks), SETTINGS) is added
 
 
 @pytest.mark.parametrize(("tried", "added"), [(1, True), (30, False)])
 def test_the_best_of_many_candidates_must_stand_out_further(tried: int, added: bool) -> None:
     blocks = np.where(np.arange(40) % 2, 0.25, -0.25)  # 2.5 standard errors
-    best = replace(with_blocks(np.full(40, 0.9)), learn=0.99)
-    assert pays(best, 1.0, 1.0 + blocks, 1.0, POLICY, tried) is added
+    best = replace(with_blocks(np.full(40, 0.9)), estimation_cost=0.99)
+    assert improves(best, with_blocks(1.0 + blocks), SETTINGS, tried) is added
 
 
 @pytest.mark.parametrize(("pressure", "usual"), [(4e5, True), (31e5, False)])
 def test_a_back_pressure_as_of_a_blocked_filter_is_not_usual(pressure: float, usual: bool) -> None:
-    tank = next(c for c in fitting.all_candidates("full") if c.effect == "tank_back_pressure")
+    tank = next(c for c in MODELS["full"].candidates() if c.effect == "tank_back_pressure")
     free = FreeParameters(load_table("bergamo"), tank.free)
     fit = Fit(free, free.x_of({tank.strength.name: pressure}), np.zeros(1), np.zeros((1, 1)), 0.0, 1)
-    assert Attempt(tank, fit, 1.0, 1.0, 0.0).usual is usual
+    assert Refit(tank, ScoredFit(fit, 1.0, 1.0), 0.0).usual is usual

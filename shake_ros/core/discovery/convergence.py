@@ -1,0 +1,74 @@
+"""Convergence before a decision: the best refit, its rivals, and the model without any of them.
+
+A fit that has stopped early would make any effect look useful whose refit merely goes on with the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+from shake_ros.core.discovery.refit import Refit, continued, side_by_side
+from shake_ros.core.identification.fit import fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+
+
+def converge(problem: SearchProblem, current: ScoredFit, refits: tuple[Refit, ...]) -> tuple[list[Refit], list[Refit]]:
+    """The best refit with its rivals, all converged; and the rest as it is.
+
+    A rival comes near the best or resembles it; what does not improve on the model as it stands is none.
+    """
+    settings = problem.settings
+    most, tolerance = settings.converging_evaluations, settings.converged
+    problem.progress(f"converge {refits[0].candidate.effect}", 0.95)
+    best = continued(problem, refits[0], most, tolerance)
+    improved = (1.0 - 0.5 * settings.least_validation_gain) * current.score
+
+    def is_rival(r: Refit) -> bool:
+        near = r.score < settings.rival * best.score or r.candidate.effect in best.candidate.resembles
+        return near and r.score < improved
+
+    def converged(r: Refit) -> Refit:
+        done = continued(problem, r, most, tolerance)
+        return taken_over(problem, best, done) if r.candidate.effect in best.candidate.resembles else done
+
+    rivals = [r for r in refits[1:] if is_rival(r)]
+    return [best, *side_by_side(converged, rivals)], [r for r in refits[1:] if not is_rival(r)]
+
+
+def taken_over(problem: SearchProblem, best: Refit, other: Refit) -> Refit:
+    """The other refit, or a better fit of its model at the end of a path from the best one's.
+
+    The best one's effect is taken out in steps while the other takes over. Of two effects that can stand for each other
+    one has its minimum in a long valley that a fit from elsewhere ends in too early.
+    """
+    settings, candidate, start = problem.settings, best.candidate, best.result.fit
+    strength, own = candidate.strength.name, {f.name for f in candidate.free}
+    keep = [i for i, name in enumerate(start.free.names) if name not in own]
+    more = [f for f in other.candidate.free if f.name not in start.free.names]
+    there, here = start.free.table(start.x), other.result.fit.free.table(other.result.fit.x)
+    values = {f.name: here.value(f.name) for f in more} | {other.candidate.strength.name: other.candidate.neutral}
+    base, full = start.free.base, there.value(strength)
+    x = np.append(start.x[keep], FreeParameters(base.with_values(values), more).start())
+    result = start
+    for part in settings.takeover_parts:
+        left = {f.name: there.value(f.name) for f in candidate.free if part > 0.0}
+        left |= {strength: candidate.neutral + part * (full - candidate.neutral)} if part > 0.0 else {}
+        free = FreeParameters(base.with_values(left), [*(start.free.free[i] for i in keep), *more])
+        tolerance = settings.converged if part == 0.0 else settings.takeover_tolerance
+        result = fit(problem.estimation, free, x, evaluations=settings.continued_evaluations, tolerance=tolerance)
+        x = result.x
+    return replace(other, result=problem.scored(result)) if result.cost < other.result.fit.cost else other
+
+
+def reconverged(problem: SearchProblem, current: ScoredFit, best: Refit) -> ScoredFit:
+    """The current fit, or a better one of the same model that starts where the best refit has led its parameters."""
+    problem.progress("without it once more", 0.98)
+    settings, free = problem.settings, current.fit.free
+    most, tolerance = settings.converging_evaluations, settings.converged
+    start = best.result.fit.x[: len(current.fit.x)]
+    again = fit(problem.estimation, free, start, evaluations=most, tolerance=tolerance)
+    better = again.cost < (1.0 - settings.least_estimation_gain) * current.fit.cost
+    return problem.scored(again) if better else current

@@ -1,0 +1,104 @@
+"""Decision: is the best refit better than the model without it, beyond chance, and which others may stand for it?
+
+Costs are mean squares of weighted residuals; those of the validation data also block of time by block of time, so that
+a difference can be held against its own scatter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import stdtrit
+
+from shake_ros.core.discovery.late_parameters import with_late_parameters
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+from shake_ros.core.discovery.refit import Refit, ranked, side_by_side
+from shake_ros.core.discovery.screening import ScreenedTrial, Screening
+from shake_ros.core.discovery.search_settings import SearchSettings
+
+
+@dataclass(frozen=True)
+class ForwardStep:
+    """One added effect with the ranking it won and the alternatives that are indistinguishable from it."""
+
+    chosen: Refit
+    ranking: tuple[Refit, ...]
+    alternatives: tuple[str, ...] = ()
+    screened: tuple[ScreenedTrial, ...] = ()
+
+
+def significance(better: np.ndarray, worse: np.ndarray) -> float:
+    """Mean over its standard error of the difference of two costs, block by block; inf without blocks to compare."""
+    if len(better) < 2 or len(better) != len(worse):
+        return math.inf
+    difference = worse - better
+    return float(np.mean(difference) / max(np.std(difference, ddof=1) / math.sqrt(len(difference)), 1e-300))
+
+
+def beyond_chance(chance: float, tried: int, blocks: int) -> float:
+    """Standard errors that the best of so many candidates exceeds with no more than this probability by chance [-].
+
+    Bonferroni's bound on Student's distribution, since the standard error itself comes from a few blocks.
+
+    >>> round(beyond_chance(0.03, 1, 1000), 2), round(beyond_chance(0.03, 30, 25), 2)
+    (1.88, 3.47)
+    """
+    return float(-stdtrit(max(blocks - 1, 1), chance / max(tried, 1)))
+
+
+def improves(best: ScoredFit, without: ScoredFit, settings: SearchSettings, tried: int = 1) -> bool:
+    """Whether a model is better than the one without its last effect, beyond chance.
+
+    Parameters
+    ----------
+    tried : number of candidates of which this is the best.
+    """
+    if best.estimation_cost > (1.0 - settings.least_estimation_gain) * without.estimation_cost:
+        return False
+    if best.validation_cost > (1.0 - settings.least_validation_gain) * without.validation_cost:
+        return False
+    if best.validation_cost <= (1.0 - settings.clear_gain) * without.validation_cost:
+        return True
+    blocks = without.validation_blocks
+    return significance(best.validation_blocks, blocks) > beyond_chance(settings.chance, tried, len(blocks))
+
+
+def distinguishable(best: ScoredFit, other: ScoredFit, settings: SearchSettings, noise: float = 0.0) -> bool:
+    """Whether the recordings decide between the best refit and another one.
+
+    They do not where the scores are all but equal, nor where they are near each other and either the estimation data
+    speak for one of the two, the validation data for the other, or the difference varies so much from block to block of
+    the validation data that it may be chance, or it is smaller than what the better of the two leaves unexplained above
+    the noise: whatever makes that may make the difference as well.
+
+    Parameters
+    ----------
+    noise : validation cost that the sensor noise alone leaves [-]
+    """
+    if other.score <= (1.0 + settings.margin) * best.score:
+        return False
+    if other.score > settings.rival * best.score:
+        return True
+    difference = other.validation_cost - best.validation_cost
+    if other.estimation_cost <= best.estimation_cost or difference <= 0.0 or difference < best.validation_cost - noise:
+        return False
+    return significance(best.validation_blocks, other.validation_blocks) > settings.significant
+
+
+def decide(
+    problem: SearchProblem, screening: Screening, converged: Sequence[Refit], others: Sequence[Refit]
+) -> ForwardStep:
+    """The best refit once late parameters are freed, with those that are indistinguishable from it.
+
+    Of these the best with usual values is the one that is named.
+    """
+    refined = side_by_side(lambda r: replace(r, result=with_late_parameters(problem, r.result)), converged)
+    ranking = ranked(refined, others)
+    best, noise = ranking[0].result, problem.validation.noise_cost()
+    alike = [r for r in ranking if r is ranking[0] or not distinguishable(best, r.result, problem.settings, noise)]
+    chosen = next((r for r in alike if r.usual), alike[0])
+    ranking = (chosen, *(r for r in ranking if r is not chosen))
+    return ForwardStep(chosen, ranking, tuple(r.candidate.effect for r in alike if r is not chosen), screening.trials)

@@ -1,0 +1,109 @@
+"""The declared model fitted to recordings: from several starts, or (a force-driven axis) by its inverse dynamics.
+
+Errors are those of free-running simulations from the recorded command, relative to the measured signal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shake_ros.core.discovery.late_parameters import with_late_parameters
+from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, mean_square
+from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.identification.axis_model import InverseDynamics
+from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.free_parameters import Declared, FreeParameters
+from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.uncertainty import Estimate, estimates
+
+Errors = dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """A fitted model with the errors of its free runs on both sets of recordings."""
+
+    fit: Fit
+    table: Declared
+    parameters: tuple[Estimate, ...]
+    learn: Errors
+    hold: Errors
+
+
+def fitted_model(
+    result: Fit, estimation: RecordingProblem, validation: RecordingProblem | None, blocks: np.ndarray | None = None
+) -> FittedModel:
+    """Parameters with standard errors, errors of the free runs.
+
+    Parameters
+    ----------
+    blocks : of the fit's residuals, where they are not those of the estimation data.
+    """
+    vector = result.free.vectors(result.x)[0]
+    return FittedModel(
+        result,
+        result.free.table(result.x),
+        tuple(estimates(result, estimation.blocks() if blocks is None else blocks)),
+        estimation.errors(vector),
+        validation.errors(vector) if validation else {},
+    )
+
+
+def random_starts(free: FreeParameters, count: int, factor: float, seed: int = 0) -> np.ndarray:
+    """The declared values, then each parameter times a factor within 1/factor … factor, shape (count, p)."""
+    rng = np.random.default_rng(seed)
+    start = free.start()
+    factors = factor ** rng.uniform(-1.0, 1.0, (count, len(start)))
+    sign = np.where(free.high <= 0.0, -1.0, 1.0)
+    starts = np.asarray(np.clip(sign * np.maximum(sign * start, 1.0) * factors, free.low, free.high))
+    starts[0] = start
+    return starts
+
+
+def fit_declared(problem: SearchProblem, free: FreeParameters) -> Fit:
+    """Fit the declared model from several starts."""
+    settings, pieces = problem.settings, problem.estimation_pieces
+    problem.progress("declared model: starts", 0.0)
+    starts = random_starts(free, settings.starts, settings.start_factor)
+    rows = np.nan_to_num(pieces.residuals(free.vectors(starts)), nan=1e3, posinf=1e3, neginf=-1e3)
+    order = np.argsort([mean_square(r) for r in rows])
+    chosen = dict.fromkeys([0, *order[: settings.fitted_starts].tolist()])
+    most, tolerance, short = settings.start_evaluations, settings.start_tolerance, list[Fit]()
+    for index in chosen:
+        problem.progress("declared model: fit", (len(short) + 1) / (len(chosen) + 2))
+        short.append(fit(pieces, free, starts[index], evaluations=most, tolerance=tolerance))
+    best = min(short, key=lambda f: f.cost)
+    problem.progress("declared model: fit", (len(chosen) + 1) / (len(chosen) + 2))
+    most, tolerance = settings.declared_evaluations, settings.converged
+    return fit(problem.estimation, free, best.x, evaluations=most, tolerance=tolerance)
+
+
+def identify(
+    model: ModelStructure,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    settings: SearchSettings,
+    progress: Progress,
+) -> FittedModel:
+    """Fit a declared model to estimation data; errors on them and on validation data.
+
+    The validation data take no part in the fit: which parameters are freed late is decided on the estimation data.
+    """
+    problem = SearchProblem.of(model, estimation, (), settings, progress)
+    declared = fit_declared(problem, FreeParameters(model.table, model.free))
+    result = with_late_parameters(problem, problem.scored(declared)).fit
+    held = RecordingProblem(list(validation), model.simulator) if validation else None
+    return fitted_model(result, problem.estimation, held)
+
+
+def identify_inverse(
+    model: ModelStructure, estimation: Sequence[Record], validation: Sequence[Record], settings: SearchSettings
+) -> FittedModel:
+    """Fit a force-driven axis by its inverse dynamics; errors are those of free runs all the same."""
+    inverse, free = InverseDynamics(list(estimation)), FreeParameters(model.table, model.free)
+    result = fit(inverse, free, free.start(), tolerance=settings.converged)
+    held = RecordingProblem(list(validation), model.simulator) if validation else None
+    return fitted_model(result, RecordingProblem(list(estimation), model.simulator), held, inverse.blocks())

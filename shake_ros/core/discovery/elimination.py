@@ -1,0 +1,34 @@
+"""Backward elimination: effects that a later one has made needless are taken out again."""
+
+from __future__ import annotations
+
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+from shake_ros.core.identification.fit import fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+
+
+def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect) -> ScoredFit:
+    """The fit with an effect taken out and everything else refitted."""
+    settings, result, names = problem.settings, current.fit, {f.name for f in dropped.free}
+    keep = [i for i, f in enumerate(result.free.free) if f.name not in names]
+    free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])
+    most, tolerance = settings.continued_evaluations, settings.converged
+    return problem.scored(fit(problem.estimation, free, result.x[keep], evaluations=most, tolerance=tolerance))
+
+
+def eliminate(
+    problem: SearchProblem, steps: tuple[ForwardStep, ...], current: ScoredFit
+) -> tuple[tuple[ForwardStep, ...], ScoredFit, tuple[str, ...]]:
+    """Steps still needed, the fit with them alone, effects taken out; the last effect has just proved its need."""
+    problem.progress("are all needed?", 0.0)
+    least, kept, removed = 1.0 - problem.settings.least_validation_gain, list(steps), list[str]()
+    for step in steps[:-1]:
+        reduced = without(problem, current, step.chosen.candidate)
+        needless = reduced.estimation_cost * least < current.estimation_cost
+        if needless and reduced.validation_cost * least < current.validation_cost:
+            kept.remove(step)
+            removed.append(step.chosen.candidate.effect)
+            current = reduced
+    return tuple(kept), current, tuple(removed)

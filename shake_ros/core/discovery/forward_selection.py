@@ -1,0 +1,116 @@
+"""The search for what a model lacks: forward selection of effects with backward elimination.
+
+Each step screens all effects, refits the promising ones and brings the best to convergence. An effect is added when it
+lowers the weighted error of the validation data by more than chance and model floor explain, and that of the estimation
+data as well. Effects that these recordings cannot distinguish from it are named with it as alternatives. At the end
+earlier effects are tried for removal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.convergence import converge, reconverged
+from shake_ros.core.discovery.decision import ForwardStep, decide, improves
+from shake_ros.core.discovery.elimination import eliminate
+from shake_ros.core.discovery.late_parameters import with_late_parameters
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+from shake_ros.core.discovery.refit import Refit, ranked, refit, rounds
+from shake_ros.core.discovery.screening import screen
+from shake_ros.core.discovery.unlisted_functions import UNLISTED, FunctionSearch, or_function
+from shake_ros.core.identification.fit import Fit
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Fit of the declared model, steps, final fit.
+
+    removed : effects taken out again. rejected : ranking of the last step, which nothing passed. functions : what was
+    tried in it for something that no listed effect explains.
+    """
+
+    declared: ScoredFit
+    steps: tuple[ForwardStep, ...]
+    final: ScoredFit
+    removed: tuple[str, ...] = ()
+    rejected: tuple[Refit, ...] = ()
+    functions: FunctionSearch | None = None
+
+    @property
+    def models(self) -> tuple[ScoredFit, ...]:
+        """Fits of the declared model and after each step; the final one where an effect was taken out since."""
+        gone = tuple(f"effects.{effect}." for effect in self.removed)
+        along = [step.chosen.result for step in self.steps[:-1]]
+        along = (
+            [self.final if any(n.startswith(gone) for n in f.fit.free.names) else f for f in along] if gone else along
+        )
+        return (self.declared, *along, *([self.final] if self.steps else []))
+
+    def with_better_fit(self, better: ScoredFit) -> Selection:
+        """The same models, the last of them with a better fit."""
+        if not self.steps:
+            return replace(self, declared=better, final=better)
+        last = self.steps[-1]
+        chosen = replace(last.chosen, result=better)
+        step = replace(last, chosen=chosen, ranking=(chosen, *last.ranking[1:]))
+        return replace(self, steps=(*self.steps[:-1], step), final=better)
+
+    def with_step(self, step: ForwardStep) -> Selection:
+        """One effect more."""
+        return replace(self, steps=(*self.steps, step), final=step.chosen.result, rejected=())
+
+
+def forward_selection(problem: SearchProblem, declared: Fit, candidates: tuple[CandidateEffect, ...]) -> Selection:
+    """Add effects to the declared model until none lowers the error on validation data; take out the needless.
+
+    Parameters
+    ----------
+    declared : fit of the declared model to the estimation data. candidates : effects that it may lack.
+    """
+    current = with_late_parameters(problem, problem.scored(declared))
+    found, left = Selection(current, (), current), candidates
+    while left and len(found.steps) < problem.settings.most_effects and not problem.at_noise(found.final):
+        step, ranking, current = forward_step(problem, found.final, left)
+        improved = current is not found.final
+        found = replace(found.with_better_fit(current) if improved else found, rejected=ranking)
+        if improved and step is None:
+            continue  # the model without a further effect had not converged: look again at what it leaves now
+        step, functions = or_function(problem, current, step, ranking)
+        found = replace(found, functions=functions)
+        if step is None:
+            break
+        found = found.with_step(step)
+        left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)
+        if step.chosen.candidate.effect == UNLISTED:
+            break
+    steps, final, removed = eliminate(problem, found.steps, found.final)
+    return replace(found, steps=steps, final=final, removed=removed)
+
+
+def forward_step(
+    problem: SearchProblem, current: ScoredFit, candidates: tuple[CandidateEffect, ...]
+) -> tuple[ForwardStep | None, tuple[Refit, ...], ScoredFit]:
+    """Screen, refit, converge, decide.
+
+    Returns
+    -------
+    (step, or None where no effect improves the model; the ranking; the current fit)
+        The current fit comes back better where a richer model has shown that it had not converged.
+    """
+    settings, tried = problem.settings, len(candidates)
+    screening = screen(problem, current, candidates)
+    ranking: tuple[Refit, ...] = ()
+    for effects in rounds(problem, current, screening):
+        refits = refit(problem, screening, effects, ranking)
+        converged, others = converge(problem, current, refits)
+        ranking = ranked(converged, others)
+        if improves(ranking[0].result, current, settings, tried):
+            break
+    else:
+        return None, ranking, current
+    current = reconverged(problem, current, ranking[0])
+    if not improves(ranking[0].result, current, settings, tried):
+        return None, ranking, current
+    step = decide(problem, screening, converged, others)
+    return step, step.ranking, current

@@ -1,0 +1,115 @@
+"""What a search stands on, built once: estimation and validation data, pieces of both, settings; and how a fit scores.
+
+Estimation data are fitted, validation data judge. Pieces of both are a cheaper problem for starts and first refits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.free_parameters import Declared, FreeParameter
+from shake_ros.core.identification.recordings import FULL, Model, Record, RecordingProblem, windows
+
+Progress = Callable[[str, float], None]
+FAILED = 1e6  # weighted residual of a simulation that ends in no number
+
+
+@dataclass(frozen=True)
+class ModelStructure:
+    """A declared model with what a fit may move and what it may lack.
+
+    Attributes
+    ----------
+    table : values that a fit starts from. free, late : parameters that a fit may move, from the start or only once they
+    explain much of what is left above the noise. candidates : effects that it may lack. simulator : of its free run.
+    """
+
+    table: Declared
+    free: tuple[FreeParameter, ...]
+    late: tuple[FreeParameter, ...] = ()
+    candidates: tuple[CandidateEffect, ...] = ()
+    simulator: Model = FULL
+
+
+def mean_square(residuals: np.ndarray) -> float:
+    """Mean square of weighted residuals."""
+    return float(residuals @ residuals) / len(residuals)
+
+
+@dataclass(frozen=True)
+class ScoredFit:
+    """A fit with its costs on estimation and validation data [-].
+
+    validation_blocks : validation cost of each block of time, shape (b,); empty for a fit to pieces, whose costs are
+    too preliminary to be tested.
+    """
+
+    fit: Fit
+    estimation_cost: float
+    validation_cost: float
+    validation_blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def score(self) -> float:
+        """Geometric mean of the two costs: small where both sets of recordings agree."""
+        return math.sqrt(self.estimation_cost * self.validation_cost)
+
+
+@dataclass(frozen=True)
+class SearchProblem:
+    """Estimation and validation data with pieces of both, the parameters that may be freed late, settings, progress.
+
+    progress : called with what is being done and the part of the step that is done.
+    """
+
+    estimation: RecordingProblem
+    validation: RecordingProblem
+    estimation_pieces: RecordingProblem
+    validation_pieces: RecordingProblem
+    late: tuple[FreeParameter, ...]
+    settings: SearchSettings
+    progress: Progress
+
+    @classmethod
+    def of(
+        cls,
+        model: ModelStructure,
+        estimation: Sequence[Record],
+        validation: Sequence[Record],
+        settings: SearchSettings,
+        progress: Progress,
+    ) -> SearchProblem:
+        """The problem of recordings; without validation data the estimation data judge themselves."""
+        whole, pieces = [], []
+        for records in (estimation, validation) if validation else (estimation,):
+            whole.append(RecordingProblem(list(records), model.simulator))
+            pieces.append(RecordingProblem(windows(list(records), settings.piece_seconds), model.simulator))
+        return cls(whole[0], whole[-1], pieces[0], pieces[-1], model.late, settings, progress)
+
+    def scored(self, result: Fit) -> ScoredFit:
+        """A fit with its costs, the validation cost block by block as well."""
+        r = self._validation_residuals(result)
+        number = self.validation.blocks()
+        blocks = np.bincount(number, r**2) / np.maximum(np.bincount(number), 1)
+        return ScoredFit(result, mean_square(result.residuals), mean_square(r), np.asarray(blocks))
+
+    def scored_on_pieces(self, result: Fit) -> ScoredFit:
+        """A fit to pieces of the estimation data; its validation cost is that of whole recordings all the same."""
+        return ScoredFit(result, mean_square(result.residuals), mean_square(self._validation_residuals(result)))
+
+    def _validation_residuals(self, result: Fit) -> np.ndarray:
+        return np.nan_to_num(self.validation.residuals(result.free.vectors(result.x))[0], nan=FAILED)
+
+    def at_noise(self, current: ScoredFit) -> bool:
+        """Whether a fit leaves nothing above the sensor noise, on either set of recordings."""
+        most = self.settings.at_noise
+        if current.estimation_cost > most * self.estimation.noise_cost():
+            return False
+        return current.validation_cost <= most * self.validation.noise_cost()

@@ -1,0 +1,137 @@
+"""Refits of candidate effects with all free parameters: short on pieces of the recordings, then on the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, mean_square
+from shake_ros.core.discovery.screening import ScreenedTrial, Screening
+from shake_ros.core.identification.fit import Fit, Problem, fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.plant.simulation import workers
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A candidate refitted together with all free parameters. predicted_gain : relative fall that screening foresaw."""
+
+    candidate: CandidateEffect
+    result: ScoredFit
+    predicted_gain: float
+
+    @property
+    def score(self) -> float:
+        """Of its fit."""
+        return self.result.score
+
+    @property
+    def usual(self) -> bool:
+        """Whether its fitted values are such as are met on real tables."""
+        table = self.result.fit.free.table(self.result.fit.x)
+        return all(low <= table.value(name) <= high for name, (low, high) in self.candidate.usual.items())
+
+
+def ranked(*groups: Iterable[Refit]) -> tuple[Refit, ...]:
+    """All refits, the best score first."""
+    return tuple(sorted((r for group in groups for r in group), key=lambda r: r.score))
+
+
+def side_by_side(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+    """The same work on each item, in their order: fits do not depend on each other, and simulate without the GIL."""
+    with ThreadPoolExecutor(workers()) as pool:
+        yield from pool.map(work, items)
+
+
+def rounds(problem: SearchProblem, current: ScoredFit, screening: Screening) -> Iterator[list[str]]:
+    """Effects to refit: the promising ones; where that was in vain and much is left above the noise, all others.
+
+    Screening is linear. A table that sticks and breaks away is not, so a small promise may be a wrong one.
+    """
+    settings, best = problem.settings, screening.best
+    first = [t.candidate.effect for t in best if t.gain > settings.least_screened][: settings.most_refits]
+    if first:
+        yield first
+    others = [t.candidate.effect for t in best if t.candidate.effect not in first]
+    if others and current.validation_cost > settings.much_left * problem.validation.noise_cost():
+        yield others
+
+
+def refit(
+    problem: SearchProblem, screening: Screening, effects: list[str], known: tuple[Refit, ...]
+) -> tuple[Refit, ...]:
+    """Effects refitted on pieces of the recordings, the best of these and of those known on all; the best first."""
+    settings, short = problem.settings, list[Refit]()
+    most, tolerance = settings.continued_evaluations, settings.continued_tolerance
+    problem.progress(f"refit with {effects[0]}", 0.1)
+    for tried in side_by_side(lambda e: short_refit(problem, screening, e), effects):
+        short.append(tried)
+        problem.progress(f"refitted with {tried.candidate.effect}", 0.1 + 0.5 * len(short) / len(effects))
+    refits = list(ranked(known, short))
+    problem.progress(f"polish {refits[0].candidate.effect}", 0.6)
+    refits[0] = continued(problem, refits[0], most, tolerance)
+    near = [r for r in refits[1 : settings.most_continued] if r.score < settings.worth_continuing * refits[0].score]
+    for tried in side_by_side(lambda r: continued(problem, r, most, tolerance), near):
+        problem.progress(f"polished {tried.candidate.effect}", 0.8)
+        refits = [tried if r.candidate is tried.candidate else r for r in refits]
+    refits.sort(key=lambda r: r.score)
+    for effect in passed_over(refits, screening):
+        tried = refitted(problem, screening, effect, most, settings.resembling_tolerance)
+        refits.append(continued(problem, tried, most, tolerance))
+    return ranked(refits)
+
+
+def passed_over(refits: Sequence[Refit], screening: Screening) -> list[str]:
+    """Effects that the best refit resembles and that have not been refitted, though screening saw some gain."""
+    tried = {r.candidate.effect for r in refits}
+    alike = refits[0].candidate.resembles
+    return [e for c in screening.candidates if (e := c.effect) in alike and e not in tried and screening.of(e)]
+
+
+def short_refit(problem: SearchProblem, screening: Screening, effect: str) -> Refit:
+    """A first refit of an effect."""
+    settings = problem.settings
+    return refitted(problem, screening, effect, settings.first_evaluations, settings.first_tolerance)
+
+
+def refitted(problem: SearchProblem, screening: Screening, effect: str, evaluations: int, tolerance: float) -> Refit:
+    """One effect refitted on pieces of the estimation data, from its best start."""
+    trials, multiples = screening.of(effect), problem.settings.start_multiples
+    free, start = best_start(problem.estimation_pieces, screening.current, trials, multiples)
+    result = fit(problem.estimation_pieces, free, start, evaluations=evaluations, tolerance=tolerance)
+    return Refit(trials[0].candidate, problem.scored_on_pieces(result), trials[0].gain)
+
+
+def best_start(
+    problem: Problem, current: Fit, trials: Sequence[ScreenedTrial], multiples: tuple[float, ...]
+) -> tuple[FreeParameters, np.ndarray]:
+    """Free parameters with an effect's own, and the best start: trials × multiples × (old | predicted) others."""
+    candidate = trials[0].candidate
+    free = current.free.extended(candidate.free)
+    strength, neutral, starts = candidate.strength.name, candidate.neutral, []
+    signs = (-1.0, 1.0) if candidate.signed else (1.0,)
+    for t in trials:
+        trial = dict(candidate.trials[t.trial])
+        for part in {*(sign * m for m in multiples for sign in signs), t.part}:
+            for others in (current.x, t.x):
+                x = free.x_of({**trial, strength: neutral + part * (trial[strength] - neutral)})
+                x[: len(current.x)] = others
+                starts.append(np.clip(x, free.low, free.high))
+    rows = np.array(starts)
+    costs = [mean_square(r) for r in np.nan_to_num(problem.residuals(free.vectors(rows)), nan=1e3)]
+    return free, rows[int(np.argmin(costs))]
+
+
+def continued(problem: SearchProblem, tried: Refit, evaluations: int, tolerance: float) -> Refit:
+    """A refit continued on the whole estimation data."""
+    start = tried.result.fit
+    result = fit(problem.estimation, start.free, start.x, evaluations=evaluations, tolerance=tolerance)
+    return replace(tried, result=problem.scored(result))

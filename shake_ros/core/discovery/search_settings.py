@@ -1,0 +1,96 @@
+"""Every threshold of the search for missing effects; config/discovery/search.yaml gives each value with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from shake_ros.core.quantities import Parameters, ShakeError, check, quantity
+
+MULTIPLES = ("start_multiples", "late_multiples", "function_multiples", "takeover_parts")
+
+
+@dataclass(frozen=True)
+class SearchSettings(Parameters):
+    """How hard the search looks and what it takes for an improvement.
+
+    Costs are mean squares of weighted residuals. "Trial points" are those of one least-squares fit.
+    """
+
+    # the declared fit
+    piece_seconds: float = quantity("s", "recordings on which starts and candidates are first tried", low=1.0)
+    starts: int = quantity("-", "starts of the declared fit that are simulated", low=1)
+    fitted_starts: int = quantity("-", "best of these that are fitted, beside the declared values", low=0)
+    start_factor: float = quantity("-", "largest factor between a start and the declared value", low=1.0)
+    start_evaluations: int = quantity("-", "most trial points of a fit from a start", low=1)
+    start_tolerance: float = quantity("-", "relative change at which such a fit stops", low=1e-12, high=1.0)
+    declared_evaluations: int = quantity("-", "most trial points of the declared fit", low=1)
+    converged: float = quantity("-", "relative change at which a converged fit stops", low=1e-12, high=1.0)
+    # parameters freed late
+    late_multiples: tuple[float, ...] = quantity("-", "multiples of a late parameter that are screened", low=0.0)
+    late_promise: float = quantity("-", "part of what stands above the noise that freeing must promise", low=0.0)
+    late_gain: float = quantity("-", "part of what stands above the noise that freeing must take", low=0.0)
+    # screening
+    largest_multiple: float = quantity("-", "multiple of a trial up to which its linear prediction holds", low=0.0)
+    largest_shift: float = quantity("-", "predicted change of a parameter, in its scales, that is followed", low=0.0)
+    least_screened: float = quantity("-", "predicted fall below which an effect is not refitted at first", low=0.0)
+    much_left: float = quantity("-", "ratio to the noise from which all effects are refitted", low=0.0)
+    # refits
+    most_refits: int = quantity("-", "effects refitted at first in a step", low=1)
+    start_multiples: tuple[float, ...] = quantity("-", "multiples of a trial from which a refit may start", low=0.0)
+    first_evaluations: int = quantity("-", "most trial points of a first refit", low=1)
+    first_tolerance: float = quantity("-", "relative change at which a first refit stops", low=1e-12, high=1.0)
+    most_continued: int = quantity("-", "effects whose refit goes on, on the whole recordings", low=1)
+    worth_continuing: float = quantity("-", "ratio to the best score up to which a refit goes on", low=1.0)
+    continued_evaluations: int = quantity("-", "most trial points of such a refit", low=1)
+    continued_tolerance: float = quantity("-", "relative change at which such a refit stops", low=1e-12, high=1.0)
+    resembling_tolerance: float = quantity("-", "the same for what the best resembles", low=1e-12, high=1.0)
+    # convergence
+    converging_evaluations: int = quantity("-", "most trial points of a refit that is to converge", low=1)
+    rival: float = quantity("-", "ratio to the best score up to which an effect is a rival", low=1.0)
+    takeover_parts: tuple[float, ...] = quantity("-", "parts of an effect left as another takes over", low=0.0)
+    takeover_tolerance: float = quantity("-", "relative change at which a fit on that path stops", low=1e-12, high=1.0)
+    # decision
+    most_effects: int = quantity("-", "effects added, at most", low=0)
+    at_noise: float = quantity("-", "ratio to the noise's cost up to which nothing more is looked for", low=0.0)
+    least_estimation_gain: float = quantity("-", "least fall of the estimation cost", low=0.0, high=1.0)
+    least_validation_gain: float = quantity("-", "least fall of the validation cost", low=0.0, high=1.0)
+    clear_gain: float = quantity("-", "fall of the validation cost from which no test is asked for", low=0.0, high=1.0)
+    chance: float = quantity("-", "probability, over all candidates, of a fall by chance", low=1e-12, high=1.0)
+    margin: float = quantity("-", "relative difference of scores up to which effects are indistinguishable", low=0.0)
+    significant: float = quantity("-", "standard errors by which rivals must differ to be told apart", low=0.0)
+    # functions for what no listed effect explains
+    function_above_noise: float = quantity("-", "ratio to the noise from which a function is estimated", low=0.0)
+    weak_effect: float = quantity("-", "part of the cost that a weak listed effect leaves", low=0.0, high=1.0)
+    function_gain: float = quantity("-", "part of a listed effect's cost that a function may leave", low=0.0, high=1.0)
+    function_ridge: float = quantity("-", "ridge on a node, of the mean power of all nodes' directions", low=0.0)
+    function_multiples: tuple[float, ...] = quantity("-", "parts of the linear estimate to start from", low=0.0)
+    most_functions: int = quantity("-", "kinds of function that are refitted", low=0)
+    function_rank: float = quantity("-", "part of the best predicted fall from which a kind is refitted", low=0.0)
+    least_function: float = quantity("-", "predicted fall from which a kind is refitted", low=0.0)
+    function_evaluations: int = quantity("-", "most trial points of a fit of a function", low=1)
+    function_first_tolerance: float = quantity("-", "relative change at which its fit on pieces stops", low=1e-12)
+    function_tolerance: float = quantity("-", "relative change at which its fit stops", low=1e-12)
+    node_deviation: float = quantity("-", "prior deviation of a node, in the kind's scale", low=1e-6)
+    curvature_deviation: float = quantity("-", "the same of a second difference of nodes", low=1e-6)
+    lowest_pulsation: float = quantity("Hz", "slowest pulsation of the supply looked for", low=1e-3)
+    highest_pulsation: float = quantity("Hz", "fastest pulsation of the supply looked for", low=1e-3)
+    most_periods: int = quantity("-", "periods of a pulsation that are tried", low=0)
+    period_freedom: float = quantity("-", "relative change of a period that its fit may make", low=0.0, high=0.9)
+    # what remains
+    remaining_above: float = quantity("-", "ratio of residual to noise from which something remains", low=0.0)
+    remaining_far_above: float = quantity("-", "the same from which a motion of its own is suspected", low=0.0)
+    remaining_groups: int = quantity("-", "quantile groups of a quantity", low=2)
+    remaining_share: float = quantity("-", "explained share from which a residual depends on a quantity", low=0.0)
+    memoryless: float = quantity("-", "largest fall by any function where something has states of its own", low=0.0)
+    band_share: float = quantity("-", "share of the power within a third of an octave that makes a band", low=0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        described: Any = self.__dataclass_fields__
+        for name in MULTIPLES:
+            given = getattr(self, name)
+            if isinstance(given, str) or not isinstance(given, Iterable):
+                raise ShakeError(f"{name}: needs a list of numbers")
+            object.__setattr__(self, name, tuple(check(name, v, described[name].metadata, float) for v in given))

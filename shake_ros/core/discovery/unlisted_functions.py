@@ -1,0 +1,279 @@
+"""A function for what no listed effect explains: the missing term estimated on nodes over one quantity.
+
+For each kind of function of effects/unlisted.py the residual is projected on the directions in which its nodes can move
+(a block score test, with everything else free to adjust); the kinds that promise most are refitted with all nodes free,
+and the best on the validation data is offered to the search like any other candidate. The period of a pulsating supply
+comes from the spectrum of the residual multiplied by its sensitivity to the supply pressure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.screening import linearised
+from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.effects import unlisted as law
+from shake_ros.core.identification.fit import Fit, Problem, fit
+from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
+from shake_ros.core.identification.recordings import RecordingProblem
+
+UNLISTED = "unlisted"
+PREFIX = "effects.unlisted."
+SUPPLY = "supply.supply_pressure"
+NODE_NAMES = tuple(f"{PREFIX}node_{i:02d}" for i in range(law.NODES))
+
+
+@dataclass(frozen=True)
+class FunctionKind:
+    """One kind of function: of which quantity, where it acts, on what it depends; unit and bounds of its nodes.
+
+    scale : a node value that matters.
+    """
+
+    code: int
+    quantity: str
+    place: str
+    depends_on: tuple[str, ...]
+    unit: str
+    scale: float
+    low: float
+    high: float
+
+
+OF_MOTION = (
+    FunctionKind(law.FORCE_OF_POSITION, "position", "force", ("position",), "N", 100.0, -1e5, 1e5),
+    FunctionKind(law.FRICTION_OF_POSITION, "position", "friction", ("position", "direction"), "N", 100.0, -1e4, 1e4),
+    FunctionKind(law.FORCE_OF_VELOCITY, "velocity", "friction", ("velocity",), "N", 100.0, -1e5, 1e5),
+)
+OF_HYDRAULICS = (
+    FunctionKind(law.FLOW_GAIN_OF_OPENING, "valve_opening", "valve", ("valve_opening",), "-", 0.05, -0.95, 2.0),
+    FunctionKind(law.LEAKAGE_OF_LOAD_PRESSURE, "load_pressure", "flow", ("load_pressure",), "m^3/s", 2e-6, -1e-3, 1e-3),
+    FunctionKind(
+        law.STIFFNESS_OF_LOAD_PRESSURE, "load_pressure", "compressibility", ("load_pressure",), "-", 0.1, -0.95, 10.0
+    ),
+    FunctionKind(law.FLOW_GAIN_OF_TIME, "time", "valve", ("time",), "-", 0.05, -0.95, 2.0),
+)
+PULSATION = FunctionKind(law.SUPPLY_OF_PHASE, "phase", "supply", ("time",), "-", 0.05, -0.9, 2.0)
+
+
+@dataclass(frozen=True)
+class ScreenedFunction:
+    """A kind of function with its free parameters, predicted relative fall of the cost, starts for a refit."""
+
+    kind: FunctionKind
+    free: FreeParameters
+    gain: float
+    starts: tuple[np.ndarray, ...]
+
+
+@dataclass(frozen=True)
+class FunctionSearch:
+    """Functions that were tried: predicted gain by (place, quantity), and the best one, refitted."""
+
+    gains: Mapping[tuple[str, str], float]
+    best: Refit | None
+
+
+def or_function(
+    problem: SearchProblem, current: ScoredFit, step: ForwardStep | None, ranking: tuple[Refit, ...]
+) -> tuple[ForwardStep | None, FunctionSearch | None]:
+    """The step, or one that adds a function where the listed effects explain too little; and the functions tried.
+
+    A function is estimated only where the validation cost stands clearly above the noise and the best listed effect
+    leaves most of it; it replaces a listed effect only where it leaves far less.
+    """
+    settings = problem.settings
+    before = current.validation_cost
+    listed = step.chosen.result.validation_cost if step else before
+    near_noise = before < settings.function_above_noise * problem.validation.noise_cost()
+    if near_noise or listed < settings.weak_effect * before:
+        return step, None
+    found = best_function(problem, current)
+    if found.best is None:
+        return step, found
+    result, most = found.best.result, settings.function_gain
+    if result.validation_cost > most * listed or result.estimation_cost > most * current.estimation_cost:
+        return step, found
+    return ForwardStep(found.best, (found.best, *ranking)), found
+
+
+def best_function(problem: SearchProblem, current: ScoredFit) -> FunctionSearch:
+    """The kind of function that leaves the smallest validation cost, of those that promise most."""
+    settings, fitted = problem.settings, current.fit
+    if PREFIX + "kind" not in fitted.free.base.fields:
+        return FunctionSearch({}, None)
+    found = screen_functions(problem, linearised(problem.estimation_pieces, fitted))
+    least = max(settings.function_rank * found[0].gain, settings.least_function) if found else 0.0
+    promising = [f for f in found[: settings.most_functions] if f.gain > least]
+    refits = []
+    for i, f in enumerate(promising):
+        problem.progress(f"unlisted: {f.kind.place} of {f.kind.quantity}", 0.4 + 0.6 * i / len(promising))
+        own = tuple(p for p in f.free.free if p.name not in fitted.free.names)
+        candidate = CandidateEffect(UNLISTED, own, (), f.kind.place, f.kind.depends_on)
+        refits.append(Refit(candidate, problem.scored(fit_function(problem, f)), f.gain))
+    best = min(refits, key=lambda r: r.result.validation_cost, default=None)
+    return FunctionSearch({(f.kind.place, f.kind.quantity): f.gain for f in found}, best)
+
+
+def screen_functions(problem: SearchProblem, current: Fit) -> list[ScreenedFunction]:
+    """Score tests of all kinds on pieces of the estimation data, the most promising first, one of each kind."""
+    pieces, settings = problem.estimation_pieces, problem.settings
+    problem.progress("something without a name", 0.0)
+    span = ranges(pieces, current)
+    hydraulic = SUPPLY in current.free.base.fields
+    kinds = [k for k in (*OF_MOTION, *(OF_HYDRAULICS if hydraulic else ())) if k.quantity in span]
+    kinds = [k for k in kinds if span[k.quantity][1] > span[k.quantity][0]]
+    found = [screen_function(pieces, current, k, span[k.quantity], settings) for k in kinds]
+    problem.progress("something without a name: pulsation", 0.2)
+    found += pulsations(pieces, current, settings) if hydraulic else ()
+    best: dict[int, ScreenedFunction] = {}
+    for f in sorted(found, key=lambda f: -f.gain):
+        best.setdefault(f.kind.code, f)
+    return list(best.values())
+
+
+def ranges(problem: RecordingProblem, current: Fit) -> Mapping[str, tuple[float, float]]:
+    """Range of each quantity that the recordings visit."""
+    table = current.free.table(current.x)
+    seen: dict[str, list[np.ndarray]] = {}
+    for record in problem.records:
+        out = problem.model.run(table, record)
+        for name, values in problem.model.quantities(record, out).items():
+            seen.setdefault(name, []).append(values[record.start :])
+    both = {name: np.concatenate(parts) for name, parts in seen.items()}
+    return {name: (float(v.min()), float(v.max())) for name, v in both.items()}
+
+
+def extended(
+    current: Fit, kind: FunctionKind, low: float, high: float, more: tuple[FreeParameter, ...] = ()
+) -> FreeParameters:
+    """The free parameters with others of a kind and its nodes over a range behind them."""
+    base = current.free.base.with_values({PREFIX + "kind": kind.code, PREFIX + "low": low, PREFIX + "high": high})
+    nodes = [FreeParameter(name, kind.scale, kind.low, kind.high, kind.unit) for name in NODE_NAMES]
+    return FreeParameters(base, [*current.free.free, *more, *nodes])
+
+
+def block_score_test(
+    current: Fit, directions: np.ndarray, ridge: float, largest_shift: float
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Least squares of the residual on directions with all other parameters free to adjust.
+
+    Parameters
+    ----------
+    directions : change of the residual per unit of each direction, shape (n, m). ridge : of the directions' mean power.
+
+    Returns
+    -------
+    (relative fall of the cost, parts of the directions (m,), the other parameters (p,))
+    """
+    q, triangle = np.linalg.qr(current.jacobian)
+    r = current.residuals
+    r_free, d_free = r - q @ (q.T @ r), directions - q @ (q.T @ directions)
+    normal = d_free.T @ d_free
+    normal += ridge * np.trace(normal) / len(normal) * np.eye(len(normal))
+    parts = -np.linalg.solve(normal, d_free.T @ r_free)
+    left = r_free + d_free @ parts
+    shift = np.linalg.lstsq(triangle, -q.T @ (r + directions @ parts), rcond=1e-10)[0]
+    return 1.0 - float(left @ left) / float(r @ r), parts, current.x + np.clip(shift, -largest_shift, largest_shift)
+
+
+def screen_function(
+    problem: Problem, current: Fit, kind: FunctionKind, span: tuple[float, float], settings: SearchSettings
+) -> ScreenedFunction:
+    """Block score test of one kind: one simulation a node."""
+    free = extended(current, kind, *span)
+    p = len(current.x)
+    rows = np.zeros((law.NODES, p + law.NODES))
+    rows[:, :p] = current.x
+    rows[:, p:] = np.eye(law.NODES)
+    moved = np.nan_to_num(problem.residuals(free.vectors(rows)), nan=1e3)
+    directions = (moved - current.residuals).T
+    ridge, shift = settings.function_ridge, settings.largest_shift
+    gain, nodes, others = block_score_test(current, directions, ridge, shift)
+    starts = []
+    for part in settings.function_multiples:
+        for x in (current.x, current.x + part * (others - current.x)):
+            starts.append(np.concatenate([x, part * nodes]))
+    return ScreenedFunction(kind, free, gain, tuple(starts))
+
+
+def pulsation_periods(problem: RecordingProblem, current: Fit, settings: SearchSettings) -> list[float]:
+    """Most likely periods of a pulsating supply [s], the strongest first.
+
+    A slow change m(t) of the supply pressure makes the residual S(t) m(t) with S its sensitivity to the pressure; the
+    spectrum of S(t) r(t) over the time since the recordings' start peaks at the frequency of m.
+    """
+    table = current.free.table(current.x)
+    row = current.free.vectors(current.x)[0].copy()
+    column = list(current.free.base.fields).index(SUPPLY)
+    row[column] = 1.01 * table.value(SUPPLY)
+    sensitivity = problem.residuals(row[None, :])[0] - current.residuals
+    q, _ = np.linalg.qr(current.jacobian)
+    rest = current.residuals - q @ (q.T @ current.residuals)
+    step = min(r.sample_time for r in problem.records)
+    place = np.round(problem.times() / step).astype(int)
+    product = np.bincount(place, sensitivity * rest)
+    count = 1 << (4 * len(product) - 1).bit_length()
+    power = np.abs(np.fft.rfft(product, count)) ** 2
+    frequency = np.fft.rfftfreq(count, step)
+    width = max(round(1.5 * count / len(product)), 1)  # bins that one line covers
+    power[(frequency < settings.lowest_pulsation) | (frequency > settings.highest_pulsation)] = 0.0
+    found = []
+    for _ in range(settings.most_periods):
+        i = int(np.argmax(power))
+        if power[i] == 0.0:
+            break
+        found.append(float(1.0 / frequency[i]))
+        power[max(i - width, 0) : i + width + 1] = 0.0
+    return found
+
+
+def pulsations(problem: RecordingProblem, current: Fit, settings: SearchSettings) -> Iterator[ScreenedFunction]:
+    """The periodic supply at its most likely periods, whose fine value is free as well."""
+    for period in pulsation_periods(problem, current, settings):
+        tried = screen_function(problem, current, PULSATION, (0.0, period), settings)
+        low, high = (1.0 - settings.period_freedom) * period, (1.0 + settings.period_freedom) * period
+        fine = FreeParameter(PREFIX + "high", 0.01 * period, low, high, "s")
+        p = len(current.x)
+        free = extended(current, PULSATION, 0.0, period, (fine,))
+        starts = tuple(np.insert(x, p, period / fine.scale) for x in tried.starts)
+        yield ScreenedFunction(PULSATION, free, tried.gain, starts)
+
+
+class WithNodePrior:
+    """A problem with a weak prior on the nodes, which decides only what the recordings leave open.
+
+    Each node and each second difference of neighbours counts as one more residual.
+    """
+
+    def __init__(self, problem: Problem, free: FreeParameters, kind: FunctionKind, settings: SearchSettings) -> None:
+        self._problem, self._scale = problem, kind.scale
+        self._node, self._curvature = settings.node_deviation, settings.curvature_deviation
+        names = list(free.base.fields)
+        self._columns = [names.index(name) for name in NODE_NAMES]
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        """Weighted residuals with those of the prior behind them, shape (m, n)."""
+        nodes = vectors[:, self._columns] / self._scale
+        rough = np.diff(nodes, n=2, axis=1)
+        return np.hstack([self._problem.residuals(vectors), nodes / self._node, rough / self._curvature])
+
+
+def fit_function(problem: SearchProblem, found: ScreenedFunction) -> Fit:
+    """All parameters fitted with the nodes of a kind, first on pieces of the estimation data."""
+    settings, free, pieces = problem.settings, found.free, problem.estimation_pieces
+    rows = np.clip(np.array(found.starts), free.low, free.high)
+    costs = np.sum(np.nan_to_num(pieces.residuals(free.vectors(rows)), nan=1e3) ** 2, axis=1)
+    start, most = rows[int(np.argmin(costs))], settings.function_evaluations
+    first = WithNodePrior(pieces, free, found.kind, settings)
+    result = fit(first, free, start, evaluations=most, tolerance=settings.function_first_tolerance)
+    whole = WithNodePrior(problem.estimation, free, found.kind, settings)
+    result = fit(whole, free, result.x, evaluations=most, tolerance=settings.function_tolerance)
+    return replace(linearised(problem.estimation, result), evaluations=result.evaluations)

@@ -1,0 +1,62 @@
+"""Which effects are refitted, and that the others get their turn before the search gives up far above the noise."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from shake_ros.core.discovery.problem import ScoredFit
+from shake_ros.core.discovery.refit import Refit, passed_over, rounds
+from shake_ros.core.discovery.screening import Screening
+from shake_ros.settings import load_search
+
+TRIALS: Any = tuple(
+    SimpleNamespace(candidate=SimpleNamespace(effect=effect), gain=gain)
+    for effect, gain in (("soft_zone", 0.2), ("slow_valve", 0.1), ("dead_volume", 0.02), ("supply_droop", 0.001))
+)
+NOTHING: Any = SimpleNamespace()
+
+
+def names(left: float, refits: int = 2) -> list[list[str]]:
+    """Rounds where the validation cost is `left` times that of the noise."""
+    settings = load_search().replace(most_refits=refits, much_left=1.3)
+    problem: Any = SimpleNamespace(settings=settings, validation=SimpleNamespace(noise_cost=lambda: 1.0))
+    return list(rounds(problem, ScoredFit(NOTHING, 1.0, left), Screening(NOTHING, (), TRIALS)))
+
+
+def test_the_promising_come_first_and_all_others_where_much_is_left() -> None:
+    assert names(2.0) == [["soft_zone", "slow_valve"], ["dead_volume", "supply_droop"]]
+
+
+def test_near_the_noise_the_promising_are_all() -> None:
+    assert names(1.2) == [["soft_zone", "slow_valve"]]
+
+
+def test_what_promises_next_to_nothing_is_not_among_the_first() -> None:
+    assert names(1.2, refits=9) == [["soft_zone", "slow_valve", "dead_volume"]]
+
+
+@pytest.mark.parametrize("left", [1.0, 5.0])
+def test_no_effect_is_refitted_twice(left: float) -> None:
+    flat = [name for wave in names(left, refits=3) for name in wave]
+    assert len(flat) == len(set(flat))
+
+
+def test_an_effect_that_the_best_resembles_is_compared_though_it_promised_little() -> None:
+    mass, tank, other = (
+        SimpleNamespace(effect=effect, resembles=resembles)
+        for effect, resembles in (
+            ("payload_error", ("tank_back_pressure",)),
+            ("tank_back_pressure", ("payload_error",)),
+            ("soft_zone", ()),
+        )
+    )
+    trials: Any = tuple(SimpleNamespace(candidate=c, gain=0.1) for c in (mass, tank, other))
+    candidates: Any = (mass, tank, other)
+    refits: Any = [Refit(c, ScoredFit(NOTHING, cost, cost), 0.0) for c, cost in ((mass, 1.0), (other, 2.0))]
+    screening = Screening(NOTHING, candidates, trials)
+    assert passed_over(refits, screening) == ["tank_back_pressure"]
+    assert passed_over(refits[::-1], screening) == []
+    assert passed_over(refits, Screening(NOTHING, candidates, trials[::2])) == []

@@ -1,0 +1,45 @@
+"""The thresholds of the search as their file gives them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.quantities import ShakeError, describe
+from shake_ros.settings import find, read_yaml
+
+CONTENT: dict[str, Any] = read_yaml(find("discovery", "search"))
+
+
+def test_every_threshold_stands_in_the_file_and_has_a_meaning() -> None:
+    assert list(CONTENT) == list(describe(SearchSettings))
+    assert all(entry["meaning"] for entry in describe(SearchSettings).values())
+
+
+def test_lists_become_numbers() -> None:
+    settings = SearchSettings.from_mapping({**CONTENT, "late_multiples": [1, 3]}, "search.yaml")
+    assert settings.late_multiples == (1.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"late_multiples": 2.0}, "late_multiples: needs a list of numbers"),
+        ({"late_multiples": ["much"]}, "is not a finite number"),
+        ({"takeover_parts": [-0.5]}, "takeover_parts = -0.5 is outside"),
+        ({"chance": 2.0}, "chance = 2 is outside"),
+        ({"most_refit": 2}, "did you mean 'most_refits'"),
+    ],
+)
+def test_a_wrong_threshold_is_one_line_that_names_the_file(change: dict[str, Any], text: str) -> None:
+    with pytest.raises(ShakeError, match=r"search\.yaml") as caught:
+        SearchSettings.from_mapping({**CONTENT, **change}, "search.yaml")
+    assert text in str(caught.value)
+
+
+def test_a_missing_threshold_is_told() -> None:
+    content = {name: value for name, value in CONTENT.items() if name != "chance"}
+    with pytest.raises(ShakeError, match="missing chance"):
+        SearchSettings.from_mapping(content, "search.yaml")
