@@ -69,7 +69,7 @@ def fuzz(count: int, seed: int) -> tuple[int, dict[str, int], dict[str, int]]:
             patterns = [
                 *list(vectors().values())[1:3],
                 wire.command(session.key, wire.Command(session.number, done + 5, 1, 0.5, 3, 0)),
-                wire.measurement(session.key, wire.Measurement(session.number, done + 5, done, *SAMPLE)),
+                wire.measurement(session.key, wire.TableDatagram(session.number, done + 5, done, *SAMPLE)),
             ]
             for _ in range(min(BATCH, count - done)):
                 data = broken(generator, patterns, session.key)

@@ -112,7 +112,7 @@ class Link:
         self.graph = Graph(self._specs(reference), domain_id=domain, lockstep=False)
 
     def _specs(self, reference: str) -> list[NodeSpec]:
-        own: dict[str, Any] = {**self.common, **QUICK, "interlock": "bergamo", "enabled": False}
+        own: dict[str, Any] = {**self.common, **QUICK, "interlock.configuration": "bergamo", "enabled": False}
         if self.kind == BRIDGE:
             path = Path(self.folder.name) / "bridge.yaml"
             path.write_text((config_folder() / "bridge" / "emulator.yaml").read_text().replace("47800", str(self.port)))

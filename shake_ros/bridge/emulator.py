@@ -22,10 +22,11 @@ from shake_ros.core.plant.states import SPOOL
 from shake_ros.core.plant.table import Measurement
 from shake_ros.core.quantities import Parameters, choice, quantity
 from shake_ros.core.safety.causes import NUMBERS, InterlockParameters
-from shake_ros.core.safety.interlock import OFF, RUN, Interlock
+from shake_ros.core.safety.interlock import Interlock
 from shake_ros.core.safety.machine import Machine
 from shake_ros.core.safety.power_unit import PowerUnitParameters
-from shake_ros.core.safety.rates import LastSecond, Spread
+from shake_ros.core.safety.rates import Durations, LastSecond
+from shake_ros.core.safety.stages import OFF, RUN
 
 SECOND = 1_000_000_000
 REMEMBERED = 4096  # measurements whose sending time is kept for the round trip
@@ -81,7 +82,7 @@ class Emulator:
         self.overruns = 0
         self.running = 0
         self.late_answers = 0
-        self.round_trips = Spread()
+        self.round_trips = Durations()
         self.machine = Machine(table, unit, self.period / SECOND, own.seed, own.start_position, OFF)
         self._drift = own.clock_drift
         self._output_watchdog = round(own.output_watchdog * SECOND / self.period)

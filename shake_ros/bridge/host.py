@@ -78,7 +78,7 @@ class Host:
         self._heard = 0.0
         self._socket = udp_socket(local_address, 0)
 
-    def receive(self, timeout: float) -> tuple[wire.Measurement, int] | None:
+    def receive(self, timeout: float) -> tuple[wire.TableDatagram, int] | None:
         """The next new measurement and when it arrived [ns, wall clock]; None after `timeout` [s] without one."""
         now = self._clock()
         if self.session is None or now - self._heard > SILENCE:
@@ -106,7 +106,7 @@ class Host:
             self._asked = now
             self._send(wire.hello(self.key, self._nonce))
 
-    def _take(self, data: bytes, sender: tuple[str, int]) -> wire.Measurement | None:
+    def _take(self, data: bytes, sender: tuple[str, int]) -> wire.TableDatagram | None:
         if not data and not sender[0]:
             return None
         head = wire.header(data)

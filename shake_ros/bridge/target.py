@@ -99,11 +99,11 @@ class TargetLink:
         self._send(wire.welcome(self.key, number, nonce, own), sender)
 
     def send(self, *fields: float) -> int:
-        """A measurement: the fields of `wire.Measurement` after the sequence. Returns its sequence, 0 if unsent."""
+        """A measurement: the fields of `wire.TableDatagram` after the sequence. Returns its sequence, 0 if unsent."""
         session = self.session
         if session is None:
             return 0
-        message = wire.Measurement(session.number, session.next_sequence(), *fields)  # type: ignore[arg-type]
+        message = wire.TableDatagram(session.number, session.next_sequence(), *fields)  # type: ignore[arg-type]
         self._send(wire.measurement(session.key, message), self.peer)
         return message.sequence
 

@@ -9,7 +9,7 @@ KEY = bytes(range(32))
 HOST_NONCE = bytes(range(0x10, 0x20))
 TARGET_NONCE = bytes(range(0xA0, 0xB0))
 SESSION = int.from_bytes(TARGET_NONCE[:8], "little")
-MEASUREMENT = wire.Measurement(
+MEASUREMENT = wire.TableDatagram(
     SESSION, 7, 123_456_789_000, 0.0125, -1.5, 9.5e6, 1.05e7, 2.06e7, 0.03125, 6, 0.05, wire.STAGE_MASK, 0
 )
 COMMAND = wire.Command(SESSION, 8, 7, -0.25, 3, 0)

@@ -47,7 +47,7 @@ class Header(NamedTuple):
     sequence: int
 
 
-class Measurement(NamedTuple):
+class TableDatagram(NamedTuple):
     """Target → host, once a sample. Raw channel values, in the unit of each channel."""
 
     session: int
@@ -96,7 +96,7 @@ def welcome(key: bytes, session: int, host_nonce: bytes, target_nonce: bytes) ->
     return _seal(key, WELCOME, session, 0, host_nonce, target_nonce)
 
 
-def measurement(key: bytes, message: Measurement) -> bytes:
+def measurement(key: bytes, message: TableDatagram) -> bytes:
     """A measurement, sealed with the session's key."""
     return _seal(key, MEASUREMENT, *message)
 
@@ -142,11 +142,11 @@ def read_welcome(key: bytes, data: bytes) -> tuple[bytes, bytes]:
     return host_nonce, target_nonce
 
 
-def read_measurement(key: bytes, data: bytes) -> Measurement:
+def read_measurement(key: bytes, data: bytes) -> TableDatagram:
     """A measurement whose tag is right; raises Rejected."""
     check_tag(key, data)
     fields = LAYOUTS[MEASUREMENT].unpack_from(data)
-    return Measurement(*fields[4:])
+    return TableDatagram(*fields[4:])
 
 
 def read_command(key: bytes, data: bytes) -> Command:

@@ -81,6 +81,11 @@ class Diagnostics:
         self._reported_at = time.monotonic()
         self._reported_cycles = 0
 
+    def sampled(self) -> None:
+        """A sample has come: counted, and its distance from the last one noted."""
+        self.cycles += 1
+        self.whole_run.sampled()
+
     def latency(self, nanoseconds: int) -> None:
         """Note one latency [ns]."""
         self.latencies[self._latency_count % WINDOW] = nanoseconds

@@ -32,7 +32,7 @@ def free_domain() -> int:
     return int(given) if given else 1 + os.getpid() % 100
 
 
-def record(experiment: Experiment, bag: Path, progress: Callable[[float], None] = lambda part: None) -> float:
+def record(experiment: Experiment, bag: Path, progress: Callable[[float], None] = lambda _: None) -> float:
     """Run an experiment as separate processes and record everything to a bag.
 
     Parameters

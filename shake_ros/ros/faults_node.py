@@ -14,7 +14,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, 
 from shake_ros.core.safety.message_faults import MessageFaultParameters, MessageFaults
 from shake_ros.ros.conversions import codec
 from shake_ros.ros.diagnostics import OK, WARN, Input
-from shake_ros.ros.frame import Frame, node_settings
+from shake_ros.ros.frame import Behaviour, Frame
 from shake_ros.ros.interface import TOPICS, Topic
 
 HEALTHY = "healthy/"
@@ -46,7 +46,7 @@ def parse_topics(text: str) -> list[Topic]:
     return [TOPICS[name] for name in names]
 
 
-class Channel:
+class PassedTopic:
     """One topic: from `healthy/NAME` to `NAME`."""
 
     def __init__(self, frame: Frame, topic: Topic, seed: int) -> None:
@@ -98,35 +98,20 @@ class Channel:
         self._frame.diagnostics.event("fault", WARN, f"{self.topic.name}: {text}", values)
 
 
-class FaultsNode:
+class FaultsNode(Behaviour):
     """The channels that are named."""
 
-    ticks = False
-
     def __init__(self, frame: Frame) -> None:
-        self.frame = frame
+        super().__init__(frame)
         if frame.lockstep:
             raise ShakeError("lockstep = true: a loop that waits for every sample cannot lose one; real time only")
-        own = frame.parameters.declare(
-            FaultsNodeParameters.from_mapping(node_settings("faults"), "config/node/faults.yaml")
-        ).value
-        self._channels = [Channel(frame, topic, own.seed + k) for k, topic in enumerate(parse_topics(own.topics))]
+        own = frame.settings(FaultsNodeParameters).value
+        self._channels = [PassedTopic(frame, topic, own.seed + k) for k, topic in enumerate(parse_topics(own.topics))]
         frame.diagnostics.condition = self._condition
-
-    def start(self) -> None:
-        """Passes on whatever comes."""
-
-    def tick(self, stamp: int, steps: int) -> None:
-        """Keeps no time of its own."""
-
-    def finish(self) -> None:
-        """Nothing to put away."""
 
     def _condition(self) -> tuple[int, str]:
         on = [f"{channel.topic.name}: {said}" for channel in self._channels if (said := channel.said())]
         return (WARN, f"faults on {'; '.join(on)}") if on else (OK, "passes everything on")
 
 
-def build(frame: Frame) -> FaultsNode:
-    """The node in its frame."""
-    return FaultsNode(frame)
+build = FaultsNode

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, TypeVar
 
 from rclpy.context import Context
 from rclpy.duration import Duration
@@ -15,14 +15,16 @@ from rclpy.node import Node
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
 from shake_ros.realtime import RealtimeParameters
 from shake_ros.ros.conversions import SECOND, codec
-from shake_ros.ros.diagnostics import Diagnostics, Input
+from shake_ros.ros.diagnostics import ERROR, WARN, Diagnostics, Input
 from shake_ros.ros.interface import NAMESPACE, TOPICS, Topic
-from shake_ros.ros.parameters import NodeParameters
+from shake_ros.ros.parameters import LiveSet, NodeParameters
 from shake_ros.settings import find, read_yaml
 
+P = TypeVar("P", bound=Parameters)
 FIRST_STAMP = SECOND  # lock-step time of sample 0 [ns]; zero would read as "no stamp"
 AGAIN = 1e-4  # pause before a message is offered again [s]; at SCHED_FIFO the reader would never run without it
 BLOCKED = 30.0  # a reader that takes nothing for this long [s] has hung
+QUIET = 1.0  # lines of one key on the console are at least this far apart [s]
 FAREWELL = 5.0  # at the end, readers get so long [s] to take what was sent
 
 
@@ -34,15 +36,6 @@ class LoopParameters(Parameters):
     rate: float = quantity("Hz", "sampling rate", low=1.0, high=10000.0)
     wait_for: str = choice("start when these topics have so many readers, e.g. 'joint_states:3 estimate:1'")
     wait_for_writers: str = choice("start when these topics have so many writers, e.g. 'reference:1'")
-
-
-def node_settings(name: str) -> dict[str, Any]:
-    """Content of config/node/<name>.yaml."""
-    path = find("node", name)
-    content = read_yaml(path)
-    if not isinstance(content, dict):
-        raise ShakeError(f"{path}: expected names and values")
-    return content
 
 
 def parse_wait_for(text: str) -> dict[str, int]:
@@ -62,11 +55,16 @@ def parse_wait_for(text: str) -> dict[str, int]:
     return counts
 
 
-class Behaviour(Protocol):
-    """What a node does, in its frame. The loop calls `start` once, then `tick` in real time where the node ticks."""
+class Behaviour:
+    """What a node does, in its frame. The loop calls `start` once, then `tick` in real time where the node ticks.
 
-    frame: Frame
-    ticks: bool
+    Here is what a node that only answers to messages does: nothing of its own.
+    """
+
+    ticks = False
+
+    def __init__(self, frame: Frame) -> None:
+        self.frame = frame
 
     def start(self) -> None:
         """First act, after the awaited readers are there; subscriptions may call in earlier."""
@@ -121,7 +119,7 @@ class Reader:
     Parameters
     ----------
     accept : called with (stamp [ns], *numbers).
-    refuse : called with (stamp, reason) for NaN, infinity and unreadable messages; stamp is −1 where unknown.
+    refuse : called with (stamp, reason) for NaN, infinity, unreadable and unstamped messages; −1 where unknown.
     doubled : called with the stamp of a message that is not newer than the one before.
     """
 
@@ -150,6 +148,8 @@ class Reader:
             stamp, values = self._decode(data)
         except ShakeError as error:
             return self._refused(-1, str(error))
+        if stamp <= 0:
+            return self._refused(stamp, f"{self._topic.name}: no stamp (header.stamp is 0), refused")
         if not self.input.count(stamp):
             if self._doubled is not None:
                 self._doubled(stamp)
@@ -161,14 +161,14 @@ class Reader:
 
     def _refused(self, stamp: int, reason: str) -> None:
         self.input.refused += 1
-        self._frame.node.get_logger().error(reason, throttle_duration_sec=1.0)
+        self._frame.say(ERROR, reason, key=self._topic.name)
         if self._refuse is not None:
             self._refuse(stamp, reason)
 
     def take(self) -> int:
         """Take all that has come, without waiting; returns when the newest arrived [ns, wall clock], 0 if nothing."""
         arrived = 0
-        handle = self.subscription.handle
+        handle: Any = self.subscription.handle
         with handle:
             while (taken := handle.take_message(self._topic.type, True)) is not None:
                 data, info = taken
@@ -197,10 +197,8 @@ class Frame:
             use_global_arguments=arguments is None,
         )
         self.parameters = NodeParameters(self.node)
-        common = node_settings("common")
-        realtime = RealtimeParameters.from_mapping(common.pop("realtime", {}), "config/node/common.yaml: realtime")
-        self.loop = self.parameters.declare(LoopParameters.from_mapping(common, "config/node/common.yaml")).value
-        self.realtime = self.parameters.declare(realtime, "realtime.").value
+        self.realtime = self.settings(RealtimeParameters, "realtime", file="common").value
+        self.loop = self.settings(LoopParameters, file="common").value
         self.lockstep = self.loop.lockstep
         self.period = round(SECOND / self.loop.rate)
         self.diagnostics = Diagnostics(self.node, name, self.lockstep, self.period)
@@ -209,6 +207,21 @@ class Frame:
         self._readers = parse_wait_for(self.loop.wait_for)
         self._sources = parse_wait_for(self.loop.wait_for_writers)
         self._writers: list[Writer] = []
+        self._said: dict[str, float] = {}  # key of a line → when it was last said
+
+    def settings(
+        self, kind: type[P], section: str = "", *, accept: Callable[[P], object] = lambda _: None, file: str = ""
+    ) -> LiveSet[P]:
+        """Declare what config/node/<name>.yaml holds: one of its sections, or all that stands outside of them."""
+        path = find("node", file or self.name)
+        content = read_yaml(path)
+        if not isinstance(content, dict):
+            raise ShakeError(f"{path}: expected names and values")
+        sections = {name: content.pop(name) for name in list(content) if isinstance(content[name], dict)}
+        if not section:
+            return self.parameters.declare(kind.from_mapping(content, str(path)), accept=accept)
+        found = kind.from_mapping(sections.get(section, {}), f"{path}: {section}")
+        return self.parameters.declare(found, f"{section}.", accept)
 
     @property
     def sample_time(self) -> float:
@@ -235,6 +248,24 @@ class Frame:
         """A reader of a sampled topic; see `Reader`."""
         return Reader(self, topic, accept, refuse, doubled)
 
+    def resolved(self, topic: str) -> str:
+        """Full name of a topic, its remaps applied."""
+        return str(self.node.resolve_topic_name(topic))
+
+    def say(self, level: int, text: str, key: str = "") -> None:
+        """A line on the console, INFO, WARN or ERROR; what has the same key at most once in QUIET seconds."""
+        now = time.monotonic()
+        if key and now - self._said.get(key, -QUIET) < QUIET:
+            return
+        self._said[key] = now
+        log = self.node.get_logger()
+        if level == ERROR:  # rclpy wants one level a line
+            log.error(text)
+        elif level == WARN:
+            log.warning(text)
+        else:
+            log.info(text)
+
     def now(self) -> int:
         """The wall clock, on which real-time stamps lie [ns]."""
         return time.time_ns()
@@ -242,8 +273,8 @@ class Frame:
     def ready(self) -> bool:
         """Whether every awaited topic has its readers and writers."""
         node = self.node
-        return all(node.count_subscribers(topic) >= count for topic, count in self._readers.items()) and all(
-            node.count_publishers(topic) >= count for topic, count in self._sources.items()
+        return all(node.count_subscribers(self.resolved(topic)) >= n for topic, n in self._readers.items()) and all(
+            node.count_publishers(self.resolved(topic)) >= n for topic, n in self._sources.items()
         )
 
     def stop(self) -> None:

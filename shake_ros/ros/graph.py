@@ -28,7 +28,7 @@ from rclpy.node import Node
 from shake_ros.core.quantities import unknown_name
 from shake_ros.entry_points import NODES
 from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, REFERENCE, TOPICS
-from shake_ros.ros.loop import Loop, build_node, ros_context, stopped_by_signals
+from shake_ros.ros.loop import NodeLoop, build_node, ros_context, stopped_by_signals
 
 PR_SET_PDEATHSIG = 1
 POLL = 0.02  # [s]
@@ -288,7 +288,7 @@ def run_composed(
     graph = Graph(nodes, namespace=namespace, domain_id=domain_id, lockstep=lockstep)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     with ros_context([], domain_id=domain_id) as context:
-        loop = Loop(context)
+        loop = NodeLoop(context)
         try:
             for node in sorted(graph.nodes, key=lambda one: one.executable in LAST):
                 build = importlib.import_module(NODES[node.executable].module).build

@@ -6,7 +6,7 @@ the answer to the sample whose stamp they bear. While none comes, the interlock'
 
 from __future__ import annotations
 
-import math
+import functools
 import threading
 from array import array
 from dataclasses import dataclass
@@ -14,23 +14,17 @@ from dataclasses import dataclass
 from shake_ros.bridge.channels import UNITS, BridgeParameters
 from shake_ros.bridge.table_link import Sample, TableLink
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
-from shake_ros.core.safety.interlock import OFF, RUN
+from shake_ros.core.safety.stages import OFF, RUN
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import OK, WARN
-from shake_ros.ros.frame import Frame, node_settings
+from shake_ros.ros.frame import Behaviour, Frame
 from shake_ros.ros.interlock import NodeInterlock
+from shake_ros.ros.sensor_writers import SensorWriters
 from shake_ros.settings import find, read_yaml
 
 WAIT = 0.002  # longest look for a datagram [s]
 RESET_TIME = 200_000_000  # the reset is sent for so long, and the target's answer awaited [ns]
 LATE = 1.5  # periods without a command of our own to the target
-TOPICS = {
-    "position": interface.JOINT_STATES,
-    "acceleration": interface.IMU,
-    "pressure_a": interface.PRESSURE_A,
-    "pressure_b": interface.PRESSURE_B,
-    "pressure_supply": interface.PRESSURE_SUPPLY,
-}
 
 
 @dataclass(frozen=True)
@@ -38,46 +32,41 @@ class HardwareBridgeParameters(Parameters):
     """The node's own settings."""
 
     bridge: str = choice("configuration in config/bridge, or a YAML file")
-    interlock: str = choice("configuration in config/interlock, or a YAML file")
     enabled: bool = quantity("", "the start sequence begins without the service `enable`")
 
 
-class HardwareBridge:
+class HardwareBridge(Behaviour):
     """Samples out, commands in, the interlock between."""
 
-    ticks = False
-
     def __init__(self, frame: Frame) -> None:
-        self.frame = frame
+        super().__init__(frame)
         if frame.lockstep:
             raise ShakeError("lockstep = true: a real table does not wait; hardware_bridge runs in real time only")
-        settings = HardwareBridgeParameters.from_mapping(
-            node_settings("hardware_bridge"), "config/node/hardware_bridge.yaml"
-        )
-        own = frame.parameters.declare(settings).value
+        own = frame.settings(HardwareBridgeParameters).value
         path = find("bridge", own.bridge)
         self._link = TableLink(BridgeParameters.from_mapping(read_yaml(path), str(path)))
         self._late = round(LATE * self._link.parameters.period * 1e9)
-        self._interlock = NodeInterlock(frame, own.interlock, own.enabled, self._before_reset)
-        self._lock = self._interlock.lock
+        self.interlock = NodeInterlock(frame, own.enabled, self._before_reset)
         self._heard = self._answered = self._reset_until = self._published = 0
-        self._confirmed = OFF
-        self._told = False  # that the host has tripped
+        self._confirmed, self._told = OFF, False  # stage of the target; whether it knows that the host has tripped
         self._delays: array[int] = array("q")
-        present = [name for name in UNITS if self._link.parameters.channels[name].present]
-        self._writers = {name: frame.writer(TOPICS[name]) for name in present}
-        frame.reader(interface.VALVE_COMMAND, self._on_command, self._on_refused, self._on_doubled)
+        channels = self._link.parameters.channels
+        self._sensors = SensorWriters(frame, [name for name in UNITS if channels[name].present])
+        frame.reader(
+            interface.VALVE_COMMAND,
+            self._on_command,
+            lambda _, reason: self.interlock.refused(frame.now(), reason),
+            lambda stamp: self.interlock.doubled(frame.now(), stamp),
+        )
         frame.diagnostics.condition = self._condition
-        frame.diagnostics.values |= {name: lambda name=name: self._link.report()[name] for name in self._link.report()}
+        for name in self._link.report():
+            frame.diagnostics.values[name] = functools.partial(lambda one: self._link.report()[one], name)
         frame.diagnostics.values["datagram_to_topic_p50_us"] = self._median_delay
         self._thread = threading.Thread(target=self._run, name="datagrams", daemon=True)
 
     def start(self) -> None:
         """Samples are published from now on."""
         self._thread.start()
-
-    def tick(self, stamp: int, steps: int) -> None:
-        """Keeps no time of its own."""
 
     def finish(self) -> None:
         """The target is asked to stop orderly; its watchdog does the rest."""
@@ -92,41 +81,31 @@ class HardwareBridge:
             sample = self._link.receive(WAIT)
             if sample is not None:
                 self._publish(sample)
-            with self._interlock.guard:
+            with self.interlock:
                 now = self.frame.now()
                 if sample is not None:
                     self._watch(now, sample)
                 elif self._heard:
-                    self._lock.compare(now, "sensor_missing", (now - self._heard) * 1e-9)
-                self._interlock.refresh()
-                if sample is None or now - self._answered > self._late or self._lock.tripped != self._told:
+                    self.interlock.watch(now, "sensor_missing", (now - self._heard) * 1e-9)
+                self.interlock.refresh()
+                if sample is None or now - self._answered > self._late or self.interlock.tripped != self._told:
                     self._answer(now)
 
     def _publish(self, sample: Sample) -> None:
-        for name, writer in self._writers.items():
-            value = sample.values[name]
-            if not math.isnan(value):
-                writer.send(sample.stamp, value)
-            if name == "position":
-                self._delays.append(self.frame.now() - sample.arrival)
+        self._sensors.send(sample.stamp, sample.values)
+        self._delays.append(self.frame.now() - sample.arrival)
         diagnostics = self.frame.diagnostics
-        diagnostics.whole_run.sampled()
-        diagnostics.cycles += 1
+        diagnostics.sampled()
         if self._published:
             diagnostics.missed += max(0, round((sample.stamp - self._published) / self.frame.period) - 1)
         self._published = sample.stamp
 
     def _watch(self, now: int, sample: Sample) -> None:
-        lock, values = self._lock, sample.values
+        lock, values = self.interlock, sample.values
         self._heard, self._confirmed = sample.arrival, sample.stage
-        self._interlock.observe(
-            sample.stamp,
-            values["position"],
-            values["acceleration"],
-            values["pressure_supply"],
-            self._link.loss(now),
-        )
-        lock.compare(now, "clock_jump", self._link.jump())
+        readings = values["position"], values["acceleration"], values["pressure_supply"]
+        lock.observe(sample.stamp, *readings, self._link.loss(now))
+        lock.watch(now, "clock_jump", self._link.jump())
         if now > self._reset_until:
             if sample.tripped:
                 lock.report(now, "target_trip", 1.0, f"interlock of the target: {sample.tripped}")
@@ -135,50 +114,37 @@ class HardwareBridge:
 
     def _answer(self, now: int, stamp: int = -1) -> None:
         """What acts now goes to the target."""
-        u = self._lock.act(now, min(self._confirmed, RUN))
-        self._told = self._lock.tripped
-        self._link.send(u, self._lock.stage, now < self._reset_until, self._told, stamp)
+        u = self.interlock.act(now, min(self._confirmed, RUN))
+        self._told = self.interlock.tripped
+        self._link.send(u, self.interlock.stage, now < self._reset_until, self._told, stamp)
         self._answered = now
 
     def _on_command(self, stamp: int, u: float) -> None:
         now = self.frame.now()
-        with self._interlock.guard:
+        with self.interlock:
             if not self._link.knows(stamp):
-                self._interlock.foreign(now, f"command for {stamp * 1e-9:.6f} s, which no measurement bears")
-                return
+                return self.interlock.foreign(now, f"command for {stamp * 1e-9:.6f} s, which no measurement bears")
             self.frame.diagnostics.latency(now - stamp)
-            self._interlock.command(stamp, u)
-            self._answer(now, stamp)
-
-    def _on_refused(self, stamp: int, reason: str) -> None:
-        with self._interlock.guard:
-            self._interlock.refused(self.frame.now(), reason)
-
-    def _on_doubled(self, stamp: int) -> None:
-        reason = f"second command for {stamp * 1e-9:.6f} s: two publishers on {interface.VALVE_COMMAND.name}?"
-        with self._interlock.guard:
-            self._interlock.foreign(self.frame.now(), reason)
+            self.interlock.command(stamp, u)
+            return self._answer(now, stamp)
 
     def _before_reset(self) -> None:
         """The target is asked to reset as well, and given time to do it."""
         self._reset_until = self.frame.now() + RESET_TIME
-        self._lock.clear("target_trip")
-        self._lock.clear("sensor_missing")
+        self.interlock.clear("target_trip")
+        self.interlock.clear("sensor_missing")
 
     def _median_delay(self) -> str:
         delays, self._delays = sorted(self._delays), array("q")
         return f"{delays[len(delays) // 2] / 1000:.1f}" if delays else ""
 
     def _condition(self) -> tuple[int, str]:
-        p = self._link.parameters
         if self._link.host.session is None:
-            return WARN, f"no answer from the target at {p.address}:{p.port}"
-        level, text = self._interlock.condition()
+            return WARN, f"no answer from the target at {self._link.parameters.address}:{self._link.parameters.port}"
+        level, text = self.interlock.condition()
         if level == OK and self._confirmed != RUN:
             return WARN, f"{text}; the target is not at the stage run"
         return level, text
 
 
-def build(frame: Frame) -> HardwareBridge:
-    """The node in its frame."""
-    return HardwareBridge(frame)
+build = HardwareBridge

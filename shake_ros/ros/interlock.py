@@ -1,4 +1,4 @@
-"""The interlock in a node: its parameters, its services, its words on /diagnostics. Plant and bridge have the same."""
+"""The interlock in a node, one door to it: parameters, services, console, /diagnostics; plant and bridge alike."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ import math
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
 from typing import Any
 
-from shake_ros.core.quantities import ShakeError
+from shake_ros.core.quantities import Parameters, ShakeError, choice
 from shake_ros.core.safety.causes import CAUSES, INDICATE, InterlockParameters
-from shake_ros.core.safety.interlock import RUN, STAGES, Interlock
+from shake_ros.core.safety.interlock import Interlock
 from shake_ros.core.safety.ledger import Trip
 from shake_ros.core.safety.rates import LastSecond
+from shake_ros.core.safety.stages import RUN, STAGES
 from shake_ros.ros import interface
-from shake_ros.ros.diagnostics import ERROR, WARN
+from shake_ros.ros.diagnostics import ERROR, OK, WARN
 from shake_ros.ros.frame import Frame, Reader
 from shake_ros.settings import load_interlock
 
@@ -26,67 +29,113 @@ NOT_FINITE = "command_not_finite"
 TWO_COMMANDERS = "two_commanders"
 
 
+@dataclass(frozen=True)
+class InterlockChoice(Parameters):
+    """Which interlock a node has."""
+
+    configuration: str = choice("configuration in config/interlock, or a YAML file")
+
+
 class NodeInterlock:
-    """One interlock and what the outside sees of it.
+    """One interlock: what comes in, what acts, and what the outside sees of it.
 
     Parameters
     ----------
-    name : configuration in config/interlock, or a YAML file.
     enabled : whether the start sequence begins by itself.
     before_reset : called before the interlock is reset.
 
-    `guard` is held while a service touches the interlock; a node whose samples come in another thread takes it too.
+    In a `with` block no service touches it; a node whose samples come in another thread works in one.
+
+    Attributes
+    ----------
+    core : the interlock without ROS, for who wants to look at it; nodes need not.
+    act, watch, report, clear : its `act`, `compare`, `report` and `clear`.
     """
 
-    def __init__(self, frame: Frame, name: str, enabled: bool, before_reset: Callable[[], None] = lambda: None) -> None:
-        self.frame = frame
-        self.guard = threading.RLock()
+    def __init__(self, frame: Frame, enabled: bool, before_reset: Callable[[], None] = lambda: None) -> None:
+        self._frame = frame
+        self._guard = threading.RLock()
         self._before_reset = before_reset
-        configured = load_interlock(name)
-        self._live = frame.parameters.declare(configured, "interlock.", accept=self._accept)
-        self.references = self._open_reference()
+        chosen = frame.settings(InterlockChoice, "interlock").value
+        self._live = frame.parameters.declare(load_interlock(chosen.configuration), "interlock.")
         self._reference, self._reference_stamp = math.nan, -1
-        self._built = True
-        self.lock = Interlock(self._live.take(), enabled)
-        self._announced = 0
-        self._until_look = 0
-        self._missed = LastSecond()
-        self._asked, self._answered = LastSecond(), LastSecond()
+        self._references = self._open_reference()
+        self._live.accept = self._accept
+        core = self.core = Interlock(self._live.take(), enabled)
+        self.act, self.watch, self.report, self.clear = core.act, core.compare, core.report, core.clear
+        self._announced = self._until_look = 0
+        self._missed, self._asked, self._answered = LastSecond(), LastSecond(), LastSecond()
         self._clock_offset = time.time_ns() - time.monotonic_ns()
-        self._open_services()
+        for service, answer in zip(interface.SERVICES.values(), (self._enable, self._stop, self._reset), strict=True):
+            frame.node.create_service(service.type, service.name, answer)
         frame.diagnostics.condition = self.condition
         frame.diagnostics.values |= {
-            "safe_holds": lambda: self.lock.holds,
-            "stage": lambda: STAGES[self.lock.stage],
-            "span": lambda: f"{self.lock.gain:.3f}",
-            "trips": lambda: " ".join(f"{cause}:{count}" for cause, count in sorted(self.lock.ledger.counts.items())),
+            "safe_holds": lambda: core.holds,
+            "stage": lambda: STAGES[core.stage],
+            "span": lambda: f"{core.gain:.3f}",
+            "trips": lambda: " ".join(f"{cause}:{count}" for cause, count in sorted(core.ledger.counts.items())),
         }
+
+    def __enter__(self) -> NodeInterlock:
+        self._guard.acquire()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._guard.release()
+
+    def _open_reference(self) -> Reader | None:
+        """A reader of the reference, where a cause needs it."""
+        wanted = [name for name in REFERENCED if self._live.value.response(name).active]
+        if wanted and self._frame.lockstep:
+            raise ShakeError(
+                f"interlock.causes.{wanted[0]}: in lock-step it must be 'none' (its reader is not awaited)"
+            )
+        return self._frame.reader(interface.REFERENCE, self._on_reference) if wanted else None
 
     def _accept(self, parameters: InterlockParameters) -> None:
         for name in REFERENCED:
             response = parameters.response(name)
-            if response.active and getattr(self, "_built", False) and self.references is None:
+            if response.active and self._references is None:
                 raise ShakeError(
                     f"causes.{name}.action = '{response.action}': this node reads no reference; start it with an "
                     "interlock that does"
                 )
 
-    def _open_reference(self) -> Reader | None:
-        """A reader of the reference, where a cause needs it."""
-        wanted = [name for name in REFERENCED if self._live.value.response(name).active]
-        if wanted and self.frame.lockstep:
-            raise ShakeError(
-                f"interlock.causes.{wanted[0]}: in lock-step it must be 'none' (its reader is not awaited)"
-            )
-        return self.frame.reader(interface.REFERENCE, self._on_reference) if wanted else None
-
     def _on_reference(self, stamp: int, position: float, *_: float) -> None:
         self._reference, self._reference_stamp = position, stamp
 
+    @property
+    def stage(self) -> int:
+        """Stage of the hydraulics that is asked for."""
+        return self.core.stage
+
+    @property
+    def tripped(self) -> bool:
+        """Whether a hydraulic interlock waits for reset."""
+        return self.core.tripped
+
     def command(self, stamp: int, u: float) -> None:
         """A finite command for the sample at `stamp` [ns]."""
-        self._answered.add(stamp, 1)
-        self.lock.command(stamp, u)
+        if not self._frame.lockstep:
+            self._answered.add(stamp, 1)
+        self.core.command(stamp, u)
+
+    def refused(self, now: int, reason: str) -> None:
+        """A command that is no command: NaN, infinite, unreadable, without a stamp."""
+        with self:
+            self.report(now, NOT_FINITE, 1.0, reason)
+
+    def foreign(self, now: int, reason: str) -> None:
+        """A command that the one controller cannot have sent."""
+        with self:
+            self.report(now, TWO_COMMANDERS, 1.0, reason, stands=False)
+
+    def doubled(self, now: int, stamp: int) -> None:
+        """A command for an instant [ns] that had one, or that is older than the newest."""
+        topic, publishers = self._publishers()
+        self.foreign(now, f"second command for {stamp * 1e-9:.6f} s or before; {publishers} on {topic}")
 
     def observe(
         self, stamp: int, position: float, acceleration: float, supply_pressure: float, loss: float = 0.0
@@ -96,45 +145,50 @@ class NodeInterlock:
         `loss` is the share of a second's samples that were lost on their way here.
         """
         age = stamp - self._reference_stamp
-        reference = self._reference if abs(age) <= NEAR * self.frame.period else math.nan
-        self.lock.observe(stamp, position, acceleration, supply_pressure, reference)
-        if self._reference_stamp >= 0 and self.lock.stage == RUN:
-            self.lock.compare(stamp, "stale_reference", age * 1e-9)
-        if not self.frame.lockstep:
-            self.lock.compare(stamp, "link_loss", max(loss, self._unanswered(stamp)))
+        reference = self._reference if abs(age) <= NEAR * self._frame.period else math.nan
+        self.core.observe(stamp, position, acceleration, supply_pressure, reference)
+        if self._reference_stamp >= 0 and self.stage == RUN:
+            self.watch(stamp, "stale_reference", age * 1e-9)
+        if not self._frame.lockstep:
+            self.watch(stamp, "link_loss", max(loss, self._unanswered(stamp)))
 
     def _unanswered(self, stamp: int) -> float:
         """Share of the last second's samples for which no command came; while none comes, that is a stale command."""
-        if self.lock.commanded:
+        if self.core.commanded:
             self._asked.add(stamp, 1)
         asked = self._asked.total(stamp)
-        if asked * self.frame.sample_time < FILLED:
+        if asked * self._frame.sample_time < FILLED:
             return 0.0
         return 1.0 - min(1.0, self._answered.total(stamp) / asked)
 
-    def _open_services(self) -> None:
-        for service, answer in (
-            (interface.ENABLE, self._enable),
-            (interface.STOP, self._stop),
-            (interface.RESET, self._reset),
-        ):
-            self.frame.node.create_service(service.type, service.name, answer)
+    def tick(self, now: int, missed: int) -> None:
+        """Each period of real time: how many deadlines were missed, and whether the clock has jumped."""
+        if missed:
+            self._missed.add(now, missed)
+        self.watch(now, "deadline_overruns", float(self._missed.total(now)))
+        offset = time.time_ns() - time.monotonic_ns()
+        jump = abs(offset - self._clock_offset) * 1e-9
+        self._clock_offset = offset
+        self.watch(now, "clock_jump", jump)
+        if self._references is not None:
+            self._references.take()
 
     def refresh(self) -> None:
         """Between two samples: take changed parameters, look for a second commander, say what has tripped."""
         self._until_look -= 1
-        if self._until_look < 0 and not self.frame.lockstep:
-            self._until_look = round(LOOKING / self.frame.sample_time)
-            self.look_for_two()
+        if self._until_look < 0 and not self._frame.lockstep:
+            self._until_look = round(LOOKING / self._frame.sample_time)
+            self._look_for_two()
         if self._live.changed:
-            self.lock.apply(self._live.take())
-        if self.lock.ledger.trip_count != self._announced:
-            count = self.lock.ledger.trip_count - self._announced
-            self._announced = self.lock.ledger.trip_count
-            for trip in self.lock.trips[-count:]:
+            self.core.apply(self._live.take())
+        ledger = self.core.ledger
+        if ledger.trip_count != self._announced:
+            for trip in self.core.trips[self._announced - ledger.trip_count :]:
                 self._announce(trip)
+            self._announced = ledger.trip_count
 
     def _announce(self, trip: Trip) -> None:
+        """At once on /diagnostics; on the console each cause once a second, but whatever waits for `reset` always."""
         level = WARN if trip.action == INDICATE else ERROR
         values: dict[str, object] = {
             "cause": trip.cause,
@@ -144,67 +198,53 @@ class NodeInterlock:
             "unit": CAUSES[trip.cause].unit,
             "action": trip.action,
         }
-        self.frame.diagnostics.event("interlock", level, str(trip), values)
-        log = self.frame.node.get_logger()
-        if level == WARN:
-            log.warning(f"{trip.cause}: {trip}", throttle_duration_sec=1.0)
-        else:
-            log.error(f"{trip.action}: {trip}", throttle_duration_sec=1.0)
+        self._frame.diagnostics.event("interlock", level, str(trip), values)
+        waits = "; waits for reset" if trip.latched else ""
+        self._frame.say(level, f"{trip.action}: {trip.cause}: {trip}{waits}", key="" if trip.latched else trip.cause)
 
-    def tick(self, now: int, missed: int) -> None:
-        """Each period of real time: how many deadlines were missed, and whether the clock has jumped."""
-        if missed:
-            self._missed.add(now, missed)
-        self.lock.compare(now, "deadline_overruns", float(self._missed.total(now)))
-        offset = time.time_ns() - time.monotonic_ns()
-        jump = abs(offset - self._clock_offset) * 1e-9
-        self._clock_offset = offset
-        self.lock.compare(now, "clock_jump", jump)
+    def _publishers(self) -> tuple[str, int]:
+        """Full name of the commands' topic, remaps applied, and how many publish on it."""
+        topic = self._frame.resolved(interface.VALVE_COMMAND.name)
+        return topic, self._frame.node.count_publishers(topic)
 
-    def refused(self, now: int, reason: str) -> None:
-        """A command that is no command: NaN, infinite, unreadable."""
-        self.lock.report(now, NOT_FINITE, 1.0, reason)
-
-    def foreign(self, now: int, reason: str) -> None:
-        """A command that the one controller cannot have sent."""
-        self.lock.report(now, TWO_COMMANDERS, 1.0, reason, stands=False)
-
-    def look_for_two(self) -> None:
+    def _look_for_two(self) -> None:
         """Whether more than one node publishes commands."""
-        topic = interface.VALVE_COMMAND.name
-        publishers = self.frame.node.count_publishers(topic)
+        topic, publishers = self._publishers()
         if publishers > 1:
-            self.lock.report(self.lock.now, TWO_COMMANDERS, float(publishers), f"{publishers} publishers on {topic}")
+            self.report(self.core.now, TWO_COMMANDERS, float(publishers), f"{publishers} publishers on {topic}")
         else:
-            self.lock.clear(TWO_COMMANDERS)
+            self.clear(TWO_COMMANDERS)
 
     def condition(self) -> tuple[int, str]:
         """Level and text of the present state."""
-        with self.guard:
-            self.look_for_two()
-            return self.lock.condition()
+        with self:
+            self._look_for_two()
+            return self.core.condition()
 
     def _enable(self, request: Any, response: Any) -> Any:
-        with self.guard:
-            blocked = self.lock.hold_severity and request.data and not self.lock.enabled
+        with self:
+            blocked = request.data and self.core.waits_for_reset
             if not blocked:
-                self.lock.enable(request.data)
-            response.success, response.message = not blocked, self.lock.condition()[1]
+                self.core.enable(request.data)
+            response.success, response.message = not blocked, self.core.condition()[1]
+        self._frame.say(WARN if blocked else OK, f"enable {request.data}: {response.message}")
         return response
 
     def _stop(self, _request: Any, response: Any) -> Any:
-        with self.guard:
-            self.lock.stop(self.lock.now)
-            response.success, response.message = True, self.lock.condition()[1]
+        with self:
+            self.core.stop(self.core.now)
+            response.success, response.message = True, self.core.condition()[1]
         return response
 
     def _reset(self, _request: Any, response: Any) -> Any:
-        with self.guard:
-            self.look_for_two()
+        with self:
+            self._look_for_two()
             self._before_reset()
             self._reference_stamp = -1
-            self.lock.clear("stale_reference")
-            response.success, response.message = self.lock.reset()
+            self.clear("stale_reference")
+            response.success, response.message = self.core.reset()
             if response.success:
-                self.frame.diagnostics.clear()
+                self._frame.diagnostics.clear()
+        what = "reset" if response.success else "reset refused"
+        self._frame.say(OK if response.success else WARN, f"{what}: {response.message}")
         return response

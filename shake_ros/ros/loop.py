@@ -47,7 +47,7 @@ Build = Callable[[Frame], Behaviour]
 def make_executor(context: Context) -> Executor:
     """The events executor where rclpy has one, else the single-threaded one."""
     try:
-        from rclpy.experimental import EventsExecutor
+        from rclpy.experimental.events_executor import EventsExecutor
     except ImportError:
         return SingleThreadedExecutor(context=context)
     return EventsExecutor(context=context)
@@ -72,7 +72,7 @@ def sleep_until(deadline: int) -> None:
         time.sleep(left * 1e-9)
 
 
-class Loop:
+class NodeLoop:
     """Runs nodes in the calling thread until one of them stops it.
 
     Parameters
@@ -179,10 +179,10 @@ class Loop:
 
 
 @contextmanager
-def stopped_by_signals(loop: Loop) -> Iterator[None]:
+def stopped_by_signals(loop: NodeLoop) -> Iterator[None]:
     """SIGINT and SIGTERM end the loop between two callbacks; a second one raises KeyboardInterrupt."""
 
-    def handle(number: int, _frame: Any) -> None:
+    def handle(_number: int, _frame: Any) -> None:
         if loop.stopping:
             raise KeyboardInterrupt
         loop.stop()
@@ -244,7 +244,7 @@ def main(build: Build, name: str, arguments: Sequence[str]) -> int:
     if foreign:
         raise ShakeError(f"'{foreign[0]}' is no ROS argument; parameters go behind --ros-args -p name:=value")
     with ros_context(list(arguments)) as context:
-        loop = Loop(context)
+        loop = NodeLoop(context)
         with stopped_by_signals(loop):
             try:
                 loop.add(build_node(build, name, context))

@@ -10,8 +10,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import sys
-from collections.abc import Callable
-from typing import Any, Generic, TypeVar
+from collections.abc import Callable, Collection
+from typing import Any, Generic, TypeVar, cast
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
@@ -43,8 +43,8 @@ def _range(value: Any, metadata: Any) -> dict[str, Any]:
     return {"floating_point_range": [bounds]}
 
 
-def descriptor(name: str, value: Any, metadata: Any) -> ParameterDescriptor:
-    """Descriptor of one field: "meaning [unit]", range, read-only unless live."""
+def descriptor(name: str, value: Any, metadata: Any, live: bool = False) -> ParameterDescriptor:
+    """Descriptor of one field: "meaning [unit]", range, read-only unless `live` or marked so."""
     unit = metadata.get("unit", "")
     meaning = metadata.get("meaning", "")
     names = metadata.get("names", ())
@@ -53,7 +53,7 @@ def descriptor(name: str, value: Any, metadata: Any) -> ParameterDescriptor:
         type=Parameter.Type.from_parameter_value(value).value,
         description=f"{meaning} [{unit}]" if unit else meaning,
         additional_constraints=f"one of {', '.join(names)}" if names else "",
-        read_only=not metadata.get("live", False),
+        read_only=not (live or metadata.get("live", False)),
         **_range(value, metadata),
     )
 
@@ -86,7 +86,7 @@ def flatten(value: Parameters | TableParameters, prefix: str = "") -> dict[str, 
 def replaced(value: P, changes: dict[str, Any]) -> P:
     """A copy of `value` with dotted names changed, checked again; raises ShakeError with the reason."""
     if isinstance(value, TableParameters):
-        return value.with_values(changes)
+        return cast(P, value.with_values(changes))
     direct: dict[str, Any] = {}
     nested: dict[str, dict[str, Any]] = {}
     for name, content in changes.items():
@@ -98,6 +98,22 @@ def replaced(value: P, changes: dict[str, Any]) -> P:
     for head, inner in nested.items():
         direct[head] = replaced(getattr(value, head), inner)
     return value.replace(**direct)
+
+
+def as_double(parameter: Parameter[Any]) -> Parameter[Any]:
+    """An integer, or a text that is a number, as the double that is meant.
+
+    `ros2 param set` reads `1.8e7` by the rules of YAML 1.1, as a text.
+
+    >>> as_double(Parameter("pressure", value="1.8e7")).value, as_double(Parameter("pressure", value="high")).value
+    (18000000.0, 'high')
+    """
+    if parameter.type_ not in (Parameter.Type.INTEGER, Parameter.Type.STRING):
+        return parameter
+    try:
+        return Parameter(parameter.name, Parameter.Type.DOUBLE, float(parameter.value))
+    except ValueError:
+        return parameter
 
 
 def _given(override: Parameter[Any] | None, configured: Any) -> str:
@@ -112,6 +128,11 @@ class LiveSet(Generic[P]):
     value : the set as read from the configuration.
     prefix : of the ROS parameter names, with its dot.
     accept : raises ShakeError where the node cannot use a set that is within its bounds.
+
+    Attributes
+    ----------
+    committed : called once a change that was accepted is in `value`.
+    owner : the parameter whose change exchanges this set for another; the two are not changed together.
     """
 
     def __init__(self, value: P, prefix: str = "", accept: Callable[[P], object] = lambda _: None) -> None:
@@ -119,6 +140,8 @@ class LiveSet(Generic[P]):
         self.prefix = prefix
         self.accept = accept
         self.changed = False
+        self.committed: Callable[[], None] = lambda: None
+        self.owner = ""
 
     def take(self) -> P:
         """The newest accepted set; call it between two samples."""
@@ -134,21 +157,26 @@ class NodeParameters:
         self._sets: list[LiveSet[Any]] = []
         self._owner: dict[str, LiveSet[Any]] = {}
         node.add_on_set_parameters_callback(self._on_set)
+        if hasattr(node, "add_pre_set_parameters_callback"):  # not yet in Humble
+            node.add_pre_set_parameters_callback(self._doubles)
 
-    def declare(self, value: P, prefix: str = "", accept: Callable[[P], object] = lambda _: None) -> LiveSet[P]:
+    def declare(
+        self, value: P, prefix: str = "", accept: Callable[[P], object] = lambda _: None, *, live: bool = False
+    ) -> LiveSet[P]:
         """Declare the fields of `value`; overrides given at the start replace the configured values.
 
-        Raises ShakeError where an override has a wrong type or is out of range.
+        With `live` every one of them may change while the node runs. Raises ShakeError where an override has a wrong
+        type or is out of range.
         """
         entries = flatten(value, prefix)
         overrides = self._node._parameter_overrides  # rclpy offers no public look at them
         changes: dict[str, Any] = {}
         for name, (content, metadata) in entries.items():
             override = overrides.get(name)
-            if isinstance(content, float) and override is not None and override.type_ == Parameter.Type.INTEGER:
-                overrides[name] = Parameter(name, Parameter.Type.DOUBLE, float(override.value))
+            if isinstance(content, float) and override is not None:
+                overrides[name] = as_double(override)
             try:
-                given = self._node.declare_parameter(name, content, descriptor(name, content, metadata)).value
+                given = self._node.declare_parameter(name, content, descriptor(name, content, metadata, live)).value
             except InvalidParameterTypeException:
                 kind = type(content).__name__
                 raise ShakeError(f"parameter {name} = {_given(override, content)} is not of type {kind}") from None
@@ -159,19 +187,43 @@ class NodeParameters:
             if given != content:
                 changes[name[len(prefix) :]] = given
         try:
-            live = LiveSet(replaced(value, changes), prefix, accept)
-            accept(live.value)
+            declared = LiveSet(replaced(value, changes), prefix, accept)
+            accept(declared.value)
         except ShakeError as error:
             raise type(error)(f"parameter {error}") from None
-        self._sets.append(live)
-        self._owner |= dict.fromkeys(entries, live)
-        return live
+        self._sets.append(declared)
+        self._owner |= dict.fromkeys(entries, declared)
+        return declared
 
-    def check_overrides(self) -> None:
-        """Raise UnknownName where the command line or a parameter file names a parameter that this node has not."""
+    def exchange(self, present: LiveSet[P], value: P, *, live: bool = False) -> None:
+        """Put `value`, which may be of another class, in the place of a set: its parameters come, the others go."""
+        for name in [name for name, owner in self._owner.items() if owner is present]:
+            # rclpy undeclares nothing that is read-only
+            del self._node._parameters[name], self._node._descriptors[name], self._owner[name]
+        present.value, present.changed = value, True
+        for name, (content, metadata) in flatten(value, present.prefix).items():
+            made = descriptor(name, content, metadata, live)
+            self._node.declare_parameter(name, content, made, ignore_override=True)
+            self._owner[name] = present
+
+    def check_overrides(self, shared: Collection[str] = ()) -> None:
+        """Raise UnknownName where the command line or a parameter file names a parameter that this node has not.
+
+        Those `shared`, which a file gives to several nodes at once, are left alone with a warning.
+        """
         for name in self._node._parameter_overrides:
-            if name not in self._owner and not name.startswith(OWN_OVERRIDES):
-                raise unknown_name("parameter", name, self._owner)
+            if name in self._owner or name.startswith(OWN_OVERRIDES):
+                continue
+            unknown = unknown_name("parameter", name, self._owner)
+            if name not in shared:
+                raise unknown
+            self._node.get_logger().warning(f"not taken from the shared parameters: {unknown}")
+
+    def _doubles(self, parameters: list[Parameter[Any]]) -> list[Parameter[Any]]:
+        """What is set, with doubles where doubles are meant."""
+        declared = self._node._parameters
+        doubles = {one.name for one in declared.values() if one.type_ == Parameter.Type.DOUBLE}
+        return [as_double(one) if one.name in doubles else one for one in parameters]
 
     def _on_set(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
         """Accept all of the changes or none: build every new set first, swap afterwards."""
@@ -184,6 +236,9 @@ class NodeParameters:
         for live in self._sets:
             if id(live) not in changes:
                 continue
+            if any(parameter.name == live.owner for parameter in parameters):
+                reason = f"set {live.owner} first: it exchanges these parameters"
+                return SetParametersResult(successful=False, reason=reason)
             try:
                 new = replaced(live.value, changes[id(live)])
                 live.accept(new)
@@ -192,4 +247,5 @@ class NodeParameters:
             accepted.append((live, new))
         for live, new in accepted:
             live.value, live.changed = new, True
+            live.committed()
         return SetParametersResult(successful=True)

@@ -15,8 +15,8 @@ from shake_ros.data.recordings.bag import Bag, Message
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK
-from shake_ros.ros.frame import AGAIN, BLOCKED, FAREWELL, Frame, node_settings
-from shake_ros.ros.recorder_node import message_class
+from shake_ros.ros.frame import AGAIN, BLOCKED, FAREWELL, Behaviour, Frame
+from shake_ros.ros.recorded_topics import message_class
 
 LONGEST_SLEEP = 0.1  # a pause looks for a stop this often [s]
 
@@ -33,36 +33,29 @@ class PlayerParameters(Parameters):
     clock_rate: float = quantity("Hz", "of /clock, 0 for none", low=0.0, high=10000.0)
 
 
-class Player:
+class Player(Behaviour):
     """Publishes from a thread of its own with absolute deadlines; ends the node after the last message."""
 
     def __init__(self, frame: Frame) -> None:
-        self.frame = frame
-        self.ticks = False
-        settings = PlayerParameters.from_mapping(node_settings("player"), "config/node/player.yaml")
-        self._own = frame.parameters.declare(settings).value
+        super().__init__(frame)
+        self._own = frame.settings(PlayerParameters).value
         if not self._own.input:
             raise ShakeError("parameter input: the recording to play is needed")
         self._bag = Bag(self._own.input)
-        self._publishers = {name: self._publisher(name) for name in self._chosen()}
-        self._publishers = {name: one for name, one in self._publishers.items() if one is not None}
+        self._clock = frame.writer(interface.CLOCK) if self._own.clock_rate > 0 else None
+        self._publishers = {name: made for name in self._chosen() if (made := self._publisher(name)) is not None}
         if not self._publishers:
             self._bag.close()
             raise ShakeError(f"{self._own.input}: no message to play")
-        self._clock = frame.writer(interface.CLOCK) if self._own.clock_rate > 0 else None
-        self._now = 0
+        self._now, self._error = 0, ""
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._play, name="playing", daemon=True)
-        self._error = ""
-        frame.diagnostics.condition = self._condition
+        frame.diagnostics.condition = lambda: (OK, f"playing {self._own.input}")
         frame.diagnostics.values["played_s"] = lambda: f"{self._now / SECOND:.3f}"
 
     def start(self) -> None:
         """Play, once the awaited readers are there."""
         self._thread.start()
-
-    def tick(self, stamp: int, steps: int) -> None:
-        """Nothing: the thread keeps the time."""
 
     def finish(self) -> None:
         """Stop in the middle, or after the last message."""
@@ -76,8 +69,7 @@ class Player:
     def _chosen(self) -> list[str]:
         """Full names of the topics to play, by full name or last component."""
         available = {name: topic for name, topic in self._bag.topics.items() if topic.count and not topic.refusal}
-        generated = self._own.clock_rate > 0
-        names = [name for name in available if not (generated and name == interface.CLOCK.name)]
+        names = [name for name in available if self._clock is None or name != interface.CLOCK.name]
         wanted = self._own.topics.split()
         for one in wanted:
             if not any(name == one or name.rsplit("/", 1)[-1] == one for name in names):
@@ -90,8 +82,7 @@ class Player:
         if kind is None:
             self.frame.node.get_logger().warning(f"{name}: no Python package for type {topic.type}; left out")
             return None
-        full = name if name.startswith("/") else f"/{name}"
-        return self.frame.node.create_publisher(kind, full, interface.REALTIME_QOS)
+        return self.frame.node.create_publisher(kind, f"/{name.lstrip('/')}", interface.REALTIME_QOS)
 
     def _play(self) -> None:
         try:
@@ -106,14 +97,13 @@ class Player:
 
     def _pass(self) -> int:
         """Play the recording once; returns the number of messages."""
-        count = 0
+        before = self.frame.diagnostics.cycles
         for message, deadline in self._timed():
             if not self._wait(deadline):
                 break
             self._publish(message)
-            count += 1
-        self.frame.diagnostics.cycles += count
-        return count
+            self.frame.diagnostics.cycles += 1
+        return self.frame.diagnostics.cycles - before
 
     def _timed(self) -> Iterator[tuple[Message | None, int]]:
         """Messages and the instants [ns, monotonic] at which they are due; None stands for a tick of /clock."""
@@ -157,10 +147,5 @@ class Player:
                     raise
                 time.sleep(AGAIN)
 
-    def _condition(self) -> tuple[int, str]:
-        return OK, f"playing {self._own.input}"
 
-
-def build(frame: Frame) -> Player:
-    """The node in its frame."""
-    return Player(frame)
+build = Player

@@ -14,7 +14,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import time_message
 from shake_ros.ros.diagnostics import OK, WARN
-from shake_ros.ros.frame import Frame, node_settings
+from shake_ros.ros.frame import Behaviour, Frame
 
 COLUMNS = "order, frequency [Hz], amplitude [m/s^2], phase [rad]"
 AXIS = "x"
@@ -31,15 +31,12 @@ class ThdParameters(Parameters):
     orders: int = quantity("-", "harmonics to fit", low=1, high=200, live=True)
 
 
-class ThdAnalyzer:
+class ThdAnalyzer(Behaviour):
     """Keeps the newest samples; every so many of them, publishes what they hold."""
 
-    ticks = False
-
     def __init__(self, frame: Frame) -> None:
-        self.frame = frame
-        settings = ThdParameters.from_mapping(node_settings("thd_analyzer"), "config/node/thd_analyzer.yaml")
-        self._live = frame.parameters.declare(settings)
+        super().__init__(frame)
+        self._live = frame.settings(ThdParameters)
         capacity = max(8, round(self._live.value.capacity / frame.sample_time))
         self._acceleration = NewestSamples(capacity, frame.sample_time)
         self._reference = NewestSamples(capacity, frame.sample_time)
@@ -53,15 +50,6 @@ class ThdAnalyzer:
         frame.reader(interface.REFERENCE, lambda stamp, *motion: self._reference.add(stamp, motion[2]))
         frame.diagnostics.condition = lambda: self._state
         frame.diagnostics.values["window_restarts"] = lambda: self._acceleration.restarts
-
-    def start(self) -> None:
-        """Waits for samples."""
-
-    def finish(self) -> None:
-        """Nothing to put away."""
-
-    def tick(self, stamp: int, steps: int) -> None:
-        """Keeps no time of its own."""
 
     def _on_acceleration(self, stamp: int, acceleration: float) -> None:
         self._acceleration.add(stamp, acceleration)
@@ -138,6 +126,4 @@ def harmonics_message(found: Harmonics) -> Float64MultiArray:
     return message
 
 
-def build(frame: Frame) -> ThdAnalyzer:
-    """The node in its frame."""
-    return ThdAnalyzer(frame)
+build = ThdAnalyzer

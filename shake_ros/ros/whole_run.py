@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from shake_ros.core.safety.rates import Spread
+from shake_ros.core.safety.rates import Durations
 
 SETTLING = 5_000_000_000  # of the start is left out [ns]
 
@@ -18,8 +18,8 @@ class WholeRun:
     """
 
     def __init__(self, period: int) -> None:
-        self.jitter = Spread()
-        self.latencies = Spread()
+        self.jitter = Durations()
+        self.latencies = Durations()
         self._period = period
         self._first = self._last = -1
 

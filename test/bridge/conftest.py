@@ -13,8 +13,8 @@ from shake_ros.bridge.emulator import Emulator, EmulatorParameters
 from shake_ros.bridge.faults import Switches, parse_fault
 from shake_ros.bridge.host import Host
 from shake_ros.bridge.target import TargetLink
-from shake_ros.core.safety.interlock import RUN
 from shake_ros.core.safety.power_unit import PowerUnitParameters
+from shake_ros.core.safety.stages import RUN
 from shake_ros.settings import find, load_interlock, load_table, read_yaml
 
 MS = 1_000_000
@@ -36,7 +36,7 @@ class Pair:
         )
         self.key = key
         self.host = self.new_host(self.link.address[1])
-        self.newest: wire.Measurement | None = None
+        self.newest: wire.TableDatagram | None = None
 
     def clock(self) -> float:
         """Time of both ends [s]: no pause of this machine is seen by either."""
@@ -46,7 +46,7 @@ class Pair:
         """Another host that knows the key."""
         return Host("127.0.0.1", port, "127.0.0.1", self.key, self.clock)
 
-    def step(self, u: float | None = None, mode: int = RUN, flags: int = 0) -> wire.Measurement | None:
+    def step(self, u: float | None = None, mode: int = RUN, flags: int = 0) -> wire.TableDatagram | None:
         """One period, and those by which `time` went on besides: measured, taken, and answered unless `u` is None."""
         self.time += 1
         steps = self.time - self.stepped
@@ -59,7 +59,7 @@ class Pair:
                 self.host.send(self.newest.sequence, u, mode, flags)
         return came[0] if came else None
 
-    def run(self, steps: int, u: float | None, mode: int = RUN, flags: int = 0) -> list[wire.Measurement]:
+    def run(self, steps: int, u: float | None, mode: int = RUN, flags: int = 0) -> list[wire.TableDatagram]:
         """Many periods; what was measured."""
         return [one for _ in range(steps) if (one := self.step(u, mode, flags)) is not None]
 

@@ -11,12 +11,12 @@ from shake_ros.bridge import wire
 from shake_ros.bridge.faults import parse_fault
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.causes import NUMBERS
-from shake_ros.core.safety.interlock import HIGH, LOW, OFF, RUN
+from shake_ros.core.safety.stages import HIGH, LOW, OFF, RUN
 
 STALE, LOST = 20, 200  # [ms] of config/interlock/target.yaml
 
 
-def stage(measurement: wire.Measurement) -> int:
+def stage(measurement: wire.TableDatagram) -> int:
     return measurement.status & wire.STAGE_MASK
 
 

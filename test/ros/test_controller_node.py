@@ -117,7 +117,7 @@ def test_cancellation_waits_for_the_acceleration_of_each_sample_and_ends_when_to
     bench.play(3, 4)  # the change is taken over at this sample
     bench.until(lambda: bool(bench.accelerations.publisher.get_subscription_count()))
     bench.play(4, 20, acceleration=True)
-    assert bench.node._added is not None
+    assert bench.node._harmonics._state is not None
     assert bench.set("harmonic_cancellation", False) == (True, "")
     bench.play(20, 21, acceleration=True)
     bench.play(21, 24)

@@ -43,7 +43,11 @@ def interlock(name: str, folder: Path) -> str:
 @contextmanager
 def table(link: str, folder: Path) -> Iterator[tuple[dict[str, Any], subprocess.Popen[str] | None]]:
     """Parameters of the table's node, and the emulator's process where there is one."""
-    parameters: dict[str, Any] = {"interlock": interlock("bergamo", folder), "enabled": False, "realtime.enabled": True}
+    parameters: dict[str, Any] = {
+        "interlock.configuration": interlock("bergamo", folder),
+        "enabled": False,
+        "realtime.enabled": True,
+    }
     if link == "plant":
         yield parameters, None
         return

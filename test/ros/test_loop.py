@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from shake_ros.ros.loop import Loop, ros_context
+from shake_ros.ros.loop import NodeLoop, ros_context
 
 LOOKS = 8000
 MOST = 0.1  # [MiB]
@@ -18,7 +18,7 @@ def resident() -> float:
 
 def test_looking_at_services_between_ticks_does_not_grow_the_memory(ros_domain) -> None:
     with ros_context([], domain_id=ros_domain) as context:
-        loop = Loop(context)
+        loop = NodeLoop(context)
         for _ in range(LOOKS // 8):
             loop.attend(0.0)
         before = resident()
@@ -30,7 +30,7 @@ def test_looking_at_services_between_ticks_does_not_grow_the_memory(ros_domain) 
 
 def test_a_stopped_loop_does_not_wait_any_more(ros_domain) -> None:
     with ros_context([], domain_id=ros_domain) as context:
-        loop = Loop(context)
+        loop = NodeLoop(context)
         loop.stop()
         loop.attend(30.0)
         loop.close()

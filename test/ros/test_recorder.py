@@ -96,7 +96,7 @@ def test_lost_samples_show_on_diagnostics(ros_domain, tmp_path):
     with ros_context([], domain_id=ros_domain) as context:
         arguments = ["--ros-args", "-p", f"output:={tmp_path / 'run'}", "-p", "lockstep:=true"]
         recorder = build_node(recorder_node.build, "recorder", context, arguments)
-        receive = recorder._arrived["/shake/joint_states"]
+        receive = next(one for one in recorder.receptions if one.name == "/shake/joint_states").arrived
         for k in (0, 1, 5, 5):
             receive(codec(interface.JOINT_STATES).encode(SECOND + k * 1_000_000, (0.0,)))
         values = {item.key: item.value for item in recorder.frame.diagnostics.status().values}

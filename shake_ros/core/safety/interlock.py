@@ -18,10 +18,9 @@ import numpy as np
 from shake_ros.core.safety import sensors
 from shake_ros.core.safety.causes import CAUSES, SENSED, InterlockParameters
 from shake_ros.core.safety.ledger import HOLDS, STOPS, TRIPS, Ledger, Standing, Trip
+from shake_ros.core.safety.stages import OFF, RUN, STAGES, Stages
 
 SECOND = 1_000_000_000
-OFF, LOW, HIGH, RUN = range(4)
-STAGES = ("off", "low pressure", "high pressure", "run")
 OK, WARN, ERROR = range(3)
 # a sensor that lies is named before what it seems to say
 SENSORS_FIRST = sorted(enumerate(SENSED), key=lambda item: not item[1].startswith("sensor"))
@@ -39,7 +38,6 @@ class Interlock:
 
     def __init__(self, parameters: InterlockParameters, enabled: bool) -> None:
         self.enabled = enabled
-        self.stage = OFF
         self.ledger = Ledger()
         self.holds = 0
         self.gain = 0.0
@@ -49,7 +47,6 @@ class Interlock:
         self._stamp = -1
         self._acting = 0.0
         self._last = -1
-        self._since = -1
         self._observed = -1
         self._position = math.nan
         self._holding = False
@@ -57,9 +54,10 @@ class Interlock:
         self._memory = sensors.fresh_memory()
         self._values = np.zeros(len(SENSED))
         self._limits = np.zeros(len(SENSED))
+        self._stages = Stages()
         self.apply(parameters)
         if enabled:
-            self._sequence(0, RUN)
+            self._stages.advance(0, RUN, RUN, moving=False)
 
     def apply(self, parameters: InterlockParameters) -> None:
         """Take other parameters, between two samples."""
@@ -75,6 +73,7 @@ class Interlock:
         self._jump = self._limit("command_jump")
         self._distance = self._limit("tracking_error")
         self._ramp = parameters.ramp_time * SECOND
+        self._stages.times = 0.0, parameters.low_pressure_time * SECOND, parameters.high_pressure_time * SECOND
         self._rise = parameters.span_time * SECOND
 
     def _limit(self, name: str) -> float:
@@ -178,7 +177,7 @@ class Interlock:
 
     def cut(self) -> None:
         """Valve to null and pressure off at once; where that is not to last, the start sequence follows."""
-        self.stage = OFF
+        self._stages.stage = OFF
         self._acting = self.gain = 0.0
 
     def stop(self, now: int) -> None:
@@ -226,7 +225,7 @@ class Interlock:
                 self._update("command_lost", now, age / SECOND, age > self._lost, "")
         wanted = self._wanted()
         if self.stage != wanted:
-            self._sequence(now, confirmed)
+            self._stages.advance(now, wanted, confirmed, moving=self._acting != 0.0)
         if self.stage != RUN:
             self._acting = self.gain = 0.0
             return 0.0
@@ -258,25 +257,10 @@ class Interlock:
         """The stage to go to."""
         return OFF if self.ledger.severity >= STOPS or not self.enabled else self._ceiling
 
-    def _sequence(self, now: int, confirmed: int) -> None:
-        """Up: stage by stage, each confirmed and for its time. Down: from a hold, then through low pressure."""
-        p = self.parameters
-        times = (0.0, p.low_pressure_time * SECOND, p.high_pressure_time * SECOND)
-        wanted = self._wanted()
-        while self.stage < wanted and confirmed >= self.stage:
-            if self._since < 0 or self.stage == OFF:
-                self._since = now
-            if now - self._since < times[self.stage]:
-                return
-            self.stage += 1
-            self._since = now
-        while self.stage > wanted:
-            if self.stage == RUN and self._acting != 0.0:
-                return
-            if self.stage == LOW and now - self._since < times[LOW]:
-                return
-            self.stage -= 1
-            self._since = now
+    @property
+    def stage(self) -> int:
+        """Stage of the hydraulics that is asked for."""
+        return self._stages.stage
 
     @property
     def hold_severity(self) -> int:
@@ -287,6 +271,11 @@ class Interlock:
     def now(self) -> int:
         """The newest time that it has been told [ns]; −1 before the first."""
         return self._last
+
+    @property
+    def waits_for_reset(self) -> bool:
+        """Whether something latched keeps commands from acting, whoever enables."""
+        return any(one.latched and one.acts >= HOLDS for one in self._active.values())
 
     @property
     def commanded(self) -> bool:
@@ -308,11 +297,6 @@ class Interlock:
     def trips(self) -> list[Trip]:
         """The latest trips, the newest last."""
         return list(self.ledger.trips)
-
-    @property
-    def value(self) -> dict[str, float]:
-        """The sensed values of the last sample by cause."""
-        return dict(zip(SENSED, self._values.tolist(), strict=True))
 
     def condition(self) -> tuple[int, str]:
         """Level and text of the present state."""

@@ -18,7 +18,10 @@ ACKNOWLEDGED = ("position_soft", "position_hard")  # until they are gone, only c
 
 @dataclass(frozen=True)
 class Trip:
-    """What happened, when [ns], with which value against which limit [unit of the cause], and what followed."""
+    """What happened, when [ns], with which value against which limit [unit of the cause], and what followed.
+
+    `latched`: it stands until `reset`.
+    """
 
     cause: str
     time: int
@@ -26,6 +29,7 @@ class Trip:
     limit: float
     action: str
     text: str = ""
+    latched: bool = False
 
     def __str__(self) -> str:
         if self.text:
@@ -67,9 +71,10 @@ class Ledger:
         if standing is None:
             if not stands or not response.active:
                 return
-            trip = dataclasses.replace(seen, limit=response.threshold, action=response.action)
             severity = SEVERITY[response.action]
-            self.active[name] = Standing(trip, severity, response.latch or severity >= STOPS, True)
+            latched = response.latch or severity >= STOPS
+            trip = dataclasses.replace(seen, limit=response.threshold, action=response.action, latched=latched)
+            self.active[name] = Standing(trip, severity, latched, True)
             self.trips.append(trip)
             self.counts[name] += 1
             self.trip_count += 1

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.table import Measurement, Table
 from shake_ros.core.safety.faults import MachineFaults
-from shake_ros.core.safety.interlock import HIGH, LOW, OFF
 from shake_ros.core.safety.power_unit import PowerUnit, PowerUnitParameters
+from shake_ros.core.safety.stages import HIGH, LOW, OFF
 
 REACHED = 0.9  # of its pressure confirms a stage
 NO_FAULT: Mapping[str, float] = {}

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from shake_ros.core.quantities import Parameters, quantity
-from shake_ros.core.safety.interlock import HIGH, LOW
+from shake_ros.core.safety.stages import HIGH, LOW
 
 
 @dataclass(frozen=True)

@@ -36,10 +36,10 @@ class LastSecond:
         return self._sum
 
 
-class Spread:
+class Durations:
     """Percentiles of durations, counted in bins of a microsecond: its memory does not grow.
 
-    >>> spread = Spread()
+    >>> spread = Durations()
     >>> for k in range(1, 1001):
     ...     spread.add(k * 1000)
     >>> spread.count, spread.percentiles()

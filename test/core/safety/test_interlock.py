@@ -12,7 +12,8 @@ import pytest
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.causes import ACTIONS, CAUSES, HYDRAULIC, InterlockParameters
-from shake_ros.core.safety.interlock import ERROR, HIGH, LOW, OFF, OK, RUN, WARN, Interlock
+from shake_ros.core.safety.interlock import ERROR, OK, WARN, Interlock
+from shake_ros.core.safety.stages import HIGH, LOW, OFF, RUN
 from shake_ros.settings import find, load_interlock, read_yaml
 
 MS = 1_000_000

@@ -10,7 +10,8 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.table import Table
-from shake_ros.core.safety.interlock import RUN, Interlock
+from shake_ros.core.safety.interlock import Interlock
+from shake_ros.core.safety.stages import RUN
 from shake_ros.data.reference_program import build_program
 from shake_ros.settings import load_interlock, load_table, load_variant
 

@@ -1,0 +1,126 @@
+"""The topics of a recording: received, counted, timed; message classes by name; qualities of service as rosbag2's."""
+
+from __future__ import annotations
+
+import importlib
+import struct
+import time
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from shake_ros.ros.conversions import SECOND
+from shake_ros.ros.diagnostics import Input
+from shake_ros.ros.frame import FIRST_STAMP, Frame
+from shake_ros.ros.interface import Topic
+from shake_ros.ros.writing_thread import Declaration, WritingThread
+
+STAMP = struct.Struct("<iI")
+
+
+class ReceiptClock:
+    """When a message was received: the newest stamp in lock-step, where two runs give the same; else the wall clock."""
+
+    def __init__(self, frame: Frame) -> None:
+        self._lockstep = frame.lockstep
+        self._newest = FIRST_STAMP
+
+    def stamped(self, stamp: int) -> None:
+        """A sample of this instant [ns] has come."""
+        self._newest = max(self._newest, stamp)
+
+    def now(self) -> int:
+        """[ns]"""
+        return self._newest if self._lockstep else time.time_ns()
+
+
+class Reception:
+    """One topic on its way to the writing thread.
+
+    Parameters
+    ----------
+    profile : to subscribe with. number : of the topic in the recording.
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        topic: Topic,
+        profile: QoSProfile,
+        clock: ReceiptClock,
+        writing: WritingThread,
+        number: int,
+    ) -> None:
+        self.count = 0
+        self._frame, self._topic, self._clock, self._writing, self._number = frame, topic, clock, writing, number
+        self.name = frame.resolved(topic.name)
+        self._input = Input(topic.name, frame.period)
+        self._subscription = frame.node.create_subscription(topic.type, topic.name, self.arrived, profile, raw=True)
+
+    def arrived(self, data: bytes) -> None:
+        """A message, serialised."""
+        if not self.count:
+            self._declare()
+        self.count += 1
+        if self._topic.sampled:
+            seconds, nanoseconds = STAMP.unpack_from(data, 4)
+            stamp = seconds * SECOND + nanoseconds
+            self._input.count(stamp)
+            self._clock.stamped(stamp)
+        self._writing.put(self._number, self._clock.now(), data)
+
+    def _declare(self) -> None:
+        """At the first message: the type and the quality of service that the writers offer."""
+        kind, diagnostics = self._topic.type, self._frame.diagnostics
+        publishers = self._frame.node.get_publishers_info_by_topic(self.name)
+        offered = [profile_of(info.qos_profile) for info in publishers]
+        package = kind.__module__.split(".")[0]
+        self._writing.declare(self._number, Declaration(self.name, f"{package}/msg/{kind.__name__}", offered[:1]))
+        if self._topic.sampled:
+            diagnostics.inputs[self._topic.name] = self._input
+        diagnostics.values[f"{self._topic.name}.count"] = lambda: self.count
+
+    def take(self) -> None:
+        """Take what has arrived but was not yet served."""
+        handle: Any = self._subscription.handle
+        with handle:
+            while (taken := handle.take_message(self._subscription.msg_type, True)) is not None:
+                self.arrived(taken[0])
+
+
+def message_class(name: str) -> Any:
+    """The message class of a type such as sensor_msgs/msg/Imu; None where its package is not installed."""
+    package, _, kind = name.replace("/msg/", "/").partition("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), kind)
+    except (ImportError, AttributeError):
+        return None
+
+
+def matching(offered: list[QoSProfile]) -> QoSProfile:
+    """A profile that every writer of a topic can serve."""
+    profile = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE)
+    if any(one.reliability != ReliabilityPolicy.RELIABLE for one in offered):
+        profile.reliability = ReliabilityPolicy.BEST_EFFORT
+    if all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in offered):
+        profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
+    return profile
+
+
+def profile_of(profile: QoSProfile) -> dict[str, Any]:
+    """A profile in rosbag2's form."""
+
+    def span(duration: Any) -> dict[str, int]:
+        return {"sec": duration.nanoseconds // SECOND, "nsec": duration.nanoseconds % SECOND}
+
+    return {
+        "history": int(profile.history),
+        "depth": int(profile.depth),
+        "reliability": int(profile.reliability),
+        "durability": int(profile.durability),
+        "deadline": span(profile.deadline),
+        "lifespan": span(profile.lifespan),
+        "liveliness": int(profile.liveliness),
+        "liveliness_lease_duration": span(profile.liveliness_lease_duration),
+        "avoid_ros_namespace_conventions": bool(profile.avoid_ros_namespace_conventions),
+    }
