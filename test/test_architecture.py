@@ -26,7 +26,8 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("core.control", "core.observer", "core.reference", "core.analysis", "core.safety"),
     ("core.loop",),
     ("core.identification",),
-    ("core.discovery",),
+    ("core.discovery", "core.measured_harmonics"),
+    ("core.iteration",),  # a model that each run corrects has the effects of core.discovery
     ("settings", "realtime"),
     ("declared",),
     ("data", "bridge"),

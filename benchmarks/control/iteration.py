@@ -19,10 +19,10 @@ import numpy as np
 
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.iteration import Iteration, iterate
 from shake_ros.core.control.runner import Controller
-from shake_ros.core.discovery.model_iteration import iterate_model, refit
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.iteration.drive import Iteration, iterate
+from shake_ros.core.iteration.model import iterate_model, refit
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.loop.metrics import spectrum_of
 from shake_ros.core.observer import OBSERVERS

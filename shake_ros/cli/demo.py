@@ -19,8 +19,8 @@ import yaml
 from shake_ros.cli.measured_runs import ALL, fit_runs, read_problem
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.close_loop import LoopClosure, close_loop
-from shake_ros.core.discovery.measured_runs import MeasuredRuns
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.measured_harmonics.variants import MeasuredRuns
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.fit_records import fit_records

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from shake_ros.cli.progress import Bar
-from shake_ros.core.discovery.measured_models import Comparison, compare
-from shake_ros.core.discovery.measured_runs import MeasuredRuns, Variant, study
 from shake_ros.core.identification.free_parameters import free_parameter
-from shake_ros.core.identification.harmonics import HarmonicProblem, HarmonicRun
-from shake_ros.core.identification.printed_parameters import PrintedParameters
+from shake_ros.core.measured_harmonics.comparison import HarmonicComparison, compare
+from shake_ros.core.measured_harmonics.harmonics import HarmonicProblem, HarmonicRun
+from shake_ros.core.measured_harmonics.printed_parameters import PrintedParameters
+from shake_ros.core.measured_harmonics.variants import MeasuredRuns, Variant, study
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.measured_results import comparison_csv, comparison_json
@@ -36,7 +36,7 @@ PRINTED = {  # key of config/measured/printed.yaml → name of the model
 
 @dataclass(frozen=True)
 class Extensions:
-    """config/discovery/measured_runs.yaml: what the declared model starts from, and extensions alone and on top."""
+    """config/measured/variants.yaml: what the declared model starts from, and extensions alone and on top."""
 
     declared: Sequence[Mapping[str, float]]
     single: Mapping[str, Variant]
@@ -55,7 +55,7 @@ def parser() -> argparse.ArgumentParser:
         nargs="+",
         default=[THESIS_EXTENSION],
         metavar="NAME",
-        help=f"extensions of the declared model to fit, of config/discovery/measured_runs.yaml, or {ALL} "
+        help=f"extensions of the declared model to fit, of config/measured/variants.yaml, or {ALL} "
         f"(default: {THESIS_EXTENSION})",
     )
     p.add_argument(
@@ -104,7 +104,7 @@ def read_problem(path: Path) -> tuple[HarmonicProblem, TableParameters]:
 
 def read_extensions() -> Extensions:
     """Extensions of the declared model from config/discovery."""
-    path = find("discovery", "measured_runs")
+    path = find("measured", "variants")
     content = read_yaml(path)
     entries = {**content["variants"], **content.get("second", {})}
     made = {
@@ -168,7 +168,7 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"written: {arguments.out}")
 
 
-def write(folder: Path, comparison: Comparison) -> None:
+def write(folder: Path, comparison: HarmonicComparison) -> None:
     """All files of the result."""
     text = "\n".join(comparison_lines(comparison)) + "\n"
     (folder / "measured_runs.txt").write_text(text, encoding="utf-8")

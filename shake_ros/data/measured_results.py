@@ -6,8 +6,8 @@ import csv
 import io
 from typing import Any
 
-from shake_ros.core.discovery.measured_models import Comparison, MeasuredModel
-from shake_ros.core.identification.harmonic_account import measured_distortion
+from shake_ros.core.measured_harmonics.account import measured_distortion
+from shake_ros.core.measured_harmonics.comparison import HarmonicComparison, MeasuredModel
 
 SCHEMA = "shake_ros.measured_runs/1"
 
@@ -35,7 +35,7 @@ def _model_json(model: MeasuredModel) -> dict[str, Any]:
     return content
 
 
-def comparison_json(comparison: Comparison) -> dict[str, Any]:
+def comparison_json(comparison: HarmonicComparison) -> dict[str, Any]:
     """All models with every run's amplitudes [m/s²], THD as a ratio."""
     problem = comparison.problem
     measured = measured_distortion(problem).tolist()
@@ -63,7 +63,7 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def comparison_csv(comparison: Comparison) -> str:
+def comparison_csv(comparison: HarmonicComparison) -> str:
     """One row per run and order: command amplitude, frequency, order, measured, then a column per model [m/s²]."""
     problem, models = comparison.problem, comparison.models
     out = io.StringIO()

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from shake_ros.core.discovery.close_loop import LoopClosure
-from shake_ros.core.discovery.measured_runs import MeasuredRuns
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.measured_harmonics.variants import MeasuredRuns
 from shake_ros.data.recordings import TableRecording
 from shake_ros.report import figures_demo
 from shake_ros.report.close_loop_page import model_sections, percent

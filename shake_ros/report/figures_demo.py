@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shake_ros.core.discovery.close_loop import LoopClosure
-from shake_ros.core.discovery.measured_runs import MeasuredRuns
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.measured_harmonics.variants import MeasuredRuns
 from shake_ros.data.recordings import TableRecording
 from shake_ros.report.figures_fit import free_runs, liveliest
 from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, png, tidy

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from shake_ros.core.discovery.measured_models import Comparison, MeasuredModel
-from shake_ros.core.identification.harmonic_account import measured_distortion
-from shake_ros.core.identification.harmonics import HarmonicRun
+from shake_ros.core.measured_harmonics.account import measured_distortion
+from shake_ros.core.measured_harmonics.comparison import HarmonicComparison, MeasuredModel
+from shake_ros.core.measured_harmonics.harmonics import HarmonicRun
 from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
 
 PRINTED = ("#c9d2dc", "#e0a899", BEFORE)  # of the printed models, the last one counts
@@ -21,13 +21,13 @@ def title(run: HarmonicRun) -> str:
     return f"u = {run.amplitude:g} sin(2π {run.frequency:g} t)"
 
 
-def shown(comparison: Comparison) -> list[tuple[MeasuredModel, str]]:
+def shown(comparison: HarmonicComparison) -> list[tuple[MeasuredModel, str]]:
     """The models drawn with their colours: the printed ones and the best fitted one."""
     colours = PRINTED[-len(comparison.printed) :]
     return [*zip(comparison.printed, colours, strict=True), (comparison.chosen, AFTER)]
 
 
-def harmonics_figure(comparison: Comparison) -> Figure:
+def harmonics_figure(comparison: HarmonicComparison) -> Figure:
     """Amplitudes of every run: measured, with printed parameters, after the fit; THD below the title."""
     problem, models = comparison.problem, shown(comparison)
     figure = new_figure(14.0, 4.2)
@@ -54,7 +54,7 @@ def harmonics_figure(comparison: Comparison) -> Figure:
     return figure
 
 
-def traces_figure(comparison: Comparison) -> Figure:
+def traces_figure(comparison: HarmonicComparison) -> Figure:
     """One period of the acceleration of every run; phases are not printed, so there is no measured curve."""
     problem = comparison.problem
     figure = new_figure(14.0, 3.4)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from shake_ros.core.discovery.measured_models import Comparison, MeasuredModel
-from shake_ros.core.identification.harmonic_account import measured_distortion
+from shake_ros.core.measured_harmonics.account import measured_distortion
+from shake_ros.core.measured_harmonics.comparison import HarmonicComparison, MeasuredModel
 
 NAME = 45  # width of a model's name
 
 
-def run_lines(comparison: Comparison, index: int) -> list[str]:
+def run_lines(comparison: HarmonicComparison, index: int) -> list[str]:
     """One run: a row per order's amplitude of each model shown, its error and its THD."""
     problem = comparison.problem
     run, span = problem.runs[index], problem.spans[index]
@@ -54,7 +54,7 @@ def left_out_lines(models: tuple[MeasuredModel, ...]) -> list[str]:
     return lines
 
 
-def comparison_lines(comparison: Comparison) -> list[str]:
+def comparison_lines(comparison: HarmonicComparison) -> list[str]:
     """Runs harmonic by harmonic, then all models against each other."""
     lines = ["amplitude of the acceleration [m/s²] by order; THD of these orders, in brackets of all orders simulated"]
     for index in range(len(comparison.problem.runs)):
@@ -75,7 +75,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
     return lines
 
 
-def exchanged_lines(comparison: Comparison) -> list[str]:
+def exchanged_lines(comparison: HarmonicComparison) -> list[str]:
     """The last printed model with one group of parameters from the fit at a time."""
     if not comparison.exchanged:
         return []
@@ -86,7 +86,7 @@ def exchanged_lines(comparison: Comparison) -> list[str]:
     ]
 
 
-def second_lines(comparison: Comparison) -> list[str]:
+def second_lines(comparison: HarmonicComparison) -> list[str]:
     """Whether a second effect pays, by the criterion and by the runs left out."""
     base = comparison.chosen
     if not comparison.seconds or base.fitted is None or base.left_out is None:

@@ -15,8 +15,8 @@ from closed_loops import command
 from shake_ros import __main__
 from shake_ros.cli import demo, measured_runs
 from shake_ros.cli.progress import Bar
-from shake_ros.core.discovery.measured_runs import MeasuredRuns
 from shake_ros.core.effects import EFFECTS
+from shake_ros.core.measured_harmonics.variants import MeasuredRuns
 from shake_ros.core.quantities import UnknownName
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
 from shake_ros.report.demo_page import Tracking
@@ -29,7 +29,7 @@ TIME = np.arange(3000) * 0.001
 @pytest.fixture(scope="module")
 def measured() -> MeasuredRuns:
     """The five measured runs with the variant that explains them, from fewer starts than the demo's."""
-    content = read_yaml(find("discovery", "measured_runs"))
+    content = read_yaml(find("measured", "variants"))
     zone = content["variants"]["soft_zone"]
     few = {"declared": content["declared"], "variants": {"soft_zone": {**zone, "trials": zone["trials"][:1]}}}
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shake_ros.cli import iterate
-from shake_ros.core.control.iteration import integrate
+from shake_ros.core.iteration.drive import integrate
 from shake_ros.data.reference_program import build_program
 
 

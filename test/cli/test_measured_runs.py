@@ -15,9 +15,9 @@ import pytest
 import yaml
 
 from shake_ros.cli import measured_runs
-from shake_ros.core.discovery import left_out_runs
-from shake_ros.core.discovery import measured_runs as studies
-from shake_ros.core.identification.harmonic_account import account
+from shake_ros.core.measured_harmonics import left_out_runs
+from shake_ros.core.measured_harmonics import variants as studies
+from shake_ros.core.measured_harmonics.account import account
 from shake_ros.settings import find, load_table
 
 RUNS = {

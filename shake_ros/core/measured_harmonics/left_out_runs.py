@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shake_ros.core.discovery.measured_runs import LONG, SHORT
 from shake_ros.core.identification.fit import Fit, fit
-from shake_ros.core.identification.harmonics import HarmonicProblem
+from shake_ros.core.measured_harmonics.harmonics import HarmonicProblem
+from shake_ros.core.measured_harmonics.variants import LONG, SHORT
 
 NEIGHBOURS = 3  # random starts around the solution of all runs, beside that solution itself
 SPREAD = 0.3  # their logarithmic standard deviation

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.analysis.thd import total_harmonic_distortion
-from shake_ros.core.identification.harmonics import HarmonicProblem, amplitudes
+from shake_ros.core.measured_harmonics.harmonics import HarmonicProblem, amplitudes
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from shake_ros.core.analysis.thd import harmonics
-from shake_ros.core.identification.harmonic_account import HarmonicAccount, account, measured_distortion
-from shake_ros.core.identification.harmonics import HarmonicProblem, HarmonicRun
+from shake_ros.core.measured_harmonics.account import HarmonicAccount, account, measured_distortion
+from shake_ros.core.measured_harmonics.harmonics import HarmonicProblem, HarmonicRun
 from shake_ros.settings import find, load_table, read_yaml
 
 VECTOR = load_table("bergamo").vector()

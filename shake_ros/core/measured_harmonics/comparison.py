@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shake_ros.core.discovery.left_out_runs import NEIGHBOURS, LeftOut, left_out
-from shake_ros.core.discovery.measured_runs import FittedVariant, MeasuredRuns, Progress, Variant, second_effect
-from shake_ros.core.identification.harmonic_account import HarmonicAccount, account
-from shake_ros.core.identification.harmonics import HarmonicProblem
+from shake_ros.core.measured_harmonics.account import HarmonicAccount, account
+from shake_ros.core.measured_harmonics.harmonics import HarmonicProblem
+from shake_ros.core.measured_harmonics.left_out_runs import NEIGHBOURS, LeftOut, left_out
+from shake_ros.core.measured_harmonics.variants import FittedVariant, MeasuredRuns, Progress, Variant, second_effect
 from shake_ros.core.plant.parameters import TableParameters
 
 
@@ -32,7 +32,7 @@ class MeasuredModel:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class HarmonicComparison:
     """Models printed, then fitted: the declared one, single extensions and second ones on top of the best of these.
 
     `best` is the place among `fitted` of the model that explains the runs best by the information criterion without a
@@ -92,7 +92,7 @@ def compare(
     seconds: Sequence[Variant],
     progress: Progress,
     neighbours: int = NEIGHBOURS,
-) -> Comparison:
+) -> HarmonicComparison:
     """Account for every model of a study, and for second effects on top of its best one.
 
     Parameters
@@ -115,4 +115,4 @@ def compare(
     given = tuple(printed_model(problem, name, table) for name, table in printed.items())
     index = single.index(best)
     exchanged = exchanged_models(problem, given[-1], fitted[index]) if given else []
-    return Comparison(problem, given, tuple(fitted), index, tuple(exchanged), tuple(added))
+    return HarmonicComparison(problem, given, tuple(fitted), index, tuple(exchanged), tuple(added))

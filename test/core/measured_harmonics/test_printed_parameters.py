@@ -11,9 +11,9 @@ import yaml
 
 from shake_ros.core.bulk_modulus.ifas import mixture
 from shake_ros.core.effects.soft_zone import factor
-from shake_ros.core.identification.harmonic_account import account
-from shake_ros.core.identification.harmonics import HarmonicProblem, HarmonicRun
-from shake_ros.core.identification.printed_parameters import PrintedParameters
+from shake_ros.core.measured_harmonics.account import account
+from shake_ros.core.measured_harmonics.harmonics import HarmonicProblem, HarmonicRun
+from shake_ros.core.measured_harmonics.printed_parameters import PrintedParameters
 from shake_ros.settings import find, load_table, read_yaml
 
 COLUMNS = {k: PrintedParameters.from_mapping(v, k) for k, v in read_yaml(find("measured", "printed")).items()}

@@ -6,7 +6,7 @@ import hidden_table
 import numpy as np
 import pytest
 
-from shake_ros.core.identification.harmonics import (
+from shake_ros.core.measured_harmonics.harmonics import (
     HarmonicProblem,
     HarmonicRun,
     amplitudes,

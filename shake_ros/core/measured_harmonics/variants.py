@@ -14,7 +14,7 @@ import numpy as np
 
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.harmonics import HarmonicProblem
+from shake_ros.core.measured_harmonics.harmonics import HarmonicProblem
 from shake_ros.core.plant.parameters import TableParameters
 
 SHORT, LONG = 12, 30  # most trial points of a first fit and of a final one

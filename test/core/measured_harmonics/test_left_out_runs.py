@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.left_out_runs import left_out, predicted
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
-from shake_ros.core.identification.harmonics import HarmonicProblem, HarmonicRun
+from shake_ros.core.measured_harmonics.harmonics import HarmonicProblem, HarmonicRun
+from shake_ros.core.measured_harmonics.left_out_runs import left_out, predicted
 from shake_ros.settings import load_table
 
 TABLE = load_table("bergamo")

@@ -4,7 +4,7 @@ A run is played under the model feedforward of the virtual table, and its record
 acceleration) is what an identification needs: the parameters of the declared model and of the effects that it is to
 have are fitted to the error of the free run, from the last model and from each trial of an effect, whichever start is
 the closest. The motion that was missed so moves the inverse of the table and not the reference; where the model can
-become the table, one run is enough. Correcting the reference of `control.iteration` needs a table that answers nearly
+become the table, one run is enough. Correcting the reference of `iteration.drive` needs a table that answers nearly
 linearly, which one with a soft zone does not. Not in the thesis.
 Verified against: the simulated table, with models wrong by known amounts.
 """
@@ -16,11 +16,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.control.iteration import Iteration, converged, error_in_band
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.iteration.drive import Iteration, converged, error_in_band
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 

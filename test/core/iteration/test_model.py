@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.iteration import Iteration
 from shake_ros.core.control.runner import Controller
-from shake_ros.core.discovery.model_iteration import iterate_model, refit, starts
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.iteration.drive import Iteration
+from shake_ros.core.iteration.model import iterate_model, refit, starts
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
