@@ -15,6 +15,8 @@ __version__ = "0.1.0"
 PUBLIC = {  # name → module
     "Discovery": "shake_ros.api.close_loop",
     "close_loop": "shake_ros.api.close_loop",
+    "Comparison": "shake_ros.api.compare",
+    "compare": "shake_ros.api.compare",
     "figures": "shake_ros.api.figures",
     "Frame": "shake_ros.api.frame",
     "frequency_response": "shake_ros.api.frequency_response",
@@ -34,11 +36,15 @@ PUBLIC = {  # name → module
     "response_spectrum": "shake_ros.api.response_spectrum",
     "sensitivity": "shake_ros.api.sensitivity",
     "thd": "shake_ros.api.thd",
+    "TunedController": "shake_ros.api.tune",
+    "tune": "shake_ros.api.tune",
 }
 
 if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.close_loop import Discovery as Discovery
     from shake_ros.api.close_loop import close_loop as close_loop
+    from shake_ros.api.compare import Comparison as Comparison
+    from shake_ros.api.compare import compare as compare
     from shake_ros.api.figures import figures as figures
     from shake_ros.api.frame import Frame as Frame
     from shake_ros.api.frequency_response import frequency_response as frequency_response
@@ -58,6 +64,8 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.response_spectrum import response_spectrum as response_spectrum
     from shake_ros.api.sensitivity import sensitivity as sensitivity
     from shake_ros.api.thd import thd as thd
+    from shake_ros.api.tune import TunedController as TunedController
+    from shake_ros.api.tune import tune as tune
 
 __all__ = list(PUBLIC)
 

@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 
-from shake_ros.api.loops import Entry, Plant, load_plant
-from shake_ros.cli.tune import Cost, gains_of, rounded, text_of
+from shake_ros.api.loops import Combination, Setup, load_setup
+from shake_ros.api.tune import Cost, gains_of, rounded, text_of
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.control.tuning import tune
@@ -67,7 +67,7 @@ def under(feedforward: str, law: str, parameters: Any, beta: Any) -> Callable[[L
     return change
 
 
-def row(plant: Plant, settings: dict[str, Any], label: str, feedforward: str, folder: Path) -> str:
+def row(setup: Setup, settings: dict[str, Any], label: str, feedforward: str, folder: Path) -> str:
     """A law tuned under a feedforward, and what it does."""
     _, beta = load_variant("controller", LAWS["sliding mode"], CONTROLLERS)
     kind, parameters = load_variant("controller", LAWS[label], CONTROLLERS)
@@ -77,14 +77,14 @@ def row(plant: Plant, settings: dict[str, Any], label: str, feedforward: str, fo
     path.write_text(text_of(kind, parameters, []), encoding="utf-8")
     change = under(feedforward, label, parameters, beta)
     fixed = [*settings["fixed"], "feedforward_gain"]
-    cost = Cost(plant, settings, str(path), change)
+    cost = Cost(setup, settings, str(path), change)
     found, _ = tune(gains_of(parameters, fixed), cost, evaluations=settings["evaluations"])
     gains = rounded(found)
-    law = Controller(kind, parameters.replace(**gains), plant.sample_time)
-    courses, loads = plant.courses(plant.settings["references"]), plant.settings["loads"]
-    entry, delay = Entry("", str(path), OBSERVER, "none"), int(plant.settings["delay"])
+    law = Controller(kind, parameters.replace(**gains), setup.sample_time)
+    courses, loads = setup.courses(setup.settings["references"]), setup.settings["loads"]
+    entry, delay = Combination("", str(path), OBSERVER, "none"), int(setup.settings["delay"])
     cases = [(c, load) for load in loads for c in courses]
-    loops = [replace(change(plant.loop(entry, c, load, plant.table(load), delay)), controller=law) for c, load in cases]
+    loops = [replace(change(setup.loop(entry, c, load, setup.table(load), delay)), controller=law) for c, load in cases]
     stroke = loops[0].table.body.stroke
     found_metrics = run_batch(loops, lambda i, run: judge(run, cases[i][0].part, 1.0, stroke))
     line = f"{label:15s}  {feedforward:13s}  {cost(gains):6.4f}"
@@ -99,14 +99,14 @@ def main() -> None:
     parser.add_argument("--save", action="store_true")
     arguments = parser.parse_args()
     began = time.perf_counter()
-    plant = load_plant("default")
+    setup = load_setup("default")
     settings = {**read_yaml(find("tune", "default")), "references": list(REFERENCES)}
     lines = [f"{'law':15s}  {'feedforward':13s}    cost   position [%] of loads   travel [1/s] of loads  unstable"]
     print(lines[0])
     with tempfile.TemporaryDirectory() as folder:
         for label in LAWS:
             for feedforward in FEEDFORWARDS:
-                lines.append(row(plant, settings, label, feedforward, Path(folder)))
+                lines.append(row(setup, settings, label, feedforward, Path(folder)))
                 print(lines[-1], flush=True)
     lines.append(f"in {time.perf_counter() - began:.0f} s")
     if arguments.save:

@@ -50,7 +50,7 @@ class Course:
 
 
 @dataclass(frozen=True)
-class Entry:
+class Combination:
     """A line of a comparison: configurations of controller and observer, and the model they carry."""
 
     label: str
@@ -60,8 +60,8 @@ class Entry:
 
 
 @dataclass
-class Plant:
-    """The plant of a comparison: tables by load, perturbed ones, references, and laws and observers for them."""
+class Setup:
+    """The setup of a comparison: tables by load, perturbed ones, references, and laws and observers for them."""
 
     settings: Mapping[str, Any]
     where: str
@@ -115,7 +115,7 @@ class Plant:
             raise ShakeError(f"{self.where}: record_reference '{self.settings['record_reference']}' is no earthquake")
         return [self.course(base._replace(parameters=base.parameters.replace(record=p)), Path(p).stem) for p in paths]
 
-    def loop(self, entry: Entry, course: Course, load: float, table: TableParameters, delay: int) -> Loop:
+    def loop(self, entry: Combination, course: Course, load: float, table: TableParameters, delay: int) -> Loop:
         """An entry on a table."""
         model = self.model(self.settings["model_load"] if entry.model == "fixed" else load)
         carried = model if entry.model != "none" else None
@@ -139,6 +139,15 @@ class Plant:
             self._feedforwards[key] = law.virtual.follow(course.states)
         return self._feedforwards[key]
 
+    def words(self) -> str:
+        """The plant in a sentence."""
+        s, sensors = self.settings, self.table(self.settings["model_load"]).sensors
+        return (
+            f"Table {s['table']} with {', '.join(f'{k} = {v:g}' for k, v in s['values'].items())}; "
+            f"{1e-3 / s['sample_time']:g} kHz; position with {1e6 * sensors.position_noise:g} µm of noise and "
+            f"{sensors.position_bits} bits over {1e3 * sensors.position_range:g} mm; commands {s['delay']} sample late."
+        )
+
 
 KEYS = (
     "table", "values", "model_values", "sample_time", "delay", "seed", "loads", "model_load", "references",
@@ -146,18 +155,18 @@ KEYS = (
 )  # fmt: skip
 
 
-def load_plant(name: str) -> Plant:
+def load_setup(name: str) -> Setup:
     """The plant of config/compare/<name>.yaml, or of a YAML file."""
     path = find("compare", name)
-    return Plant(strict(read_yaml(path), KEYS, str(path)), str(path))
+    return Setup(strict(read_yaml(path), KEYS, str(path)), str(path))
 
 
-def entries(plant: Plant) -> list[Entry]:
+def combinations(setup: Setup) -> list[Combination]:
     """The lines of a comparison; each configuration is read once, so that a wrong one ends the command at once."""
     result = []
-    for label, content in plant.settings["entries"].items():
-        where = f"{plant.where}: entries: {label}"
-        entry = Entry(str(label), **strict(content, ("controller", "observer", "model"), where))
+    for label, content in setup.settings["entries"].items():
+        where = f"{setup.where}: entries: {label}"
+        entry = Combination(str(label), **strict(content, ("controller", "observer", "model"), where))
         if entry.model not in MODELS:
             raise unknown_name("model", entry.model, MODELS, where)
         load_variant("controller", entry.controller, CONTROLLERS)

@@ -1,0 +1,176 @@
+"""`compare`: the controllers side by side on the same references, loads and perturbed tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from shake_ros.api.loops import Combination, Course, Setup, combinations, load_setup
+from shake_ros.api.progress import Progress, Told
+from shake_ros.core.control.closed_loop import ClosedLoop
+from shake_ros.core.loop.comparison import Outcome, Summary, summarise
+from shake_ros.core.loop.compiled import Loop, run_batch
+from shake_ros.core.loop.metrics import judge
+from shake_ros.core.quantities import unknown_name
+from shake_ros.data.comparison import comparison_json
+from shake_ros.data.results import write_folder, write_json
+from shake_ros.report.comparison_text import HEAD, aligned, load_rows, summary_rows, trouble
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run to be made, and where it stands."""
+
+    loop: Loop
+    entry: str
+    course: Course
+    load: float
+    table: int
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """Controllers on the same references, loads and perturbed tables.
+
+    Attributes
+    ----------
+    settings : of the comparison. plant : in a sentence. outcomes : every run with its figures.
+    summaries : one for each controller. runs : of the case that is drawn, by controller. drawn : that case in words.
+    """
+
+    settings: Mapping[str, Any]
+    plant: str
+    outcomes: Sequence[Outcome]
+    runs: Mapping[str, ClosedLoop]
+    drawn: str
+
+    @property
+    def summaries(self) -> list[Summary]:
+        """Mean and worst figures of each controller."""
+        return summarise(self.outcomes)
+
+    def plot(self) -> Figure:
+        """Errors of each controller over the case that is drawn."""
+        from shake_ros.report.figures_comparison import error_figure
+
+        return error_figure(self.runs)
+
+    def report(self, out: str | Path, force: bool = False) -> None:
+        """Write compare.json and report.html into a new folder."""
+        from shake_ros.report.comparison_page import comparison_page
+
+        def fill(folder: Path) -> None:
+            write_json(folder / "compare.json", comparison_json(self.outcomes, self.summaries, self.settings))
+            page = comparison_page(self.outcomes, self.runs, self.drawn, self.plant)
+            (folder / "report.html").write_text(page, encoding="utf-8")
+
+        write_folder(Path(out), fill, force=force)
+
+    def __repr__(self) -> str:
+        tables = (aligned(HEAD, summary_rows(self.summaries)), "", aligned(*load_rows(self.outcomes)))
+        bad = trouble(self.outcomes) or ["no run was unstable or touched an end stop"]
+        return "\n".join([self.plant, "", *tables, "", *bad])
+
+
+def compare(
+    settings: str | Path = "default",
+    *,
+    quick: bool = False,
+    records: Sequence[str | Path] = (),
+    only: Sequence[str] | None = None,
+    progress: Told = True,
+) -> Comparison:
+    """Run every controller of a comparison on its references, loads and perturbed tables.
+
+    Parameters
+    ----------
+    settings : config/compare/NAME.yaml or a file. quick : two references, one load, four perturbed tables.
+    records : accelerograms in place of the synthetic earthquakes. only : these controllers of the settings alone.
+    progress : whether it is shown, or who is told.
+
+    Raises
+    ------
+    ShakeError
+        Unknown names, keys that the settings should not have, a record that cannot be read.
+
+    Examples
+    --------
+    >>> import shake_ros as sr
+    >>> sr.compare(only=["PD"])
+    Traceback (most recent call last):
+        ...
+    shake_ros.core.quantities.UnknownName: ...
+    """
+    setup = load_setup(str(settings))
+    chosen = _chosen(setup, only)
+    with Progress("compare", progress) as tell:
+        tracks = _courses(setup, quick, records)
+        names = [c.name for c in tracks]
+        drawn = setup.settings["figure_reference"] if setup.settings["figure_reference"] in names else names[-1]
+        tell.span(0.0, 0.1)
+        tell("virtual tables", 0.0)
+        todo = _cases(setup, chosen, tracks, quick)
+        tell.span(0.1, 1.0)
+        outcomes, runs = _run(setup, todo, drawn, tell)
+    place = f"reference {drawn}, {setup.settings['figure_load']:g} kg"
+    return Comparison({**setup.settings, "references": names}, setup.words(), outcomes, runs, place)
+
+
+def _chosen(setup: Setup, labels: Sequence[str] | None) -> list[Combination]:
+    """The combinations of the settings, or those named."""
+    known = combinations(setup)
+    for label in labels or ():
+        if label not in [c.label for c in known]:
+            raise unknown_name("controller", label, [c.label for c in known], setup.where)
+    return [c for c in known if labels is None or c.label in labels]
+
+
+def _courses(setup: Setup, quick: bool, records: Sequence[str | Path]) -> list[Course]:
+    """References of the settings; records take the place of its earthquakes."""
+    names = setup.settings["quick" if quick else "references"]
+    found = setup.courses(names["references"] if quick else names)
+    if records:
+        found = [c for c in found if c.part.frequency > 0.0] + setup.records([str(record) for record in records])
+    return found
+
+
+def _cases(setup: Setup, chosen: Sequence[Combination], tracks: Sequence[Course], quick: bool) -> list[Case]:
+    """Every combination on every reference and load, and on the perturbed tables with the references in turn."""
+    small = setup.settings["quick"]
+    loads = small["loads"] if quick else setup.settings["loads"]
+    others = setup.perturbed(int(small["count"] if quick else setup.settings["perturbed"]["count"]))
+    delay = int(setup.settings["delay"])
+    result = []
+    for entry in chosen:
+        for load in loads:
+            table = setup.table(load)
+            for course in tracks:
+                result.append(Case(setup.loop(entry, course, load, table, delay), entry.label, course, load, -1))
+        for i, (load, table) in enumerate(others):
+            course = tracks[i % len(tracks)]
+            result.append(Case(setup.loop(entry, course, load, table, 0), entry.label, course, load, i))
+    return result
+
+
+def _run(
+    setup: Setup, todo: Sequence[Case], drawn: str, tell: Callable[[str, float], None]
+) -> tuple[list[Outcome], dict[str, ClosedLoop]]:
+    """Outcomes of all cases, and the runs of the case that is drawn by controller."""
+    kept: dict[str, ClosedLoop] = {}
+    load = setup.settings["figure_load"]
+
+    def outcome(index: int, run: ClosedLoop) -> Outcome:
+        case = todo[index]
+        if case.table < 0 and case.load == load and case.course.name == drawn:
+            kept[case.entry] = run
+        limit, stroke = case.loop.controller.parameters.limit, case.loop.table.body.stroke
+        return Outcome(case.entry, case.course.name, case.load, case.table, judge(run, case.course.part, limit, stroke))
+
+    loops = [case.loop for case in todo]
+    found = run_batch(loops, outcome, lambda count: tell(todo[count - 1].entry, count / len(todo)))
+    return found, {case.entry: kept[case.entry] for case in todo if case.entry in kept}
