@@ -11,8 +11,7 @@ from typing import Any, TypeVar
 import yaml
 
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification.free_parameters import Declared
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
 from shake_ros.core.safety.causes import InterlockParameters
 
@@ -129,7 +128,7 @@ def load_variant(kind: str, name: str, family: Mapping[str, type[P]]) -> tuple[s
 def load_table(name: str) -> TableParameters:
     """The table of config/table/<name>.yaml, or of a YAML file given by path."""
     path = find("table", name)
-    return TableParameters.from_mapping(read_yaml(path), str(path))
+    return FULL_LAYOUT.table(read_yaml(path), str(path))
 
 
 def load_interlock(name: str) -> InterlockParameters:
@@ -144,7 +143,7 @@ def load_search(name: str = "search") -> SearchSettings:
     return SearchSettings.from_mapping(read_yaml(path), str(path))
 
 
-def save_table(path: Path, table: Declared, comment: str) -> None:
+def save_table(path: Path, table: TableParameters, comment: str) -> None:
     """Write a table as YAML with a comment on top; an existing file is an error."""
     if path.exists():
         raise ShakeError(f"{path}: exists already")

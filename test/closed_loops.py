@@ -29,7 +29,7 @@ from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.data.recordings import write_table_recording
-from shake_ros.declared import MODELS
+from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import load_search, load_table
 
 SECONDS = 3.0
@@ -100,7 +100,7 @@ def problem_of(learn: list[Record], hold: list[Record]) -> SearchProblem:
 def declared_fit(case: str) -> tuple[Fit, RecordingProblem]:
     """The declared model fitted to the learning recording of a case, from the catalogue's values."""
     problem = RecordingProblem([recording(case, 1, "learn")])
-    free = FreeParameters(load_table("bergamo"), MODELS["full"].free())
+    free = FreeParameters(load_table("bergamo"), free_parameters())
     return fit(problem, free, free.start(), evaluations=15, tolerance=1e-4), problem
 
 
@@ -112,7 +112,7 @@ def named(case: str) -> Named:
         return Named(run.result.search, problem_of(run.learn, run.hold))
     declared, learn = declared_fit(case)
     problem = problem_of(learn.records, [recording(case, 2, "hold")])
-    pool = [c for c in MODELS["full"].candidates() if c.effect in SHORT_LISTS.get(case, (c.effect,))]
+    pool = [c for c in effect_candidates() if c.effect in SHORT_LISTS.get(case, (c.effect,))]
     return Named(forward_selection(problem, declared, tuple(pool)), problem)
 
 

@@ -29,7 +29,7 @@ from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.data.reference_program import build_program
-from shake_ros.declared import MODELS
+from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 SAMPLE_TIME, LATE, RUNS = 0.001, 1, 3
@@ -75,8 +75,8 @@ class Case:
 
 def learnt(case: Case, model: TableParameters, effects: Sequence[str], settings: Iteration) -> TableParameters:
     """The last model of the runs."""
-    free = MODELS["full"].free()
-    chosen = [c for c in MODELS["full"].candidates() if c.effect in effects]
+    free = free_parameters()
+    chosen = [c for c in effect_candidates() if c.effect in effects]
     models, _, _ = iterate_model(
         case.reference[:, 2], model, case.record, lambda m, records: refit(m, free, chosen, records), settings
     )

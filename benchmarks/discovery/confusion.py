@@ -31,7 +31,7 @@ from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.close_loop import close_loop
 from shake_ros.core.identification.recordings import Record
 from shake_ros.data.results import close_loop_json
-from shake_ros.declared import MODELS
+from shake_ros.declared import effect_candidates, model_structure
 from shake_ros.settings import load_search, load_table
 
 SEVERITIES = (0.1, 0.3, 0.03)
@@ -77,7 +77,7 @@ def run(case: Case, pool: tuple[CandidateEffect, ...]) -> dict[str, Any]:
     learn = [r for n, r in records.items() if n.startswith("learn")]
     hold = [r for n, r in records.items() if n.startswith("hold")]
     start = time.perf_counter()
-    model = replace(MODELS["full"].structure(load_table("bergamo")), candidates=pool)
+    model = replace(model_structure(load_table("bergamo")), candidates=pool)
     result = close_loop(model, learn, hold, load_search(), lambda text, part: None)
     seconds = time.perf_counter() - start
     report = close_loop_json(result, [r.name for r in learn], [r.name for r in hold], "full")
@@ -106,7 +106,7 @@ def run(case: Case, pool: tuple[CandidateEffect, ...]) -> dict[str, Any]:
 
 def candidates(quick: bool) -> tuple[CandidateEffect, ...]:
     """The effects that compete."""
-    pool = MODELS["full"].candidates()
+    pool = effect_candidates()
     return tuple(c for c in pool if c.effect in QUICK_POOL) if quick else pool
 
 

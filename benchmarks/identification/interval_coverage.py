@@ -37,7 +37,7 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate, estimates
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
-from shake_ros.declared import MODELS
+from shake_ros.declared import model_structure
 from shake_ros.settings import load_search, load_table
 
 SAME_DEFICIT = 2.0 * 0.693 * 1e-3  # ∫(1 − v/w) dv = ∫(1 − tanh(v/(1 mm/s))) dv for this width w [m/s]
@@ -93,7 +93,7 @@ def fitted(seed: int, length: float, forms: str, saturation: float) -> tuple[hid
             records.append(Record(name, hidden.SAMPLE, other["command"], other["position"], other["acceleration"]))
         else:
             records.append(made(name, truth, other["command"], 7 * seed + len(name), forms))
-    model = MODELS["full"].structure(true_table(truth))
+    model = model_structure(true_table(truth))
     problem = SearchProblem.of(model, records, (), load_search(), lambda text, part: None)
     free = FreeParameters(model.table, model.free)
     result = fit(problem.estimation, free, free.start(), evaluations=20, tolerance=1e-6)

@@ -22,7 +22,7 @@ from shake_ros.core.discovery.declared_fit import identify
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.simulation import run
 from shake_ros.data.recordings import iterate_table_recording, write_table_recording
-from shake_ros.declared import MODELS
+from shake_ros.declared import model_structure
 from shake_ros.settings import load_search, load_table
 
 RATE = 1000  # [Hz]
@@ -48,7 +48,7 @@ def fit_three(seconds: float) -> str:
         position = out[:, 0] + table.sensors.position_noise * noise[0]
         felt = out[:, 2] + table.sensors.acceleration_noise * noise[1]
         records.append(Record(f"run{seed}", 1.0 / RATE, u, position, felt))
-    identify(MODELS["full"].structure(table), records, [], load_search(), lambda text, part: None)
+    identify(model_structure(table), records, [], load_search(), lambda text, part: None)
     return f"identify, three recordings of {seconds:g} s at 1 kHz"
 
 

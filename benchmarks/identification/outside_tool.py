@@ -27,10 +27,11 @@ import numpy as np
 
 from benchmarks import ROOT
 from shake_ros.core.identification.fit import fit
-from shake_ros.core.identification.free_parameters import Declared, FreeParameters
+from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem, low_pass, relative_error
-from shake_ros.core.identification.reduced_model import REDUCED, first_table
-from shake_ros.declared import MODELS
+from shake_ros.core.identification.reduced_model import REDUCED
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.declared import effect_candidates, free_parameters
 
 LEARN = ("SineA02F02", "SineA05F03", "SineA3F08")
 HOLD = ("SineA1F1", "SquareA05F1", "seisme")
@@ -44,16 +45,16 @@ def read(folder: Path, name: str) -> Record:
     return Record(name, float(np.mean(np.diff(table["t_s"]))), table["ut"].copy(), table["position"].copy())
 
 
-def reduced(learn: list[Record], with_friction: bool) -> Declared:
+def reduced(learn: list[Record], with_friction: bool) -> TableParameters:
     """The fitted reduced model."""
-    model, problem = MODELS["reduced"], RecordingProblem(learn, REDUCED)
-    declared = FreeParameters(first_table(learn), model.free())
+    problem = RecordingProblem(learn, REDUCED)
+    declared = FreeParameters(REDUCED.first_table(learn), free_parameters(REDUCED))
     first = fit(problem, declared, declared.start(), evaluations=60)
     if not with_friction:
         return declared.table(first.x)
-    pool = {c.effect: c for c in model.candidates()}
+    pool = {c.effect: c for c in effect_candidates(REDUCED)}
     more = [*pool["coulomb_friction"].free, *pool["friction_asymmetry"].free]
-    extended = FreeParameters(declared.table(first.x), [*model.free(), *more])
+    extended = FreeParameters(declared.table(first.x), [*free_parameters(REDUCED), *more])
     start = extended.x_of({"effects.coulomb_friction.force": START_FRICTION})
     return extended.table(fit(problem, extended, start, evaluations=60).x)
 
@@ -118,7 +119,7 @@ def main() -> None:
         table = reduced(learn, friction)
         seconds = time.perf_counter() - start
 
-        def ours(record: Record, table: Declared = table) -> np.ndarray:
+        def ours(record: Record, table: TableParameters = table) -> np.ndarray:
             return low_pass(REDUCED.run(table, record)[:, 1], record.sample_time)
 
         print(row(title, seconds, errors(list(records.values()), ours)))

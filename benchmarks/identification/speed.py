@@ -27,7 +27,7 @@ from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.plant.simulation import workers
-from shake_ros.declared import MODELS
+from shake_ros.declared import free_parameters, model_structure
 from shake_ros.settings import load_search, load_table
 
 FIELDS = ("coulomb", "rise", "decay", "viscous", "modulus", "internal", "external", "flow")
@@ -72,7 +72,7 @@ def plain_run(x: np.ndarray, commands: np.ndarray, method: str) -> tuple[np.ndar
 
 def simulations(records: list[Record]) -> int:
     """Simulations of all records that a fit from the catalogue's values takes with differences by forward steps."""
-    free = FreeParameters(load_table("bergamo"), MODELS["full"].free())
+    free = FreeParameters(load_table("bergamo"), free_parameters())
     return fit(RecordingProblem(records), free, free.start(), evaluations=200, tolerance=1e-6).evaluations
 
 
@@ -98,7 +98,7 @@ def main() -> None:
     command.add_argument("--evaluations", type=int, help="simulations of a plain fit (default: counted)")
     given = command.parse_args()
     records = recordings(given.seconds)
-    model = MODELS["full"].structure(load_table("bergamo"))
+    model = model_structure(load_table("bergamo"))
 
     def ours(some: list[Record]) -> object:
         return identify(model, some, [], load_search(), lambda text, part: None)

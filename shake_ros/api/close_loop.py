@@ -18,12 +18,12 @@ from shake_ros.core.discovery.remaining import Remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
-from shake_ros.core.identification.free_parameters import Declared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import Benefit
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.data.results import close_loop_json, diagnosis_json, write_folder, write_json
-from shake_ros.declared import recordings_to_make
+from shake_ros.declared import model_structure, recordings_to_make
 from shake_ros.settings import load_search, save_table
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ class Discovery:
     tracking: Benefit | None
 
     @property
-    def table(self) -> Declared:
+    def table(self) -> TableParameters:
         """The fitted table with the effects that were found."""
         return self.closed.final.table
 
@@ -163,7 +163,7 @@ class Discovery:
 
         record = fitted.chosen_record([*self.validation, *self.estimation], recording)
         tables = self.closed.baseline.table, self.table
-        return time_histories(record, *free_runs(record, *tables, self.model.declared.model))
+        return time_histories(record, *free_runs(record, *tables, self.model.declared))
 
     def report(self, folder: str | Path, force: bool = False) -> Path:
         """Write report.json, diagnosis.json, report.html, table.yaml, and tracking.json where there is a tracking.
@@ -225,11 +225,11 @@ def close_loop(
     """
     declared = model.declared
     first, second = fitted.fit_data(estimation, validation, declared.driven_by)
-    structure = declared.structure(model.start(first))
+    structure = model_structure(model.start(first), declared)
     with Progress("close_loop", progress) as bar:
         found = closing.close_loop(structure, first, second, settings or load_search(), bar)
         bar("tracking with the model before and after", 1.0)
         benefit = tracking(found)
         bar("residuals and what would help", 1.0)
-        told = diagnose(found.final.fit, first, second, recordings_to_make(), declared.model)
+        told = diagnose(found.final.fit, first, second, recordings_to_make(), declared)
     return Discovery(model, found, first, second, told, benefit)

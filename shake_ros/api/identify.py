@@ -15,11 +15,11 @@ from shake_ros.core.discovery import declared_fit
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
-from shake_ros.core.identification.free_parameters import Declared
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import IDENTIFY_SCHEMA, diagnosis_json, model_json, write_folder, write_json
-from shake_ros.declared import recordings_to_make
+from shake_ros.declared import model_structure, recordings_to_make
 from shake_ros.settings import load_search, save_table
 
 if TYPE_CHECKING:
@@ -40,14 +40,14 @@ class Identification:
     """
 
     model: Model
-    start: Declared
+    start: TableParameters
     fit: FittedModel
     estimation: Sequence[Record]
     validation: Sequence[Record]
     diagnosis: Diagnosis
 
     @property
-    def table(self) -> Declared:
+    def table(self) -> TableParameters:
         """The fitted table."""
         return self.fit.table
 
@@ -72,7 +72,7 @@ class Identification:
         from shake_ros.report.figures_fit import free_runs, time_histories
 
         record = fitted.chosen_record([*self.validation, *self.estimation], recording)
-        runs = free_runs(record, self.start, self.table, self.model.declared.model)
+        runs = free_runs(record, self.start, self.table, self.model.declared)
         return time_histories(record, *runs, labels=("before the fit", "fitted"))
 
     def report(self, folder: str | Path, force: bool = False) -> Path:
@@ -152,14 +152,14 @@ def identify(
     first, second = fitted.fit_data(estimation, validation, declared.driven_by)
     table = model.start(first)
     if method == "inverse_dynamics":
-        found = declared_fit.identify_inverse(declared.structure(table), first, second, load_search())
+        found = declared_fit.identify_inverse(model_structure(table, declared), first, second, load_search())
         blocks = InverseDynamics(first).blocks()
-        told = diagnose(found.fit, first, second, recordings_to_make(), declared.model, blocks)
+        told = diagnose(found.fit, first, second, recordings_to_make(), declared, blocks)
         return Identification(model, table, found, first, second, told)
     with Progress("identify", progress) as bar:
         bar.span(0.0, 0.85)
-        found = declared_fit.identify(declared.structure(table), first, second, load_search(), bar)
+        found = declared_fit.identify(model_structure(table, declared), first, second, load_search(), bar)
         bar.span(0.85, 1.0)
         bar("residuals and what would help", 0.0)
-        told = diagnose(found.fit, first, second, recordings_to_make(), declared.model)
+        told = diagnose(found.fit, first, second, recordings_to_make(), declared)
     return Identification(model, table, found, first, second, told)

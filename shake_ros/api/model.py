@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from shake_ros.api.frame import Frame
-from shake_ros.core.identification.free_parameters import Declared
-from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.models import MODELS
+from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.declared import MODELS, DeclaredModel
+from shake_ros.declared import declared_table, effect_candidates, free_parameters, late_parameters
 
 
 @dataclass(frozen=True, repr=False)
@@ -28,17 +29,17 @@ class Model:
 
     kind: str
     declared: DeclaredModel
-    table: Declared | None
+    table: TableParameters | None
     changes: Mapping[str, float]
     notes: tuple[str, ...] = ()
 
     @property
     def parameters(self) -> Frame:
         """The parameters that a fit may move: from the start, or only once they explain much of what is left."""
-        table, free = self.table, self.declared.free()
+        table, free = self.table, free_parameters(self.declared)
         rows = [
             (p.name, None if table is None else table.value(p.name), p.unit, p.low, p.high, when)
-            for group, when in ((free, "from the start"), (self.declared.late(), "late"))
+            for group, when in ((free, "from the start"), (late_parameters(self.declared), "late"))
             for p in group
         ]
         return Frame(("parameter", "value", "unit", "low", "high", "freed"), rows)
@@ -46,26 +47,26 @@ class Model:
     @property
     def candidates(self) -> Frame:
         """The effects that the model may lack."""
-        rows = [(c.effect, c.place, ", ".join(c.depends_on), c.strength.name) for c in self.declared.candidates()]
+        rows = [(c.effect, c.place, ", ".join(c.depends_on), c.strength.name) for c in effect_candidates(self.declared)]
         return Frame(("effect", "place", "depends on", "strength"), rows)
 
-    def start(self, records: list[Record]) -> Declared:
+    def start(self, records: list[Record]) -> TableParameters:
         """The table that a fit to these records starts from."""
-        return self.table or self.declared.guess(records).with_values(self.changes)
+        return self.table or self.declared.first_table(records).with_values(self.changes)
 
     def simulate(self, record: Record) -> np.ndarray:
         """Free run of the table over a record from its command alone, shape (n, ≥ 3): position [m], velocity, …"""
-        return self.declared.model.run(self.start([record]), record)
+        return self.declared.run(self.start([record]), record)
 
     def __repr__(self) -> str:
         changed = "".join(f", {name} = {value:g}" for name, value in self.changes.items())
-        where = "starting from the recordings" if self.table is None else f"{len(self.declared.fields)} numbers"
+        where = "starting from the recordings" if self.table is None else f"{len(self.declared.layout.names)} numbers"
         return f"Model({self.kind}, {where}{changed})\n{self.parameters!r}"
 
 
 def model(
     kind: str = "full",
-    table: str | Path | Declared | None = None,
+    table: str | Path | TableParameters | None = None,
     set: Mapping[str, float] | None = None,  # noqa: A002 (the command's option has this name)
 ) -> Model:
     """A declared model of a shaking table.
@@ -97,15 +98,15 @@ def model(
     if kind not in MODELS:
         raise unknown_name("model", kind, MODELS)
     declared = MODELS[kind]
-    changes = {declared.full_name(key): float(value) for key, value in (set or {}).items()}
+    changes = {declared.layout.full_name(key, "set"): float(value) for key, value in (set or {}).items()}
     notes: tuple[str, ...] = ()
     if table is None or isinstance(table, str | Path):
         config = None if table is None else str(table)
-        base = declared.declare(config)
+        base = declared_table(declared, config)
         if base is None and config is not None:
             notes = (f"{config}: declares no beta1 … beta5; the reduced model starts from the recordings alone",)
     else:
         base = table
-        if list(base.fields) != list(declared.fields):
-            raise ShakeError(f"the model {kind} does not take a table that begins with {next(iter(base.fields))}")
+        if base.layout != declared.layout:
+            raise ShakeError(f"the model {kind} does not take a table of the model {base.layout.name}")
     return Model(kind, declared, base and base.with_values(changes), changes, notes)

@@ -33,7 +33,7 @@ def tracking(result: LoopClosure) -> Benefit | None:
     None also for declared models that have no valve to control.
     """
     table, declared = result.final.table, result.baseline.table
-    if not isinstance(table, TableParameters) or not isinstance(declared, TableParameters) or not result.search.steps:
+    if result.model.name != "full" or not result.search.steps:
         return None
     path = find("identification", "tracking")
     settings = TrackingSettings.from_mapping(read_yaml(path), str(path))

@@ -26,7 +26,7 @@ from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.fit_records import fit_records
 from shake_ros.data.recordings import TableRecording, read_table_recording
 from shake_ros.data.results import close_loop_json, write_folder, write_json
-from shake_ros.declared import MODELS
+from shake_ros.declared import model_structure
 from shake_ros.report.demo_page import Tracking, demo_page
 from shake_ros.report.figures_demo import overview
 from shake_ros.settings import find, load_search, load_table, read_yaml, save_table
@@ -165,7 +165,7 @@ def close(
 ) -> tuple[LoopClosure, list[Record], list[Record]]:
     """Step 3: fit the declared model to the recordings, find and add what it lacks."""
     learn, hold = fit_records(recordings["excitation"]), fit_records(recordings["earthquake"])
-    model = MODELS["full"].structure(load_table(settings["declared"]))
+    model = model_structure(load_table(settings["declared"]))
     return close_loop(model, learn, hold, load_search().replace(most_effects=2), bar), learn, hold
 
 

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from shake_ros.api.model import Model, model
 from shake_ros.api.read import Recordings, read
+from shake_ros.core.identification.models import MODELS
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import check_folder
-from shake_ros.declared import DEFAULT_TABLE, MODELS
+from shake_ros.declared import DEFAULT_TABLE
 
 
 def add_data(command: argparse.ArgumentParser, needed: Sequence[str] = ()) -> None:

@@ -28,7 +28,7 @@ from shake_ros.data.fit_records import read_fit_records
 from shake_ros.data.recordings import read_table_recording
 from shake_ros.data.reference_program import build_program
 from shake_ros.data.results import write_folder, write_json
-from shake_ros.declared import MODELS
+from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.report import figures_iteration
 from shake_ros.settings import find, load_table, load_variant, read_yaml, save_table
 
@@ -132,7 +132,7 @@ def _from_recordings(arguments: argparse.Namespace, parameters: Iteration) -> No
 
 def _learning(effects: Sequence[str]) -> Callable[[TableParameters, Sequence[Record]], TableParameters]:
     """`refit` of the declared parameters and those of named effects, to the records of a run."""
-    free, known = MODELS["full"].free(), {c.effect: c for c in MODELS["full"].candidates()}
+    free, known = free_parameters(), {c.effect: c for c in effect_candidates()}
     for effect in effects:
         if effect not in known:
             raise unknown_name("effect", effect, known, "--refit")

@@ -19,7 +19,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.measured_results import comparison_csv, comparison_json
 from shake_ros.data.results import check_folder, write_folder, write_json
-from shake_ros.declared import DEFAULT_TABLE, MODELS
+from shake_ros.declared import DEFAULT_TABLE, free_parameters
 from shake_ros.report.figures_measured import harmonics_figure, traces_figure
 from shake_ros.report.measured_text import comparison_lines
 from shake_ros.report.style import png
@@ -132,7 +132,7 @@ def fit_runs(problem: HarmonicProblem, table: TableParameters, names: Sequence[s
     """The declared model and some of its extensions fitted to the runs."""
     extensions = read_extensions()
     variants = chosen(names, extensions.single, "--extend")
-    return study(table, MODELS["full"].free(), variants, problem, progress, extensions.declared)
+    return study(table, free_parameters(), variants, problem, progress, extensions.declared)
 
 
 def printed_tables(table: TableParameters) -> dict[str, TableParameters]:

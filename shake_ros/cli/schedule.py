@@ -14,14 +14,14 @@ from shake_ros.api.fitted import fit_data
 from shake_ros.cli import fitting
 from shake_ros.cli.progress import Bar
 from shake_ros.core.identification.fit import Fit, fit
-from shake_ros.core.identification.free_parameters import Declared, FreeParameters
+from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import FULL, Record, RecordingProblem, low_pass, relative_error
 from shake_ros.core.identification.schedule import WINDOW, Training, pieces, run_scheduled, train, window_fits
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import check_folder, write_folder, write_json
-from shake_ros.declared import MODELS
+from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.report.schedule_page import schedule_page
 from shake_ros.settings import find, load_table, read_yaml
 
@@ -112,9 +112,9 @@ def simulated(settings: dict[str, Any], table: TableParameters) -> tuple[list[Re
     return learn, [recorded("amplitude doubled", doubled), recorded("sum of sines", total)]
 
 
-def with_effect(settings: dict[str, Any], declared: Fit, windows: list[Record]) -> Declared:
+def with_effect(settings: dict[str, Any], declared: Fit, windows: list[Record]) -> TableParameters:
     """The table with the physical effect, fitted from the best of its trials."""
-    candidate = next((c for c in MODELS["full"].candidates() if c.effect == settings["effect"]), None)
+    candidate = next((c for c in effect_candidates() if c.effect == settings["effect"]), None)
     if candidate is None:
         raise ShakeError(f"config/schedule: unknown effect '{settings['effect']}'")
     free = declared.free.extended(candidate.free)
@@ -133,7 +133,7 @@ def compare(
     windows = pieces(learn)
     if not windows:
         raise ShakeError(f"--learn: no stretch of {WINDOW:g} s")
-    known = {f.name: f for f in MODELS["full"].free()}
+    known = {f.name: f for f in free_parameters()}
     missing = [name for name in settings["parameters"] if name not in known]
     if missing:
         raise ShakeError(f"config/schedule: parameter '{missing[0]}' is not in config/identification/full.yaml")

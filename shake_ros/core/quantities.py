@@ -144,6 +144,26 @@ def check(name: str, value: Any, metadata: Mapping[str, Any], kind: type) -> Any
     return kind(value)
 
 
+def strict_keys(
+    content: Any, known: Iterable[str], where: str, required: Iterable[str] = (), *, kind: str = "parameter"
+) -> Mapping[str, Any]:
+    """`content` as a mapping that has every required key and none but known ones; errors list what is known.
+
+    >>> strict_keys({"mass": 2.0}, ["mass", "length"], "beam.yaml", ["mass"])
+    {'mass': 2.0}
+    """
+    if not isinstance(content, Mapping):
+        raise ShakeError(f"{where}: expected a mapping of names to values, got {type(content).__name__}")
+    names = list(known)
+    for key in content:
+        if key not in names:
+            raise unknown_name(kind, key, names, where)
+    missing = [name for name in required if name not in content]
+    if missing:
+        raise ShakeError(f"{where}: missing {'' if kind == 'parameter' else f'{kind} '}{', '.join(missing)}")
+    return content
+
+
 KINDS: dict[str, type] = {"float": float, "int": int, "bool": bool, "str": str}
 
 
@@ -161,15 +181,9 @@ class Parameters:
     @classmethod
     def from_mapping(cls: type[P], mapping: Mapping[str, Any], where: str) -> P:
         """Build from a YAML mapping; unknown and missing keys are errors that list what is known."""
-        if not isinstance(mapping, Mapping):
-            raise ShakeError(f"{where}: expected a mapping of names to values, got {type(mapping).__name__}")
-        fields = {f.name: f for f in dataclasses.fields(cls)}
-        for key in mapping:
-            if key not in fields:
-                raise unknown_name("parameter", key, fields, where)
-        missing = [n for n, f in fields.items() if f.default is MISSING and n not in mapping]
-        if missing:
-            raise ShakeError(f"{where}: missing {', '.join(missing)}")
+        fields = dataclasses.fields(cls)
+        required = [f.name for f in fields if f.default is MISSING]
+        strict_keys(mapping, [f.name for f in fields], where, required)
         try:
             return cls(**mapping)
         except ShakeError as error:

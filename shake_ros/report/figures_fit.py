@@ -11,8 +11,8 @@ from scipy.signal import welch
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.effects.unlisted import NODES
 from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.free_parameters import Declared
-from shake_ros.core.identification.recordings import FULL, Model, Record, low_pass
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, low_pass
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
 
 LABELS = {
@@ -39,7 +39,9 @@ FUNCTIONS = {  # kind of effects/unlisted.py → its quantity, label and scale
 }
 
 
-def free_runs(record: Record, before: Declared, after: Declared, model: Model = FULL) -> tuple[np.ndarray, np.ndarray]:
+def free_runs(
+    record: Record, before: TableParameters, after: TableParameters, model: DeclaredModel = FULL
+) -> tuple[np.ndarray, np.ndarray]:
     """Free runs of both tables over a recording, columns as the model gives them: position, velocity, acceleration …"""
     return model.run(before, record), model.run(after, record)
 
@@ -119,7 +121,7 @@ def residual_figure(
     after: np.ndarray,
     depends_on: Sequence[str],
     moved_mass: float,
-    model: Model = FULL,
+    model: DeclaredModel = FULL,
 ) -> Figure:
     """Residual force M·(measured − simulated acceleration) against what the effect depends on, before and after.
 

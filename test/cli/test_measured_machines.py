@@ -12,11 +12,11 @@ from shake_ros.__main__ import main
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import RecordingProblem
-from shake_ros.core.identification.reduced_model import REDUCED, first_table
+from shake_ros.core.identification.reduced_model import REDUCED
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced_simulation import run
-from shake_ros.core.plant.small_table import SmallTable
 from shake_ros.data.fit_records import read_fit_records
-from shake_ros.declared import MODELS
+from shake_ros.declared import effect_candidates, free_parameters
 
 
 @pytest.fixture(scope="module")
@@ -72,37 +72,37 @@ def electric(data: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
 
 
 @pytest.fixture(scope="module")
-def electric_fits(electric: dict[str, Path]) -> tuple[SmallTable, SmallTable, dict[str, float]]:
+def electric_fits(electric: dict[str, Path]) -> tuple[TableParameters, TableParameters, dict[str, float]]:
     """The electric table declared linear, with direction-dependent dry friction, and the held-out errors of both."""
     learn = read_fit_records([electric[name] for name in ("SineA02F02", "SineA05F03", "SineA3F08")])[0]
     hold = RecordingProblem(read_fit_records([electric["seisme"]])[0], REDUCED)
-    model, problem = MODELS["reduced"], RecordingProblem(learn, REDUCED)
-    declared = FreeParameters(first_table(learn), model.free())
+    problem = RecordingProblem(learn, REDUCED)
+    declared = FreeParameters(REDUCED.first_table(learn), free_parameters(REDUCED))
     before = fit(problem, declared, declared.start())
-    pool = {c.effect: c for c in model.candidates()}
+    pool = {c.effect: c for c in effect_candidates(REDUCED)}
     more = [*pool["coulomb_friction"].free, *pool["friction_asymmetry"].free]
-    extended = FreeParameters(declared.table(before.x), [*model.free(), *more])
+    extended = FreeParameters(declared.table(before.x), [*free_parameters(REDUCED), *more])
     start = extended.x_of({"effects.coulomb_friction.force": 50.0})
     after = fit(problem, extended, start, evaluations=60)
     tables = declared.table(before.x), extended.table(after.x)
     errors = [hold.errors(table.vector())["seisme"]["velocity"] for table in tables]
-    assert isinstance(tables[0], SmallTable)
-    assert isinstance(tables[1], SmallTable)
+    assert isinstance(tables[0], TableParameters)
+    assert isinstance(tables[1], TableParameters)
     return tables[0], tables[1], dict(zip(("before", "after"), errors, strict=True))
 
 
-def steady(table: SmallTable, command: float) -> float:
+def steady(table: TableParameters, command: float) -> float:
     return float(run(table, np.full(600, command), 0.005)[-1, 1])
 
 
 def test_dry_friction_that_differs_by_direction_halves_the_error_of_the_electric_table(
-    electric_fits: tuple[SmallTable, SmallTable, dict[str, float]],
+    electric_fits: tuple[TableParameters, TableParameters, dict[str, float]],
 ) -> None:
     assert electric_fits[2]["after"] < 0.65 * electric_fits[2]["before"]
 
 
 def test_the_fit_knows_what_is_known_of_the_electric_table(
-    electric: dict[str, Path], electric_fits: tuple[SmallTable, SmallTable, dict[str, float]]
+    electric: dict[str, Path], electric_fits: tuple[TableParameters, TableParameters, dict[str, float]]
 ) -> None:
     table = electric_fits[1]
     assert steady(table, 0.35) == pytest.approx(9.1, rel=0.1)

@@ -37,8 +37,7 @@ class CandidateEffect:
     @property
     def neutral(self) -> float:
         """Value of the strength at which the effect is absent."""
-        default: Any = FIELDS[self.strength.name].default
-        return float(default)
+        return float(getattr(EFFECTS[self.effect](), self.strength.name.rpartition(".")[2]))
 
     @property
     def signed(self) -> bool:

@@ -11,7 +11,7 @@ from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchPro
 from shake_ros.core.discovery.remaining import Remaining, remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import FULL, Model, Record
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class LoopClosure:
     search: Selection
     remaining: Remaining
     noise: dict[str, float]
-    model: Model = FULL
+    model: DeclaredModel = FULL
 
     @property
     def final(self) -> FittedModel:

@@ -15,9 +15,10 @@ from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchPro
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.axis_model import InverseDynamics
 from shake_ros.core.identification.fit import Fit, fit
-from shake_ros.core.identification.free_parameters import Declared, FreeParameters
+from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.identification.uncertainty import Estimate, estimates
+from shake_ros.core.plant.parameters import TableParameters
 
 Errors = dict[str, dict[str, float]]
 
@@ -27,7 +28,7 @@ class FittedModel:
     """A fitted model with the errors of its free runs on both sets of recordings."""
 
     fit: Fit
-    table: Declared
+    table: TableParameters
     parameters: tuple[Estimate, ...]
     learn: Errors
     hold: Errors

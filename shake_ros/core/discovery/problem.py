@@ -14,8 +14,9 @@ import numpy as np
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.free_parameters import Declared, FreeParameter
-from shake_ros.core.identification.recordings import FULL, Model, Record, RecordingProblem, windows
+from shake_ros.core.identification.free_parameters import FreeParameter
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, RecordingProblem, windows
+from shake_ros.core.plant.parameters import TableParameters
 
 Progress = Callable[[str, float], None]
 FAILED = 1e6  # weighted residual of a simulation that ends in no number
@@ -31,11 +32,11 @@ class ModelStructure:
     explain much of what is left above the noise. candidates : effects that it may lack. simulator : of its free run.
     """
 
-    table: Declared
+    table: TableParameters
     free: tuple[FreeParameter, ...]
     late: tuple[FreeParameter, ...] = ()
     candidates: tuple[CandidateEffect, ...] = ()
-    simulator: Model = FULL
+    simulator: DeclaredModel = FULL
 
 
 def mean_square(residuals: np.ndarray) -> float:

@@ -14,8 +14,8 @@ from scipy.signal import welch
 
 from shake_ros.core.discovery.forward_selection import Selection
 from shake_ros.core.discovery.problem import SearchProblem
-from shake_ros.core.identification.free_parameters import Declared
 from shake_ros.core.identification.recordings import RecordingProblem, low_pass
+from shake_ros.core.plant.parameters import TableParameters
 
 PLACES = {
     "position": "force",
@@ -69,7 +69,9 @@ def band_share(values: np.ndarray, sample_time: float) -> tuple[float, float]:
     return best
 
 
-def residual_series(problem: RecordingProblem, table: Declared) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
+def residual_series(
+    problem: RecordingProblem, table: TableParameters
+) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
     """Residual of a table, what it may depend on, and its ratio to the noise, over all recordings."""
     residuals: list[np.ndarray] = []
     columns: dict[str, list[np.ndarray]] = {}

@@ -6,42 +6,43 @@ signals behind one zero-phase filter, the direction included, is how the EMPS be
 
 from __future__ import annotations
 
+from typing import final
+
 import numpy as np
 
-from shake_ros.core.identification.free_parameters import Declared
-from shake_ros.core.identification.recordings import BLOCK, CUTOFF, Record, low_pass
+from shake_ros.core.identification.recordings import BLOCK, CUTOFF, DeclaredModel, Record, low_pass
 from shake_ros.core.plant.axis import AXIS_LAYOUT, AxisParameters, initial_state, run_batch
-from shake_ros.core.plant.small_table import SmallTable
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 
 
-class AxisModel:
+@final
+class AxisModel(DeclaredModel):
     """Second order, driven by a force [N]; a Record's `commands` are forces here."""
 
+    layout = AXIS_LAYOUT
+    driven_by = "force"
+    candidates_file = "axis_effects"
+
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity [m/s] and acceleration [m/s²] for rows of parameters, each of shape (m, n)."""
+        """Velocity and acceleration for rows of parameters."""
         start = initial_state(record.track[0], record.velocity[0])
         out = run_batch(vectors, start, record.commands, record.sample_time, record.track, standing=record.standing)
         return out[:, :, 1], out[:, :, 2]
 
-    def run(self, table: Declared, record: Record) -> np.ndarray:
+    def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.axis.COLUMNS; the position is the run's own everywhere."""
         start = initial_state(record.track[0], record.velocity[0])
         vectors, standing = table.vector()[None, :], record.standing
         return np.asarray(run_batch(vectors, start, record.commands, record.sample_time, standing=standing)[0])
 
-    def quantities(self, record: Record, simulated: np.ndarray) -> dict[str, np.ndarray]:
-        """What a residual may depend on, each of shape (n,)."""
-        return {
-            "position": record.track,
-            "velocity": record.velocity,
-            "direction": np.sign(record.velocity),
-            "time": np.arange(len(simulated)) * record.sample_time,
-        }
-
-    def moved_mass(self, table: Declared) -> float:
+    def moved_mass(self, table: TableParameters) -> float:
         """Moved mass [kg]."""
         return table.value("axis.mass")
+
+    def first_table(self, records: list[Record]) -> TableParameters:
+        """The axis of least squares over the forces."""
+        return InverseDynamics(records).solve()
 
 
 AXIS = AxisModel()
@@ -49,7 +50,7 @@ PARAMETERS = ("axis.mass", "axis.viscous", "axis.coulomb", "axis.offset")
 SETTLED = 2.0 / CUTOFF  # at both ends of a recording, where the filter still settles [s]
 
 
-def position_errors(table: Declared, records: list[Record]) -> dict[str, float]:
+def position_errors(table: TableParameters, records: list[Record]) -> dict[str, float]:
     """Root mean square position error of the free run per recording [m]; each piece starts where it was measured."""
     squares: dict[str, list[np.ndarray]] = {}
     for record in records:
@@ -86,7 +87,7 @@ class InverseDynamics:
         """Number of the block of time that each residual belongs to, shape (n,)."""
         return self._blocks
 
-    def solve(self) -> SmallTable:
+    def solve(self) -> TableParameters:
         """The axis of least squares.
 
         Raises
@@ -101,4 +102,5 @@ class InverseDynamics:
                 "is the motion rich enough, and do both point the same way?"
             )
         viscous, coulomb = max(viscous, 0.0), max(coulomb, 0.0)
-        return SmallTable(AXIS_LAYOUT, AxisParameters(mass=mass, viscous=viscous, coulomb=coulomb, offset=offset))
+        axis = AxisParameters(mass=mass, viscous=viscous, coulomb=coulomb, offset=offset)
+        return TableParameters(AXIS_LAYOUT, {"axis": axis})

@@ -10,7 +10,7 @@ import numpy as np
 from shake_ros.core.identification.experiments import Benefit, Candidate, advice, benefits
 from shake_ros.core.identification.fit import Fit, jacobian
 from shake_ros.core.identification.identifiability import Identifiability, identifiability
-from shake_ros.core.identification.recordings import CUTOFF, FULL, Model, Record, RecordingProblem
+from shake_ros.core.identification.recordings import CUTOFF, FULL, DeclaredModel, Record, RecordingProblem
 from shake_ros.core.identification.residual_tests import LAGS, ErrorSplit, ResidualTest, error_split, residual_test
 
 
@@ -92,7 +92,7 @@ def diagnose(
     learn: Sequence[Record],
     hold: Sequence[Record],
     candidates: Sequence[Candidate],
-    model: Model = FULL,
+    model: DeclaredModel = FULL,
     blocks: np.ndarray | None = None,
 ) -> Diagnosis:
     """Diagnose a fit.

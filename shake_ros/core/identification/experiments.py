@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from shake_ros.core.identification.fit import Fit, jacobian
-from shake_ros.core.identification.free_parameters import Declared, FreeParameters
+from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.identifiability import Identifiability, deviations_of
-from shake_ros.core.identification.recordings import FULL, Model, Record, RecordingProblem
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, RecordingProblem
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 
 STROKE, PAYLOAD = "body.stroke", "body.specimen_mass"
@@ -92,7 +93,7 @@ def drive(candidate: Candidate, samples: int, sample_time: float) -> np.ndarray:
     return np.asarray(candidate.amplitude * wave / max(float(np.max(np.abs(wave))), 1e-12))
 
 
-def largest_motion(table: Declared, records: Sequence[Record]) -> float:
+def largest_motion(table: TableParameters, records: Sequence[Record]) -> float:
     """How far from the middle a candidate may go [m]."""
     if STROKE in table.fields:
         return 0.5 * WITHIN * table.value(STROKE)
@@ -100,7 +101,7 @@ def largest_motion(table: Declared, records: Sequence[Record]) -> float:
 
 
 def simulated(
-    candidate: Candidate, table: Declared, records: Sequence[Record], model: Model, largest: float
+    candidate: Candidate, table: TableParameters, records: Sequence[Record], model: DeclaredModel, largest: float
 ) -> Record | None:
     """The recording that the candidate would give, with the noise of those at hand; None where it cannot be run."""
     like = max(records, key=lambda r: len(r.commands))
@@ -130,7 +131,7 @@ def benefits(
     known: Identifiability,
     records: Sequence[Record],
     candidates: Sequence[Candidate],
-    model: Model = FULL,
+    model: DeclaredModel = FULL,
 ) -> list[Benefit]:
     """What each candidate would add to a fit, the most helpful first.
 

@@ -4,32 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import Field, dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from shake_ros.core.plant.parameters import FIELDS
-from shake_ros.core.quantities import ShakeError, unknown_name
-
-
-class Declared(Protocol):
-    """What a fit needs of a declared table, whatever its model: numbers by dotted name."""
-
-    @property
-    def fields(self) -> Mapping[str, Field[Any]]:
-        """Fields of all numbers by dotted name, in the order of `vector`."""
-
-    def value(self, name: str) -> float:
-        """Value of a dotted name."""
-
-    def vector(self) -> np.ndarray:
-        """All numbers, shape (len(fields),)."""
-
-    def with_values(self, values: Mapping[str, float]) -> Declared:
-        """A copy with some numbers changed."""
-
-    def to_mapping(self) -> dict[str, Any]:
-        """The content of its YAML file."""
+from shake_ros.core.plant.parameters import FIELDS, TableParameters
+from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
 
 
 @dataclass(frozen=True)
@@ -53,9 +33,7 @@ def free_parameter(
     """A FreeParameter from `{scale:, low:, high:}`; bounds default to those of the quantity among `fields`."""
     if name not in fields:
         raise unknown_name("parameter", name, fields, where)
-    for key in content:
-        if key not in ("scale", "low", "high", "start"):
-            raise unknown_name("key", key, ("scale", "low", "high", "start"), f"{where}: {name}")
+    strict_keys(content, ("scale", "low", "high", "start"), f"{where}: {name}", kind="key")
     metadata = fields[name].metadata
     try:
         scale = float(content["scale"])
@@ -76,7 +54,7 @@ class FreeParameters:
     The fit's vector x holds value/scale of each; `vectors` maps rows of x to full parameter vectors.
     """
 
-    def __init__(self, base: Declared, free: Iterable[FreeParameter]) -> None:
+    def __init__(self, base: TableParameters, free: Iterable[FreeParameter]) -> None:
         self.base = base
         self.free: tuple[FreeParameter, ...] = tuple(free)
         self.names: tuple[str, ...] = tuple(f.name for f in self.free)
@@ -98,7 +76,7 @@ class FreeParameters:
         result[:, self.columns] = rows * self.scale
         return result
 
-    def table(self, x: np.ndarray) -> Declared:
+    def table(self, x: np.ndarray) -> TableParameters:
         """The table with the values of x."""
         values = np.clip(np.asarray(x), self.low, self.high) * self.scale
         return self.base.with_values(dict(zip(self.names, values.tolist(), strict=True)))

@@ -8,18 +8,19 @@ position-dependent effects follow the measured position.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import ClassVar, final
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from shake_ros.core.identification.free_parameters import Declared
 from shake_ros.core.identification.noise import periodic_deviation, resolution, white_deviation
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
 from shake_ros.core.plant.simulation import initial_state, run, run_batch
 from shake_ros.core.plant.states import CLOCK, VELOCITY
+from shake_ros.core.quantities import ShakeError
 
 CUTOFF = 40.0  # bandwidth of the velocity filter [Hz], (6.3.3.2)
 ORDER = 4  # per pass; forward and backward make the thesis's 8
@@ -126,27 +127,64 @@ def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[
     return pieces
 
 
-class Model(Protocol):
-    """What a declared model tells of a recording."""
+class DeclaredModel(ABC):
+    """A declared model: the layout of its tables, and its free runs over recordings. MODELS has all of them by name.
 
+    Attributes
+    ----------
+    layout : of its tables; its name is the model's. driven_by : signal of a recording that a Record's `commands` are.
+    candidates_file : file of config/discovery with the effects it may lack.
+    """
+
+    layout: ClassVar[TableLayout]
+    driven_by: ClassVar[str] = "valve_command"
+    candidates_file: ClassVar[str]
+
+    @property
+    def name(self) -> str:
+        """Its name in MODELS, in config/identification and in the effects' `models`."""
+        return self.layout.name
+
+    @abstractmethod
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
-        """Unfiltered velocity and acceleration for rows of parameters, each of shape (m, n)."""
+        """Unfiltered velocity [m/s] and acceleration [m/s²] for rows of parameters, each of shape (m, n)."""
 
-    def run(self, table: Declared, record: Record) -> np.ndarray:
+    @abstractmethod
+    def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run, shape (n, ≥ 3): position, velocity, acceleration, then columns of the model's own."""
+
+    @abstractmethod
+    def moved_mass(self, table: TableParameters) -> float:
+        """Mass that makes a force of a residual acceleration [kg]; 1 where the model counts in forces per mass."""
+
+    def first_table(self, records: list[Record]) -> TableParameters:
+        """A first guess from the recordings alone; ShakeError where the model cannot do without a declared table."""
+        raise ShakeError(f"the model {self.name} starts from a declared table, not from recordings")
 
     def quantities(self, record: Record, simulated: np.ndarray) -> dict[str, np.ndarray]:
         """What a residual may depend on, each of shape (n,); `simulated` as `run` gives it."""
+        return {
+            "position": record.track,
+            "velocity": record.velocity,
+            "direction": np.sign(record.velocity),
+            **self.inner_quantities(simulated),
+            "time": record.begin + np.arange(len(simulated)) * record.sample_time,
+        }
 
-    def moved_mass(self, table: Declared) -> float:
-        """Mass that makes a force of a residual acceleration [kg]; 1 where the model counts in forces per mass."""
+    def inner_quantities(self, simulated: np.ndarray) -> dict[str, np.ndarray]:
+        """Those among them that are simulated, not measured."""
+        return {}
 
 
-class FullModel:
+@final
+class FullModel(DeclaredModel):
     """The sixth-order table of (6.15)."""
 
+    layout = FULL_LAYOUT
+    candidates_file = "effects"
+
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity and acceleration for rows of parameters, each of shape (m, n)."""
+        """Velocity and acceleration for rows of parameters."""
         starts = np.array([initial_state(v, record.track[0]) for v in vectors])
         starts[:, VELOCITY] = record.velocity[0]
         starts[:, CLOCK] = record.begin
@@ -155,32 +193,22 @@ class FullModel:
         )
         return out[:, :, 0], out[:, :, 1]
 
-    def run(self, table: Declared, record: Record) -> np.ndarray:
+    def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.simulation.COLUMNS."""
-        assert isinstance(table, TableParameters)
         state = initial_state(table.vector(), record.track[0])
         state[VELOCITY], state[CLOCK] = record.velocity[0], record.begin
         dt, standing = record.sample_time, record.standing
         return run(table, record.commands, dt, position=record.track, state=state, standing=standing)
 
-    def quantities(self, record: Record, simulated: np.ndarray) -> dict[str, np.ndarray]:
-        """What a residual may depend on, each of shape (n,)."""
-        load = simulated[:, 3] - simulated[:, 4]
-        opening = simulated[:, 6]
-        return {
-            "position": record.track,
-            "velocity": record.velocity,
-            "direction": np.sign(record.velocity),
-            "load_pressure": load,
-            "valve_opening": opening,
-            "flow": opening * np.sqrt(np.maximum(simulated[:, 5] - np.sign(opening) * load, 0.0)),
-            "time": record.begin + np.arange(len(load)) * record.sample_time,
-        }
-
-    def moved_mass(self, table: Declared) -> float:
+    def moved_mass(self, table: TableParameters) -> float:
         """Declared mass in motion [kg]."""
-        assert isinstance(table, TableParameters)
         return table.moved_mass
+
+    def inner_quantities(self, simulated: np.ndarray) -> dict[str, np.ndarray]:
+        """Load pressure [Pa], spool [-], and the spool times the root of its pressure drop."""
+        load, opening = simulated[:, 3] - simulated[:, 4], simulated[:, 6]
+        drop = np.maximum(simulated[:, 5] - np.sign(opening) * load, 0.0)
+        return {"load_pressure": load, "valve_opening": opening, "flow": opening * np.sqrt(drop)}
 
 
 FULL = FullModel()
@@ -193,7 +221,7 @@ class RecordingProblem:
     independent samples in the filter's band.
     """
 
-    def __init__(self, records: list[Record], model: Model = FULL) -> None:
+    def __init__(self, records: list[Record], model: DeclaredModel = FULL) -> None:
         self.records = records
         self.model = model
         self.velocity_weights = []

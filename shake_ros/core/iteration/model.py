@@ -58,9 +58,7 @@ def refit(
     rows = starts(moved, effects)
     costs = [np.mean(np.square(row)) for row in problem.residuals(moved.vectors(rows))]
     start = rows[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
-    found = moved.table(fit(problem, moved, start, evaluations=EVALUATIONS).x)
-    assert isinstance(found, TableParameters)
-    return found
+    return moved.table(fit(problem, moved, start, evaluations=EVALUATIONS).x)
 
 
 def iterate_model(

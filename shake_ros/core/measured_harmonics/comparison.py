@@ -67,7 +67,6 @@ def fitted_model(problem: HarmonicProblem, fitted: FittedVariant, neighbours: in
     """A fitted model with each run left out once."""
     vector = fitted.fit.free.vectors(fitted.fit.x)[0]
     table = fitted.fit.free.table(fitted.fit.x)
-    assert isinstance(table, TableParameters)
     name = f"with {fitted.name}, fitted" if fitted.name else "declared model, fitted"
     prediction = left_out(problem, fitted.fit, neighbours) if len(problem.runs) > 1 else None
     return MeasuredModel(name, table, account(problem, vector), fitted, prediction)

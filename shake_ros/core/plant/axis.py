@@ -21,8 +21,8 @@ from shake_ros.core.effects.presliding_friction import deflection
 from shake_ros.core.effects.unlisted import FORCE_OF_POSITION, FORCE_OF_VELOCITY, FRICTION_OF_POSITION
 from shake_ros.core.effects.unlisted import value as unlisted
 from shake_ros.core.plant.integration import delayed
+from shake_ros.core.plant.parameters import TableLayout
 from shake_ros.core.plant.simulation import NOTHING, series, workers
-from shake_ros.core.plant.small_table import Layout
 from shake_ros.core.quantities import Parameters, quantity
 
 LONGEST_STEP = 1e-3  # [s] between two evaluations of friction and forces
@@ -43,7 +43,7 @@ class AxisParameters(Parameters):
     offset: float = quantity("N", "offset F_0 of the force", low=-1e7, high=1e7)
 
 
-AXIS_LAYOUT = Layout("axis", "axis", AxisParameters, forces_per_mass=False)
+AXIS_LAYOUT = TableLayout("axis", {"axis": AxisParameters})
 
 
 @njit

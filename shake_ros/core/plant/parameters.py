@@ -1,17 +1,18 @@
 """Parameters of a table: sections as frozen dataclasses, and the flat record that compiled code reads.
 
-A table is a tree of sections (`table`, `supply`, `valve`, `bulk_modulus`, `friction`, `leakage`, `sensors`,
-`effects`). Its dotted names (`valve.flow_coefficient`, `effects.soft_zone.depth`) are the names of a YAML file, of
-ROS parameters, of a fit and of a report; the record's fields are the same names with underscores for dots.
+A table is a tree of sections (`body`, `supply`, `valve`, …) and `effects`. Its dotted names (`valve.flow_coefficient`,
+`effects.soft_zone.depth`) are the names of a YAML file, of ROS parameters, of a fit and of a report; the record's
+fields are the same names with underscores for dots. Its layout tells which sections and effects there are: FULL_LAYOUT
+is that of the sixth-order table (6.15), plant/reduced.py and plant/axis.py have the two others.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import Field, dataclass
+from functools import cached_property
+from typing import Any, Generic, TypeVar, cast
 
 import numpy as np
 
@@ -22,8 +23,17 @@ from shake_ros.core.packing import field_value, name_of, union_fields
 from shake_ros.core.plant.cavitation import Cavitation
 from shake_ros.core.plant.pipelines import Pipelines
 from shake_ros.core.plant.shear_frame import ShearFrame
-from shake_ros.core.quantities import Parameters, ShakeError, quantity, unknown_name
+from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
 from shake_ros.core.valve import VALVES
+
+P = TypeVar("P", bound=Parameters)
+PER_MASS = {  # unit of a force in an effect → unit per moved mass
+    "N": "m/s^2",
+    "N/m": "1/s^2",
+    "N/m^2": "1/(m*s^2)",
+    "N*s^2/m^2": "1/m",
+    "kg": "-",
+}
 
 
 @dataclass(frozen=True)
@@ -70,162 +80,213 @@ class SensorParameters(Parameters):
     pressure_noise: float = quantity("Pa", "standard deviation of the pressure noise", low=0.0, high=1e6, live=True)
 
 
-SECTIONS: dict[str, type[Parameters]] = {
-    "body": Body,
-    "supply": Supply,
-    "valve": Parameters,
-    "bulk_modulus": BulkModulusLaw,
-    "friction": FrictionLaw,
-    "leakage": Leakage,
-    "sensors": SensorParameters,
-    "cavitation": Cavitation,
-    "pipelines": Pipelines,
-    "frame": ShearFrame,
-}
-FAMILIES: dict[str, Mapping[str, type[Parameters]]] = {
-    "valve": VALVES,
-    "bulk_modulus": BULK_MODULI,
-    "friction": FRICTIONS,
-}
-DECLARED_KIND = {
-    "valve": "simplified",
-    "bulk_modulus": "constant",
-    "friction": "tustin",
-}  # where a file's section has no key `kind`
-OPTIONAL = ("cavitation", "pipelines", "frame")  # absent by default, at no cost
+@dataclass(frozen=True)
+class Family:
+    """A section that any member of a family may fill.
+
+    members : classes by the name that a file gives as `kind`. declared : the member of a file that names none.
+    """
+
+    members: Mapping[str, type[Parameters]]
+    declared: str
 
 
-def parameter_names() -> Iterator[tuple[str, dataclasses.Field[Any]]]:
-    """Dotted names of all numbers of a table in the order of the record, with their fields."""
-    for section, cls in SECTIONS.items():
-        fields = (
-            union_fields(FAMILIES[section]) if section in FAMILIES else {f.name: f for f in dataclasses.fields(cls)}
-        )
-        for name, field in fields.items():
-            yield f"{section}.{name}", field
-    for effect, effect_cls in EFFECTS.items():
-        for field in dataclasses.fields(effect_cls):
-            yield f"effects.{effect}.{field.name}", field
+def per_mass(field: Field[Any]) -> Field[Any]:
+    """The field of a force per moved mass; others unchanged."""
+    unit = field.metadata["unit"]
+    if unit not in PER_MASS:
+        return field
+    meaning = f"{field.metadata['meaning']}, per moved mass"
+    made: Field[Any] = dataclasses.field(
+        default=field.default, metadata={**field.metadata, "unit": PER_MASS[unit], "meaning": meaning}
+    )
+    made.name, made.type = field.name, field.type
+    return made
 
 
-FIELDS: dict[str, dataclasses.Field[Any]] = dict(parameter_names())
-NAMES: tuple[str, ...] = tuple(FIELDS)
-INDEX: dict[str, int] = {name: i for i, name in enumerate(NAMES)}
-RECORD = np.dtype([(name.removeprefix("effects.").replace(".", "_"), "f8") for name in NAMES])
+@dataclass(frozen=True)
+class TableLayout:
+    """What the tables of one declared model hold.
+
+    Attributes
+    ----------
+    name : of the declared model, as effects name it.
+    sections : class of each section, or the family that its class is of.
+    optional : sections that a file may leave out; what they describe is absent then, at no cost.
+    forces_per_mass : whether the effects' forces count per moved mass. without : dotted names that mean nothing here.
+    """
+
+    name: str
+    sections: Mapping[str, type[Parameters] | Family]
+    optional: tuple[str, ...] = ()
+    forces_per_mass: bool = False
+    without: tuple[str, ...] = ()
+
+    @cached_property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects that make sense here."""
+        return tuple(name for name, effect in EFFECTS.items() if self.name in effect.models)
+
+    @cached_property
+    def fields(self) -> Mapping[str, Field[Any]]:
+        """Fields of all numbers by dotted name, in the order of the record."""
+        fields: dict[str, Field[Any]] = {}
+        for section, kind in self.sections.items():
+            own = (
+                union_fields(kind.members)
+                if isinstance(kind, Family)
+                else {f.name: f for f in dataclasses.fields(kind)}
+            )
+            fields |= {f"{section}.{name}": field for name, field in own.items()}
+        for effect in self.effects:
+            for field in dataclasses.fields(EFFECTS[effect]):
+                fields[f"effects.{effect}.{field.name}"] = per_mass(field) if self.forces_per_mass else field
+        return {name: field for name, field in fields.items() if name not in self.without}
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Dotted names of all numbers."""
+        return tuple(self.fields)
+
+    @cached_property
+    def index(self) -> Mapping[str, int]:
+        """Place of each dotted name in a parameter vector."""
+        return {name: i for i, name in enumerate(self.names)}
+
+    @cached_property
+    def record(self) -> np.dtype[Any]:
+        """The record that compiled code reads."""
+        return np.dtype([(name.removeprefix("effects.").replace(".", "_"), "f8") for name in self.names])
+
+    def records(self, vectors: np.ndarray) -> np.recarray[Any, Any]:
+        """Parameter vectors of shape (n, len(names)) as n records for compiled code."""
+        rows = np.ascontiguousarray(np.atleast_2d(vectors), dtype=np.float64)
+        return rows.view(self.record).reshape(len(rows)).view(np.recarray)
+
+    def full_name(self, key: str, where: str) -> str:
+        """The dotted name of a number that is given by it or by its last part alone (`specimen_mass`)."""
+        matches = [name for name in self.names if key in (name, name.rpartition(".")[2])]
+        if key in matches or len(matches) == 1:
+            return key if key in matches else matches[0]
+        if matches:
+            raise ShakeError(f"{where}: {key}: could be {', '.join(matches)}")
+        raise unknown_name("parameter", key, self.names, where)
+
+    def table(self, content: Any, where: str) -> TableParameters:
+        """Build from the content of a YAML file; errors name the file and the section."""
+        required = [section for section in self.sections if section not in self.optional]
+        strict_keys(content, [*self.sections, "effects"], where, required, kind="section")
+        sections = {s: self._section(s, content.get(s, {}), f"{where}: {s}") for s in self.sections}
+        kind = f"effect of the model {self.name}"
+        given = strict_keys(content.get("effects") or {}, self.effects, f"{where}: effects", kind=kind)
+        effects = {n: EFFECTS[n].from_mapping(c or {}, f"{where}: effects.{n}") for n, c in given.items()}
+        return TableParameters(self, sections, effects)
+
+    def _section(self, section: str, content: Any, where: str) -> Parameters:
+        cls = self.sections[section]
+        if isinstance(cls, Family):
+            kind = cls.declared
+            if isinstance(content, Mapping) and "kind" in content:
+                kind = content["kind"]
+                content = {key: value for key, value in content.items() if key != "kind"}
+            if not isinstance(kind, str) or kind not in cls.members:
+                raise unknown_name(f"{section} kind", kind, cls.members, where)
+            cls = cls.members[kind]
+        return cls.from_mapping(content, where)
 
 
-def section_from(section: str, content: Any, where: str) -> Parameters:
-    """One section of a table's file; the key `kind` of a family's section chooses the member."""
-    cls = SECTIONS[section]
-    if section in FAMILIES:
-        kind, family = DECLARED_KIND[section], FAMILIES[section]
-        if isinstance(content, Mapping) and "kind" in content:
-            kind = content["kind"]
-            content = {key: value for key, value in content.items() if key != "kind"}
-        if not isinstance(kind, str) or kind not in family:
-            raise unknown_name(f"{section} kind", kind, family, where)
-        cls = family[kind]
-    return cls.from_mapping(content, where)
+class SectionOf(Generic[P]):
+    """Typed access to a section: `table.body` is the table's `Body`; AttributeError where its layout has none."""
+
+    def __init__(self, cls: type[P]) -> None:
+        self.cls = cls
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, table: TableParameters | None, owner: type) -> P:
+        if table is None or self.name not in table.sections:
+            raise AttributeError(self.name)
+        return cast(P, table.sections[self.name])
 
 
 @dataclass(frozen=True)
 class TableParameters:
-    """A whole table. `effects` holds the effects beyond the declared model by name; an absent one is not in it.
+    """A whole table of any layout. `effects` holds those beyond the declared model; an absent one is not in it.
 
-    `friction`, `bulk_modulus` and `valve` are any member of FRICTIONS, BULK_MODULI and VALVES; in a file the section's
-    key `kind` names it, DECLARED_KIND where the key is absent. A name that only another member of the family has
+    In a section of a family (`friction`, `bulk_modulus`, `valve`) a name that only another member has
     (`friction.static_level` under Tustin's law) reads as zero and cannot be set.
     """
 
-    body: Body
-    supply: Supply
-    valve: Parameters
-    bulk_modulus: BulkModulusLaw
-    friction: FrictionLaw
-    leakage: Leakage
-    sensors: SensorParameters
-    cavitation: Cavitation = dataclasses.field(default_factory=Cavitation)
-    pipelines: Pipelines = dataclasses.field(default_factory=Pipelines)
-    frame: ShearFrame = dataclasses.field(default_factory=ShearFrame)
+    layout: TableLayout
+    sections: Mapping[str, Parameters]
     effects: Mapping[str, Effect] = dataclasses.field(default_factory=dict)
 
-    @classmethod
-    def from_mapping(cls, mapping: Mapping[str, Any], where: str) -> TableParameters:
-        """Build from the content of a table's YAML file; errors name the file and the section."""
-        if not isinstance(mapping, Mapping):
-            raise ShakeError(f"{where}: expected sections {', '.join(SECTIONS)}, got {type(mapping).__name__}")
-        for key in mapping:
-            if key not in SECTIONS and key != "effects":
-                raise unknown_name("section", key, [*SECTIONS, "effects"], where)
-        missing = [s for s in SECTIONS if s not in mapping and s not in OPTIONAL]
-        if missing:
-            raise ShakeError(f"{where}: missing section {', '.join(missing)}")
-        sections = {s: section_from(s, mapping[s], f"{where}: {s}") for s in SECTIONS if s in mapping}
-        effects = {}
-        given = mapping.get("effects") or {}
-        if not isinstance(given, Mapping):
-            raise ShakeError(f"{where}: effects: expected a mapping of effect names")
-        for name, content in given.items():
-            if name not in EFFECTS:
-                raise unknown_name("effect", name, EFFECTS, where)
-            effects[name] = EFFECTS[name].from_mapping(content or {}, f"{where}: effects.{name}")
-        return cls(**sections, effects=effects)  # type: ignore[arg-type]
+    body = SectionOf(Body)
+    supply = SectionOf(Supply)
+    valve = SectionOf(Parameters)
+    bulk_modulus = SectionOf(BulkModulusLaw)
+    friction = SectionOf(FrictionLaw)
+    leakage = SectionOf(Leakage)
+    sensors = SectionOf(SensorParameters)
+    cavitation = SectionOf(Cavitation)
+    pipelines = SectionOf(Pipelines)
+    frame = SectionOf(ShearFrame)
 
     def to_mapping(self) -> dict[str, Any]:
         """The tree as plain mappings, as a YAML file holds it."""
-        tree: dict[str, Any] = {s: dataclasses.asdict(getattr(self, s)) for s in SECTIONS}
-        for section in OPTIONAL:
-            if getattr(self, section) == SECTIONS[section]():
-                del tree[section]
-        for section, family in FAMILIES.items():
-            kind = name_of(family, getattr(self, section))
-            if kind != DECLARED_KIND[section]:
-                tree[section] = {"kind": kind} | tree[section]
+        tree: dict[str, Any] = {}
+        for name, section in self.sections.items():
+            kind = self.layout.sections[name]
+            if isinstance(kind, Family):
+                member = name_of(kind.members, section)
+                tree[name] = ({"kind": member} if member != kind.declared else {}) | dataclasses.asdict(section)
+            elif name not in self.layout.optional or section != kind():
+                tree[name] = dataclasses.asdict(section)
         if self.effects:
             tree["effects"] = {name: dataclasses.asdict(effect) for name, effect in self.effects.items()}
         return tree
 
     def value(self, name: str) -> float:
         """Value of a dotted name; an absent effect's fields have their neutral values."""
-        if name not in FIELDS:
-            raise unknown_name("parameter", name, NAMES)
+        if name not in self.fields:
+            raise unknown_name("parameter", name, self.fields)
         section, _, rest = name.partition(".")
-        if section in FAMILIES:
-            return field_value(getattr(self, section), rest)
         if section != "effects":
-            return float(getattr(getattr(self, section), rest))
+            return field_value(self.sections[section], rest)
         effect, _, field = rest.partition(".")
-        return float(getattr(self.effects[effect] if effect in self.effects else EFFECTS[effect](), field))
+        return float(getattr(self.effects.get(effect) or EFFECTS[effect](), field))
 
     def with_values(self, values: Mapping[str, float]) -> TableParameters:
         """A copy with some dotted names changed, checked against their bounds; adds the effects they belong to."""
-        sections: dict[str, Any] = {s: getattr(self, s) for s in SECTIONS}
-        effects = dict(self.effects)
+        sections, effects = dict(self.sections), dict(self.effects)
         for name, value in values.items():
-            if name not in FIELDS:
-                raise unknown_name("parameter", name, NAMES)
+            if name not in self.fields:
+                raise unknown_name("parameter", name, self.fields)
             section, _, rest = name.partition(".")
             if section != "effects":
                 sections[section] = sections[section].replace(**{rest: value})
             else:
                 effect, _, field = rest.partition(".")
-                effects[effect] = (effects[effect] if effect in effects else EFFECTS[effect]()).replace(
-                    **{field: value}
-                )
-        return TableParameters(**sections, effects=effects)
+                effects[effect] = (effects.get(effect) or EFFECTS[effect]()).replace(**{field: value})
+        return TableParameters(self.layout, sections, effects)
+
+    def with_sections(self, **sections: Parameters) -> TableParameters:
+        """A copy with whole sections replaced, say by another friction law."""
+        return TableParameters(self.layout, {**self.sections, **sections}, self.effects)
 
     @property
-    def fields(self) -> Mapping[str, dataclasses.Field[Any]]:
+    def fields(self) -> Mapping[str, Field[Any]]:
         """Fields of all numbers by dotted name, in the order of `vector`."""
-        return FIELDS
+        return self.layout.fields
 
     def vector(self) -> np.ndarray:
-        """All numbers in the order of `NAMES`, shape (len(NAMES),)."""
+        """All numbers in the order of the layout's names, shape (len(names),)."""
         return self._vector.copy()
 
-    @functools.cached_property
+    @cached_property
     def _vector(self) -> np.ndarray:
-        return np.array([self.value(name) for name in NAMES])
+        return np.array([self.value(name) for name in self.layout.names])
 
     @property
     def moved_mass(self) -> float:
@@ -233,7 +294,20 @@ class TableParameters:
         return self.body.table_mass + self.body.specimen_mass
 
 
-def records(vectors: np.ndarray) -> np.recarray[Any, Any]:
-    """Parameter vectors of shape (n, len(NAMES)) as n records for compiled code."""
-    rows = np.ascontiguousarray(np.atleast_2d(vectors), dtype=np.float64)
-    return rows.view(RECORD).reshape(len(rows)).view(np.recarray)
+FULL_LAYOUT = TableLayout(
+    "full",
+    {
+        "body": Body,
+        "supply": Supply,
+        "valve": Family(VALVES, "simplified"),
+        "bulk_modulus": Family(BULK_MODULI, "constant"),
+        "friction": Family(FRICTIONS, "tustin"),
+        "leakage": Leakage,
+        "sensors": SensorParameters,
+        "cavitation": Cavitation,
+        "pipelines": Pipelines,
+        "frame": ShearFrame,
+    },
+    optional=("cavitation", "pipelines", "frame"),
+)
+FIELDS, NAMES, INDEX, records = FULL_LAYOUT.fields, FULL_LAYOUT.names, FULL_LAYOUT.index, FULL_LAYOUT.records

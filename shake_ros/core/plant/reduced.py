@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
+from shake_ros.core.plant.parameters import TableLayout
 from shake_ros.core.quantities import Parameters, quantity
 
 SERIES_TERMS = 60
@@ -32,6 +33,13 @@ class ReducedParameters(Parameters):
     beta3: float = quantity("m/s^3", "jerk per command", low=1e-6)
     beta4: float = quantity("1/s", "jerk per acceleration and opening", high=0.0)
     beta5: float = quantity("1/s^2", "jerk per velocity and opening", high=0.0)
+
+
+# Nothing tells mass, areas or pressures apart here, so every force of an effect counts per moved mass: newton becomes
+# m/s². The slowdown of a valve is relative to a declared one; here the valve's own lag takes its place.
+REDUCED_LAYOUT = TableLayout(
+    "reduced", {"dynamics": ReducedParameters}, forces_per_mass=True, without=("effects.slow_valve.slowdown",)
+)
 
 
 def closed_form(

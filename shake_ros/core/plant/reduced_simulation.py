@@ -23,9 +23,9 @@ from shake_ros.core.effects.position_dependent_friction import dry_level
 from shake_ros.core.effects.specimen_resonance import spring_force
 from shake_ros.core.effects.spool_deadband import effective_spool
 from shake_ros.core.plant.integration import delayed
-from shake_ros.core.plant.reduced_table import REDUCED_LAYOUT
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.reduced import REDUCED_LAYOUT
 from shake_ros.core.plant.simulation import NOTHING, series, workers
-from shake_ros.core.plant.small_table import SmallTable
 from shake_ros.core.valve.simplified import play
 
 LONGEST_STEP = 1e-3  # [s] between two evaluations of friction and forces
@@ -240,7 +240,7 @@ def run_batch(
 
 
 def run(
-    table: SmallTable,
+    table: TableParameters,
     commands: np.ndarray,
     sample_time: float,
     *,

@@ -8,10 +8,10 @@ from shake_ros.core.discovery.candidates import CandidateEffect, candidates
 from shake_ros.core.effects import EFFECTS, PLACES
 from shake_ros.core.plant.parameters import FIELDS
 from shake_ros.core.quantities import ShakeError
-from shake_ros.declared import MODELS
+from shake_ros.declared import effect_candidates
 from shake_ros.settings import load_table
 
-POOL = MODELS["full"].candidates()
+POOL = effect_candidates()
 LISTED = """
     spool_deadband spool_hysteresis asymmetric_flow_gain valve_null_shift slow_valve turbulent_leakage
     supply_droop tank_back_pressure pressure_dependent_bulk_modulus entrained_air soft_zone dead_volume

@@ -13,7 +13,7 @@ from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.declared import MODELS
+from shake_ros.declared import effect_candidates
 from shake_ros.settings import load_search, load_table
 
 SETTINGS = load_search().replace(margin=0.03, rival=1.3)
@@ -82,7 +82,7 @@ def test_the_best_of_many_candidates_must_stand_out_further(tried: int, added: b
 
 @pytest.mark.parametrize(("pressure", "usual"), [(4e5, True), (31e5, False)])
 def test_a_back_pressure_as_of_a_blocked_filter_is_not_usual(pressure: float, usual: bool) -> None:
-    tank = next(c for c in MODELS["full"].candidates() if c.effect == "tank_back_pressure")
+    tank = next(c for c in effect_candidates() if c.effect == "tank_back_pressure")
     free = FreeParameters(load_table("bergamo"), tank.free)
     fit = Fit(free, free.x_of({tank.strength.name: pressure}), np.zeros(1), np.zeros((1, 1)), 0.0, 1)
     assert Refit(tank, ScoredFit(fit, 1.0, 1.0), 0.0).usual is usual

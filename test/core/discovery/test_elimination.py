@@ -14,13 +14,13 @@ from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.declared import MODELS
+from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import load_search, load_table
 
 TABLE = load_table("bergamo")
-POOL = {c.effect: c for c in MODELS["full"].candidates()}
+POOL = {c.effect: c for c in effect_candidates()}
 FIRST, SECOND = POOL["constant_force"], POOL["asymmetric_flow_gain"]
-VISCOUS = next(p for p in MODELS["full"].free() if p.name == "friction.viscous")
+VISCOUS = next(p for p in free_parameters() if p.name == "friction.viscous")
 PARAMETERS = (VISCOUS, FIRST.strength, SECOND.strength)
 COLUMNS = [list(TABLE.fields).index(p.name) for p in PARAMETERS]
 NOISE, *DIRECTIONS = np.random.default_rng(11).standard_normal((4, 2000))

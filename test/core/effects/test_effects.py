@@ -89,7 +89,7 @@ def declared() -> np.ndarray:
     return run(BERGAMO, COMMANDS, SAMPLE)
 
 
-@pytest.mark.parametrize("effect", EFFECTS)
+@pytest.mark.parametrize("effect", FULL)
 def test_at_its_neutral_value_the_declared_model_remains(effect: str, declared: np.ndarray) -> None:
     table = BERGAMO.with_values({**others(effect), strength(effect): 0.0})
     np.testing.assert_allclose(run(table, COMMANDS, SAMPLE), declared, rtol=1e-12, atol=1e-12)

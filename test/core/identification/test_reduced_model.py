@@ -8,20 +8,20 @@ import pytest
 from shake_ros.core.discovery.close_loop import close_loop
 from shake_ros.core.discovery.problem import ModelStructure
 from shake_ros.core.identification.recordings import Record, RecordingProblem
-from shake_ros.core.identification.reduced_model import REDUCED, first_table
-from shake_ros.core.plant.reduced import ReducedParameters
+from shake_ros.core.identification.reduced_model import REDUCED
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.core.plant.reduced_simulation import run
-from shake_ros.core.plant.reduced_table import reduced_table
-from shake_ros.core.plant.small_table import SmallTable
 from shake_ros.core.quantities import ShakeError
-from shake_ros.declared import MODELS
+from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import load_search
 
 DT = 0.005
-TRUTH = reduced_table(ReducedParameters(beta1=-1600.0, beta2=-30.0, beta3=1000.0, beta4=-2.0, beta5=-10.0))
+BETA = ReducedParameters(beta1=-1600.0, beta2=-30.0, beta3=1000.0, beta4=-2.0, beta5=-10.0)
+TRUTH = TableParameters(REDUCED_LAYOUT, {"dynamics": BETA})
 
 
-def record(table: SmallTable, seed: int, acceleration: bool = False) -> Record:
+def record(table: TableParameters, seed: int, acceleration: bool = False) -> Record:
     """Twelve seconds of a multi-sine command at 200 Hz with a little noise."""
     rng = np.random.default_rng(seed)
     time = np.arange(2400) * DT
@@ -40,7 +40,7 @@ def quiet(text: str, part: float) -> None:
 
 def test_the_first_guess_comes_near_and_needs_no_declaration() -> None:
     records = [record(TRUTH, 1)]
-    guess = first_table(records)
+    guess = REDUCED.first_table(records)
     error = RecordingProblem(records, REDUCED).errors(guess.vector())["run_1"]["velocity"]
     assert error < 0.3
     assert guess.value("dynamics.beta3") / -guess.value("dynamics.beta1") == pytest.approx(1000.0 / 1600.0, rel=0.15)
@@ -49,13 +49,13 @@ def test_the_first_guess_comes_near_and_needs_no_declaration() -> None:
 def test_a_velocity_against_the_command_is_told() -> None:
     r = record(TRUTH, 1)
     with pytest.raises(ShakeError, match="run_1: the velocity goes against the command"):
-        first_table([Record(r.name, DT, -r.commands, r.position)])
+        REDUCED.first_table([Record(r.name, DT, -r.commands, r.position)])
 
 
 def test_a_command_of_zero_is_told() -> None:
     r = record(TRUTH, 1)
     with pytest.raises(ShakeError, match="run_1: the command is zero"):
-        first_table([Record(r.name, DT, 0.0 * r.commands, r.position)])
+        REDUCED.first_table([Record(r.name, DT, 0.0 * r.commands, r.position)])
 
 
 @pytest.mark.parametrize(
@@ -65,9 +65,10 @@ def test_a_command_of_zero_is_told() -> None:
 def test_a_hidden_effect_is_named_from_recordings_without_an_accelerometer(name: str, value: float) -> None:
     hidden = TRUTH.with_values({f"effects.{name}": value})
     learn, hold = [record(hidden, 1), record(hidden, 2)], [record(hidden, 3)]
-    model = MODELS["reduced"]
-    pool = tuple(c for c in model.candidates() if c.effect != "specimen_resonance")
-    structure = ModelStructure(first_table(learn), tuple(model.free()), candidates=pool, simulator=REDUCED)
+    pool = tuple(c for c in effect_candidates(REDUCED) if c.effect != "specimen_resonance")
+    structure = ModelStructure(
+        REDUCED.first_table(learn), tuple(free_parameters(REDUCED)), candidates=pool, simulator=REDUCED
+    )
     result = close_loop(structure, learn, hold, load_search().replace(most_effects=1), quiet)
     step = result.search.steps[0]
     assert name.partition(".")[0] in (step.chosen.candidate.effect, *step.alternatives)

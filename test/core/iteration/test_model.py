@@ -16,13 +16,13 @@ from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
-from shake_ros.declared import MODELS
+from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 DT = 0.001
 DECLARED = load_table("bergamo")
 TRUTH = DECLARED.with_values({"effects.soft_zone.depth": 0.8})
-SOFT_ZONE = [c for c in MODELS["full"].candidates() if c.effect == "soft_zone"]
+SOFT_ZONE = [c for c in effect_candidates() if c.effect == "soft_zone"]
 
 
 def motion() -> np.ndarray:
@@ -52,7 +52,7 @@ def settings(runs: int) -> Iteration:
 
 
 def test_one_run_is_enough_where_the_model_can_become_the_table() -> None:
-    free = [p for p in MODELS["full"].free() if p.name in ("bulk_modulus.modulus", "valve.flow_coefficient")]
+    free = [p for p in free_parameters() if p.name in ("bulk_modulus.modulus", "valve.flow_coefficient")]
     first = DECLARED.with_values({"valve.flow_coefficient": 1.2 * DECLARED.value("valve.flow_coefficient")})
     models, errors, reason = iterate_model(
         REFERENCE[:, 2], first, play, lambda model, records: refit(model, free, SOFT_ZONE, records), settings(2)
@@ -77,6 +77,6 @@ def test_an_effect_that_is_absent_starts_from_its_trials_and_one_that_is_there_f
 def test_recordings_without_acceleration_are_refused() -> None:
     silent = Record("run", DT, np.zeros(2500), REFERENCE[:, 0])
     with pytest.raises(ShakeError, match="with acceleration"):
-        refit(DECLARED, MODELS["full"].free(), SOFT_ZONE, [silent])
+        refit(DECLARED, free_parameters(), SOFT_ZONE, [silent])
     with pytest.raises(ShakeError, match="needs the acceleration"):
         iterate_model(REFERENCE[:, 2], DECLARED, lambda *_: silent, lambda model, _: model, settings(2))

@@ -9,13 +9,13 @@ import pytest
 
 from shake_ros.core.effects import unlisted
 from shake_ros.core.plant.axis import AXIS_LAYOUT, AxisParameters, initial_state, run_batch
-from shake_ros.core.plant.small_table import SmallTable
+from shake_ros.core.plant.parameters import TableParameters
 
 PARAMETERS = AxisParameters(mass=100.0, viscous=200.0, coulomb=20.0, offset=0.0)
-AXIS = SmallTable(AXIS_LAYOUT, PARAMETERS)
+AXIS = TableParameters(AXIS_LAYOUT, {"axis": PARAMETERS})
 
 
-def free_run(table: SmallTable, forces: np.ndarray, velocity: float = 0.0, dt: float = 1e-3) -> np.ndarray:
+def free_run(table: TableParameters, forces: np.ndarray, velocity: float = 0.0, dt: float = 1e-3) -> np.ndarray:
     return np.asarray(run_batch(table.vector()[None, :], initial_state(0.0, velocity), forces, dt)[0])
 
 

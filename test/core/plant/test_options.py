@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -14,7 +13,7 @@ from benchmarks.plant import reference_model as reference
 from shake_ros.core.fluid.oil import Oil
 from shake_ros.core.friction import FRICTIONS
 from shake_ros.core.plant.cavitation import acting_pressure
-from shake_ros.core.plant.parameters import OPTIONAL, TableParameters
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.plant.pipelines import flow_rate, half_volume
 from shake_ros.core.plant.shear_frame import ShearFrame, foot_force, natural_frequencies, storey_rates
 from shake_ros.core.plant.simulation import run
@@ -36,9 +35,9 @@ def nrmse(reference, result):
 
 
 def test_an_option_that_is_not_used_does_not_stand_in_the_file(table):
-    assert not set(OPTIONAL) & set(table.to_mapping())
+    assert not set(FULL_LAYOUT.optional) & set(table.to_mapping())
     changed = table.with_values({"frame.storeys": 3})
-    again = TableParameters.from_mapping(changed.to_mapping(), "saved")
+    again = FULL_LAYOUT.table(changed.to_mapping(), "saved")
     assert again.frame.storeys == 3
     np.testing.assert_array_equal(again.vector(), changed.vector())
 
@@ -198,7 +197,7 @@ def test_foot_force_is_spring_and_damper():
 
 
 def with_law(table, name):
-    return dataclasses.replace(table, friction=load_variant("friction", name, FRICTIONS)[1])
+    return table.with_sections(friction=load_variant("friction", name, FRICTIONS)[1])
 
 
 def test_lugre_with_its_stiff_bristles_is_within_a_hundredth_of_radau(table):
@@ -224,7 +223,7 @@ def test_every_law_drives_the_table_and_does_not_depend_on_the_tolerance(table, 
 def test_bergamo_with_lugre_survives_its_file(table):
     changed = with_law(table, "lugre")
     assert changed.to_mapping()["friction"]["kind"] == "lugre"
-    again = TableParameters.from_mapping(changed.to_mapping(), "saved")
+    again = FULL_LAYOUT.table(changed.to_mapping(), "saved")
     assert again.friction == changed.friction
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.effects import EFFECTS
-from shake_ros.core.plant.parameters import FIELDS, INDEX, NAMES, RECORD, TableParameters, records
+from shake_ros.core.plant.parameters import FIELDS, FULL_LAYOUT, INDEX, NAMES, records
 from shake_ros.core.quantities import OutOfBounds, ShakeError, UnknownName
 from shake_ros.settings import config_folder, load_table, save_table
 
@@ -29,8 +29,8 @@ def test_vector_and_record_hold_every_dotted_name() -> None:
 
 
 def test_record_names_are_unique() -> None:
-    assert RECORD.names is not None
-    assert len(set(RECORD.names)) == len(NAMES) == len(FIELDS)
+    assert FULL_LAYOUT.record.names is not None
+    assert len(set(FULL_LAYOUT.record.names)) == len(NAMES) == len(FIELDS)
 
 
 def test_records_of_a_batch_are_its_vectors() -> None:
@@ -42,8 +42,8 @@ def test_records_of_a_batch_are_its_vectors() -> None:
 
 
 def test_mapping_and_yaml_give_the_same_table_back(tmp_path: Path) -> None:
-    table = BERGAMO.with_values({f"effects.{name}.{first(name)}": trial(name) for name in EFFECTS})
-    assert TableParameters.from_mapping(table.to_mapping(), "here") == table
+    table = BERGAMO.with_values({f"effects.{name}.{first(name)}": trial(name) for name in FULL_LAYOUT.effects})
+    assert FULL_LAYOUT.table(table.to_mapping(), "here") == table
     save_table(tmp_path / "t.yaml", table, "all effects")
     np.testing.assert_array_equal(load_table(str(tmp_path / "t.yaml")).vector(), table.vector())
     with pytest.raises(ShakeError, match="exists already"):

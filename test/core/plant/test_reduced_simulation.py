@@ -8,14 +8,13 @@ from scipy.linalg import expm
 
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.plant import reduced
-from shake_ros.core.plant.reduced import ReducedParameters
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.core.plant.reduced_simulation import COLUMNS, exact_step, run
-from shake_ros.core.plant.reduced_table import REDUCED_LAYOUT, reduced_table
-from shake_ros.core.plant.small_table import SmallTable
 from shake_ros.core.quantities import ShakeError, UnknownName
 
 BETA = ReducedParameters(beta1=-3600.0, beta2=-30.0, beta3=3000.0, beta4=-4.0, beta5=-100.0)
-TABLE = reduced_table(BETA)
+TABLE = TableParameters(REDUCED_LAYOUT, {"dynamics": BETA})
 VELOCITY, ACCELERATION = COLUMNS.index("velocity"), COLUMNS.index("acceleration")
 STRENGTHS = {
     "spool_deadband.width": 0.05,
@@ -41,7 +40,7 @@ def sine(rate: float, seconds: float = 1.5) -> np.ndarray:
     return 0.3 * np.sin(2.0 * np.pi * 2.0 * np.arange(round(seconds * rate)) / rate)
 
 
-def steady(table: SmallTable, command: float) -> float:
+def steady(table: TableParameters, command: float) -> float:
     return float(run(table, np.full(400, command), 0.005)[-1, VELOCITY])
 
 
@@ -103,7 +102,8 @@ def test_dry_friction_holds_the_table_still_below_its_level() -> None:
 
 def test_dead_band_null_shift_and_unequal_edges_act_on_the_steady_velocity() -> None:
     gain = -BETA.beta3 / BETA.beta1
-    linear = reduced_table(ReducedParameters(beta1=-3600.0, beta2=-30.0, beta3=3000.0, beta4=0.0, beta5=0.0))
+    beta = ReducedParameters(beta1=-3600.0, beta2=-30.0, beta3=3000.0, beta4=0.0, beta5=0.0)
+    linear = TABLE.with_sections(dynamics=beta)
     dead = linear.with_values({"effects.spool_deadband.width": 0.1, "effects.valve_null_shift.offset": -0.05})
     assert steady(dead, 0.14) == 0.0
     assert steady(dead, 0.35) == pytest.approx(gain * 0.20, rel=1e-3)
@@ -126,7 +126,7 @@ def test_a_reduced_table_comes_back_from_its_mapping() -> None:
 @pytest.mark.parametrize(
     ("content", "text"),
     [
-        ({}, "missing section 'dynamics'"),
+        ({}, "missing section dynamics"),
         ({"dynamics": {}, "valve": {}}, "unknown section 'valve'"),
         ({"dynamics": {"beta1": -1.0}}, "missing beta2"),
         (
