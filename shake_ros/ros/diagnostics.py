@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from array import array
 from collections.abc import Callable
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 
-from shake_ros.ros.interface import DIAGNOSTICS
 from shake_ros.ros.whole_run import WholeRun
 
 LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
@@ -63,7 +64,7 @@ class Diagnostics:
     until `clear`.
     """
 
-    def __init__(self, node: Node, name: str, lockstep: bool, period: int) -> None:
+    def __init__(self, node: Node, name: str, lockstep: bool, period: int, publisher: Publisher[Any]) -> None:
         self.condition: Callable[[], tuple[int, str]] = lambda: (OK, "running")
         self.inputs: dict[str, Input] = {}
         self.values: dict[str, Callable[[], object]] = {}
@@ -77,7 +78,7 @@ class Diagnostics:
         self._name = name
         self._lockstep = lockstep
         self._node = node
-        self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS.name, DIAGNOSTICS.qos(lockstep))
+        self._publisher = publisher
         self._reported_at = time.monotonic()
         self._reported_cycles = 0
 

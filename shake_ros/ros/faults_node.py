@@ -57,12 +57,9 @@ class PassedTopic:
         self._live = frame.parameters.declare(MessageFaultParameters(), f"{topic.name}.")
         self._faults = MessageFaults(seed)
         self._faults.apply(self._live.take())
-        qos = topic.qos(lockstep=False)
         self._input = frame.diagnostics.inputs[HEALTHY + topic.name] = Input(HEALTHY + topic.name, frame.period)
-        self._publisher = frame.node.create_publisher(topic.type, topic.name, qos)
-        self._subscription = frame.node.create_subscription(
-            topic.type, HEALTHY + topic.name, self._arrived, qos, raw=True
-        )
+        self._publisher = frame.publisher(topic)
+        self._subscription = frame.subscription(topic, self._arrived, HEALTHY + topic.name)
         frame.diagnostics.values |= {f"{topic.name}.passed": lambda: self.passed, f"{topic.name}.faults": self.said}
 
     def said(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -11,12 +12,15 @@ from typing import Any, TypeVar
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
 from shake_ros.realtime import RealtimeParameters
 from shake_ros.ros.conversions import SECOND, codec
-from shake_ros.ros.diagnostics import ERROR, WARN, Diagnostics, Input
-from shake_ros.ros.interface import NAMESPACE, TOPICS, Topic
+from shake_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Input
+from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, TOPICS, Topic, overriding
 from shake_ros.ros.parameters import LiveSet, NodeParameters
 from shake_ros.settings import find, read_yaml
 
@@ -80,7 +84,7 @@ class Writer:
     """Publishes the samples of one topic."""
 
     def __init__(self, frame: Frame, topic: Topic) -> None:
-        self.publisher = frame.node.create_publisher(topic.type, topic.name, topic.qos(frame.lockstep))
+        self.publisher = frame.publisher(topic)
         self._frame = frame
         self._topic = topic
         packer = codec(topic)
@@ -139,9 +143,7 @@ class Reader:
         self._refuse = refuse
         self._doubled = doubled
         self._decode = codec(topic).decode
-        self.subscription = frame.node.create_subscription(
-            topic.type, topic.name, self._arrived, topic.qos(frame.lockstep), raw=True
-        )
+        self.subscription = frame.subscription(topic, self._arrived)
 
     def _arrived(self, data: bytes) -> None:
         try:
@@ -201,7 +203,7 @@ class Frame:
         self.loop = self.settings(LoopParameters, file="common").value
         self.lockstep = self.loop.lockstep
         self.period = round(SECOND / self.loop.rate)
-        self.diagnostics = Diagnostics(self.node, name, self.lockstep, self.period)
+        self.diagnostics = Diagnostics(self.node, name, self.lockstep, self.period, self.publisher(DIAGNOSTICS))
         self.stopping = False
         self.stop_loop: Callable[[], None] = lambda: None
         self._readers = parse_wait_for(self.loop.wait_for)
@@ -219,9 +221,26 @@ class Frame:
             raise ShakeError(f"{path}: expected names and values")
         sections = {name: content.pop(name) for name in list(content) if isinstance(content[name], dict)}
         if not section:
-            return self.parameters.declare(kind.from_mapping(content, str(path)), accept=accept)
+            declared = self.parameters.declare(kind.from_mapping(content, str(path)), accept=accept)
+            if not file:
+                self._announce(declared.value)
+            return declared
         found = kind.from_mapping(sections.get(section, {}), f"{path}: {section}")
         return self.parameters.declare(found, f"{section}.", accept)
+
+    def _announce(self, own: Parameters) -> None:
+        """The first line of a node: what it is configured as, how it runs, what it waits for."""
+        configured = [
+            f"{name} '{value}'" for name, value in dataclasses.asdict(own).items() if isinstance(value, str) and value
+        ]
+        mode = "lock-step" if self.lockstep else "real time"
+        awaited = " and ".join(
+            f"{what} of {text}"
+            for what, text in (("readers", self.loop.wait_for), ("writers", self.loop.wait_for_writers))
+            if text
+        )
+        line = ", ".join([*configured, mode, f"{self.loop.rate:g} Hz"])
+        self.say(OK, f"starting: {line}{'; waits for ' if awaited else ''}{awaited}")
 
     @property
     def sample_time(self) -> float:
@@ -231,6 +250,22 @@ class Frame:
     def sample(self, stamp: int) -> int:
         """Number of the sample at a lock-step stamp [ns]."""
         return round((stamp - FIRST_STAMP) / self.period)
+
+    def publisher(self, topic: Topic, name: str = "") -> Publisher[Any]:
+        """A publisher on a topic, or with its type on another, whose quality of service `qos_overrides` may change."""
+        profile = topic.qos(self.lockstep)
+        options = overriding(topic, self.lockstep)
+        return self.node.create_publisher(topic.type, name or topic.name, profile, qos_overriding_options=options)
+
+    def subscription(
+        self, topic: Topic, arrived: Callable[[bytes], None], name: str = "", profile: QoSProfile | None = None
+    ) -> Subscription[Any]:
+        """A subscription for serialised messages, likewise."""
+        chosen = profile or topic.qos(self.lockstep)
+        options = overriding(topic, self.lockstep)
+        return self.node.create_subscription(
+            topic.type, name or topic.name, arrived, chosen, raw=True, qos_overriding_options=options
+        )
 
     def writer(self, topic: Topic) -> Writer:
         """A writer of a sampled topic."""

@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, JointState
 from std_msgs.msg import Float64MultiArray
@@ -49,6 +51,9 @@ EVENT_QOS = QoSProfile(
 )
 
 
+LOSSLESS = LOCKSTEP_QOS.history, LOCKSTEP_QOS.reliability
+
+
 @dataclass(frozen=True)
 class Topic:
     """A topic: its name, message type and whether it carries one message a sample (else: now and then)."""
@@ -60,8 +65,25 @@ class Topic:
     def qos(self, lockstep: bool) -> QoSProfile:
         """Quality of service of writers and readers in lock-step or in real time."""
         if not self.sampled:
-            return EVENT_QOS
-        return LOCKSTEP_QOS if lockstep else REALTIME_QOS
+            return copied(EVENT_QOS)
+        return copied(LOCKSTEP_QOS if lockstep else REALTIME_QOS)
+
+
+def copied(profile: QoSProfile) -> QoSProfile:
+    """A profile of one's own: rclpy writes overrides into the one that it is given."""
+    names = ("history", "depth", "reliability", "durability")
+    return QoSProfile(**{name: getattr(profile, name) for name in names})
+
+
+def overriding(topic: Topic, lockstep: bool) -> QoSOverridingOptions:
+    """What `qos_overrides` may change: in lock-step nothing that would let a sample get lost."""
+
+    def accepted(profile: QoSProfile) -> SetParametersResult:
+        lossy = lockstep and topic.sampled and (profile.history, profile.reliability) != LOSSLESS
+        reason = f"qos_overrides: in lock-step {topic.name} is reliable and keeps all" if lossy else ""
+        return SetParametersResult(successful=not lossy, reason=reason)
+
+    return QoSOverridingOptions.with_default_policies(callback=accepted)
 
 
 JOINT_STATES = Topic("joint_states", JointState)

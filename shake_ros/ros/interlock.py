@@ -199,8 +199,9 @@ class NodeInterlock:
             "action": trip.action,
         }
         self._frame.diagnostics.event("interlock", level, str(trip), values)
-        waits = "; waits for reset" if trip.latched else ""
-        self._frame.say(level, f"{trip.action}: {trip.cause}: {trip}{waits}", key="" if trip.latched else trip.cause)
+        said = f"{trip.cause}: {trip}" if trip.text else str(trip)
+        waits = "; waits for reset" if trip.latched and not trip.text.endswith("waiting for reset") else ""
+        self._frame.say(level, f"{trip.action}: {said}{waits}", key="" if trip.latched else trip.cause)
 
     def _publishers(self) -> tuple[str, int]:
         """Full name of the commands' topic, remaps applied, and how many publish on it."""

@@ -16,6 +16,7 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -24,13 +25,16 @@ from typing import Any
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from shake_ros import realtime
 from shake_ros.core.quantities import ShakeError
+from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.parameter_files import ParameterFiles
 from shake_ros.settings import config_folder
 
 TIMEOUT = 0.1  # an idle executor looks for a stop this often [s]
@@ -38,6 +42,8 @@ STARTING = 0.01  # pause between two looks for the awaited readers [s]
 ATTEND = 10  # ticks between two looks at services, where the node has the process for itself
 MARGIN = 150_000  # the executor gives back the thread so long before a deadline [ns]
 REPORT_PERIOD = 1.0  # of /diagnostics [s]
+IMPATIENT = 2.0  # after a signal, the next one means that the node hangs [s]
+SLOW_START = 2.0  # from then on a start says that it compiles [s]
 PR_SET_TIMERSLACK = 29
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
@@ -72,6 +78,10 @@ def sleep_until(deadline: int) -> None:
         time.sleep(left * 1e-9)
 
 
+class Interrupted(BaseException):
+    """Somebody wants a process to end whose nodes are not yet there."""
+
+
 class NodeLoop:
     """Runs nodes in the calling thread until one of them stops it.
 
@@ -85,6 +95,7 @@ class NodeLoop:
         self.executor = make_executor(context)
         self.behaviours: list[Behaviour] = []
         self.stopping = False
+        self.running = False
         self._done: Future[None] = Future()
 
     def add(self, behaviour: Behaviour) -> None:
@@ -122,6 +133,7 @@ class NodeLoop:
 
     def run(self) -> None:
         """Start every node once its awaited readers are there, then serve them until `stop`."""
+        self.running = True
         waiting = list(self.behaviours)
         ticking: list[Behaviour] = []
         while waiting and self._alive():
@@ -129,6 +141,7 @@ class NodeLoop:
                 waiting.remove(behaviour)
                 behaviour.frame.diagnostics.publish()
                 behaviour.start()
+                behaviour.frame.say(OK, "running")
                 if behaviour.ticks:
                     ticking.append(behaviour)
             if waiting:
@@ -178,16 +191,35 @@ class NodeLoop:
         self.executor.shutdown()
 
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def obey_signals(loop: NodeLoop) -> dict[int, Any]:
+    """SIGINT and SIGTERM end the loop between two callbacks, and a node that is still being built at once.
+
+    One Ctrl-C may come several times, from the terminal and from a launcher: what follows within IMPATIENT is the same
+    wish. Who asks again later, since a node hangs, ends the process there and then. Returns the handlers before.
+    """
+    first = 0.0
+
+    def handle(number: int, _frame: Any) -> None:
+        nonlocal first
+        now = time.monotonic()
+        if first and now - first > IMPATIENT:
+            os.write(2, b"ended without a farewell\n")
+            os._exit(128 + number)
+        first = first or now
+        loop.stop()
+        if not loop.running:
+            raise Interrupted
+
+    return {number: signal.signal(number, handle) for number in SIGNALS}
+
+
 @contextmanager
 def stopped_by_signals(loop: NodeLoop) -> Iterator[None]:
-    """SIGINT and SIGTERM end the loop between two callbacks; a second one raises KeyboardInterrupt."""
-
-    def handle(_number: int, _frame: Any) -> None:
-        if loop.stopping:
-            raise KeyboardInterrupt
-        loop.stop()
-
-    previous = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    """`obey_signals` in a `with` block."""
+    previous = obey_signals(loop)
     try:
         yield
     finally:
@@ -227,11 +259,31 @@ def ros_context(arguments: Sequence[str] | None = None, domain_id: int | None = 
         context.try_shutdown()
 
 
-def build_node(build: Build, name: str, context: Context, arguments: Sequence[str] | None = None) -> Behaviour:
-    """Frame and behaviour of one node; its unknown parameter overrides are an error."""
+def build_node(
+    build: Build,
+    name: str,
+    context: Context,
+    arguments: Sequence[str] | None = None,
+    process_arguments: Sequence[str] = (),
+) -> Behaviour:
+    """Frame and behaviour of one node; its unknown parameter overrides are an error.
+
+    Its ROS arguments are `arguments`, or where that is None those of the process, to be given too.
+    """
     frame = Frame(name, context, arguments)
-    behaviour = build(frame)
-    frame.parameters.check_overrides()
+    files = ParameterFiles(frame.node.get_fully_qualified_name(), arguments or process_arguments)
+    for line in files.warnings:
+        frame.say(WARN, line)
+    compiling = threading.Timer(SLOW_START, frame.say, (OK, "compiling, as always at the first start; up to a minute"))
+    compiling.daemon = True
+    compiling.start()
+    try:
+        behaviour = build(frame)
+    except InvalidQosOverridesError as error:
+        raise ShakeError(error) from None
+    finally:
+        compiling.cancel()
+    frame.parameters.check_overrides(files.shared)
     return behaviour
 
 
@@ -245,10 +297,15 @@ def main(build: Build, name: str, arguments: Sequence[str]) -> int:
         raise ShakeError(f"'{foreign[0]}' is no ROS argument; parameters go behind --ros-args -p name:=value")
     with ros_context(list(arguments)) as context:
         loop = NodeLoop(context)
-        with stopped_by_signals(loop):
-            try:
-                loop.add(build_node(build, name, context))
-                loop.run()
-            finally:
-                loop.close()
+        obey_signals(loop)
+        try:
+            loop.add(build_node(build, name, context, process_arguments=arguments))
+            loop.run()
+        except Interrupted:
+            pass
+        finally:
+            loop.running = True
+            loop.close()
+            for number in SIGNALS:  # a late one must not disturb what is taken down from here on
+                signal.signal(number, signal.SIG_IGN)
     return 0

@@ -214,10 +214,9 @@ class NodeParameters:
         for name in self._node._parameter_overrides:
             if name in self._owner or name.startswith(OWN_OVERRIDES):
                 continue
-            unknown = unknown_name("parameter", name, self._owner)
             if name not in shared:
-                raise unknown
-            self._node.get_logger().warning(f"not taken from the shared parameters: {unknown}")
+                raise unknown_name("parameter", name, self._owner)
+            self._node.get_logger().warning(f"the shared parameter '{name}' is none of this node's")
 
     def _doubles(self, parameters: list[Parameter[Any]]) -> list[Parameter[Any]]:
         """What is set, with doubles where doubles are meant."""

@@ -55,7 +55,7 @@ class Reception:
         self._frame, self._topic, self._clock, self._writing, self._number = frame, topic, clock, writing, number
         self.name = frame.resolved(topic.name)
         self._input = Input(topic.name, frame.period)
-        self._subscription = frame.node.create_subscription(topic.type, topic.name, self.arrived, profile, raw=True)
+        self._subscription = frame.subscription(topic, self.arrived, profile=profile)
 
     def arrived(self, data: bytes) -> None:
         """A message, serialised."""

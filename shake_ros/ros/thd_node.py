@@ -42,10 +42,7 @@ class ThdAnalyzer(Behaviour):
         self._reference = NewestSamples(capacity, frame.sample_time)
         self._since_update = 0
         self._state = WARN, "no whole window yet"
-        self._thd = frame.node.create_publisher(interface.THD.type, interface.THD.name, interface.EVENT_QOS)
-        self._harmonics = frame.node.create_publisher(
-            interface.HARMONICS.type, interface.HARMONICS.name, interface.EVENT_QOS
-        )
+        self._thd, self._harmonics = frame.publisher(interface.THD), frame.publisher(interface.HARMONICS)
         frame.reader(interface.IMU, self._on_acceleration)
         frame.reader(interface.REFERENCE, lambda stamp, *motion: self._reference.add(stamp, motion[2]))
         frame.diagnostics.condition = lambda: self._state

@@ -65,7 +65,10 @@ class Bench:
 
     def name(self, observer: str) -> tuple[bool, str]:
         """Set the parameter `observer` by its service."""
-        request = SetParameters.Request(parameters=[Parameter("observer", value=observer).to_parameter_msg()])
+        return self.set("observer", observer)
+
+    def set(self, name: str, value: Any) -> tuple[bool, str]:
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
         answer = self.client.call_async(request)
         self.until(answer.done)
         result = answer.result().results[0]
@@ -117,3 +120,20 @@ def test_observer_that_is_not_known_is_refused_with_the_known_ones_and_nothing_c
     assert "unknown observer 'modl' (did you mean 'model'?)" in reason
     bench.play(motion, FIRST + 5, FIRST + 10)
     assert bench.node._condition()[1].startswith("linear")
+
+
+def test_gains_are_those_of_the_observer_in_use_and_change_it_while_it_runs(bench: Bench, motion: ClosedLoop) -> None:
+    node = bench.node.frame.node
+    before = bench.play(motion, FIRST, FIRST + 400)
+    assert node.has_parameter("jerk_noise") and not node.has_parameter("lambda1")
+    assert bench.name("sliding_mode") == (True, "")
+    assert not node.has_parameter("jerk_noise") and not node.describe_parameter("lambda1").read_only
+    before = bench.play(motion, FIRST + 400, FIRST + 500)
+    assert bench.set("boundary1", "2e-3") == (True, "")  # a text, as `ros2 param set` sends it
+    assert node.get_parameter("boundary1").value == 2e-3
+    after = bench.play(motion, FIRST + 500, FIRST + 560)
+    truth = motion.truth[FIRST + 499 : FIRST + 501]
+    assert np.all(np.abs((after[0] - before[-1]) - (truth[1] - truth[0])) < [1e-4, 0.01, 1.0])
+    assert bench.node._observer.parameters.boundary1 == 2e-3
+    successful, reason = bench.set("boundary1", -1.0)
+    assert not successful and "boundary1" in reason

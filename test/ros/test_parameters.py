@@ -115,9 +115,20 @@ def test_live_change_waits_until_the_node_takes_it(make) -> None:
     assert live.take().gain == 5.0 and not live.changed
 
 
+@pytest.mark.parametrize(("value", "taken"), [(3, 3.0), ("2.5e0", 2.5), ("-4", -4.0), ("1e1", 10.0)])
+def test_number_of_another_type_is_taken_for_the_double_that_is_meant(make, value, taken) -> None:
+    node, parameters = make("-p", f"inner.width:='{abs(float(value))}'")
+    live = parameters.declare(VALUE)
+    assert live.value.inner.width == abs(float(value))
+    assert set_parameter(node, "gain", value) == (True, "")
+    assert live.take().gain == taken and node.get_parameter("gain").value == taken
+
+
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
     [
+        ("gain", "20", "out of range"),
+        ("law", 3.0, "Wrong parameter type"),
         ("gain", 20.0, "out of range"),
         ("count", 4, "read-only"),
         ("law", "third", "unknown law 'third'"),
