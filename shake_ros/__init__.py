@@ -23,6 +23,9 @@ PUBLIC = {  # name → module
     "Identification": "shake_ros.api.identify",
     "identify": "shake_ros.api.identify",
     "import_csv": "shake_ros.api.import_csv",
+    "iterate": "shake_ros.api.iterate",
+    "iterate_simulated": "shake_ros.api.iterate",
+    "Iterated": "shake_ros.api.iterated",
     "Model": "shake_ros.api.model",
     "model": "shake_ros.api.model",
     "multisine_split": "shake_ros.api.multisine_split",
@@ -34,7 +37,10 @@ PUBLIC = {  # name → module
     "record_scale": "shake_ros.api.record_scale",
     "ResponseSpectrum": "shake_ros.api.response_spectrum",
     "response_spectrum": "shake_ros.api.response_spectrum",
+    "Schedule": "shake_ros.api.schedule",
+    "schedule": "shake_ros.api.schedule",
     "sensitivity": "shake_ros.api.sensitivity",
+    "SimulatedTable": "shake_ros.api.simulated_table",
     "thd": "shake_ros.api.thd",
     "TunedController": "shake_ros.api.tune",
     "tune": "shake_ros.api.tune",
@@ -51,6 +57,9 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.identify import Identification as Identification
     from shake_ros.api.identify import identify as identify
     from shake_ros.api.import_csv import import_csv as import_csv
+    from shake_ros.api.iterate import iterate as iterate
+    from shake_ros.api.iterate import iterate_simulated as iterate_simulated
+    from shake_ros.api.iterated import Iterated as Iterated
     from shake_ros.api.model import Model as Model
     from shake_ros.api.model import model as model
     from shake_ros.api.multisine_split import multisine_split as multisine_split
@@ -62,7 +71,10 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.record_scale import record_scale as record_scale
     from shake_ros.api.response_spectrum import ResponseSpectrum as ResponseSpectrum
     from shake_ros.api.response_spectrum import response_spectrum as response_spectrum
+    from shake_ros.api.schedule import Schedule as Schedule
+    from shake_ros.api.schedule import schedule as schedule
     from shake_ros.api.sensitivity import sensitivity as sensitivity
+    from shake_ros.api.simulated_table import SimulatedTable as SimulatedTable
     from shake_ros.api.thd import thd as thd
     from shake_ros.api.tune import TunedController as TunedController
     from shake_ros.api.tune import tune as tune

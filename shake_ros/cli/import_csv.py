@@ -7,19 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.columns import Column, read_columns
-from shake_ros.data.mat_file import read_mat_columns
-from shake_ros.data.recordings import read_table_recording, write_table_recording
-
-SIGNALS = {
-    "command": "valve command, −1 … 1",
-    "position": "position [m]",
-    "acceleration": "acceleration [m/s²]",
-    "force": "external force on the table [N]",
-}
+from shake_ros.api.import_csv import SIGNALS, import_csv
 
 
 def parser() -> argparse.ArgumentParser:
@@ -46,50 +35,13 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     given = parser().parse_args(list(arguments))
-    names = ("time", *SIGNALS)
-    columns = {name: Column.parse(text) for name in names if (text := getattr(given, name)) is not None}
-    if given.skip is not None and given.skip < 0:
-        raise ShakeError(f"--skip {given.skip}: a number of lines is needed")
-    is_mat = given.file.suffix.lower() == ".mat"
-    values = read_mat_columns(given.file, columns) if is_mat else read_columns(given.file, columns, given.skip)
-    time = values["time"] if "time" in values else _steps(len(values["position"]), given.rate)
-    _check_time(given.file, time)
-    write_table_recording(
-        given.out,
-        time,
-        values["command"],
-        values["position"],
-        values.get("acceleration"),
-        force=values.get("force"),
-        overwrite=given.overwrite,
+    recording = import_csv(**vars(given))
+    ranges = ", ".join(
+        f"{name} {np.nanmin(values):.4g} … {np.nanmax(values):.4g}"
+        for name in SIGNALS
+        if (values := recording.valve_command if name == "command" else getattr(recording, name)) is not None
     )
-    recording = read_table_recording(given.out)
-    print(f"{given.out}: {len(recording)} samples, every {recording.sample_time * 1e3:.6g} ms, {_topics(values)}")
+    print(f"{given.out}: {len(recording)} samples, every {recording.sample_time * 1e3:.6g} ms, {ranges}")
     for finding in recording.findings:
         print(f"  {finding}")
     return 0
-
-
-def _steps(count: int, rate: float) -> npt.NDArray[np.float64]:
-    if not (np.isfinite(rate) and rate > 0):
-        raise ShakeError(f"--rate {rate:g}: a positive number of hertz is needed")
-    return np.arange(count) / rate
-
-
-def _check_time(path: Path, time: npt.NDArray[np.float64]) -> None:
-    """Time must be finite and rise from row to row, and there must be rows."""
-    if len(time) < 2:
-        raise ShakeError(f"{path}: {len(time)} rows of numbers, at least 2 are needed")
-    if not np.isfinite(time).all():
-        raise ShakeError(f"{path}: row {int(np.argmax(~np.isfinite(time))) + 1} of the table has no time")
-    falls = np.diff(np.rint(time * 1e9)) <= 0
-    if falls.any():
-        row = int(np.argmax(falls)) + 2
-        count = int(falls.sum())
-        raise ShakeError(
-            f"{path}: time does not rise at row {row} of the table ({time[row - 1]:.9g} s), {count} such rows"
-        )
-
-
-def _topics(values: dict[str, npt.NDArray[np.float64]]) -> str:
-    return ", ".join(f"{name} {np.nanmin(x):.4g} … {np.nanmax(x):.4g}" for name, x in values.items() if name != "time")

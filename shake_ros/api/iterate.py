@@ -1,0 +1,164 @@
+"""`iterate`: the drive, or the model, of the next run from the acceleration that the last one missed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.api.fitted import Data, recordings
+from shake_ros.api.iterated import Iterated
+from shake_ros.api.simulated_table import SimulatedTable
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.iteration.drive import Iteration, Run, error_in_band, next_drive
+from shake_ros.core.iteration.drive import iterate as corrected
+from shake_ros.core.iteration.model import iterate_model, refit
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.data.recordings import TableRecording
+from shake_ros.data.reference_program import build_program
+from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.settings import find, load_table, read_yaml
+
+Array = NDArray[np.float64]
+Learn = Callable[[TableParameters, Sequence[Record]], TableParameters]
+
+
+def iterate(
+    wanted: str | Path,
+    runs: Data,
+    *,
+    settings: str | Iteration = "default",
+    model: str | TableParameters | None = None,
+    refit: Sequence[str] | None = None,
+) -> Iterated:
+    """The next run of the same motion from the runs so far.
+
+    Parameters
+    ----------
+    wanted : the motion that the table should make: a name of config/reference or a YAML file.
+    runs : recordings of it, oldest first, each from the start of its reference, with imu and reference.
+    settings : how a drive is corrected: a name of config/iteration, a YAML file, or the settings.
+    model, refit : where given, the drive stays and this table, with these effects, is fitted to the last run.
+
+    Raises
+    ------
+    ShakeError
+        A recording lacks a topic or is too short, or sample times differ.
+
+    Examples
+    --------
+    A run in which the table reached nine tenths of the wanted acceleration:
+
+    >>> import numpy as np
+    >>> import shake_ros as sr
+    >>> from shake_ros.data.reference_program import build_program
+    >>> wanted = np.array(build_program("earthquake_rock", 0.002).states)
+    >>> time, rest = np.arange(len(wanted)) * 0.002, np.zeros(len(wanted))
+    >>> run = sr.recording("run", time, rest, 0.9 * wanted[:, 0], acceleration=0.9 * wanted[:, 2], reference=wanted)
+    >>> following = sr.iterate("earthquake_rock", run)
+    >>> following.error
+    run    error
+    run  10.00 %
+    >>> following.drive.shape == wanted.shape
+    True
+    """
+    parameters = load_iteration(settings)
+    found = recordings(runs)
+    if not found:
+        raise ShakeError("iterate: no recording of a run")
+    learn, before = _learning(model, refit)
+    sample_time = round(found[0].sample_time, 7)
+    target = build_program(str(wanted), sample_time).states[:, 2]
+    made = [_run(recording, len(target), sample_time) for recording in found]
+    missed = tuple(error_in_band(target, run.achieved, sample_time, parameters) for run in made)
+    if before is not None:
+        return Iterated(found.names, missed, sample_time, model=learn(before, found[-1:].records()))
+    drive, factor = next_drive(target, made, sample_time, parameters)
+    return Iterated(found.names, missed, sample_time, drive, factor)
+
+
+def iterate_simulated(
+    wanted: str | Path,
+    table: SimulatedTable | str = "bergamo",
+    *,
+    runs: int | None = None,
+    settings: str | Iteration = "default",
+    model: str | TableParameters | None = None,
+    refit: Sequence[str] | None = None,
+) -> Iterated:
+    """Runs of one motion on a simulated table, each from what the last one missed, until nothing is gained.
+
+    Parameters
+    ----------
+    wanted, settings, refit : as in `iterate`. table : the simulated table, or the name of its configuration.
+    runs : most runs. model : of the feedforward and of an observer that has a model; with `refit`, of the first run.
+
+    Raises
+    ------
+    ShakeError
+        A run left the finite numbers.
+    """
+    parameters = load_iteration(settings) if runs is None else load_iteration(settings).replace(runs=runs)
+    learn, before = _learning(model, refit)
+    played = SimulatedTable(table) if isinstance(table, str) else table
+    carried = load_table(model) if isinstance(model, str) else model
+    first = np.array(build_program(str(wanted), played.sample_time).states)
+    played.begin(first)
+    dt = played.sample_time
+    if before is not None:
+        models, missed, reason = iterate_model(first[:, 2], before, played.record, learn, parameters)
+    else:
+        play = partial(played.acceleration, carried)
+        references, missed, reason = corrected(first[:, 2], first, play, dt, parameters)
+    names, best = tuple(f"run {k + 1}" for k in range(len(missed))), int(np.argmin(missed))
+    if before is not None:
+        return Iterated(names, tuple(missed), dt, model=models[best], simulated=played, reason=reason)
+    return Iterated(names, tuple(missed), dt, references[best], simulated=played, reason=reason)
+
+
+def load_iteration(settings: str | Iteration) -> Iteration:
+    """Settings of config/iteration by name or file, or as given."""
+    if isinstance(settings, Iteration):
+        return settings
+    path = find("iteration", settings)
+    return Iteration.from_mapping(read_yaml(path), str(path))
+
+
+def _learning(
+    model: str | TableParameters | None, effects: Sequence[str] | None
+) -> tuple[Learn, TableParameters | None]:
+    """`refit` of the declared parameters and those of named effects, and the model of the first run where wanted."""
+    if effects is None:
+        return lambda table, records: table, None
+    if model is None:
+        raise ShakeError("--refit: needs --model, the table that is fitted")
+    free, known = free_parameters(), {c.effect: c for c in effect_candidates()}
+    for effect in effects:
+        if effect not in known:
+            raise unknown_name("effect", effect, known, "--refit")
+    chosen = [known[effect] for effect in effects]
+    before = load_table(model) if isinstance(model, str) else model
+    return lambda table, records: refit(table, free, chosen, records), before
+
+
+def _run(recording: TableRecording, samples: int, sample_time: float) -> Run:
+    """The played and the measured acceleration of a recording from the first sample of its reference on."""
+    part, name = recording.longest, recording.name
+    for topic, content in (("imu", part.acceleration), ("reference", part.reference)):
+        if content is None:
+            raise ShakeError(f"{name}: no topic {topic}")
+    assert part.acceleration is not None and part.reference is not None
+    known = np.flatnonzero(np.isfinite(part.reference).all(axis=1))
+    first = int(known[0]) if known.size else len(part.time)
+    played = part.reference[first : first + samples, 2]
+    if len(played) < samples or not np.isfinite(played).all():
+        raise ShakeError(f"{name}: {known.size} unbroken samples of the reference, the wanted motion has {samples}")
+    if abs(part.sample_time - sample_time) > 1e-3 * sample_time:
+        raise ShakeError(
+            f"{name}: a sample every {part.sample_time:g} s, the recordings before every {sample_time:g} s"
+        )
+    return Run(played, part.acceleration[first : first + samples])

@@ -1,0 +1,97 @@
+"""What an iteration leaves for the next run: a drive or a model, with the errors of the runs so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from shake_ros.api.frame import Frame, percent
+from shake_ros.api.simulated_table import SimulatedTable
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.results import write_folder, write_json
+from shake_ros.settings import find, read_yaml, save_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+PADDED = 2  # samples of rest that an earthquake reference gets at either end; left out of the file for them
+
+
+@dataclass(frozen=True)
+class Iterated:
+    """The next run of an iteration.
+
+    Attributes
+    ----------
+    runs : names of the runs so far. missed : error of their acceleration within the band [-].
+    drive : position, velocity, acceleration of the next run, shape (n, 3) [m, m/s, m/s²]; None where the model is
+    fitted. sample_time : [s]. factor : by which the drive was scaled to stay within its limits [-].
+    model : fitted to the last run; None where the drive is corrected.
+    simulated : the simulated table, where the runs were made on it. reason : why its runs ended.
+    """
+
+    runs: tuple[str, ...]
+    missed: tuple[float, ...]
+    sample_time: float
+    drive: Array | None = None
+    factor: float = 1.0
+    model: TableParameters | None = None
+    simulated: SimulatedTable | None = None
+    reason: str = ""
+
+    @property
+    def best(self) -> int:
+        """Index of the run that missed least."""
+        return int(np.argmin(self.missed))
+
+    @property
+    def error(self) -> Frame:
+        """Acceleration that each run missed within the band, relative to the wanted one [-]."""
+        return Frame(("run", "error"), list(zip(self.runs, self.missed, strict=True)), {"error": percent})
+
+    def plot(self) -> Figure:
+        """Errors of the simulated runs, and response spectra of the best one."""
+        from shake_ros.report.figures_iteration import iteration_figure
+
+        if self.simulated is None:
+            raise ShakeError("iterate: the true motion, which the figure shows, is known of simulated runs only")
+        return iteration_figure(self.simulated.errors, self.simulated.spectra, self.simulated.aim, self.best)
+
+    def report(self, folder: str | Path, force: bool = False) -> Path:
+        """Write drive.csv and drive.yaml, or model.yaml; iteration.json; of simulated runs iteration.png.
+
+        `force` replaces an existing folder.
+        """
+        out = Path(folder)
+
+        def fill(work: Path) -> None:
+            if self.model is not None:
+                save_table(work / "model.yaml", self.model, "Fitted to the last run by iterate.")
+            if self.drive is not None:
+                _write_drive(work, out, self.drive, self.sample_time)
+            write_json(work / "iteration.json", {"schema": "shake_ros.iterate/1", "error_in_band": list(self.missed)})
+            if self.simulated is not None:
+                self.plot().savefig(work / "iteration.png", dpi=120)
+
+        write_folder(out, fill, force=force)
+        return out
+
+
+def _write_drive(folder: Path, out: Path, drive: Array, sample_time: float) -> None:
+    """drive.csv and drive.yaml, which names the file where it will lie."""
+    played = drive[PADDED:-PADDED, 2]
+    time = np.arange(len(played)) * sample_time
+    np.savetxt(folder / "drive.csv", np.column_stack([time, played]), fmt=("%.6f", "%.12e"), delimiter=",")
+    reference = read_yaml(find("reference", "earthquake"))
+    limits = {"position_limit": 10.0, "velocity_limit": 100.0, "acceleration_limit": 1000.0}
+    whole = {"high_pass": 0.0, "low_pass": 0.0, "pad_time": 0.0, "scale": 1.0, "unit": "m/s2"}
+    reference |= {"record": str((out / "drive.csv").resolve()), **whole, **limits}
+    text = "# The next drive of an iteration, played as it is.\n" + yaml.safe_dump(reference, sort_keys=False)
+    (folder / "drive.yaml").write_text(text, encoding="utf-8")

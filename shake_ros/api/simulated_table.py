@@ -1,0 +1,84 @@
+"""A simulated table in closed loop that plays a motion again and again, as `iterate_simulated` needs it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.api.progress import Progress, Told
+from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.control.closed_loop import ClosedLoop
+from shake_ros.core.control.runner import Controller
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.loop.compiled import Loop, simulate
+from shake_ros.core.loop.metrics import spectrum_of
+from shake_ros.core.observer import OBSERVERS
+from shake_ros.core.observer.runner import Observer
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import ShakeError
+from shake_ros.settings import load_table, load_variant
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class SimulatedTable:
+    """A table with its loop, and the true figures of the runs made on it.
+
+    Attributes
+    ----------
+    table : configuration of the table. observer, controller : names of configurations. delay : samples by which a
+    command reaches the valve late. sample_time : of the loop [s]. progress : told the figures of each run.
+    errors : of the true acceleration, one a run [-]. spectra : response spectra of the runs, `aim` that of the wanted
+    motion [m/s²].
+    """
+
+    table: str | TableParameters = "bergamo"
+    observer: str = "linear_bergamo"
+    controller: str = "super_twisting_tuned"
+    delay: int = 0
+    sample_time: float = 0.001
+    progress: Told = True
+    wanted: Array = field(default_factory=lambda: np.zeros((0, 3)), init=False)
+    aim: Array = field(default_factory=lambda: np.zeros(0), init=False)
+    errors: list[float] = field(default_factory=list, init=False)
+    spectra: list[Array] = field(default_factory=list, init=False)
+
+    def begin(self, wanted: Array) -> None:
+        """Forget earlier runs; `wanted` is the motion of the next ones, shape (n, 3)."""
+        self.wanted, self.aim = wanted, spectrum_of(wanted[:, 2], self.sample_time)
+        self.errors, self.spectra = [], []
+
+    def run(self, model: TableParameters | None, reference: Array, number: int) -> ClosedLoop:
+        """One run of a reference under a model.
+
+        Raises
+        ------
+        ShakeError : the run left the finite numbers.
+        """
+        dt = self.sample_time
+        plant = load_table(self.table) if isinstance(self.table, str) else self.table
+        observer = Observer(*load_variant("observer", self.observer, OBSERVERS), dt, model)
+        controller = Controller(*load_variant("controller", self.controller, CONTROLLERS), dt, model)
+        run, finite = simulate(Loop(plant, observer, controller, reference, seed=number, delay=self.delay))
+        if finite < len(reference):
+            raise ShakeError(f"run {number + 1} left the finite numbers after {finite * dt:.3f} s")
+        true, wanted = run.truth[:, 2], self.wanted[:, 2]
+        self.errors.append(float(np.sqrt(np.mean((true - wanted) ** 2)) / np.std(wanted)))
+        self.spectra.append(spectrum_of(true, dt))
+        off = float(np.max(np.abs(self.spectra[-1] / self.aim - 1.0)))
+        text = f"run {number + 1}: acceleration {100.0 * self.errors[-1]:.2f} %, response spectrum {100.0 * off:.2f} %"
+        with Progress("iterate", self.progress) as bar:
+            bar(text, 1.0)
+        return run
+
+    def acceleration(self, model: TableParameters | None, reference: Array, number: int) -> Array:
+        """The accelerometer's record of a run of a reference."""
+        return self.run(model, reference, number).measured[:, 1]
+
+    def record(self, model: TableParameters, number: int) -> Record:
+        """The recording of a run of the wanted motion under a model."""
+        run = self.run(model, self.wanted, number)
+        return Record(f"run {number + 1}", self.sample_time, run.command, run.measured[:, 0], run.measured[:, 1])
