@@ -77,7 +77,7 @@ class Identification:
 
     def report(self, folder: str | Path, force: bool = False) -> Path:
         """Write report.json, diagnosis.json, report.html and table.yaml; `force` replaces an existing folder."""
-        from shake_ros.report.identify_page import identify_page
+        from shake_ros.report.close_loop_page import identify_page
 
         names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
         content = {

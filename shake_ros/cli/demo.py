@@ -27,7 +27,7 @@ from shake_ros.data.fit_records import fit_records
 from shake_ros.data.recordings import TableRecording, read_table_recording
 from shake_ros.data.results import close_loop_json, write_folder, write_json
 from shake_ros.declared import model_structure
-from shake_ros.report.demo_page import Tracking, demo_page
+from shake_ros.report.demo_page import Tracking, demo_page, tracks_of
 from shake_ros.report.figures_demo import overview
 from shake_ros.settings import find, load_search, load_table, read_yaml, save_table
 
@@ -156,7 +156,7 @@ def _run(folder: Path, settings: Mapping[str, Any], hidden: Hidden, bar: Bar, st
     write_json(folder / "close_loop.json", close_loop_json(result, *names, "full"))
     page = demo_page(runs, hidden.effect, result, learn, hold, tracks, summary)
     (folder / "report.html").write_text(page, encoding="utf-8")
-    (folder / "overview.png").write_bytes(overview(runs, result, hold, before, again))
+    (folder / "overview.png").write_bytes(overview(runs, result, hold, tracks_of(tracks)))
     (folder / "summary.txt").write_text(lines(summary, tracks), encoding="utf-8")
 
 

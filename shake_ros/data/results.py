@@ -85,10 +85,10 @@ def _step_json(step: ForwardStep, model: FittedModel) -> dict[str, Any]:
     best, second = step.chosen, step.ranking[1] if len(step.ranking) > 1 else None
     least = best.result.validation_cost
     next_least = second.result.validation_cost if second else least
-    why = f"lowest error on the recordings held out: weighted mean square {least:.3g}"
+    why = f"lowest error on the validation data: weighted mean square {least:.3g}"
     if second and not second.usual and next_least < least:
-        why = f"as good as {second.candidate.effect}, whose value is not met on real tables: {least:.3g}"
-        why += f" and {next_least:.3g} on the recordings held out"
+        why = f"as good as {second.candidate.effect}, whose value is not seen on real tables: {least:.3g} against "
+        why += f"{next_least:.3g} on the validation data"
     elif second:
         why += f", next {second.candidate.effect} with {next_least:.3g}"
     return {

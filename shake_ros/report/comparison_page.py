@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.comparison import Outcome, Summary, summarise
 from shake_ros.report import figures_comparison
-from shake_ros.report.comparison_text import HEAD, load_rows, number, percent, summary_rows, trouble
+from shake_ros.report.comparison_text import HEAD, load_rows, number, summary_rows, trouble
 from shake_ros.report.page import Page
 from shake_ros.report.style import COLOURS
+from shake_ros.report.text import percent
 
 CASE_HEAD = (
     "controller", "load [kg]", "J1 [ms]", "position", "peak", "velocity", "peak", "acceleration", "spectrum",

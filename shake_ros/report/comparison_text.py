@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from shake_ros.core.loop.comparison import Outcome, Summary, by_load
+from shake_ros.report.text import percent
 
 HEAD = (
     "controller", "J1 [ms]", "position", "worst", "velocity", "worst", "acceleration", "worst", "spectrum", "THD",
@@ -13,18 +14,9 @@ HEAD = (
 )  # fmt: skip
 
 
-def percent(value: float) -> str:
-    """A share in percent, a dash where there is none.
-
-    >>> percent(0.0123), percent(float("nan"))
-    ('1.23 %', '-')
-    """
-    return f"{100.0 * value:.2f} %" if math.isfinite(value) else "-"
-
-
 def number(value: float, digits: int = 2) -> str:
     """A number, a dash where there is none."""
-    return f"{value:.{digits}f}" if math.isfinite(value) else "-"
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
 def summary_rows(summaries: Sequence[Summary]) -> list[list[str]]:

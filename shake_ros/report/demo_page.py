@@ -11,8 +11,10 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.measured_harmonics.variants import MeasuredRuns
 from shake_ros.data.recordings import TableRecording
 from shake_ros.report import figures_demo
-from shake_ros.report.close_loop_page import model_sections, percent
+from shake_ros.report.close_loop_page import model_sections
 from shake_ros.report.page import Page
+from shake_ros.report.sections import Track, tracking_section
+from shake_ros.report.text import percent
 
 
 @dataclass(frozen=True)
@@ -30,11 +32,11 @@ def measured_section(page: Page, runs: MeasuredRuns) -> None:
     page.heading("1  Five measured runs of the real table")
     page.paragraph(
         f"{len(runs.problem.measured)} harmonic amplitudes of the acceleration under open-loop sines. The declared "
-        f"model (constant bulk modulus) leaves {runs.declared.rms:.3f} m/s² root mean square; "
+        f"model (constant bulk modulus) misses them by {runs.declared.rms:.3f} m/s² rms; "
         + (
-            f"{runs.best.name} brings it to {runs.best.rms:.3f} m/s²."
+            f"with {runs.best.name}, by {runs.best.rms:.3f} m/s²."
             if runs.best.name
-            else "no extension earns its parameters."
+            else "no extension justifies its extra parameters."
         )
     )
     page.figure(figures_demo.harmonics_figure(runs), "Measured and fitted amplitudes, logarithmic")
@@ -43,19 +45,16 @@ def measured_section(page: Page, runs: MeasuredRuns) -> None:
     page.table(["model", "rms error [m/s²]", "parameters", "information criterion"], rows, best=models.index(runs.best))
 
 
-def tracking_section(page: Page, tracks: Tracking) -> None:
-    """Step 4: tracking before and after."""
-    page.heading("4  The same earthquake, tracked with each model inside")
-    page.paragraph(
-        "Observer and controller carry a copy of the table's model. First run: the declared model; second run: the "
-        "model that was fitted and extended from the recordings. Errors are those of the true motion "
-        "against the reference."
-    )
-    page.figure(figures_demo.tracking_figure(tracks.before, tracks.after), "Reference, position and position error")
-    rows = [
-        [name, percent(tracks.error_before[name]), percent(tracks.error_after[name])] for name in tracks.error_before
-    ]
-    page.table(["tracking error", "declared model", "extended model"], rows)
+def tracks_of(tracking: Tracking) -> dict[str, Track]:
+    """The true motions as the figures take them."""
+    tracks = {}
+    for name, run, errors in (
+        ("declared model", tracking.before, tracking.error_before),
+        ("extended model", tracking.after, tracking.error_after),
+    ):
+        assert run.reference is not None and run.truth is not None
+        tracks[name] = Track(run.time, run.reference, run.truth, errors)
+    return tracks
 
 
 def demo_page(
@@ -70,35 +69,41 @@ def demo_page(
     """The whole page as HTML."""
     named = summary["hidden"]["named"] or "nothing"
     page = Page(
-        "A shaking table, closed with measured data",
-        "The declared model against the real table's harmonics; then a simulated table with an effect that the model "
-        "does not have: recorded over DDS, fitted, traced, extended, and tracked again.",
+        "Closing the loop with measured data",
+        "First the declared model against harmonics measured on the real table; then a simulated table with an effect "
+        "that the model is missing: recorded over DDS, found from the recording, added, and tracked again.",
     )
     page.cards(
         [
             (
                 f"{runs.declared.rms:.3f} → {runs.best.rms:.3f} m/s²",
-                f"harmonics of the real table, with {runs.best.name}",
+                f"error of the real table's harmonics, with {runs.best.name}",
             ),
-            (named, f"named from the recording; hidden was {hidden}"),
+            (named, f"found from the recording; the hidden effect was {hidden}"),
             (
                 f"{percent(summary['hidden']['hold_before'])} → {percent(summary['hidden']['hold_after'])}",
-                "acceleration error of the free run, recording held out",
+                "acceleration error of the free run, validation data",
             ),
             (
                 f"{percent(tracks.error_before['position'])} → {percent(tracks.error_after['position'])}",
-                "position error of the earthquake",
+                "position error under the earthquake",
             ),
         ]
     )
     measured_section(page, runs)
     page.heading("2  The loop over DDS")
     page.paragraph(
-        f"Plant, reference generator, observer, controller and recorder ran in lock-step as separate processes: "
-        f"{len(tracks.before.time)} samples of the earthquake (held out) and {sum(len(r.commands) for r in learn)} "
-        "samples of an excitation to learn from."
+        "Plant, reference generator, observer, controller and recorder ran in lock-step as separate processes: "
+        f"{sum(len(r.commands) for r in learn)} samples of an excitation for estimation and "
+        f"{len(tracks.before.time)} samples of the earthquake for validation."
     )
     page.heading("3  Closing the loop")
     model_sections(page, result, hold)
-    tracking_section(page, tracks)
+    page.heading("4  The same earthquake, tracked with each model")
+    page.paragraph(
+        "Observer and controller carry a copy of the table's model: in the first run the declared model, in the second "
+        "the model identified and extended from the recordings. Errors are those of the true motion against the "
+        "reference."
+    )
+    tracking_section(page, tracks_of(tracks))
     return page.render()

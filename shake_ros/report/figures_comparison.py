@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from shake_ros.core.control.closed_loop import ClosedLoop
@@ -34,8 +35,8 @@ def error_figure(runs: Mapping[str, ClosedLoop]) -> Figure:
 
 def amplitudes(signal: NDArray[np.float64], sample_time: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Frequencies [Hz] and amplitudes of the signal's lines up to 30 Hz [unit of the signal]."""
-    spectrum: NDArray[np.float64] = 2.0 * np.abs(np.fft.rfft(signal - signal.mean())) / len(signal)
-    frequency = np.fft.rfftfreq(len(signal), sample_time)
+    spectrum = 2.0 * np.abs(np.fft.rfft(signal - signal.mean())) / len(signal)
+    frequency = np.asarray(np.fft.rfftfreq(len(signal), sample_time), dtype=np.float64)
     shown = (frequency > 0.0) & (frequency <= HIGHEST_SHOWN)
     return frequency[shown], spectrum[shown]
 
@@ -71,8 +72,12 @@ def error_bars(summaries: Sequence[Summary]) -> Figure:
     place = np.arange(len(summaries))[::-1]
     for axes, name in zip(panels, ("position", "velocity", "acceleration"), strict=True):
         values = [100.0 * getattr(s.worst, f"{name}_error") for s in summaries]
-        axes.barh(place, values, color=COLOURS[1], height=0.62)
+        axes.barh(place, values, color=COLOURS[0], height=0.62)
         axes.set_xscale("log")
+        finite = [value for value in values if np.isfinite(value) and value > 0.0]
+        if finite:
+            axes.set_xlim(0.2 * min(finite), 3.0 * max(finite))
+        axes.xaxis.set_minor_formatter(NullFormatter())
         tidy(axes, f"{name} error, worst case [%]", "")
     panels[0].set_yticks(place, [s.entry for s in summaries], fontsize=9)
     return figure

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,8 +11,8 @@ from matplotlib.figure import Figure
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.measured_harmonics.variants import MeasuredRuns
-from shake_ros.data.recordings import TableRecording
-from shake_ros.report.figures_fit import free_runs, liveliest
+from shake_ros.report.figures_fit import fastest_stretch, free_runs
+from shake_ros.report.sections import Track, tracking_axes
 from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, png, tidy
 
 
@@ -45,36 +47,8 @@ def harmonics_figure(runs: MeasuredRuns) -> Figure:
     return figure
 
 
-def tracking_axes(axes: Axes, before: TableRecording, after: TableRecording) -> None:
-    """Position error of the true motion, before and after [mm]."""
-    for recording, colour, label in (
-        (before, BEFORE, "declared model inside"),
-        (after, AFTER, "extended model inside"),
-    ):
-        assert recording.reference is not None and recording.truth is not None
-        error = 1e3 * (recording.truth[:, 0] - recording.reference[:, 0])
-        axes.plot(recording.time, error, color=colour, linewidth=1.0, label=label)
-    tidy(axes, "time [s]", "position error [mm]")
-    axes.legend(frameon=False, loc="upper right", fontsize=9)
-
-
-def tracking_figure(before: TableRecording, after: TableRecording) -> Figure:
-    """Reference and true position, and the errors before and after."""
-    figure = new_figure(9.5, 5.0)
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    assert before.reference is not None and before.truth is not None
-    upper.plot(before.time, 1e3 * before.reference[:, 0], color=MEASURED, linewidth=1.4, label="reference")
-    upper.plot(before.time, 1e3 * before.truth[:, 0], color=BEFORE, linewidth=1.0, label="table, declared model inside")
-    tidy(upper, "", "position [mm]")
-    upper.legend(frameon=False, loc="upper right")
-    tracking_axes(lower, before, after)
-    return figure
-
-
-def overview(
-    runs: MeasuredRuns, result: LoopClosure, hold: list[Record], before: TableRecording, after: TableRecording
-) -> bytes:
-    """One picture of the whole result as PNG: harmonics, held-out acceleration, tracking error."""
+def overview(runs: MeasuredRuns, result: LoopClosure, hold: list[Record], tracks: Mapping[str, Track]) -> bytes:
+    """One picture of the whole result as PNG: harmonics, acceleration of the validation data, tracking error."""
     figure = new_figure(12.5, 7.2)
     grid = figure.add_gridspec(2, 2)
     bars = figure.add_subplot(grid[0, 0])
@@ -86,15 +60,17 @@ def overview(
     bars.legend(frameon=False, fontsize=9)
     record = hold[0]
     runs_of_record = free_runs(record, result.baseline.table, result.final.table)
-    span = liveliest(record, 1.2)
+    span = fastest_stretch(record, 1.2)
     time = np.arange(len(record.commands))[span] * record.sample_time
     history = figure.add_subplot(grid[0, 1])
     if record.acceleration is not None:
-        history.plot(time, record.acceleration[span], color=MEASURED, linewidth=1.6, label="recorded, held out")
+        history.plot(time, record.acceleration[span], color=MEASURED, linewidth=1.6, label="measured (validation)")
     history.plot(time, runs_of_record[0][span, 2], color=BEFORE, linewidth=1.1, label="declared model")
     named = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing added"
     history.plot(time, runs_of_record[1][span, 2], color=AFTER, linewidth=1.1, linestyle="--", label=f"with {named}")
     tidy(history, "time [s]", "acceleration [m/s²]")
     history.legend(frameon=False, fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
-    tracking_axes(figure.add_subplot(grid[1, :]), before, after)
+    error = figure.add_subplot(grid[1, :])
+    tracking_axes(error, tracks)
+    error.legend(frameon=False, loc="upper right", fontsize=9)
     return png(figure)

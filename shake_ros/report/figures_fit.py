@@ -46,7 +46,7 @@ def free_runs(
     return model.run(before, record), model.run(after, record)
 
 
-def liveliest(record: Record, seconds: float) -> slice:
+def fastest_stretch(record: Record, seconds: float) -> slice:
     """The stretch of a recording with the largest mean square velocity."""
     n = min(round(seconds / record.sample_time), len(record.commands) - record.start)
     power = np.convolve(record.velocity[record.start :] ** 2, np.ones(n), mode="valid")
@@ -61,8 +61,8 @@ def time_histories(
     seconds: float = 2.0,
     labels: tuple[str, str] = ("declared model", "extended model"),
 ) -> Figure:
-    """Velocity and acceleration of the liveliest stretch, measured and simulated before and after."""
-    span = liveliest(record, seconds)
+    """Velocity and acceleration of the stretch of fastest motion, measured and simulated before and after."""
+    span = fastest_stretch(record, seconds)
     time = np.arange(len(record.commands))[span] * record.sample_time
     channels = [(record.velocity, 1, "velocity [m/s]")]
     if record.acceleration is not None:
@@ -102,7 +102,7 @@ def spectra(record: Record, before: np.ndarray, after: np.ndarray) -> Figure:
 
 
 def ranking_figure(ranking: Sequence[Refit], baseline_hold: float) -> Figure:
-    """Held-out cost of each refitted candidate."""
+    """Cost of each refitted candidate on the validation data."""
     figure = new_figure(9.5, 0.6 + 0.34 * (len(ranking) + 1))
     axes = figure.subplots()
     names = ["declared model", *(a.candidate.effect for a in reversed(ranking))]
@@ -110,7 +110,7 @@ def ranking_figure(ranking: Sequence[Refit], baseline_hold: float) -> Figure:
     colours = [MEASURED, *[BEFORE] * (len(ranking) - 1), AFTER][: len(names)]
     axes.barh(names, np.sqrt(costs), color=colours, height=0.62)
     axes.set_xscale("log")
-    tidy(axes, "root mean square of the weighted residual held out [-]", "")
+    tidy(axes, "rms of the weighted residual on the validation data [-]", "")
     axes.grid(False, axis="y")
     return figure
 

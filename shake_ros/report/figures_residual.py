@@ -28,7 +28,7 @@ def correlogram(judgements: Sequence[Judgement]) -> Figure:
             axes.vlines(lag, 0.0, value, color=AFTER if passed else BEFORE, linewidth=2.0)
             axes.axhline(0.0, color=MEASURED, linewidth=0.6)
             tidy(axes, "", "")
-        left.set_ylabel(f"{judgement.name}\n({'held out' if judgement.held_out else 'fitted'})")
+        left.set_ylabel(f"{judgement.name}\n({'validation' if judgement.held_out else 'estimation'})")
     for axes, title in zip(rows[0], ("with its own past", "with the drive"), strict=True):
         axes.set_title(title, fontsize=10)
     for axes in rows[-1]:

@@ -21,8 +21,8 @@ figure { margin: 1.2rem 0; }
 figcaption { color: #566474; font-size: .92rem; }
 img { max-width: 100%; height: auto; }
 table { border-collapse: collapse; margin: 1rem 0; font-size: .93rem; display: block; overflow-x: auto; }
-th, td { padding: .28rem .75rem; text-align: right; border-bottom: 1px solid #e3e8ee; white-space: nowrap;
-  font-variant-numeric: tabular-nums; }
+th, td { padding: .28rem .75rem; text-align: right; border-bottom: 1px solid #e3e8ee; vertical-align: bottom; }
+td { white-space: nowrap; font-variant-numeric: tabular-nums; }
 th:first-child, td:first-child { text-align: left; }
 thead th { border-bottom: 2px solid #b9c4d0; color: #3c4a5a; }
 tr.best td { background: #eaf4ec; }

@@ -12,6 +12,7 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.schedule import WINDOW, Training
 from shake_ros.report.page import Page
 from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
+from shake_ros.report.text import percent
 
 SMOOTH = 0.5  # of the running error shown [s]
 
@@ -41,27 +42,26 @@ def schedule_page(
     change: float | None,
 ) -> str:
     """The whole page as HTML."""
-    page = Page("A schedule of parameters, or the effect?", "Both learned from the same windows of two seconds.")
+    page = Page("Scheduled parameters or a physical effect?", "Both estimated from the same windows of two seconds.")
     page.paragraph(
         "The network gives θ_1 … θ_7 for the amplitude and the frequency of the command over the last two seconds; "
-        "the other model has one more effect and one set of parameters. "
-        f"Training: {training.epochs} epochs; mean square of the scaled error {training.learn:.2g} on what was "
-        f"learned, "
-        f"{training.test:.2g} on what was kept for the test."
+        "the other model has one effect more and a single set of parameters. "
+        f"Training took {training.epochs} epochs; the mean square of the scaled error is {training.learn:.2g} on the "
+        f"training data and {training.test:.2g} on the test data."
     )
-    page.heading("Free-run error on recordings held out")
+    page.heading("Error of the free run on the validation data")
     rows = dict(content["error"])
-    for key, title in (("within_window", "within the window after the change"), ("later", "later")):
+    for key, title in (("within_window", "first two seconds after the change"), ("later", "later")):
         if "after_change" in content:
             rows[title] = content["after_change"][key]
     table = [
-        [title, name, *(f"{100 * e[c]:.2f} %" if c in e else "–" for c in ("velocity", "acceleration"))]
+        [title, name, *(percent(e.get(c)) for c in ("velocity", "acceleration"))]
         for title, models in rows.items()
         for name, e in models.items()
     ]
     page.table(["recording", "model", "velocity", "acceleration"], table)
     for k, (record, runs) in enumerate(compared):
         if record.acceleration is not None:
-            caption = f"{record.name}: running error; shaded: what the window cannot see yet"
+            caption = f"{record.name}: running rms error; shaded: the window does not yet cover the change"
             page.figure(running_error(record, runs, change if k == 0 else None), caption)
     return page.render()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from shake_ros.core.discovery.close_loop import LoopClosure
@@ -9,6 +10,20 @@ from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import Benefit
+
+
+def percent(value: float | None) -> str:
+    """A share in per cent, a dash where there is none.
+
+    >>> percent(0.0123), percent(None), percent(float("nan"))
+    ('1.23 %', '–', '–')
+    """
+    return "–" if value is None or not math.isfinite(value) else f"{100.0 * value:.2f} %"
+
+
+def sentence(text: str) -> str:
+    """A phrase with a capital letter and a full stop."""
+    return f"{text[0].upper()}{text[1:]}."
 
 
 def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
@@ -23,10 +38,9 @@ def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
 def error_lines(model: FittedModel, title: str = "error of the free run") -> list[str]:
     """Errors per recording, relative to the measured signal."""
     lines = [f"{title:<36}{'velocity':>12}{'acceleration':>14}"]
-    for role, errors in (("learn", model.learn), ("hold", model.hold)):
+    for role, errors in (("estimation", model.learn), ("validation", model.hold)):
         for name, e in errors.items():
-            acceleration = f"{100 * e['acceleration']:.2f} %" if "acceleration" in e else "–"
-            lines.append(f"{role + ' ' + name:<36}{100 * e['velocity']:>10.2f} %{acceleration:>14}")
+            lines.append(f"{f'{role} {name}':<36}{percent(e['velocity']):>12}{percent(e.get('acceleration')):>14}")
     return lines
 
 
@@ -35,13 +49,13 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
     lines = error_lines(result.baseline, "declared model, error of the free run")
     for step, model in zip(result.search.steps, result.models, strict=True):
         best = step.chosen.candidate
-        also = f" (not told apart from {', '.join(step.alternatives)})" if step.alternatives else ""
+        also = f" (these recordings cannot tell it from {', '.join(step.alternatives)})" if step.alternatives else ""
         lines += ["", f"added: {best.effect}, place {best.place}{also}"]
         own = {f.name for f in best.free}
         lines += parameter_lines([p for p in model.parameters if p.name in own])
         lines += error_lines(model)
     if not result.search.steps:
-        lines += ["", "nothing is added: no effect lowers the error of the recordings held out"]
+        lines += ["", "nothing is added: no effect lowers the error on the validation data"]
     return [*lines, "", f"remaining: {result.remaining.text}"]
 
 
@@ -49,14 +63,14 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
     """Residual tests per recording, then what the recordings identify and which one would help."""
     lines = [f"{'residual':<36}{'white':>8}{'independent':>13}  the error is"]
     for j in diagnosis.judgements:
+        role = "validation" if j.held_out else "estimation"
         white, free = ("yes" if j.test.white else "no", "yes" if j.test.independent else "no") if j.test else ("–", "–")
-        lines.append(f"{('hold ' if j.held_out else 'learn ') + j.name:<36}{white:>8}{free:>13}  {j.split.text}")
-    said = (diagnosis.identifiability.text, diagnosis.advice)
-    return [*lines, *(f"{sentence[0].upper()}{sentence[1:]}." for sentence in said)]
+        lines.append(f"{f'{role} {j.name}':<36}{white:>8}{free:>13}  {j.split.text}")
+    return [*lines, sentence(diagnosis.identifiability.text), sentence(diagnosis.advice)]
 
 
 def tracking_lines(benefit: Benefit) -> list[str]:
     """Tracking errors in the loop under the model before and the model after."""
     before, after = benefit.errors().values()
     parts = [f"{name} {100.0 * before[name]:.2f} → {100.0 * after[name]:.2f} %" for name in before]
-    return [f"tracking of the fitted table, {benefit.reference}, model before → after: {', '.join(parts)}"]
+    return [f"tracking error ({benefit.reference}), declared → extended model: {', '.join(parts)}"]

@@ -61,7 +61,7 @@ def test_command_names_the_effect_and_prints_before_and_after() -> None:
     assert done.code == 0
     assert "added: spool_deadband, place valve" in done.printed
     assert "effects.spool_deadband.width" in done.printed
-    errors = [float(e) for e in re.findall(r"^hold hold +[\d.]+ % +([\d.]+) %", done.printed, re.MULTILINE)]
+    errors = [float(e) for e in re.findall(r"^validation hold +[\d.]+ % +([\d.]+) %", done.printed, re.MULTILINE)]
     assert len(errors) == 2
     assert errors[1] < 0.1 * errors[0]
     assert "remaining: " in done.printed
@@ -71,7 +71,7 @@ def test_command_names_the_effect_and_prints_before_and_after() -> None:
 def test_command_says_that_nothing_is_missing() -> None:
     done = command("nothing")
     assert done.code == 0
-    assert "nothing is added: no effect lowers the error of the recordings held out" in done.printed
+    assert "nothing is added: no effect lowers the error on the validation data" in done.printed
     assert "remaining: nothing above the noise" in done.printed
 
 

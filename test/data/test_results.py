@@ -104,7 +104,7 @@ def test_step_of_the_report_names_the_effect_with_its_parameters_and_evidence() 
     assert step["parameters"]["effects.spool_deadband.width"]["value"] == pytest.approx(0.02, rel=0.05)
     assert report["final"]["error"] == step["error"]
     assert step["evidence"]["ranking"][0]["effect"] == "spool_deadband"
-    assert "lowest error on the recordings held out" in step["evidence"]["why"]
+    assert "lowest error on the validation data" in step["evidence"]["why"]
     before, after = (report[k]["error"]["hold"]["hold"]["acceleration"] for k in ("baseline", "final"))
     assert after < 0.1 * before
 

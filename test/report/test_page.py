@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.report import figures_fit, text
-from shake_ros.report.close_loop_page import close_loop_page, parameter_table, percent
+from shake_ros.report.close_loop_page import close_loop_page
 from shake_ros.report.page import Page
+from shake_ros.report.sections import parameter_table
 from shake_ros.report.style import png
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -108,12 +109,12 @@ def test_page_of_a_closed_loop_tells_what_was_added_and_shows_it() -> None:
     reader = check_self_contained((done.out / "report.html").read_text(encoding="utf-8"))
     assert "Added: spool_deadband (valve)" in reader.words
     assert "Missing: spool_deadband." in reader.words
-    assert "What it is worth in the loop" in reader.words
+    assert "What the extended model gains in the loop" in reader.words
     assert len(reader.links) == 7
-    errors = {row[0]: row[1:] for row in reader.rows if row and row[0].endswith(("(fitted)", "(held out)"))}
-    assert set(errors) == {"learn (fitted)", "hold (held out)"}
+    errors = {row[0]: row[1:] for row in reader.rows if len(row) == 5 and row[0].endswith("n)")}
+    assert set(errors) == {"learn (estimation)", "hold (validation)"}
     after = done.result.final.hold["hold"]["acceleration"]
-    assert errors["hold (held out)"][3] == f"{100 * after:.2f} %"
+    assert errors["hold (validation)"][3] == f"{100 * after:.2f} %"
     assert any(row[0] == "effects.spool_deadband.width" and row[1] == "–" for row in reader.rows if row)
 
 
@@ -137,14 +138,14 @@ def test_page_of_recordings_without_accelerometer_is_drawn() -> None:
 
 def test_parameter_at_a_bound_says_so() -> None:
     page = Page("a", "b")
-    parameter_table(page, [], [Estimate("x", 2.0, None, "N"), Estimate("y", 3.0, 0.25, "m")])
+    parameter_table(page, {"before": [], "after": [Estimate("x", 2.0, None, "N"), Estimate("y", 3.0, 0.25, "m")]})
     rows = Reader(page.render()).rows
     assert rows[1:] == [["x", "–", "2 (at bound)", "N"], ["y", "–", "3 ± 0.25", "m"]]
-    assert percent(0.0123) == "1.23 %"
-    assert percent(None) == "–"
+    assert text.percent(0.0123) == "1.23 %"
+    assert text.percent(None) == "–"
 
 
-def test_time_histories_show_the_liveliest_stretch_and_the_better_model_lies_nearer() -> None:
+def test_time_histories_show_the_stretch_of_fastest_motion_and_the_better_model_lies_nearer() -> None:
     done = command("spool_deadband")
     record = done.hold[0]
     runs = figures_fit.free_runs(record, done.result.baseline.table, done.result.final.table)
@@ -154,7 +155,7 @@ def test_time_histories_show_the_liveliest_stretch_and_the_better_model_lies_nea
         measured, before, after = (line.get_ydata() for line in axes.lines)
         assert len(measured) == round(0.5 / SAMPLE_TIME)
         assert np.std(measured - after) < 0.3 * np.std(measured - before)
-    span = figures_fit.liveliest(record, 0.5)
+    span = figures_fit.fastest_stretch(record, 0.5)
     rest = np.mean(record.velocity[record.start :] ** 2)
     assert np.mean(record.velocity[span] ** 2) > rest
 
@@ -197,4 +198,4 @@ def test_lines_of_the_terminal_hold_values_errors_and_alternatives() -> None:
     step = dataclasses.replace(done.result.search.steps[0], alternatives=("slow_valve",))
     search = dataclasses.replace(done.result.search, steps=(step,))
     told = "\n".join(text.close_loop_lines(dataclasses.replace(done.result, search=search)))
-    assert "(not told apart from slow_valve)" in told
+    assert "(these recordings cannot tell it from slow_valve)" in told

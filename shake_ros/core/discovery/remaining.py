@@ -106,15 +106,15 @@ def remaining(problem: SearchProblem, found: Selection) -> Remaining:
         best = max(found.functions.gains.values()) if found.functions else 0.0
         text = (
             f"the residual is {ratio:.2f} times the sensor noise; no function of position, velocity, opening, load "
-            f"pressure or time would take more than {100.0 * best:.0f} % off it: something with a motion of its own, "
-            "such as a resonance that is not linear"
+            f"pressure or time would remove more than {100.0 * best:.0f} % of it: something with dynamics of its own, "
+            "such as a nonlinear resonance"
         )
         return Remaining(True, ratio, "structure", ("frequency",), shares, text)
     least = settings.remaining_share
     order = sorted((name for name, share in shares.items() if share > least), key=lambda name: -shares[name])
     place = next((PLACES[name] for name in order if name in PLACES), _nearest_place(found, least))
     where = f", mostly about {centre:.1f} Hz" if shares["frequency"] else ""
-    depends = f"; it goes with {', '.join(order)}" if order else "; it follows no single quantity"
+    depends = f"; it depends on {', '.join(order)}" if order else "; it follows no single quantity"
     text = f"the residual is {ratio:.2f} times the sensor noise{where}{depends}"
     return Remaining(True, ratio, place, tuple(order), shares, text)
 

@@ -168,4 +168,4 @@ def advice(known: Identifiability, found: Sequence[Benefit]) -> str:
     best, k = found[0], known.weakest
     before, after = 100.0 * known.deviations[k], 100.0 * best.deviations[k]
     change = f"{known.names[k]} from ± {before:.2g} % to ± {after:.2g} %"
-    return f"the recording that would help most is {best.candidate.name}: {change}"
+    return f"the most helpful further recording is {best.candidate.name}: {change}"

@@ -63,14 +63,14 @@ class Identifiability:
         if not self.left_open:
             said = (
                 f"these recordings identify all {len(self.names)} parameters; "
-                f"{worst} is known least, to ± {100.0 * self.deviations[self.weakest]:.2g} %"
+                f"{worst} is the least certain, ± {100.0 * self.deviations[self.weakest]:.2g} %"
             )
         else:
             parts = [" with ".join(c.weights) if len(c.weights) > 1 else next(iter(c.weights)) for c in self.left_open]
             said = f"these recordings do not identify {'; '.join(parts)}"
         if self.pairs:
             pairs = ", ".join(f"{a} with {b} ({value:+.2f})" for a, b, value in self.pairs)
-            said += f"; estimates that go together: {pairs}"
+            said += f"; strongly correlated: {pairs}"
         if self.bound:
             said += f"; at a bound: {', '.join(self.bound)}"
         return said

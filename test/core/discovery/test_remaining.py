@@ -74,4 +74,4 @@ def test_what_the_declared_model_leaves_of_a_valve_with_unequal_edges_goes_with_
     assert set(rest.depends_on) <= NAMES
     assert {"direction", "valve_opening", "velocity", "flow"} & set(rest.depends_on)
     assert rest.place in PLACES
-    assert "times the sensor noise; it goes with" in rest.text or "mostly about" in rest.text
+    assert "times the sensor noise; it depends on" in rest.text or "mostly about" in rest.text
