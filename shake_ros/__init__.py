@@ -18,7 +18,7 @@ PUBLIC = {  # name → module
     "Comparison": "shake_ros.api.compare",
     "compare": "shake_ros.api.compare",
     "figures": "shake_ros.api.figures",
-    "Frame": "shake_ros.api.frame",
+    "ResultTable": "shake_ros.api.result_table",
     "frequency_response": "shake_ros.api.frequency_response",
     "Identification": "shake_ros.api.identify",
     "identify": "shake_ros.api.identify",
@@ -37,7 +37,7 @@ PUBLIC = {  # name → module
     "record_scale": "shake_ros.api.record_scale",
     "ResponseSpectrum": "shake_ros.api.response_spectrum",
     "response_spectrum": "shake_ros.api.response_spectrum",
-    "Schedule": "shake_ros.api.schedule",
+    "ScheduleComparison": "shake_ros.api.schedule",
     "schedule": "shake_ros.api.schedule",
     "sensitivity": "shake_ros.api.sensitivity",
     "SimulatedTable": "shake_ros.api.simulated_table",
@@ -52,7 +52,6 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.compare import Comparison as Comparison
     from shake_ros.api.compare import compare as compare
     from shake_ros.api.figures import figures as figures
-    from shake_ros.api.frame import Frame as Frame
     from shake_ros.api.frequency_response import frequency_response as frequency_response
     from shake_ros.api.identify import Identification as Identification
     from shake_ros.api.identify import identify as identify
@@ -71,7 +70,8 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.record_scale import record_scale as record_scale
     from shake_ros.api.response_spectrum import ResponseSpectrum as ResponseSpectrum
     from shake_ros.api.response_spectrum import response_spectrum as response_spectrum
-    from shake_ros.api.schedule import Schedule as Schedule
+    from shake_ros.api.result_table import ResultTable as ResultTable
+    from shake_ros.api.schedule import ScheduleComparison as ScheduleComparison
     from shake_ros.api.schedule import schedule as schedule
     from shake_ros.api.sensitivity import sensitivity as sensitivity
     from shake_ros.api.simulated_table import SimulatedTable as SimulatedTable

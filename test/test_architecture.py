@@ -136,12 +136,43 @@ def test_core_in_a_process_of_its_own_brings_no_ros_and_no_plotting() -> None:
 
 def test_only_compiled_kernels_go_without_annotations() -> None:
     wrong = []
-    for path in (*sources(PACKAGE / "core"), *sources(PACKAGE / "data"), PACKAGE / "settings.py"):
+    for path in sources():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if not isinstance(node, ast.FunctionDef) or any("njit" in ast.unparse(d) for d in node.decorator_list):
                 continue
             if node.returns is None:
                 wrong.append(f"{path.relative_to(ROOT)}:{node.lineno}: {node.name}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_two_classes_have_one_name() -> None:
+    homes: dict[str, list[str]] = {}
+    for path in sources():
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(module_of(path))
+    assert not {name: modules for name, modules in homes.items() if len(modules) > 1}
+
+
+def test_the_python_face_prints_nothing_and_parses_no_arguments() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node.func)}"
+        for path in sources(PACKAGE / "api")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("print", "input", "sys.exit", "exit")
+    ]
+    wrong += [path.name for path in sources(PACKAGE / "api") for _, name in imports(path) if name == "argparse"]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_core_is_tested_without_what_is_above_it() -> None:
+    above = ("shake_ros.cli", "shake_ros.api", "shake_ros.report", "shake_ros.ros")
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}: {name}"
+        for path in sources(ROOT / "test" / "core")
+        for line, name in imports(path)
+        if name.startswith(above)
+    ]
     assert not wrong, "\n".join(wrong)
 
 

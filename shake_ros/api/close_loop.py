@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shake_ros.api import fitted
-from shake_ros.api.frame import Frame
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Progress, Told
+from shake_ros.api.result_table import ResultTable
 from shake_ros.api.tracking import tracking
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.close_loop import LoopClosure
@@ -20,7 +20,7 @@ from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
-from shake_ros.core.loop.benefit import Benefit
+from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.data.results import close_loop_json, diagnosis_json, write_folder, write_json
 from shake_ros.declared import model_structure, recordings_to_make
@@ -68,7 +68,7 @@ class Effects(Sequence[FoundEffect]):
         return tuple(effect.name for effect in self)
 
     @property
-    def frame(self) -> Frame:
+    def frame(self) -> ResultTable:
         """A row for each parameter."""
         rows = [
             (
@@ -83,7 +83,7 @@ class Effects(Sequence[FoundEffect]):
             for e in self
             for p in e.parameters
         ]
-        return Frame(("effect", "place", "parameter", "value", "std. error", "unit", "not told apart from"), rows)
+        return ResultTable(("effect", "place", "parameter", "value", "std. error", "unit", "not told apart from"), rows)
 
     def __repr__(self) -> str:
         return repr(self.frame) if self else "nothing is missing"
@@ -109,7 +109,7 @@ class Discovery:
     estimation: Sequence[Record]
     validation: Sequence[Record]
     diagnosis: Diagnosis
-    tracking: Benefit | None
+    tracking: TrackingBenefit | None
 
     @property
     def table(self) -> TableParameters:
@@ -134,7 +134,7 @@ class Discovery:
         )
 
     @property
-    def error(self) -> Frame:
+    def error(self) -> ResultTable:
         """Error of the free run of every recording before and after, relative to the measured signal [-]."""
         return fitted.error_frame({"before": self.closed.baseline, "after": self.closed.final})
 
@@ -148,7 +148,7 @@ class Discovery:
         return {name: (error, after[name]) for name, error in before.items()}
 
     @property
-    def parameters(self) -> Frame:
+    def parameters(self) -> ResultTable:
         """All fitted parameters of the final model with their standard errors."""
         return fitted.parameter_frame(self.closed.final.parameters)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from shake_ros.api.frame import Frame, percent
 from shake_ros.api.read import Recordings
+from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
@@ -49,7 +49,7 @@ def chosen_record(records: Sequence[Record], name: str | None) -> Record:
     return next(r for r in records if r.name == name)
 
 
-def error_frame(models: Mapping[str, FittedModel]) -> Frame:
+def error_frame(models: Mapping[str, FittedModel]) -> ResultTable:
     """Relative errors of free runs per recording, a column for each channel and model."""
     first = next(iter(models.values()))
     rows = []
@@ -58,12 +58,12 @@ def error_frame(models: Mapping[str, FittedModel]) -> Frame:
             errors = [getattr(model, sets)[name].get(channel) for channel in CHANNELS for model in models.values()]
             rows.append((name, role, *errors))
     columns = [f"{channel} {title}".strip() for channel in CHANNELS for title in models]
-    return Frame(("recording", "data", *columns), rows, dict.fromkeys(columns, percent))
+    return ResultTable(("recording", "data", *columns), rows, dict.fromkeys(columns, percent))
 
 
-def parameter_frame(parameters: Sequence[Estimate]) -> Frame:
+def parameter_frame(parameters: Sequence[Estimate]) -> ResultTable:
     """Fitted parameters; a standard error is None where the value rests on a bound."""
-    return Frame(
+    return ResultTable(
         ("parameter", "value", "std. error", "unit"), [(p.name, p.value, p.std_error, p.unit) for p in parameters]
     )
 
@@ -71,7 +71,7 @@ def parameter_frame(parameters: Sequence[Estimate]) -> Frame:
 def html_of(parts: Sequence[tuple[str, Any]]) -> str:
     """Titled frames or texts for a notebook."""
     return "".join(
-        f"<p><b>{title}</b></p>{part._repr_html_() if isinstance(part, Frame) else f'<p>{part}</p>'}"
+        f"<p><b>{title}</b></p>{part._repr_html_() if isinstance(part, ResultTable) else f'<p>{part}</p>'}"
         for title, part in parts
     )
 

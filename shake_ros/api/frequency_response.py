@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from shake_ros.api.frame import Frame
+from shake_ros.api.result_table import ResultTable
 from shake_ros.api.signals import Source, naming, one_recording
 from shake_ros.core.analysis import frequency_response as analysis
 from shake_ros.core.analysis.frequency_response import FrequencyResponse
@@ -46,9 +46,9 @@ class RecordedResponse:
     rows: Sequence[tuple[float, float, float, float]]
 
     @property
-    def table(self) -> Frame:
+    def table(self) -> ResultTable:
         """The rows."""
-        return Frame(("frequency [Hz]", f"gain [{self.unit}]", "delay [s]", "coherence"), self.rows)
+        return ResultTable(("frequency [Hz]", f"gain [{self.unit}]", "delay [s]", "coherence"), self.rows)
 
     def plot(self) -> Figure:
         """Gain with two standard deviations and delay on coherent lines, coherence on all."""

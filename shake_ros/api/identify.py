@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shake_ros.api import fitted
-from shake_ros.api.frame import Frame
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Progress, Told
+from shake_ros.api.result_table import ResultTable
 from shake_ros.core.discovery import declared_fit
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
@@ -52,12 +52,12 @@ class Identification:
         return self.fit.table
 
     @property
-    def parameters(self) -> Frame:
+    def parameters(self) -> ResultTable:
         """Fitted parameters with their standard errors."""
         return fitted.parameter_frame(self.fit.parameters)
 
     @property
-    def error(self) -> Frame:
+    def error(self) -> ResultTable:
         """Error of the free run of every recording, relative to the measured signal [-]."""
         return fitted.error_frame({"": self.fit})
 

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from shake_ros.api.frame import Frame, percent
+from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.api.simulated_table import SimulatedTable
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
@@ -52,9 +52,9 @@ class Iterated:
         return int(np.argmin(self.missed))
 
     @property
-    def error(self) -> Frame:
+    def error(self) -> ResultTable:
         """Acceleration that each run missed within the band, relative to the wanted one [-]."""
-        return Frame(("run", "error"), list(zip(self.runs, self.missed, strict=True)), {"error": percent})
+        return ResultTable(("run", "error"), list(zip(self.runs, self.missed, strict=True)), {"error": percent})
 
     def plot(self) -> Figure:
         """Errors of the simulated runs, and response spectra of the best one."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shake_ros.api.frame import Frame
+from shake_ros.api.result_table import ResultTable
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.plant.parameters import TableParameters
@@ -34,7 +34,7 @@ class Model:
     notes: tuple[str, ...] = ()
 
     @property
-    def parameters(self) -> Frame:
+    def parameters(self) -> ResultTable:
         """The parameters that a fit may move: from the start, or only once they explain much of what is left."""
         table, free = self.table, free_parameters(self.declared)
         rows = [
@@ -42,13 +42,13 @@ class Model:
             for group, when in ((free, "from the start"), (late_parameters(self.declared), "late"))
             for p in group
         ]
-        return Frame(("parameter", "value", "unit", "low", "high", "freed"), rows)
+        return ResultTable(("parameter", "value", "unit", "low", "high", "freed"), rows)
 
     @property
-    def candidates(self) -> Frame:
+    def candidates(self) -> ResultTable:
         """The effects that the model may lack."""
         rows = [(c.effect, c.place, ", ".join(c.depends_on), c.strength.name) for c in effect_candidates(self.declared)]
-        return Frame(("effect", "place", "depends on", "strength"), rows)
+        return ResultTable(("effect", "place", "depends on", "strength"), rows)
 
     def start(self, records: list[Record]) -> TableParameters:
         """The table that a fit to these records starts from."""

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy.typing as npt
 
-from shake_ros.api.frame import Frame
 from shake_ros.api.import_csv import import_csv
+from shake_ros.api.result_table import ResultTable
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
 
@@ -85,13 +85,13 @@ class Recordings(Sequence[TableRecording]):
     def _repr_html_(self) -> str:
         return self._frame()._repr_html_()
 
-    def _frame(self) -> Frame:
+    def _frame(self) -> ResultTable:
         rows = []
         for r in self:
             signals = ", ".join(name for name in SIGNALS if getattr(r, name) is not None)
             kinds = ", ".join(dict.fromkeys(f.kind for f in r.findings)) or None
             rows.append((r.name, len(r), 1.0 / r.sample_time, len(r) * r.sample_time, signals, kinds))
-        return Frame(("name", "samples", "rate [Hz]", "length [s]", "signals", "findings"), rows)
+        return ResultTable(("name", "samples", "rate [Hz]", "length [s]", "signals", "findings"), rows)
 
     @property
     def findings(self) -> list[str]:

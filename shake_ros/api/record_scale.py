@@ -18,7 +18,7 @@ from shake_ros.core.reference import earthquake
 from shake_ros.core.reference.baseline import integrate
 from shake_ros.core.reference.earthquake import EarthquakeParameters, Fitted
 from shake_ros.core.reference.envelope import envelope
-from shake_ros.core.reference.motion import Record
+from shake_ros.core.reference.motion import EarthquakeRecord
 from shake_ros.core.reference.shaping import Shaping
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
@@ -247,7 +247,7 @@ def record_scale(
     read = read_accelerogram(path, channel=channel, unit=unit)
     parameters = base.replace(record=str(path))
     try:
-        fitted = earthquake.fit(parameters, Record(read.time, read.acceleration))
+        fitted = earthquake.fit(parameters, EarthquakeRecord(read.time, read.acceleration))
     except ShakeError as error:
         raise ShakeError(f"{path}: {error}") from None
     if scale == FILL and not fitted.limited_by:

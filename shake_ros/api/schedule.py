@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shake_ros.api.fitted import Data, fit_data
-from shake_ros.api.frame import Frame, percent
 from shake_ros.api.progress import Progress, Told
+from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.api.schedule_models import ValidationRuns, compare, simulated
 from shake_ros.core.identification.schedule import WINDOW, Training
 from shake_ros.core.quantities import ShakeError
@@ -26,7 +26,7 @@ KEYS = {
 
 
 @dataclass(frozen=True)
-class Schedule:
+class ScheduleComparison:
     """One set of parameters, the neural schedule, and the physical effect side by side.
 
     Attributes
@@ -56,7 +56,7 @@ class Schedule:
         return content
 
     @property
-    def error(self) -> Frame:
+    def error(self) -> ResultTable:
         """Error of the free run over the validation data by model; of the first recording also after its change [-]."""
         content = self.content
         rows = dict(content["error"])
@@ -64,7 +64,7 @@ class Schedule:
             if "after_change" in content:
                 rows[title] = content["after_change"][key]
         entries = [(title, name, *map(e.get, CHANNELS)) for title, models in rows.items() for name, e in models.items()]
-        return Frame(("recording", "model", *CHANNELS), entries, dict.fromkeys(CHANNELS, percent))
+        return ResultTable(("recording", "model", *CHANNELS), entries, dict.fromkeys(CHANNELS, percent))
 
     def plot(self, recording: int = 0) -> Figure:
         """Running error of the acceleration of all models over a recording, by its number."""
@@ -94,7 +94,7 @@ def schedule(
     *,
     settings: str | Mapping[str, Any] = "default",
     progress: Told = True,
-) -> Schedule:
+) -> ScheduleComparison:
     """Compare one set of parameters, the neural schedule and the physical effect.
 
     Parameters
@@ -126,7 +126,7 @@ def schedule(
     else:
         first, second = fit_data(estimation, validation, "valve_command")
     with Progress("schedule", progress) as bar:
-        return Schedule(*compare(content, table, first, second, bar), change)
+        return ScheduleComparison(*compare(content, table, first, second, bar), change)
 
 
 def read_settings(name: str) -> dict[str, Any]:

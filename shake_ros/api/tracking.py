@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.discovery.close_loop import LoopClosure
-from shake_ros.core.loop.benefit import Benefit, benefit
+from shake_ros.core.loop.benefit import TrackingBenefit, benefit
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
@@ -27,7 +27,7 @@ class TrackingSettings(Parameters):
     delay: int = quantity("-", "samples by which a command reaches the valve late", low=0, high=100)
 
 
-def tracking(result: LoopClosure) -> Benefit | None:
+def tracking(result: LoopClosure) -> TrackingBenefit | None:
     """The identified table under the declared model and under the final one; None where nothing was added.
 
     None also for declared models that have no valve to control.

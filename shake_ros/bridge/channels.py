@@ -20,7 +20,7 @@ UNITS = {
 
 
 @dataclass(frozen=True)
-class Channel(Parameters):
+class IoChannel(Parameters):
     """One measured channel: value = sign · scale · (raw − offset); beyond its limits it is no reading."""
 
     raw_unit: str = choice("unit of the raw value")
@@ -35,7 +35,7 @@ class Channel(Parameters):
     def value(self, raw: float) -> float:
         """SI value of a raw one; NaN where it is absent, not finite or beyond the limits.
 
-        >>> channel = Channel("V", "m", True, 0.015, 0.1, -1, -0.15, 0.15)
+        >>> channel = IoChannel("V", "m", True, 0.015, 0.1, -1, -0.15, 0.15)
         >>> round(channel.value(2.1), 6), channel.value(12.0)
         (-0.03, nan)
         """
@@ -87,7 +87,7 @@ class BridgeParameters(Parameters):
         for name, content in mapping["channels"].items():
             if name not in UNITS:
                 raise unknown_name("channel", name, UNITS, where)
-            channel = channels[name] = Channel.from_mapping(content, f"{where}: channels.{name}")
+            channel = channels[name] = IoChannel.from_mapping(content, f"{where}: channels.{name}")
             if channel.unit != UNITS[name]:
                 raise ShakeError(f"{where}: channels.{name}.unit = '{channel.unit}' must be {UNITS[name]}")
             if channel.sign == 0 or channel.lowest >= channel.highest:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from shake_ros.api.fitted import names_of
 from shake_ros.cli.measured_runs import ALL, fit_runs, read_problem
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.close_loop import LoopClosure, close_loop
@@ -152,7 +153,7 @@ def _run(folder: Path, settings: Mapping[str, Any], hidden: Hidden, bar: Bar, st
     tracks = Tracking(before, again, tracking(before), tracking(again))
     summary = summarise(runs, hidden, result, tracks, time.monotonic() - started)
     write_json(folder / "summary.json", summary)
-    names = [list(dict.fromkeys(r.name for r in records)) for records in (learn, hold)]
+    names = names_of(learn), names_of(hold)
     write_json(folder / "close_loop.json", close_loop_json(result, *names, "full"))
     page = demo_page(runs, hidden.effect, result, learn, hold, tracks, summary)
     (folder / "report.html").write_text(page, encoding="utf-8")

@@ -7,7 +7,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from shake_ros.api.iterate import Iterated, iterate, iterate_simulated
+from shake_ros.api.iterate import iterate, iterate_simulated
+from shake_ros.api.iterated import Iterated
 from shake_ros.api.read import read
 from shake_ros.api.simulated_table import SimulatedTable
 from shake_ros.core.quantities import ShakeError

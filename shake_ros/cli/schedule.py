@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from shake_ros.api.schedule import Schedule, schedule
+from shake_ros.api.schedule import ScheduleComparison, schedule
 from shake_ros.cli import fitting
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import check_folder
@@ -28,7 +28,7 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def lines(result: Schedule) -> list[str]:
+def lines(result: ScheduleComparison) -> list[str]:
     """What is printed."""
     t = result.training
     parts = f"to learn {t.learn:.2g}, to stop by {t.stop:.2g}, to test {t.test:.2g}"

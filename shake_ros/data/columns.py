@@ -46,7 +46,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Layout:
+class TextLayout:
     """How a table is written.
 
     Attributes
@@ -115,7 +115,7 @@ def read_columns(
     return {key: np.frombuffer(column, dtype=np.float64).copy() for key, column in values.items()}
 
 
-def find_layout(path: Path, head: Sequence[str], skip: int | None) -> Layout:
+def find_layout(path: Path, head: Sequence[str], skip: int | None) -> TextLayout:
     """Separator, first line of numbers and names of the columns from the first lines of a file."""
     starts = range(len(head)) if skip is None else [skip, skip + 1]
     for start in starts:
@@ -123,18 +123,18 @@ def find_layout(path: Path, head: Sequence[str], skip: int | None) -> Layout:
             break
         separator = max(SEPARATORS, key=functools.partial(_numbers, head, start))
         if _numbers(head, start, separator) >= 2:
-            layout = Layout(separator, start, ())
+            layout = TextLayout(separator, start, ())
             names = layout.split(head[start - 1]) if start else []
             if len(names) < len(layout.split(head[start])) or not any(re.search(r"[^\W\d]", name) for name in names):
                 names = []
-            return Layout(separator, start, tuple(names))
+            return TextLayout(separator, start, tuple(names))
     behind = "" if skip is None else f" behind {skip} skipped lines"
     raise ShakeError(f"{path}: no rows of numbers found{behind}")
 
 
 def _numbers(head: Sequence[str], start: int, separator: str | None) -> int:
     """In how many columns the line `start` and those after it hold numbers; 0 where it is no row of a table."""
-    layout = Layout(separator, start, ())
+    layout = TextLayout(separator, start, ())
     rows = [layout.split(line) for line in head[start : start + 5] if line.strip()]
     if not rows or not head[start].strip():
         return 0
@@ -147,7 +147,7 @@ def _numbers(head: Sequence[str], start: int, separator: str | None) -> int:
     return good
 
 
-def _place(path: Path, column: Column, layout: Layout, head: Sequence[str]) -> int:
+def _place(path: Path, column: Column, layout: TextLayout, head: Sequence[str]) -> int:
     """Index of a column: its exact name, its name in another case, or its number from 1."""
     names = list(layout.names)
     if column.name in names:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
 from shake_ros.core.reference import REFERENCES
 from shake_ros.core.reference.earthquake import EarthquakeParameters
-from shake_ros.core.reference.motion import Record
+from shake_ros.core.reference.motion import EarthquakeRecord
 from shake_ros.core.reference.program import Program
 from shake_ros.core.reference.shaping import Shaping
 from shake_ros.data.accelerograms import read_accelerogram
@@ -41,12 +41,12 @@ def load_reference(name: str) -> Reference:
     return Reference(kind, parameters, Shaping.from_mapping(shaping, f"{path}: shaping"))
 
 
-def read_record(parameters: Parameters) -> Record | None:
+def read_record(parameters: Parameters) -> EarthquakeRecord | None:
     """The accelerogram that an earthquake's parameters name, None where they name none or are of another kind."""
     if not isinstance(parameters, EarthquakeParameters) or not parameters.record:
         return None
     found = read_accelerogram(Path(parameters.record).expanduser(), channel=parameters.channel, unit=parameters.unit)
-    return Record(found.time, found.acceleration)
+    return EarthquakeRecord(found.time, found.acceleration)
 
 
 def make_program(reference: Reference, sample_time: float) -> Program:

@@ -10,7 +10,7 @@ from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.loop.benefit import Benefit
+from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.report import figures_fit
 from shake_ros.report.page import Page
 from shake_ros.report.sections import FREE_RUN, benefit_section, diagnosis_section, error_table, parameter_table
@@ -89,7 +89,7 @@ def close_loop_page(
     learn: list[Record],
     hold: list[Record],
     diagnosis: Diagnosis | None = None,
-    benefit: Benefit | None = None,
+    benefit: TrackingBenefit | None = None,
 ) -> str:
     """The page of `close_loop` as HTML."""
     named = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.uncertainty import Estimate
-from shake_ros.core.loop.benefit import Benefit
+from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.report import figures_residual
 from shake_ros.report.page import Page
 from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
@@ -137,7 +137,7 @@ def tracking_section(page: Page, tracks: Mapping[str, Track]) -> None:
     page.figure(tracking_figure(tracks), "Acceleration about its peak; position error of the whole run")
 
 
-def benefit_section(page: Page, benefit: Benefit) -> None:
+def benefit_section(page: Page, benefit: TrackingBenefit) -> None:
     """What the extended model gains in the loop."""
     page.heading("What the extended model gains in the loop")
     page.paragraph(

@@ -9,7 +9,7 @@ from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.uncertainty import Estimate
-from shake_ros.core.loop.benefit import Benefit
+from shake_ros.core.loop.benefit import TrackingBenefit
 
 
 def percent(value: float | None) -> str:
@@ -69,7 +69,7 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
     return [*lines, sentence(diagnosis.identifiability.text), sentence(diagnosis.advice)]
 
 
-def tracking_lines(benefit: Benefit) -> list[str]:
+def tracking_lines(benefit: TrackingBenefit) -> list[str]:
     """Tracking errors in the loop under the model before and the model after."""
     before, after = benefit.errors().values()
     parts = [f"{name} {100.0 * before[name]:.2f} → {100.0 * after[name]:.2f} %" for name in before]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shake_ros.core.identification.experiments import Benefit, Candidate, advice, benefits
+from shake_ros.core.identification.experiments import Candidate, RecordingBenefit, advice, benefits
 from shake_ros.core.identification.fit import Fit, jacobian
 from shake_ros.core.identification.identifiability import Identifiability, identifiability
 from shake_ros.core.identification.recordings import CUTOFF, FULL, DeclaredModel, Record, RecordingProblem
@@ -41,7 +41,7 @@ class Diagnosis:
 
     judgements: tuple[Judgement, ...]
     identifiability: Identifiability
-    benefits: tuple[Benefit, ...]
+    benefits: tuple[RecordingBenefit, ...]
 
     @property
     def advice(self) -> str:

@@ -46,7 +46,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Benefit:
+class RecordingBenefit:
     """What a candidate would do. deviations : of each parameter, with it and the recordings at hand [parts of size]."""
 
     candidate: Candidate
@@ -132,7 +132,7 @@ def benefits(
     records: Sequence[Record],
     candidates: Sequence[Candidate],
     model: DeclaredModel = FULL,
-) -> list[Benefit]:
+) -> list[RecordingBenefit]:
     """What each candidate would add to a fit, the most helpful first.
 
     The most helpful is the one with which the parameter that is known least is known best.
@@ -157,11 +157,11 @@ def benefits(
         if not np.isfinite(scaled).all():
             continue
         widened = known.information + scaled.T @ scaled / known.widening
-        found.append(Benefit(candidate, deviations_of(widened)))
+        found.append(RecordingBenefit(candidate, deviations_of(widened)))
     return sorted(found, key=lambda b: float(np.max(b.deviations)))
 
 
-def advice(known: Identifiability, found: Sequence[Benefit]) -> str:
+def advice(known: Identifiability, found: Sequence[RecordingBenefit]) -> str:
     """A sentence on the recording that would help most."""
     if not found:
         return "no recording of the catalogue can be simulated with this table"

@@ -21,7 +21,7 @@ SHARE = 0.3  # weight in a combination from which on a parameter is named
 
 
 @dataclass(frozen=True)
-class Combination:
+class OpenCombination:
     """A combination of parameters. weights : by name, of parameters in parts of their sizes. deviation : of it [-]."""
 
     weights: dict[str, float]
@@ -46,7 +46,7 @@ class Identifiability:
     correlation: np.ndarray
     information: np.ndarray
     deviations: np.ndarray
-    left_open: tuple[Combination, ...]
+    left_open: tuple[OpenCombination, ...]
     pairs: tuple[tuple[str, str, float], ...]
     bound: tuple[str, ...]
     widening: float
@@ -112,7 +112,8 @@ def identifiability(result: Fit, blocks: np.ndarray) -> Identifiability:
         if deviation > OPEN:
             order = np.argsort(-np.abs(row))
             row = row * np.sign(row[order[0]])
-            left_open.append(Combination({names[i]: float(row[i]) for i in order if abs(row[i]) > SHARE}, deviation))
+            weights = {names[i]: float(row[i]) for i in order if abs(row[i]) > SHARE}
+            left_open.append(OpenCombination(weights, deviation))
     related = correlation(result, blocks)
     pairs = [
         (names[i], names[k], float(related[i, k]))

@@ -19,7 +19,7 @@ Loops = Callable[[TableParameters], tuple[Observer, Controller]]
 
 
 @dataclass(frozen=True)
-class Benefit:
+class TrackingBenefit:
     """Runs on one table under the model before and the model after. reference : what they follow, by name."""
 
     reference: str
@@ -44,7 +44,7 @@ def benefit(
     name: str,
     *,
     delay: int,
-) -> Benefit:
+) -> TrackingBenefit:
     """Run the same loop twice on one table, with one model in observer and controller and with the other.
 
     Parameters
@@ -64,4 +64,4 @@ def benefit(
         if finite < len(reference):
             raise ShakeError(f"{name}: the loop was lost after {finite * controller.sample_time:g} s")
         runs.append(run)
-    return Benefit(name, *runs)
+    return TrackingBenefit(name, *runs)

@@ -14,7 +14,7 @@ import numpy as np
 
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.core.reference.baseline import correct_baseline, integrate, resample
-from shake_ros.core.reference.motion import LONGEST, Array, Motion, Record
+from shake_ros.core.reference.motion import LONGEST, Array, EarthquakeRecord, Motion
 from shake_ros.core.reference.synthetic import accelerogram
 
 UNITS = ("", "m/s2", "cm/s2", "g")
@@ -60,7 +60,7 @@ class Fitted(NamedTuple):
     limited_by: str
 
 
-def synthetic_record(parameters: EarthquakeParameters) -> Record:
+def synthetic_record(parameters: EarthquakeParameters) -> EarthquakeRecord:
     """The synthetic accelerogram that the parameters describe."""
     p = parameters
     return accelerogram(
@@ -75,7 +75,7 @@ def synthetic_record(parameters: EarthquakeParameters) -> Record:
     )
 
 
-def fit(parameters: EarthquakeParameters, record: Record) -> Fitted:
+def fit(parameters: EarthquakeParameters, record: EarthquakeRecord) -> Fitted:
     """Baseline-corrected, scaled and limited acceleration of a record.
 
     Raises ShakeError for a record that is too short, not finite, not uniform, or nothing within the band.
@@ -104,7 +104,7 @@ def fit(parameters: EarthquakeParameters, record: Record) -> Fitted:
     return Fitted(factor * wished, step, factor * p.scale, limited_by)
 
 
-def motion(parameters: EarthquakeParameters, sample_time: float, record: Record | None = None) -> Motion:
+def motion(parameters: EarthquakeParameters, sample_time: float, record: EarthquakeRecord | None = None) -> Motion:
     """The fitted record as displacement, velocity and acceleration; `record` None = the synthetic one."""
     if record is None and parameters.record:
         raise ShakeError(f"earthquake: record '{parameters.record}' was named but not handed over")

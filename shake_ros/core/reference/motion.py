@@ -15,7 +15,7 @@ LONGEST = 4_000_000
 """Most samples of one program (about 100 MB)."""
 
 
-class Record(NamedTuple):
+class EarthquakeRecord(NamedTuple):
     """A recorded acceleration: uniform times [s] and acceleration [m/s²], both of shape (m,)."""
 
     time: Array

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
-from shake_ros.core.reference.motion import Array, Motion, Record, crest_factor, peaks, sample_times
+from shake_ros.core.reference.motion import Array, EarthquakeRecord, Motion, crest_factor, peaks, sample_times
 
 ORDER = {"position": 0, "velocity": 1, "acceleration": 2}
 GROUP = 4
@@ -82,7 +82,7 @@ def _one_period(amplitude: Array, number: Array, angle: Array, count: int, perio
     return states
 
 
-def motion(parameters: MultisineParameters, sample_time: float, record: Record | None = None) -> Motion:
+def motion(parameters: MultisineParameters, sample_time: float, record: EarthquakeRecord | None = None) -> Motion:
     """The multisine, whole periods; `record` is not used."""
     p = parameters
     count = round(p.period / sample_time)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.quantities import Parameters, quantity
-from shake_ros.core.reference.motion import Motion, Record, sample_times
+from shake_ros.core.reference.motion import EarthquakeRecord, Motion, sample_times
 
 
 @dataclass(frozen=True)
@@ -15,6 +15,6 @@ class NoneParameters(Parameters):
     duration: float = quantity("s", "length", low=0.01, high=3600.0)
 
 
-def motion(parameters: NoneParameters, sample_time: float, record: Record | None = None) -> Motion:
+def motion(parameters: NoneParameters, sample_time: float, record: EarthquakeRecord | None = None) -> Motion:
     """Zero throughout; `record` is not used."""
     return Motion(np.zeros((sample_times(parameters.duration, sample_time).size, 3)), {})

@@ -13,7 +13,7 @@ import numpy as np
 
 from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
 from shake_ros.core.reference import MOTIONS, REFERENCES
-from shake_ros.core.reference.motion import Array, Record, columns, crest_factor, peaks, product, smooth_step
+from shake_ros.core.reference.motion import Array, EarthquakeRecord, columns, crest_factor, peaks, product, smooth_step
 from shake_ros.core.reference.shaping import Shaping, shape
 
 AT_REST = 1e-6
@@ -50,7 +50,9 @@ class Program:
             raise ShakeError(f"reference '{kind}' takes {REFERENCES[kind].__name__}, got {type(parameters).__name__}")
         if not 1e-6 <= sample_time <= 1.0:
             raise ShakeError(f"reference: sample_time = {sample_time:g} s is outside 1e-06 … 1 s")
-        recorded = None if record is None else Record(*(np.asarray(part, dtype=np.float64) for part in record))
+        recorded = (
+            None if record is None else EarthquakeRecord(*(np.asarray(part, dtype=np.float64) for part in record))
+        )
         states, notes = MOTIONS[kind](parameters, sample_time, recorded)
         states = shape(states, shaping, sample_time)
         _check_rest(kind, states, sample_time)

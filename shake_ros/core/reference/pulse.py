@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.quantities import Parameters, quantity
-from shake_ros.core.reference.motion import Motion, Record, sample_times
+from shake_ros.core.reference.motion import EarthquakeRecord, Motion, sample_times
 from shake_ros.core.reference.step import ramp
 
 
@@ -22,7 +22,7 @@ class PulseParameters(Parameters):
     alternating: bool = quantity("-", "whether every second pulse goes the other way")
 
 
-def motion(parameters: PulseParameters, sample_time: float, record: Record | None = None) -> Motion:
+def motion(parameters: PulseParameters, sample_time: float, record: EarthquakeRecord | None = None) -> Motion:
     """The train of pulses; `record` is not used."""
     p = parameters
     period = 2.0 * p.rise_time + p.hold_time + p.rest_time

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.quantities import Parameters, quantity
-from shake_ros.core.reference.motion import Motion, Record, sample_times
+from shake_ros.core.reference.motion import EarthquakeRecord, Motion, sample_times
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class SineParameters(Parameters):
     duration: float = quantity("s", "length, soft start and stop included", low=0.01, high=3600.0)
 
 
-def motion(parameters: SineParameters, sample_time: float, record: Record | None = None) -> Motion:
+def motion(parameters: SineParameters, sample_time: float, record: EarthquakeRecord | None = None) -> Motion:
     """The sine from rest at phase zero; `record` is not used."""
     omega = 2.0 * np.pi * parameters.frequency
     phase = omega * sample_times(parameters.duration, sample_time)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.quantities import Parameters, quantity
-from shake_ros.core.reference.motion import Array, Motion, Record, sample_times, smooth_step
+from shake_ros.core.reference.motion import Array, EarthquakeRecord, Motion, sample_times, smooth_step
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ def ramp(time: Array, start: float, rise_time: float) -> Array:
     return np.column_stack((value, slope / rise_time, curvature / rise_time**2))
 
 
-def motion(parameters: StepParameters, sample_time: float, record: Record | None = None) -> Motion:
+def motion(parameters: StepParameters, sample_time: float, record: EarthquakeRecord | None = None) -> Motion:
     """The step; `record` is not used."""
     time = sample_times(parameters.duration, sample_time)
     return Motion(parameters.amplitude * ramp(time, parameters.delay, parameters.rise_time), {})

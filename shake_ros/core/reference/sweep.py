@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
-from shake_ros.core.reference.motion import Array, Motion, Record, product, sample_times
+from shake_ros.core.reference.motion import Array, EarthquakeRecord, Motion, product, sample_times
 
 SHARPNESS = 8
 
@@ -53,7 +53,7 @@ def amplitude(parameters: SweepParameters, omega: Array, rate: Array, curve: Arr
     return value, d_value, dd_value
 
 
-def motion(parameters: SweepParameters, sample_time: float, record: Record | None = None) -> Motion:
+def motion(parameters: SweepParameters, sample_time: float, record: EarthquakeRecord | None = None) -> Motion:
     """The sweep from phase zero; `record` is not used."""
     if max(parameters.start_frequency, parameters.end_frequency) * sample_time >= 0.5:
         raise ShakeError(f"sweep: frequencies must stay below half the sampling rate {1.0 / sample_time:g} Hz")

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.reference.motion import Array, Record
+from shake_ros.core.reference.motion import Array, EarthquakeRecord
 
 
 def ground_filter(
@@ -48,7 +48,7 @@ def accelerogram(
     peak_place: float,
     end_level: float,
     peak: float,
-) -> Record:
+) -> EarthquakeRecord:
     """A record of `duration` [s] at `time_step` [s] whose largest magnitude is `peak` [m/s²].
 
     `ground` and `high_pass` as in `ground_filter`, `peak_place` and `end_level` as in `envelope`.
@@ -60,4 +60,4 @@ def accelerogram(
     frequency = np.asarray(np.fft.rfftfreq(padded, time_step), dtype=np.float64)
     spectrum = np.fft.rfft(noise, padded) * ground_filter(frequency, ground, high_pass)
     shaped = np.fft.irfft(spectrum, padded)[:count] * envelope(time, duration, peak_place, end_level)
-    return Record(time, shaped * (peak / np.max(np.abs(shaped))))
+    return EarthquakeRecord(time, shaped * (peak / np.max(np.abs(shaped))))

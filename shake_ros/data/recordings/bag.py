@@ -40,7 +40,7 @@ class Message(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Topic:
+class BagTopic:
     """A topic of a recording. `refusal` says why its messages cannot be used; empty where they can."""
 
     name: str
@@ -63,7 +63,7 @@ def _refusal(channel: Channel) -> str:
 class Bag:
     """A rosbag2 folder, or one .mcap or .db3 file (also .zstd) by itself.
 
-    Use it as a context manager; `topics` maps full names to `Topic`, `findings` grows while messages are read.
+    Use it as a context manager; `topics` maps full names to `BagTopic`, `findings` grows while messages are read.
 
     Raises
     ------
@@ -75,7 +75,7 @@ class Bag:
         self.path = Path(path)
         self.findings: list[Finding] = []
         self.metadata: dict[str, Any] = {}
-        self.topics: dict[str, Topic] = {}
+        self.topics: dict[str, BagTopic] = {}
         self._temporary: tempfile.TemporaryDirectory[str] | None = None
         try:
             self._files = [self._open_file(file) for file in self._list_files()]
@@ -218,10 +218,10 @@ class Bag:
                 known = self.topics.get(channel.topic)
                 if known is not None and known.type != channel.type:
                     reason = f"has two types, {known.type} and {channel.type}"
-                    self.topics[channel.topic] = Topic(known.name, known.type, known.count + count, channel, reason)
+                    self.topics[channel.topic] = BagTopic(known.name, known.type, known.count + count, channel, reason)
                     continue
                 total = count + (known.count if known else 0)
-                self.topics[channel.topic] = Topic(channel.topic, channel.type, total, channel, _refusal(channel))
+                self.topics[channel.topic] = BagTopic(channel.topic, channel.type, total, channel, _refusal(channel))
         for topic in self.topics.values():
             if topic.refusal and topic.count:
                 self.findings.append(Finding("skipped", topic.name, topic.count, f"{topic.refusal}; left out"))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings.bag import Bag, Message, Topic
+from shake_ros.data.recordings.bag import Bag, BagTopic, Message
 from shake_ros.data.recordings.cdr import MISSING_STAMP, Floats, Integers, Layout, columns
 from shake_ros.data.recordings.findings import Finding
 
@@ -132,7 +132,7 @@ class Collector:
         self._parts.insert(0, series)
 
 
-def choose_topic(bag: Bag, name: str, kind: str = "", required: bool = False) -> Topic | None:
+def choose_topic(bag: Bag, name: str, kind: str = "", required: bool = False) -> BagTopic | None:
     """The topic whose last name component is `name`.
 
     Raises

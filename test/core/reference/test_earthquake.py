@@ -9,7 +9,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.baseline import correct_baseline, filtered, integrate, resample
 from shake_ros.core.reference.earthquake import EarthquakeParameters, fit, motion, synthetic_record
 from shake_ros.core.reference.envelope import envelope as table_envelope
-from shake_ros.core.reference.motion import Record
+from shake_ros.core.reference.motion import EarthquakeRecord
 from shake_ros.core.reference.synthetic import accelerogram, envelope, ground_filter
 from shake_ros.data.reference_program import build_program, load_reference
 from shake_ros.settings import load_table
@@ -23,10 +23,10 @@ def parameters() -> EarthquakeParameters:
 
 
 @pytest.fixture
-def record() -> Record:
+def record() -> EarthquakeRecord:
     time = np.arange(2001) * 0.01
     noise = np.random.RandomState(2).standard_normal(2001)
-    return Record(time, 0.7 * noise * np.exp(-(((time - 8.0) / 4.0) ** 2)) + 0.05)
+    return EarthquakeRecord(time, 0.7 * noise * np.exp(-(((time - 8.0) / 4.0) ** 2)) + 0.05)
 
 
 def test_integration_is_exact_for_a_linear_acceleration() -> None:
@@ -45,7 +45,7 @@ def test_resampling_is_exact_between_the_samples_of_the_record() -> None:
 
 
 @pytest.mark.parametrize("high_pass", [0.0, 0.1, 0.5])
-def test_corrected_record_ends_at_rest_in_the_middle(record: Record, high_pass: float) -> None:
+def test_corrected_record_ends_at_rest_in_the_middle(record: EarthquakeRecord, high_pass: float) -> None:
     corrected = correct_baseline(record.acceleration, 0.01, high_pass, 15.0, 2.0)
     velocity, displacement = integrate(corrected, 0.01)
     assert abs(velocity[-1]) < 1e-12
@@ -55,7 +55,7 @@ def test_corrected_record_ends_at_rest_in_the_middle(record: Record, high_pass: 
     assert corrected.size == record.time.size + 400
 
 
-def test_offset_and_drift_of_the_recorder_do_not_reach_the_table(record: Record) -> None:
+def test_offset_and_drift_of_the_recorder_do_not_reach_the_table(record: EarthquakeRecord) -> None:
     drifted = record.acceleration + 0.02 * record.time
     clean, dirty = (correct_baseline(a, 0.01, 0.3, 0.0, 2.0) for a in (record.acceleration, drifted))
     shift = np.max(np.abs(integrate(clean, 0.01)[1] - integrate(dirty, 0.01)[1]))
@@ -64,13 +64,13 @@ def test_offset_and_drift_of_the_recorder_do_not_reach_the_table(record: Record)
     assert shift < 0.02
 
 
-def test_correction_leaves_the_band_of_the_record_alone(record: Record) -> None:
+def test_correction_leaves_the_band_of_the_record_alone(record: EarthquakeRecord) -> None:
     wave = np.sin(2.0 * np.pi * 3.0 * record.time) * np.sin(np.pi * record.time / 20.0) ** 2
     corrected = correct_baseline(wave, 0.01, 0.3, 20.0, 2.0)
     assert np.max(np.abs(corrected[200:-200] - wave)) < 2e-3
 
 
-def test_correction_does_not_touch_its_input(record: Record) -> None:
+def test_correction_does_not_touch_its_input(record: EarthquakeRecord) -> None:
     before = record.acceleration.copy()
     correct_baseline(record.acceleration, 0.01, 0.3, 20.0, 2.0)
     assert np.array_equal(record.acceleration, before)
@@ -131,7 +131,7 @@ def test_default_earthquake_suits_the_table() -> None:
     [("position_limit", 0.01, 0), ("velocity_limit", 0.05, 1), ("acceleration_limit", 0.5, 2)],
 )
 def test_record_is_scaled_until_each_limit_holds(
-    parameters: EarthquakeParameters, record: Record, limit: str, value: float, column: int
+    parameters: EarthquakeParameters, record: EarthquakeRecord, limit: str, value: float, column: int
 ) -> None:
     free = parameters.replace(position_limit=10.0, velocity_limit=100.0, acceleration_limit=1000.0, scale=3.0)
     states, notes = motion(free.replace(**{limit: value}), 0.01, record)
@@ -153,15 +153,15 @@ def test_half_the_time_scale_needs_a_quarter_of_the_displacement(parameters: Ear
     assert displacements[1] == pytest.approx(0.25 * displacements[0])
 
 
-def test_records_that_cannot_be_used_are_refused(parameters: EarthquakeParameters, record: Record) -> None:
+def test_records_that_cannot_be_used_are_refused(parameters: EarthquakeParameters, record: EarthquakeRecord) -> None:
     bad = record.acceleration.copy()
     bad[7] = np.nan
     with pytest.raises(ShakeError, match="not finite"):
-        fit(parameters, Record(record.time, bad))
+        fit(parameters, EarthquakeRecord(record.time, bad))
     with pytest.raises(ShakeError, match="not uniform"):
-        fit(parameters, Record(record.time**2, record.acceleration))
+        fit(parameters, EarthquakeRecord(record.time**2, record.acceleration))
     with pytest.raises(ShakeError, match="at least 8 samples"):
-        fit(parameters, Record(record.time[:3], record.acceleration[:3]))
+        fit(parameters, EarthquakeRecord(record.time[:3], record.acceleration[:3]))
     with pytest.raises(ShakeError, match="was named but not handed over"):
         motion(parameters.replace(record="a.csv"), 0.001)
 

@@ -29,7 +29,7 @@ def percent(value: float | None) -> str:
     return "–" if value is None else f"{100.0 * value:.2f} %"
 
 
-class Frame(Mapping[str, Sequence[Any]]):
+class ResultTable(Mapping[str, Sequence[Any]]):
     """Rows of results under column names; a mapping from column to values, so `pandas.DataFrame(dict(frame))` works.
 
     Parameters
@@ -38,7 +38,7 @@ class Frame(Mapping[str, Sequence[Any]]):
 
     Examples
     --------
-    >>> frame = Frame(("recording", "error"), [("run1", 0.25), ("run2", None)], {"error": percent})
+    >>> frame = ResultTable(("recording", "error"), [("run1", 0.25), ("run2", None)], {"error": percent})
     >>> frame
     recording    error
     run1       25.00 %
