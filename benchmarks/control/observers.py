@@ -36,9 +36,8 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.linear import kalman_gain
 from shake_ros.core.observer.robust_exact_differentiator import GAINS, worst_case
-from shake_ros.core.observer.runner import CARRYING, Observer
+from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.reduced import pack
 from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.program import Program
@@ -137,7 +136,7 @@ def estimate(
 ) -> Array:
     """Estimates (n, 3) of a configured observer on a run; NaN where its model left the finite numbers."""
     kind, parameters = load_variant("observer", name, OBSERVERS)
-    model = wrong_model(case, run.table) if kind in CARRYING else None
+    model = wrong_model(case, run.table) if OBSERVERS[kind].carries_table else None
     if model is None and hasattr(parameters, "beta1"):
         parameters = wrong_beta(case, parameters)
     observer = Observer(kind, parameters, SAMPLE_TIME, model)
@@ -186,7 +185,8 @@ def forward_euler(name: str, run: Run) -> Array:
     else:
         _, p = load_variant("observer", "sliding_mode", OBSERVERS)
         gains = np.array([p.lambda1, p.lambda2, p.lambda3])
-        explicit_sliding_mode(run.measured, run.command, pack(p), gains, "5.49" in name, SAMPLE_TIME, found)
+        beta = np.array([p.beta1, p.beta2, p.beta3, p.beta4, p.beta5])
+        explicit_sliding_mode(run.measured, run.command, beta, gains, "5.49" in name, SAMPLE_TIME, found)
     return found
 
 
@@ -249,7 +249,7 @@ def wrong(runs: list[Run], lacked: dict[str, list[Run]]) -> list[str]:
     lines = ["wrong models, velocity/acceleration [%], largest of three records and three loads (last two: 200 kg)"]
     lines.append(f"{'observer':28s}" + "".join(f"{c or 'as identified':>15s}" for c in (*cases, *lacked)))
     for name in NAMES:
-        carries = load_variant("observer", name, OBSERVERS)[0] in CARRYING
+        carries = load_variant("observer", name, OBSERVERS)[1].carries_table
         beta = carries or "beta1" in load_variant("observer", name, OBSERVERS)[1].__dataclass_fields__
         line = f"{name:28s}"
         for case in cases:

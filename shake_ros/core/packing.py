@@ -10,8 +10,10 @@ place among them, free text is left out.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -50,24 +52,44 @@ def field_value(member: Parameters, name: str) -> float:
     return float(value)
 
 
+@functools.cache
+def _of_names(names: tuple[str, ...]) -> np.dtype[Any]:
+    """One type object for one set of names: compiled code knows it again at once."""
+    return np.dtype([(name, "f8") for name in names])
+
+
 def layout(family: Mapping[str, type[Parameters]], prefix: str = "") -> np.dtype[Any]:
     """Type of the family's records: `union_fields` and then what any member derives, each name behind the prefix."""
     derived = dict.fromkeys(name for member in family.values() for name in getattr(member, "derived", ()))
-    return np.dtype([(prefix + name, "f8") for name in (*union_fields(family), *derived)])
+    return _of_names(tuple(prefix + name for name in (*union_fields(family), *derived)))
 
 
 def records(
-    family: Mapping[str, type[Parameters]], member: Parameters, prefix: str = "", **derived: float
-) -> np.recarray[Any, Any]:
-    """The member as an array of one record, as compiled code takes it from Python without delay."""
+    family: Mapping[str, type[Parameters]],
+    member: Parameters,
+    prefix: str = "",
+    derived: Mapping[str, float] = MappingProxyType({}),
+) -> np.ndarray[Any, Any]:
+    """The member as an array of one record: a record by itself costs compiled code that is called from Python 30 µs."""
     made = np.zeros(1, layout(family, prefix))
     for name in union_fields(family):
         made[prefix + name] = field_value(member, name)
     for name, value in derived.items():
         made[prefix + name] = value
-    return made.view(np.recarray)
+    return made
+
+
+def fields_layout(cls: type[Parameters]) -> np.dtype[Any]:
+    """Type of a record with the fields of one dataclass."""
+    return _of_names(tuple(field.name for field in dataclasses.fields(cls)))
+
+
+def numbers(member: Parameters) -> np.ndarray[Any, Any]:
+    """The numbers of a dataclass that is in no family, as an array of one record."""
+    kind = fields_layout(type(member))
+    return np.array([tuple(getattr(member, name) for name in kind.names or ())], dtype=kind)
 
 
 def record(prefix: str, family: Mapping[str, type[Parameters]], member: Parameters) -> Any:
     """The member alone as a record with fields prefix_name, as the kernels of its family take it."""
-    return records(family, member, f"{prefix}_")[0]
+    return records(family, member, f"{prefix}_").view(np.recarray)[0]

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from shake_ros.core.friction import FRICTIONS
-from shake_ros.core.friction.packing import friction_record
 from shake_ros.core.friction.response import break_away_force, pulled_block, under_motion
 from shake_ros.core.friction.selected import steady_force
+from shake_ros.core.packing import record
 from shake_ros.report.style import COLOURS, new_figure, tidy
 from shake_ros.settings import find, load_variant, read_yaml
 
@@ -21,7 +21,7 @@ KEPT = 50  # one row in so many of a pulled block
 
 def law(name: str) -> Any:
     """The record of config/friction/<name>.yaml."""
-    return friction_record(load_variant("friction", name, FRICTIONS)[1])
+    return record("friction", FRICTIONS, load_variant("friction", name, FRICTIONS)[1])
 
 
 def settings() -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from shake_ros.core.control import harmonic_cancellation
 from shake_ros.core.control.harmonic_cancellation import HarmonicCancellation
+from shake_ros.core.packing import numbers
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, Values
 from shake_ros.ros.frame import Frame
@@ -41,7 +42,7 @@ class AddedHarmonics:
         if wanted and not self._on:
             parameters = self._live.take()
             self._state = harmonic_cancellation.initial_state(parameters)
-            packed = harmonic_cancellation.pack(parameters)
+            packed = numbers(parameters)
             harmonic_cancellation.step(self._state, packed, 0.0, np.zeros(3), 0.0)  # compiles before the first sample
         self._on = wanted
 
@@ -60,7 +61,7 @@ class AddedHarmonics:
             return reference
         if self._origin < 0:
             self._origin = stamp
-        packed, time = harmonic_cancellation.pack(self._live.value), (stamp - self._origin) / SECOND
+        packed, time = numbers(self._live.value), (stamp - self._origin) / SECOND
         wanted = np.array(reference, dtype=np.float64)
         self._state, corrected = harmonic_cancellation.step(self._state, packed, time, wanted, self._acceleration)
         return corrected

@@ -1,14 +1,15 @@
 """Controllers: reference and estimate → valve command.
 
-One file per law: a frozen `Parameters` class, `STATES`, `pack` (parameters → float64 array) and two compiled
-functions, `feedforward(parameters, reference)` and `step(state, parameters, reference, estimate, feedforward, dt)`.
-The feedforward is an argument of `step`, so that any law also runs under that of a virtual table
-(`virtual_table`). To add one: write the file, give it the next `CODE`, add it here, in
-`runner.KERNELS` and in `selected`, write config/controller/<name>.yaml; the contract tests run over every entry.
+One file per law: a frozen `Parameters` class with its number and the length of its state, and two compiled functions,
+`feedforward(p, reference)` and `step(state, p, reference, estimate, feedforward, dt)`; `p` is the record of the
+parameters by name. The feedforward is an argument of `step`, so that any law also runs under that of a virtual table
+(`virtual_table`). To add one: write the file with the next number, add its row here, write
+config/controller/<name>.yaml; `selected`, `runner` and the contract tests take it from this table.
 """
 
 from shake_ros.core.control.feedforward_pi import FeedforwardPI
 from shake_ros.core.control.hold import Hold
+from shake_ros.core.control.law import LawParameters
 from shake_ros.core.control.minimal_control_synthesis import MinimalControlSynthesis
 from shake_ros.core.control.pid import PID
 from shake_ros.core.control.sliding_mode import SlidingMode
@@ -16,7 +17,7 @@ from shake_ros.core.control.super_twisting import SuperTwisting
 from shake_ros.core.control.super_twisting_implicit import SuperTwistingImplicit
 from shake_ros.core.control.three_variable import ThreeVariable
 
-CONTROLLERS = {
+CONTROLLERS: dict[str, type[LawParameters]] = {
     "none": Hold,
     "feedforward_pi": FeedforwardPI,
     "sliding_mode": SlidingMode,

@@ -52,14 +52,6 @@ class HarmonicCancellation(Parameters):
     amplitude_limit: float = quantity("m/s^2", "largest amplitude added in a harmonic", low=0.0, high=100.0, live=True)
 
 
-def pack(parameters: HarmonicCancellation) -> NDArray[np.float64]:
-    """(ω, μ, settling, window [periods], amplitude limit, harmonics) as an array (6,)."""
-    p = parameters
-    omega = 2.0 * math.pi * p.fundamental_frequency
-    cycle = [float(p.settling_periods), float(p.window_periods)]
-    return np.array([omega, p.learning_gain, *cycle, p.amplitude_limit, float(p.harmonics)])
-
-
 def initial_state(parameters: HarmonicCancellation) -> NDArray[np.float64]:
     """Nothing learnt, nothing added."""
     state = np.zeros(HEAD + ROW * parameters.harmonics)
@@ -117,7 +109,7 @@ def judge(state, scale, harmonics):  # type: ignore[no-untyped-def]
 
 
 @njit
-def end_window(state, packed):  # type: ignore[no-untyped-def]
+def end_window(state, p):  # type: ignore[no-untyped-def]
     """Learn from the sums of a window, in place, and start the next one."""
     scale = 2.0 / state[COUNT]
     re, im = scale * state[SUM_RE], scale * state[SUM_IM]
@@ -126,11 +118,18 @@ def end_window(state, packed):  # type: ignore[no-untyped-def]
     counts = wanted > LEAST_AMPLITUDE and same
     if not counts:
         state[LEAST] = 0.0
-    back = counts and judge(state, scale, int(packed[5]))
-    for n in range(int(packed[5])):
+    back = counts and judge(state, scale, int(p.harmonics))
+    for n in range(int(p.harmonics)):
         row = state[HEAD + n * ROW : HEAD + (n + 1) * ROW]
         if counts:
-            learn(row, scale * row[8], scale * row[9], state[TRUST] * packed[1], packed[4], state[WINDOWS] > 0.0)
+            learn(
+                row,
+                scale * row[8],
+                scale * row[9],
+                state[TRUST] * p.learning_gain,
+                p.amplitude_limit,
+                state[WINDOWS] > 0.0,
+            )
             if back:
                 row[2], row[3] = row[10], row[11]
         else:
@@ -144,13 +143,13 @@ def end_window(state, packed):  # type: ignore[no-untyped-def]
 
 
 @njit
-def step(state, packed, time, reference, measured_acceleration):  # type: ignore[no-untyped-def]
+def step(state, settings, time, reference, measured_acceleration):  # type: ignore[no-untyped-def]
     """One sample.
 
     Parameters
     ----------
     state : from `initial_state` or the step before; not changed
-    packed : array from `pack`
+    settings : array of one record, `packing.numbers` of the parameters
     time : of the sample, on any clock that keeps its origin [s]
     reference : (3,) wanted position [m], velocity [m/s], acceleration [m/s²]
     measured_acceleration : of the accelerometer [m/s²]
@@ -161,20 +160,21 @@ def step(state, packed, time, reference, measured_acceleration):  # type: ignore
     reference : new (3,) array with the harmonics added
     """
     following = state.copy()
-    omega = packed[0]
+    p = settings[0]
+    omega = 2.0 * math.pi * p.fundamental_frequency
     period = 2.0 * math.pi / omega
-    cycle = (1.0 + packed[2] + packed[3]) * period
+    cycle = (1.0 + p.settling_periods + p.window_periods) * period
     place = time - math.floor(time / cycle) * cycle
     if place < following[PHASE] and following[COUNT] > 0.0:
-        end_window(following, packed)
+        end_window(following, p)
         following[ENTERED] = time
     following[PHASE] = place
     blend = min(1.0, max(0.0, (time - following[ENTERED]) / period))
     blend = blend * blend * (3.0 - 2.0 * blend)
-    inside = place >= (1.0 + packed[2]) * period
+    inside = place >= (1.0 + p.settling_periods) * period
     added = np.zeros(3)
     missing = reference[2] - measured_acceleration
-    for n in range(int(packed[5])):
+    for n in range(int(p.harmonics)):
         row = following[HEAD + n * ROW : HEAD + (n + 1) * ROW]
         rate = (n + 1) * omega
         c, s = math.cos(rate * time), math.sin(rate * time)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import Parameters, choice, quantity
@@ -16,11 +17,18 @@ class LawParameters(Parameters):
     law's own feedforward from the reference.
     """
 
+    code: ClassVar[int]  # number by which compiled code knows the law
+    states: ClassVar[int]  # length of its own state
+
     limit: float = quantity("-", "largest magnitude of the command", low=0.0, high=1.0)
     start_time: float = quantity("s", "time constant of the start without a bump, 0 for none", low=0.0, high=10.0)
     model: str = choice("table configuration for the model feedforward, empty for none", default="")
     model_bandwidth: float = quantity("rad/s", "bandwidth of the virtual table's control", low=1.0, high=2000.0)
     model_horizon: float = quantity("s", "horizon of the virtual table's control", low=1e-4, high=0.1)
+
+    def under_model(self) -> LawParameters:
+        """The parameters under a model feedforward, which brings what the law then has to leave out."""
+        return self
 
 
 @njit

@@ -17,24 +17,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.control.input_filter import free_motion
 from shake_ros.core.control.law import LawParameters, saturate, winds_up
 from shake_ros.core.quantities import choice, quantity
 
-CODE = 7
 ADAPTED = 5  # adaptive gains: two of the state, three of the reference
 STATES = 4 + ADAPTED  # ∫e, started, the model's distance from the reference and its rate, the integrals of the gains
 STRATEGIES = ("inner", "outer")
+OUTER = 1  # place of that name
 
 
 @dataclass(frozen=True, kw_only=True)
 class MinimalControlSynthesis(LawParameters):
     """The adaptive part and the fixed law under it."""
+
+    code: ClassVar[int] = 7
+    states: ClassVar[int] = STATES
 
     strategy: str = choice("where the adaptive signal goes: the command (inner) or the reference (outer)", STRATEGIES)
     adaptation_integral: float = quantity("1/m", "alpha, weight of the integrated adaptation", low=0.0, live=True)
@@ -49,19 +52,10 @@ class MinimalControlSynthesis(LawParameters):
     feedforward_gain: float = quantity("s/m", "K_ff, command per reference velocity", low=0.0, live=True)
 
 
-def pack(parameters: MinimalControlSynthesis, model_feedforward: bool) -> NDArray[np.float64]:
-    """(limit, outer, α, β, c, σ, gain limit, ω_m, ξ_m, K_P, K_I, K_ff) as an array (12,)."""
-    p = parameters
-    adaptive = [p.adaptation_integral, p.adaptation_proportional, p.velocity_weight, p.leakage, p.gain_limit]
-    model = [p.model_frequency, p.model_damping]
-    fixed = [p.proportional_gain, p.integral_gain, p.feedforward_gain]
-    return np.array([p.limit, float(p.strategy == "outer"), *adaptive, *model, *fixed])
-
-
 @njit
-def feedforward(parameters, reference):  # type: ignore[no-untyped-def]
+def feedforward(p, reference):  # type: ignore[no-untyped-def]
     """K_ff ẋ_ref of (6.40) [-]."""
-    return parameters[11] * reference[1]
+    return p.feedforward_gain * reference[1]
 
 
 @njit
@@ -74,10 +68,10 @@ def regressors(reference, estimate, omega):  # type: ignore[no-untyped-def]
 
 
 @njit
-def adapt(before, regressor, error, parameters, dt):  # type: ignore[no-untyped-def]
+def adapt(before, regressor, error, p, dt):  # type: ignore[no-untyped-def]
     """(integrals, m): the integrals of (5.7), (5.8) after a sample and the adaptive signal [m/s]."""
-    alpha, beta, leakage, bound = parameters[2], parameters[3], parameters[5], parameters[6]
-    fade = math.exp(-leakage * dt)
+    alpha, beta, bound = p.adaptation_integral, p.adaptation_proportional, p.gain_limit
+    fade = math.exp(-p.leakage * dt)
     integrals, signal = np.empty(ADAPTED), 0.0
     for i in range(ADAPTED):
         push = error * regressor[i]
@@ -88,28 +82,28 @@ def adapt(before, regressor, error, parameters, dt):  # type: ignore[no-untyped-
 
 
 @njit
-def fixed_command(shift, integral, parameters, reference, estimate, feedforward):  # type: ignore[no-untyped-def]
+def fixed_command(shift, integral, p, reference, estimate, feedforward):  # type: ignore[no-untyped-def]
     """(6.40) with the position reference shifted [-]."""
     error = estimate[0] - reference[0] - shift
-    return parameters[9] * error + parameters[10] * integral + feedforward
+    return p.proportional_gain * error + p.integral_gain * integral + feedforward
 
 
 @njit
-def step(state, parameters, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
+def step(state, p, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
     """One sample; arguments and results as in `feedforward_pi.step`, the state as under `STATES`."""
-    limit, outer, omega = parameters[0], parameters[1], parameters[7]
+    limit, outer, omega = p.limit, p.strategy == OUTER, p.model_frequency
     away, rate = estimate[0] - reference[0], estimate[1] - reference[1]
     if state[1] != 0.0:
-        away, rate = free_motion(state[2], state[3], omega, parameters[8], dt)
+        away, rate = free_motion(state[2], state[3], omega, p.model_damping, dt)
     error = omega * (away + reference[0] - estimate[0])
-    error += parameters[4] * (rate + reference[1] - estimate[1])  # (5.9)
-    integrals, signal = adapt(state[4:], regressors(reference, estimate, omega), error, parameters, dt)
-    shift = signal / omega if outer != 0.0 else 0.0
-    inner = 0.0 if outer != 0.0 else signal
+    error += p.velocity_weight * (rate + reference[1] - estimate[1])  # (5.9)
+    integrals, signal = adapt(state[4:], regressors(reference, estimate, omega), error, p, dt)
+    shift = signal / omega if outer else 0.0
+    inner = 0.0 if outer else signal
     push = estimate[0] - reference[0] - shift
-    command = fixed_command(shift, state[0] + push * dt, parameters, reference, estimate, feedforward) + inner
+    command = fixed_command(shift, state[0] + push * dt, p, reference, estimate, feedforward) + inner
     following = np.empty(STATES)
-    following[0] = state[0] if winds_up(command, limit, parameters[10] * push) else state[0] + push * dt
+    following[0] = state[0] if winds_up(command, limit, p.integral_gain * push) else state[0] + push * dt
     following[1], following[2], following[3] = 1.0, away, rate
     following[4:] = state[4:] if abs(command) > limit else integrals
     return following, saturate(command, limit)

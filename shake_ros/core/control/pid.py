@@ -9,21 +9,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.control.law import LawParameters, saturate, winds_up
 from shake_ros.core.quantities import quantity
 
-CODE = 4
-STATES = 4
-
 
 @dataclass(frozen=True, kw_only=True)
 class PID(LawParameters):
     """Gains of (5.2); `derivative_bandwidth` of zero takes the derivative from the observer."""
+
+    code: ClassVar[int] = 4
+    states: ClassVar[int] = 4
 
     proportional_gain: float = quantity("1/m", "K_P, command per position error", low=0.0, live=True)
     integral_gain: float = quantity("1/(m s)", "K_I, command per integrated position error", low=0.0, live=True)
@@ -33,14 +33,8 @@ class PID(LawParameters):
     )
 
 
-def pack(parameters: PID, model_feedforward: bool) -> NDArray[np.float64]:
-    """(limit, K_P, K_I, K_D, ω_d) as an array (5,)."""
-    p = parameters
-    return np.array([p.limit, p.proportional_gain, p.integral_gain, p.derivative_gain, p.derivative_bandwidth])
-
-
 @njit
-def feedforward(parameters, reference):  # type: ignore[no-untyped-def]
+def feedforward(p, reference):  # type: ignore[no-untyped-def]
     """None of its own."""
     return 0.0
 
@@ -53,19 +47,19 @@ def filtered_derivative(before, error_before, error, bandwidth, dt):  # type: ig
 
 
 @njit
-def step(state, parameters, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
+def step(state, p, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
     """One sample; as in `feedforward_pi.step`, state (∫e [m·s], started, e [m] and d [m/s] of the sample before)."""
-    limit = parameters[0]
+    limit = p.limit
     error = reference[0] - estimate[0]
     rate = reference[1] - estimate[1]
-    if parameters[4] > 0.0:
-        rate = 0.0 if state[1] == 0.0 else filtered_derivative(state[3], state[2], error, parameters[4], dt)
+    if p.derivative_bandwidth > 0.0:
+        rate = 0.0 if state[1] == 0.0 else filtered_derivative(state[3], state[2], error, p.derivative_bandwidth, dt)
     integral = state[0] + error * dt
-    rest = parameters[1] * error + parameters[3] * rate + feedforward
-    command = rest + parameters[2] * integral  # (5.2)
-    if winds_up(command, limit, parameters[2] * error):
+    rest = p.proportional_gain * error + p.derivative_gain * rate + feedforward
+    command = rest + p.integral_gain * integral  # (5.2)
+    if winds_up(command, limit, p.integral_gain * error):
         integral = state[0]
-        command = rest + parameters[2] * integral
+        command = rest + p.integral_gain * integral
     following = np.empty(4)
     following[0], following[1], following[2], following[3] = integral, 1.0, error, rate
     return following, saturate(command, limit)

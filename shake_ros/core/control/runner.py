@@ -8,33 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.control import (
-    CONTROLLERS,
-    feedforward_pi,
-    hold,
-    minimal_control_synthesis,
-    pid,
-    sliding_mode,
-    super_twisting,
-    super_twisting_implicit,
-    three_variable,
-)
+from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.law import LawParameters
-from shake_ros.core.control.selected import HEAD, feedforward_law, initial_head, step_controller
+from shake_ros.core.control.selected import HEAD, initial_head, own_feedforward, step_controller
 from shake_ros.core.control.virtual_table import VirtualTable
+from shake_ros.core.packing import records
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
-
-KERNELS: dict[str, Any] = {
-    "none": hold,
-    "feedforward_pi": feedforward_pi,
-    "sliding_mode": sliding_mode,
-    "super_twisting": super_twisting,
-    "pid": pid,
-    "super_twisting_implicit": super_twisting_implicit,
-    "three_variable": three_variable,
-    "minimal_control_synthesis": minimal_control_synthesis,
-}
 
 
 class Controller:
@@ -49,7 +29,8 @@ class Controller:
 
     Attributes
     ----------
-    code, packed : what `selected.step_controller` takes. law_size : length of the state without the virtual table's.
+    law : what `selected.step_controller` takes, an array of one record.
+    law_size : length of the state without the virtual table's.
     virtual : the virtual table of the model, None without one.
 
     Raises
@@ -69,7 +50,6 @@ class Controller:
         self.kind = kind
         self.parameters = parameters
         self.sample_time = float(sample_time)
-        self._kernels = KERNELS[kind]
         self._model = model
         if parameters.model and model is None:
             raise ShakeError(f"controller '{kind}': the table '{parameters.model}' of its model was not handed over")
@@ -77,9 +57,8 @@ class Controller:
         if model is not None:
             p = parameters
             self.virtual = VirtualTable(model, self.sample_time, p.model_bandwidth, p.model_horizon, p.limit)
-        self.code: int = self._kernels.CODE
-        self.packed: NDArray[np.float64] = self._kernels.pack(parameters, model is not None)
-        self.law_size = HEAD + self._kernels.STATES
+        self.law = records(CONTROLLERS, parameters.under_model() if self.virtual else parameters)
+        self.law_size = HEAD + parameters.states
 
     def carries_on(self, other: Controller) -> bool:
         """Whether its virtual table is the same as that of `other`, so that one can go on with the other's state."""
@@ -97,7 +76,7 @@ class Controller:
         """
         fading = self.parameters.start_time if start_time is None else start_time
         decay = math.exp(-self.sample_time / fading) if fading > 0.0 else 0.0
-        head = initial_head(self._kernels.STATES, decay, float(command))
+        head = initial_head(self.parameters.states, decay, float(command))
         return np.concatenate([head, np.zeros(self.virtual.size if self.virtual else 0)])
 
     def step(self, state: NDArray[np.float64], reference: Any, estimate: Any) -> tuple[NDArray[np.float64], float]:
@@ -127,11 +106,11 @@ class Controller:
             raise ShakeError(f"controller: reference {r.tolist()} or estimate {z.tolist()} not finite")
         following = np.empty_like(state)
         if self.virtual is None:
-            command = feedforward_law(self.code, self.packed, r)
+            command = own_feedforward(self.law, r)
         else:
             following[self.law_size :], command, r = self.virtual.step(state[self.law_size :], reference)
         following[: self.law_size], u = step_controller(
-            self.code, state[: self.law_size], self.packed, r, z, command, self.sample_time
+            state[: self.law_size], self.law, r, z, command, self.sample_time
         )
         return following, float(u)
 

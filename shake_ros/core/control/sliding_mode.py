@@ -17,24 +17,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.control.law import LawParameters, saturate, winds_up
 from shake_ros.core.plant.reduced import ReducedParameters
-from shake_ros.core.plant.reduced import pack as pack_reduced
 from shake_ros.core.quantities import quantity
 
-CODE = 2
-STATES = 1
 LEAST_GAIN = 0.2  # share of β_3 below which β_3 ± G is not let fall, so that the division stays sound
 
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingMode(LawParameters, ReducedParameters):
     """The reduced model's β and the gains of table 6.14."""
+
+    code: ClassVar[int] = 2
+    states: ClassVar[int] = 1
 
     surface_integral: float = quantity("1/s", "K_s1, weight of the integrated position error", low=0.0, live=True)
     surface_position: float = quantity("-", "K_s2, weight of the position error", low=0.0, live=True)
@@ -43,47 +43,41 @@ class SlidingMode(LawParameters, ReducedParameters):
     reaching_gain: float = quantity("m/s", "K_s, rate towards the surface", low=0.0, live=True)
     reaching_slope: float = quantity("1/m", "α_1, steepness of the tanh that stands for the sign", low=0.0, live=True)
 
-
-def pack(parameters: SlidingMode, model_feedforward: bool) -> NDArray[np.float64]:
-    """(limit, β_1 … β_5, K_s1 … K_s4, K_s, α_1) as an array (12,); β_4 = β_5 = 0 under a model feedforward."""
-    p = parameters
-    surface = [p.surface_integral, p.surface_position, p.surface_velocity, p.surface_acceleration]
-    beta = pack_reduced(p)
-    if model_feedforward:
-        beta[3:] = 0.0
-    return np.concatenate([[p.limit], beta, surface, [p.reaching_gain, p.reaching_slope]])
+    def under_model(self) -> SlidingMode:
+        """Without G: the table's losses are in the model."""
+        return self.replace(beta4=0.0, beta5=0.0)
 
 
 @njit
-def feedforward(parameters, reference):  # type: ignore[no-untyped-def]
+def feedforward(p, reference):  # type: ignore[no-untyped-def]
     """−(β_1 ẋ_ref + β_2 ẍ_ref)/β_3, the reference's part of (6.49) [-]."""
-    return -(parameters[1] * reference[1] + parameters[2] * reference[2]) / parameters[3]
+    return -(p.beta1 * reference[1] + p.beta2 * reference[2]) / p.beta3
 
 
 @njit
-def command_of(integral, parameters, error, loss, feedforward):  # type: ignore[no-untyped-def]
+def command_of(integral, p, error, loss, feedforward):  # type: ignore[no-untyped-def]
     """The unlimited command of (6.48) for an integral of the position error."""
-    k1, k2, k3, k4 = parameters[6], parameters[7], parameters[8], parameters[9]
-    beta1, beta2, beta3 = parameters[1], parameters[2], parameters[3]
+    k1, k2, k3, k4 = p.surface_integral, p.surface_position, p.surface_velocity, p.surface_acceleration
+    beta1, beta2, beta3 = p.beta1, p.beta2, p.beta3
     surface = k1 * integral + k2 * error[0] + k3 * error[1] + k4 * error[2]  # (6.46)
     # (6.48), before |u| is resolved
     demand = -k1 * error[0] - (k2 + k4 * beta1) * error[1] - (k3 + k4 * beta2) * error[2]
-    demand = (demand - parameters[10] * math.tanh(parameters[11] * surface)) / k4 + beta3 * feedforward
+    demand = (demand - p.reaching_gain * math.tanh(p.reaching_slope * surface)) / k4 + beta3 * feedforward
     gain = beta3 + (loss if demand > 0.0 else -loss)
     return demand / max(gain, LEAST_GAIN * beta3)
 
 
 @njit
-def step(state, parameters, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
+def step(state, p, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
     """One sample; arguments and results as in `feedforward_pi.step`, state ∫e_1 [m·s]."""
-    limit = parameters[0]
+    limit = p.limit
     error = estimate - reference  # (6.44)
-    loss = parameters[4] * estimate[2] + parameters[5] * estimate[1]  # G of (6.49)
+    loss = p.beta4 * estimate[2] + p.beta5 * estimate[1]  # G of (6.49)
     integral = state[0] + error[0] * dt
-    command = command_of(integral, parameters, error, loss, feedforward)
+    command = command_of(integral, p, error, loss, feedforward)
     if winds_up(command, limit, -error[0]):
         integral = state[0]
-        command = command_of(integral, parameters, error, loss, feedforward)
+        command = command_of(integral, p, error, loss, feedforward)
     following = np.empty(1)
     following[0] = integral
     return following, saturate(command, limit)

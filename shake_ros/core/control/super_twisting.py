@@ -12,21 +12,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.control.law import LawParameters, saturate, winds_up
 from shake_ros.core.quantities import quantity
 
-CODE = 3
-STATES = 2
-
 
 @dataclass(frozen=True, kw_only=True)
 class SuperTwisting(LawParameters):
     """β_3 of the reduced model and the gains of table 6.15."""
+
+    code: ClassVar[int] = 3
+    states: ClassVar[int] = 2
 
     beta3: float = quantity("m/s^3", "jerk per command", low=1e-6)
     surface_integral: float = quantity("1/s", "K_ss1, weight of the integrated position error", low=0.0, live=True)
@@ -39,36 +39,27 @@ class SuperTwisting(LawParameters):
     feedforward_gain: float = quantity("s/m", "α_4, minus the command per reference velocity", high=0.0, live=True)
 
 
-def pack(parameters: SuperTwisting, model_feedforward: bool) -> NDArray[np.float64]:
-    """(limit, b_0, K_ss1 … K_ss4, α_1 … α_4) as an array (10,)."""
-    p = parameters
-    surface = [p.surface_integral, p.surface_position, p.surface_velocity, p.surface_acceleration]
-    alpha = [p.root_gain, p.root_slope, p.twisting_gain, p.feedforward_gain]
-    return np.array([p.limit, p.surface_acceleration * p.beta3, *surface, *alpha])
-
-
 @njit
-def feedforward(parameters, reference):  # type: ignore[no-untyped-def]
+def feedforward(p, reference):  # type: ignore[no-untyped-def]
     """−α_4 ẋ_ref of (6.50) [-]."""
-    return -parameters[9] * reference[1]
+    return -p.feedforward_gain * reference[1]
 
 
 @njit
-def step(state, parameters, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
+def step(state, p, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
     """One sample; arguments and results as in `feedforward_pi.step`, state (∫e_1 [m·s], ∫sign S [s])."""
-    limit, b0 = parameters[0], parameters[1]
+    limit, b0 = p.limit, p.surface_acceleration * p.beta3
     error = estimate - reference
     integral = state[0] + error[0] * dt
-    surface = (
-        parameters[2] * integral + parameters[3] * error[0] + parameters[4] * error[1] + parameters[5] * error[2]
-    )  # (6.51)
+    surface = p.surface_integral * integral + p.surface_position * error[0]
+    surface = surface + p.surface_velocity * error[1] + p.surface_acceleration * error[2]  # (6.51)
     sign = 1.0 if surface > 0.0 else (-1.0 if surface < 0.0 else 0.0)
-    root = parameters[6] * math.sqrt(abs(surface)) * math.tanh(parameters[7] * surface)
+    root = p.root_gain * math.sqrt(abs(surface)) * math.tanh(p.root_slope * surface)
     twist = state[1] + sign * dt
-    command = (-root - parameters[8] * twist) / b0 + feedforward  # (6.50)
+    command = (-root - p.twisting_gain * twist) / b0 + feedforward  # (6.50)
     if winds_up(command, limit, -sign):
         twist = state[1]
-        command = (-root - parameters[8] * twist) / b0 + feedforward
+        command = (-root - p.twisting_gain * twist) / b0 + feedforward
     if winds_up(command, limit, -error[0]):
         integral = state[0]
     following = np.empty(2)

@@ -23,21 +23,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.control.law import LawParameters, saturate, winds_up
 from shake_ros.core.quantities import quantity
 
-CODE = 5
-STATES = 2
-
 
 @dataclass(frozen=True, kw_only=True)
 class SuperTwistingImplicit(LawParameters):
     """β_3 of the reduced model, the surface, and k_1, k_2 of (5.40)."""
+
+    code: ClassVar[int] = 5
+    states: ClassVar[int] = 2
 
     beta3: float = quantity("m/s^3", "jerk per command", low=1e-6)
     surface_integral: float = quantity("1/s", "K_ss1, weight of the integrated position error", low=0.0, live=True)
@@ -49,18 +49,10 @@ class SuperTwistingImplicit(LawParameters):
     feedforward_gain: float = quantity("s/m", "command per reference velocity", low=0.0, live=True)
 
 
-def pack(parameters: SuperTwistingImplicit, model_feedforward: bool) -> NDArray[np.float64]:
-    """(limit, b_0, K_ss1 … K_ss4, k_1, k_2, K_ff) as an array (9,)."""
-    p = parameters
-    surface = [p.surface_integral, p.surface_position, p.surface_velocity, p.surface_acceleration]
-    gains = [p.root_gain, p.twisting_gain, p.feedforward_gain]
-    return np.array([p.limit, p.surface_acceleration * p.beta3, *surface, *gains])
-
-
 @njit
-def feedforward(parameters, reference):  # type: ignore[no-untyped-def]
+def feedforward(p, reference):  # type: ignore[no-untyped-def]
     """K_ff ẋ_ref [-]."""
-    return parameters[8] * reference[1]
+    return p.feedforward_gain * reference[1]
 
 
 @njit
@@ -94,14 +86,14 @@ def conditioned(twist, applied, k2, dt):  # type: ignore[no-untyped-def]
 
 
 @njit
-def step(state, parameters, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
+def step(state, p, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
     """One sample; arguments and results as in `feedforward_pi.step`, state (∫e_1 [m·s], ν [m/s])."""
-    limit, b0, k1, k2 = parameters[0], parameters[1], parameters[6], parameters[7]
+    limit, k1, k2 = p.limit, p.root_gain, p.twisting_gain
+    b0 = p.surface_acceleration * p.beta3
     error = estimate - reference
     integral = state[0] + error[0] * dt
-    surface = (
-        parameters[2] * integral + parameters[3] * error[0] + parameters[4] * error[1] + parameters[5] * error[2]
-    )  # (6.51)
+    surface = p.surface_integral * integral + p.surface_position * error[0]
+    surface = surface + p.surface_velocity * error[1] + p.surface_acceleration * error[2]  # (6.51)
     command = twisting(surface, state[1], k1, k2, dt) / b0 + feedforward
     u = saturate(command, limit)
     if winds_up(command, limit, -error[0]):

@@ -14,6 +14,7 @@ frequency response of the reduced loop.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +24,13 @@ from shake_ros.core.control.input_filter import advance, moving
 from shake_ros.core.control.law import LawParameters, saturate
 from shake_ros.core.quantities import quantity
 
-CODE = 6
-STATES = 4
-
 
 @dataclass(frozen=True, kw_only=True)
 class ThreeVariable(LawParameters):
     """Gains of (5.3), (5.4) and the input filter."""
+
+    code: ClassVar[int] = 6
+    states: ClassVar[int] = 4
 
     filter_frequency: float = quantity("rad/s", "ω_f of the input filter, 0 for none", low=0.0, high=2000.0, live=True)
     filter_damping: float = quantity("-", "ξ_f of the input filter", low=0.05, high=0.99, live=True)
@@ -40,15 +41,14 @@ class ThreeVariable(LawParameters):
     feedback_velocity: float = quantity("s/m", "K_vf, minus the command per velocity", live=True)
     feedback_acceleration: float = quantity("s^2/m", "K_af, minus the command per acceleration", live=True)
 
-
-def pack(parameters: ThreeVariable, model_feedforward: bool) -> NDArray[np.float64]:
-    """(limit, ω_f, ξ_f, K_dr, K_vr, K_ar, K_df, K_vf, K_af) as an array (9,)."""
-    p = parameters
-    back = [p.feedback_displacement, p.feedback_velocity, p.feedback_acceleration]
-    there = [p.reference_displacement, p.reference_velocity, p.reference_acceleration]
-    if model_feedforward:
-        return np.array([p.limit, 0.0, p.filter_damping, *back, *back])
-    return np.array([p.limit, p.filter_frequency, p.filter_damping, *there, *back])
+    def under_model(self) -> ThreeVariable:
+        """T = S and no filter: the law acts on the error alone."""
+        return self.replace(
+            filter_frequency=0.0,
+            reference_displacement=self.feedback_displacement,
+            reference_velocity=self.feedback_velocity,
+            reference_acceleration=self.feedback_acceleration,
+        )
 
 
 def matched(parameters: ThreeVariable, beta: NDArray[np.float64]) -> ThreeVariable:
@@ -67,22 +67,25 @@ def matched(parameters: ThreeVariable, beta: NDArray[np.float64]) -> ThreeVariab
 
 
 @njit
-def feedforward(parameters, reference):  # type: ignore[no-untyped-def]
+def feedforward(p, reference):  # type: ignore[no-untyped-def]
     """None outside `step`: T acts behind the filter, which has a state."""
     return 0.0
 
 
 @njit
-def step(state, parameters, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
+def step(state, p, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
     """One sample; as in `feedforward_pi.step`, state (started, wish [m], filter's x [m] and ẋ [m/s])."""
     x, v, a = reference[0], reference[1], reference[2]
-    if parameters[1] > 0.0:
+    if p.filter_frequency > 0.0:
         if state[0] != 0.0:
-            x, v, a = advance(state[2], state[3], state[1], reference[0], parameters[1], parameters[2], dt)  # (5.1)
+            x, v, a = advance(
+                state[2], state[3], state[1], reference[0], p.filter_frequency, p.filter_damping, dt
+            )  # (5.1)
         else:
-            x, v, a = moving(reference, parameters[1], parameters[2])
-    there = parameters[3] * x + parameters[4] * v + parameters[5] * a  # (5.3)
-    back = parameters[6] * estimate[0] + parameters[7] * estimate[1] + parameters[8] * estimate[2]  # (5.4)
+            x, v, a = moving(reference, p.filter_frequency, p.filter_damping)
+    there = p.reference_displacement * x + p.reference_velocity * v + p.reference_acceleration * a  # (5.3)
+    back = p.feedback_displacement * estimate[0] + p.feedback_velocity * estimate[1]
+    back = back + p.feedback_acceleration * estimate[2]  # (5.4)
     following = np.empty(4)
     following[0], following[1], following[2], following[3] = 1.0, reference[0], x, v
-    return following, saturate(there - back + feedforward, parameters[0])
+    return following, saturate(there - back + feedforward, p.limit)

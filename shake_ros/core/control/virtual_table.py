@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 from shake_ros.core.compiled import njit
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import acceleration_now, advance_sample
-from shake_ros.core.plant.parameters import TableParameters, records
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.plant.simulation import initial_state
 from shake_ros.core.plant.states import BASE, CONTINUOUS, LAGGED_POSITION, POSITION, STATES, VELOCITY
 from shake_ros.core.quantities import OutOfBounds, ShakeError
@@ -36,6 +37,17 @@ EVALUATIONS = 5  # predictions per sample, at most
 NARROW = 1e-4  # [-] command interval at which the search ends
 STARTED, COMMAND, REFERENCE_ACCELERATION = range(3)  # of the state, before the copy's states
 HEAD = 3
+
+
+class Settings(NamedTuple):
+    """Dead time in whole samples and a fraction, samples of the horizon, bandwidth [rad/s], limit [-], dt [s]."""
+
+    whole: int
+    fraction: float
+    samples: int
+    bandwidth: float
+    limit: float
+    sample_time: float
 
 
 @njit
@@ -106,13 +118,14 @@ def ahead(state, reference, tau, dt):  # type: ignore[no-untyped-def]
 
 
 @njit
-def step(state, p, settings, rest, reference):  # type: ignore[no-untyped-def]
+def step(state, model, settings, rest, reference):  # type: ignore[no-untyped-def]
     """One sample.
 
     Parameters
     ----------
     state : array from `VirtualTable.initial_state` or the step before; not changed.
-    p : parameter record of the copy. settings : (6,) array from `pack`. rest : (STATES,) the copy at rest at 0 m.
+    model : the copy's parameters, an array of one record. settings : `Settings`.
+    rest : (STATES,) the copy at rest at 0 m.
     reference : (3,) position [m], velocity [m/s], acceleration [m/s²] now
 
     Returns
@@ -121,8 +134,7 @@ def step(state, p, settings, rest, reference):  # type: ignore[no-untyped-def]
     u : the command for this sample [-]
     virtual : (3,) position, velocity, acceleration of the copy now
     """
-    whole, fraction, samples = int(settings[0]), settings[1], int(settings[2])
-    omega, limit, dt = settings[3], settings[4], settings[5]
+    p, (whole, fraction, samples, omega, limit, dt) = model[0], settings
     following = state.copy()
     table = following[HEAD:]
     if state[STARTED] == 0.0:
@@ -139,11 +151,11 @@ def step(state, p, settings, rest, reference):  # type: ignore[no-untyped-def]
 
 
 @njit
-def follow(p, settings, rest, references, commands, virtual):  # type: ignore[no-untyped-def]
+def follow(model, settings, rest, references, commands, virtual):  # type: ignore[no-untyped-def]
     """A whole reference: row k of `virtual` (n, 3) and `commands` (n,) are filled from `references` (n, 3)."""
-    state = np.zeros(HEAD + rest.shape[0] + int(settings[0]) + 2)
+    state = np.zeros(HEAD + rest.shape[0] + settings.whole + 2)
     for k in range(references.shape[0]):
-        state, commands[k], virtual[k] = step(state, p, settings, rest, references[k])
+        state, commands[k], virtual[k] = step(state, model, settings, rest, references[k])
 
 
 class VirtualTable:
@@ -168,12 +180,12 @@ class VirtualTable:
         if not (math.isfinite(horizon) and horizon > 0.0):
             raise OutOfBounds(f"model_horizon = {horizon!r} is not a positive number")
         vector = model.vector()
-        self.record = records(vector)[0]
+        self.record = FULL_LAYOUT.alone(vector)
         self.rest = initial_state(vector)
         delay = model.value("effects.command_delay.delay") / sample_time
         whole = math.floor(delay)
         samples = max(whole + 1, round(horizon / sample_time + delay))
-        self.settings = np.array([whole, delay - whole, samples, bandwidth, limit, sample_time])
+        self.settings = Settings(whole, delay - whole, samples, float(bandwidth), float(limit), float(sample_time))
         self.size = HEAD + STATES + whole + 2
 
     def initial_state(self) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
 """Friction of cylinder and guides: one file per published law, force opposing velocity.
 
-To add one: write its file (parameters, its number, kernels), add its row here, name its number in `selected.py`.
-The contract tests over this table do the rest.
+To add one: write its file (parameters, its number, kernels as `selected` names them), add its row here. `selected`, the
+plant and the contract tests take it from this table. A law with a contact state has FIRST_DYNAMIC or a higher number.
 """
 
 from __future__ import annotations

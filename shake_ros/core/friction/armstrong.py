@@ -51,7 +51,13 @@ def level(p, lagged_speed, rise):
 
 
 @njit
-def deflection(p, start, displacement, lagged_speed, rise):
+def contact_level(p, velocity, lagged_speed, rise):
+    """`level`, as all laws with a contact state are asked for it [N]."""
+    return level(p, lagged_speed, rise)
+
+
+@njit
+def contact_deflection(p, start, displacement, velocity_start, velocity, lagged_start, lagged_speed, rise):
     """Elastic displacement z after a displacement of the piston one way (3.39) [m]."""
     largest = level(p, lagged_speed, rise) / p.friction_contact_stiffness
     return min(max(start + displacement, -largest), largest)
@@ -61,6 +67,12 @@ def deflection(p, start, displacement, lagged_speed, rise):
 def memory_rate(p, velocity, lagged_speed):
     """Rate of the lagged speed [m/s²]."""
     return (abs(velocity) - lagged_speed) / p.friction_memory_time
+
+
+@njit
+def steady_memory(p, velocity):
+    """The lagged speed under a velocity that lasts [m/s]."""
+    return abs(velocity)
 
 
 @njit

@@ -35,7 +35,7 @@ class BoPavelescu(FrictionLaw):
 
 
 @njit
-def level(p, velocity):
+def curve_level(p, velocity):
     """Dry friction force of (3.33) [N]."""
     fall = math.exp(-((abs(velocity) / p.friction_stribeck_velocity) ** p.friction_stribeck_exponent))
     return p.friction_coulomb_level + (p.friction_static_level - p.friction_coulomb_level) * fall

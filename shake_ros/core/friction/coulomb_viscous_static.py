@@ -46,7 +46,7 @@ def at_rest(external_force, static_level):
 
 
 @njit
-def level(p, velocity):
+def curve_level(p, velocity):
     """Dry friction force (3.27), near rest (3.31) [N]."""
     slow = velocity / (3.0 * p.friction_transition_velocity)
     rise = (p.friction_static_level - p.friction_coulomb_level) * math.exp(-slow * slow)

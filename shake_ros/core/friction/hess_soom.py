@@ -32,7 +32,7 @@ class HessSoom(FrictionLaw):
 
 
 @njit
-def level(p, velocity):
+def curve_level(p, velocity):
     """Dry friction force of (3.32) [N]."""
     relative = velocity / p.friction_stribeck_velocity
     return p.friction_coulomb_level + (p.friction_static_level - p.friction_coulomb_level) / (1.0 + relative * relative)

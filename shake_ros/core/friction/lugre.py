@@ -87,6 +87,18 @@ def deflection(p, z, displacement, velocity_start, velocity, film_start, film):
 
 
 @njit
+def contact_level(p, velocity, memory, rise):
+    """`level` without a film, as all laws with a contact state are asked for it [N]."""
+    return level(p, velocity, 0.0)
+
+
+@njit
+def contact_deflection(p, z, displacement, velocity_start, velocity, memory_start, memory, rise):
+    """`deflection` without a film [m]."""
+    return deflection(p, z, displacement, velocity_start, velocity, 0.0, 0.0)
+
+
+@njit
 def micro_damping(p, velocity, share):
     """σ_1 ż of (3.44), with σ_0 z/g(v) = `share` [N]."""
     return p.friction_contact_damping * (velocity - abs(velocity) * share)

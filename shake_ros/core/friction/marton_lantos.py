@@ -40,7 +40,7 @@ class MartonLantos(FrictionLaw):
 
 
 @njit
-def level(p, velocity):
+def curve_level(p, velocity):
     """Dry friction force: the greater line of (3.36), (3.37) less the viscous part, which both contain [N]."""
     speed = abs(velocity)
     rise = p.friction_static_level - p.friction_coulomb_level

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.friction.lugre import Bristles
+from shake_ros.core.friction.lugre import Bristles, deflection, level
 from shake_ros.core.quantities import quantity
 
 CODE = 12
@@ -42,7 +42,19 @@ class ModifiedLuGre(Film):
 
 
 @njit
-def steady_film(p, velocity):
+def contact_level(p, velocity, film, rise):
+    """g(v, h) (3.46) [N]."""
+    return level(p, velocity, film)
+
+
+@njit
+def contact_deflection(p, z, displacement, velocity_start, velocity, film_start, film, rise):
+    """z after a displacement one way (3.45) [m]."""
+    return deflection(p, z, displacement, velocity_start, velocity, film_start, film)
+
+
+@njit
+def steady_memory(p, velocity):
     """h_ss (3.49), (3.50) [-]."""
     if velocity >= 0.0:
         ratio = p.friction_coulomb_level / p.friction_static_level
@@ -55,7 +67,7 @@ def steady_film(p, velocity):
 @njit
 def memory_rate(p, velocity, film):
     """ḣ (3.47), (3.48) [1/s]."""
-    h_ss = steady_film(p, velocity)
+    h_ss = steady_memory(p, velocity)
     if abs(velocity) < p.friction_rest_velocity:
         tau = p.friction_film_dwell_time
     elif film <= h_ss:

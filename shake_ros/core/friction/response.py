@@ -69,7 +69,7 @@ def under_motion(p, velocity, dt):
 
     Parameters
     ----------
-    p : record of `packing.friction_record`. velocity : shape (n,) [m/s], linear between samples. dt : [s].
+    p : record with a law's fields, of `packing.record`. velocity : shape (n,) [m/s], linear between samples. dt : [s].
 
     Returns
     -------

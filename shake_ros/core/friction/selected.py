@@ -1,27 +1,29 @@
-"""The law that a record asks for: one compiled function per quantity, chosen by the law's number.
+"""The law that a record asks for: one compiled function per quantity, written from the table of the laws.
 
-The number is compared within a step, nothing is looked up by name; the declared law, Tustin's, is asked for first.
-One compilation serves all laws.
+Nothing is looked up by name within a step; one compilation serves all laws. A law that is a curve F(v) has the kernel
+`curve_level`, one with a contact state `contact_level`, `contact_deflection` and what else it needs of those below; a
+kernel that it does not have is taken from the law it derives from, else what stands behind it here.
 """
 
 from __future__ import annotations
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.friction import (
-    armstrong,
-    bo_pavelescu,
-    coulomb_viscous_static,
-    hess_soom,
-    lugre,
-    marton_lantos,
-    modified_lugre,
-    new_modified_lugre,
-    none,
-    tustin,
-)
+from shake_ros.core.dispatch import dispatch, having
+from shake_ros.core.friction import FRICTIONS, none
 from shake_ros.core.friction.law import FIRST_DYNAMIC
+from shake_ros.core.friction.tustin import direction
 
-tustin_level, direction = tustin.level, tustin.direction
+KIND = "p.friction_kind"
+
+has_memory = having(__name__, FRICTIONS, "has_memory", KIND)
+curve_level = dispatch(__name__, FRICTIONS, "curve_level", KIND, "0.0")  # [N]
+viscous_coefficient = dispatch(__name__, FRICTIONS, "viscous_coefficient", KIND, "p.friction_viscous")  # [N·s/m]
+inertia = dispatch(__name__, FRICTIONS, "inertia", KIND, "0.0")  # (3.52), mass that acts on the piston [kg]
+contact_level = dispatch(__name__, FRICTIONS, "contact_level", KIND)  # g(v, h), or Armstrong's under F_s = `rise` [N]
+contact_deflection = dispatch(__name__, FRICTIONS, "contact_deflection", KIND)  # z after a displacement one way [m]
+micro_damping = dispatch(__name__, FRICTIONS, "micro_damping", KIND, "0.0")  # σ_1 ż, contact force over level = `share`
+memory_rate = dispatch(__name__, FRICTIONS, "memory_rate", KIND, "0.0")  # of the lagged speed [m/s²], the film [1/s]
+steady_memory = dispatch(__name__, FRICTIONS, "steady_memory", KIND, "0.0")  # under a velocity that lasts
 
 
 @njit
@@ -31,101 +33,11 @@ def is_dynamic(p):
 
 
 @njit
-def has_memory(p):
-    """Whether the law has a continuous state beside z: Armstrong's lagged speed or the film."""
-    kind = p.friction_kind
-    return kind == armstrong.CODE or kind == modified_lugre.CODE or kind == new_modified_lugre.CODE
-
-
-@njit
-def has_film(p):
-    """Whether that state is a film."""
-    kind = p.friction_kind
-    return kind == modified_lugre.CODE or kind == new_modified_lugre.CODE
-
-
-@njit
-def curve_level(p, velocity):
-    """Dry level of a law that is a curve F(v) [N]."""
-    kind = p.friction_kind
-    if kind == tustin.CODE:
-        return tustin_level(velocity, p.friction_coulomb_level, p.friction_stribeck_rise, p.friction_stribeck_decay)
-    if kind == coulomb_viscous_static.CODE:
-        return coulomb_viscous_static.level(p, velocity)
-    if kind == hess_soom.CODE:
-        return hess_soom.level(p, velocity)
-    if kind == bo_pavelescu.CODE:
-        return bo_pavelescu.level(p, velocity)
-    if kind == marton_lantos.CODE:
-        return marton_lantos.level(p, velocity)
-    return 0.0
-
-
-@njit
 def curve_direction(p, velocity):
     """Smooth sign of the velocity of a law that is a curve [-]."""
     if p.friction_kind == none.CODE:
         return 0.0
     return direction(velocity, p.friction_transition_velocity)
-
-
-@njit
-def viscous_coefficient(p, velocity):
-    """Coefficient which times v is the viscous part [N·s/m]."""
-    kind = p.friction_kind
-    if kind == tustin.CODE:
-        return p.friction_viscous
-    if kind == coulomb_viscous_static.CODE:
-        return coulomb_viscous_static.viscous_coefficient(p, velocity)
-    if kind > armstrong.CODE:
-        return lugre.viscous_coefficient(p, velocity)
-    return p.friction_viscous
-
-
-@njit
-def inertia(p, velocity):
-    """Mass by which the law acts on the piston, (3.52) [kg]."""
-    return new_modified_lugre.inertia(p, velocity) if p.friction_kind == new_modified_lugre.CODE else 0.0
-
-
-@njit
-def contact_level(p, velocity, memory, rise):
-    """Dry level of a law with a contact state: g(v, h), or Armstrong's level under F_s = `rise` [N]."""
-    if p.friction_kind == armstrong.CODE:
-        return armstrong.level(p, memory, rise)
-    return lugre.level(p, velocity, memory if has_film(p) else 0.0)
-
-
-@njit
-def contact_deflection(p, z, displacement, velocity_start, velocity, memory_start, memory, rise):
-    """Contact state z after a displacement one way [m]."""
-    if p.friction_kind == armstrong.CODE:
-        return armstrong.deflection(p, z, displacement, memory, rise)
-    if has_film(p):
-        return lugre.deflection(p, z, displacement, velocity_start, velocity, memory_start, memory)
-    return lugre.deflection(p, z, displacement, velocity_start, velocity, 0.0, 0.0)
-
-
-@njit
-def micro_damping(p, velocity, share):
-    """σ_1 ż with the contact force over its level = `share` [N]."""
-    return 0.0 if p.friction_kind == armstrong.CODE else lugre.micro_damping(p, velocity, share)
-
-
-@njit
-def memory_rate(p, velocity, memory):
-    """Rate of the lagged speed [m/s²] or of the film [1/s]."""
-    if p.friction_kind == armstrong.CODE:
-        return armstrong.memory_rate(p, velocity, memory)
-    return modified_lugre.memory_rate(p, velocity, memory) if has_film(p) else 0.0
-
-
-@njit
-def steady_memory(p, velocity):
-    """The memory under a velocity that lasts: |v| [m/s] or h_ss [-]."""
-    if p.friction_kind == armstrong.CODE:
-        return abs(velocity)
-    return modified_lugre.steady_film(p, velocity) if has_film(p) else 0.0
 
 
 @njit

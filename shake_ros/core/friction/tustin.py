@@ -40,6 +40,12 @@ def level(speed, theta_1, theta_2, theta_3):
 
 
 @njit
+def curve_level(p, velocity):
+    """`level` with the numbers of a record [N]."""
+    return level(velocity, p.friction_coulomb_level, p.friction_stribeck_rise, p.friction_stribeck_decay)
+
+
+@njit
 def direction(velocity, transition_velocity):
     """Smooth sign(v) [-]."""
     return math.tanh(velocity / transition_velocity)

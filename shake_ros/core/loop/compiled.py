@@ -21,9 +21,10 @@ from shake_ros.core.control import harmonic_cancellation
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.harmonic_cancellation import HarmonicCancellation
 from shake_ros.core.control.runner import Controller
-from shake_ros.core.control.selected import feedforward_law, step_controller
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.observer.selected import NO_MODEL, step_observer, work
+from shake_ros.core.control.selected import own_feedforward, step_controller
+from shake_ros.core.observer.runner import Compiled, Observer
+from shake_ros.core.observer.selected import NO_MODEL, NO_OBSERVER, step_observer, work
+from shake_ros.core.packing import fields_layout, numbers
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_sample, outputs
 from shake_ros.core.plant.parameters import TableParameters, records
@@ -35,10 +36,10 @@ from shake_ros.core.quantities import ShakeError
 
 Array = NDArray[np.float64]
 Result = TypeVar("Result")
-TRUE_STATES = 0  # in place of an observer's CODE: the controller is given the true states
 MEASURED = 5  # columns of `measured`: position, acceleration, P_A, P_B, P_s
 NOTHING = np.zeros(0)
 NO_MOTION = np.zeros((0, 3))
+NO_CANCELLATION = np.zeros(1, fields_layout(HarmonicCancellation))
 
 
 @njit
@@ -68,10 +69,10 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, added
     Parameters
     ----------
     p : parameter record of the plant. plant : its first state with the past commands behind it; changed in place.
-    observer : (code, packed, record). seen : the observer's first state, changed in place.
-    law : (code, packed). state : the controller's first state.
+    observer : `Observer.compiled`; `NO_OBSERVER` gives the controller the true states.
+    seen : the observer's first state, changed in place. law : `Controller.law`. state : the controller's first state.
     reference : (n, 3). feedforward : commands (n,) and motion (n, 3) of a virtual table, or both empty.
-    added : (harmonics' first state, packed) of a harmonic cancellation, both empty without one.
+    added : harmonics' first state, empty without them, and numbers of a harmonic cancellation.
     timing : (dt [s], delay of the command in samples, whole samples and fraction of the plant's own dead time)
     noise : (n, 5) standard normal draws. space : from `observer.selected.work`.
     out : estimate (n, 3), truth (n, 3), command (n,), measured (n, 5)
@@ -80,8 +81,7 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, added
     -------
     number of samples before a value was not finite, n where none was.
     """
-    observer_code, observer_packed, model = observer
-    law_code, law_packed = law
+    observing, model = observer
     commands, motion = feedforward
     harmonics, cancelling = added
     dt, delay, whole, fraction = timing
@@ -95,20 +95,20 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, added
         truth[k, 0] = plant[POSITION] + plant[BASE]
         truth[k, 1] = plant[VELOCITY] + plant[BASE_RATE]
         truth[k, 2] = acceleration
-        if observer_code == TRUE_STATES:
+        if observing[0].kind == 0.0:
             estimate[k] = truth[k]
         else:
-            step_observer(observer_code, seen, observer_packed, model, measured[k, 0], u, dt, space, estimate[k])
+            step_observer(seen, observing, model, measured[k, 0], u, dt, space, estimate[k])
         if not math.isfinite(estimate[k, 0] + estimate[k, 1] + estimate[k, 2]):
             return k
         if commands.shape[0] > 0:
-            state, u = step_controller(law_code, state, law_packed, motion[k], estimate[k], commands[k], dt)
+            state, u = step_controller(state, law, motion[k], estimate[k], commands[k], dt)
         else:
             wanted = reference[k]
-            if cancelling.shape[0] > 0:
+            if harmonics.shape[0] > 0:
                 harmonics, wanted = harmonic_cancellation.step(harmonics, cancelling, k * dt, wanted, measured[k, 1])
-            own = feedforward_law(law_code, law_packed, wanted)
-            state, u = step_controller(law_code, state, law_packed, wanted, estimate[k], own, dt)
+            own = own_feedforward(law, wanted)
+            state, u = step_controller(state, law, wanted, estimate[k], own, dt)
         command[k] = u
         for i in range(past.shape[0] - 1, 0, -1):
             past[i] = past[i - 1]
@@ -168,26 +168,26 @@ def simulate(loop: Loop) -> tuple[ClosedLoop, int]:
         feedforward = (NOTHING, NO_MOTION) if virtual is None else virtual.follow(reference)
     elif len(feedforward[0]) != n or feedforward[1].shape != (n, 3):
         raise ShakeError(f"closed loop: feedforward of {len(feedforward[0])} samples for a reference of {n}")
-    added = NOTHING, NOTHING
+    added = NOTHING, NO_CANCELLATION
     if loop.cancellation is not None:
         if len(feedforward[0]):
             raise ShakeError("closed loop: harmonics are not cancelled under a virtual table")
         cancellation = loop.cancellation
-        added = harmonic_cancellation.initial_state(cancellation), harmonic_cancellation.pack(cancellation)
+        added = harmonic_cancellation.initial_state(cancellation), numbers(cancellation)
     out = np.full((n, 3), np.nan), np.full((n, 3), np.nan), np.full(n, np.nan), np.full((n, MEASURED), np.nan)
     table = Table(loop.table, dt, loop.seed)
     plant = table.initial_state(loop.start)
-    observer, seen = (TRUE_STATES, NOTHING, NO_MODEL), np.zeros(0)
+    observer, seen = Compiled(NO_OBSERVER, NO_MODEL), np.zeros(0)
     if loop.observer is not None:
-        observer, seen = tuple(loop.observer.compiled), loop.observer.initial_state(table.measure(plant, 0).position)
+        observer, seen = loop.observer.compiled, loop.observer.initial_state(table.measure(plant, 0).position)
     delay = loop.table.value("effects.command_delay.delay") / dt
     whole = math.floor(delay)
     finite = run_loop(
         records(loop.table.vector())[0],
         plant,
-        observer,
+        tuple(observer),
         seen,
-        (loop.controller.code, loop.controller.packed),
+        loop.controller.law,
         loop.controller.initial_state()[: loop.controller.law_size],
         reference,
         feedforward,

@@ -1,18 +1,20 @@
 """Observers: position measurement and command → position, velocity, acceleration.
 
-One file per observer: `CODE`, a frozen `Parameters` class, `pack` (parameters → float64 array, gains included),
-`started` (the state that continues from an estimate) and a compiled `observe`, which changes the state in place. Those
-of `runner.CARRYING` carry a whole table besides. To add one: write the file, add it here, in `runner.KERNELS` and in
-`selected.step_observer`, write config/observer/<name>.yaml; the contract tests run over every entry.
+One file per observer: a frozen `ObserverParameters` class with its number, what it derives once (gains, say) and the
+state that continues from an estimate, and a compiled `observe(state, p, model, position, command, dt, work, estimate)`,
+which changes the state in place; `p` is the record of the parameters by name, `model` that of the table which some of
+them carry. To add one: write the file with the next number, add its row here, write config/observer/<name>.yaml;
+`selected`, `runner` and the contract tests take it from this table.
 """
 
+from shake_ros.core.observer.law import ObserverParameters
 from shake_ros.core.observer.linear import LinearObserver
 from shake_ros.core.observer.model import ModelObserver
 from shake_ros.core.observer.model_sliding_mode import ModelSlidingModeObserver
 from shake_ros.core.observer.robust_exact_differentiator import RobustExactDifferentiator
 from shake_ros.core.observer.sliding_mode import SlidingModeObserver
 
-OBSERVERS = {
+OBSERVERS: dict[str, type[ObserverParameters]] = {
     "sliding_mode": SlidingModeObserver,
     "linear": LinearObserver,
     "model": ModelObserver,

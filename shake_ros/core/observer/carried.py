@@ -33,6 +33,7 @@ from shake_ros.core.plant.states import (
     VELOCITY,
 )
 
+CARRIED = ("pressure_per_acceleration", "dead_samples", "dead_fraction")  # of `carried_numbers`
 WEIGHED = 3  # corrections of the load pressure at the start; its law is linear but for the chambers' limits
 
 
@@ -45,6 +46,12 @@ def dead_time(model: TableParameters, sample_time: float) -> tuple[float, float]
     """Whole samples and fraction of a sample of the model's dead time."""
     delay = model.value("effects.command_delay.delay") / sample_time
     return math.floor(delay), delay - math.floor(delay)
+
+
+def carried_numbers(model: TableParameters, sample_time: float) -> dict[str, float]:
+    """Load pressure per acceleration M/(2 A_p), half the load pressure's change, and the dead time, by name."""
+    mass = model.moved_mass + model.value("effects.payload_error.mass")
+    return dict(zip(CARRIED, (0.5 * mass / model.body.piston_area, *dead_time(model, sample_time)), strict=True))
 
 
 def copy_at(

@@ -11,31 +11,45 @@ Verified against: the time-varying Riccati recursion.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.plant import reduced
+from shake_ros.core.observer.law import ObserverParameters
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import ReducedParameters, transition
 from shake_ros.core.quantities import quantity
 
-CODE = 2
-STATES = 4
+GAINS = ("position_gain", "velocity_gain", "acceleration_gain", "disturbance_gain")
 
 
 @dataclass(frozen=True)
-class LinearObserver(ReducedParameters):
+class LinearObserver(ObserverParameters, ReducedParameters):
     """The reduced model's β and the noise levels that set the gain."""
+
+    code: ClassVar[int] = 2
+    derived: ClassVar[tuple[str, ...]] = GAINS
 
     position_noise: float = quantity("m", "standard deviation of a position sample, quantisation included", low=1e-9)
     jerk_noise: float = quantity("m/s^2.5", "density of the white jerk that the model lacks", low=1e-9)
     disturbance_noise: float = quantity("m/s^3.5", "density of the disturbance's random walk", low=1e-9)
 
+    def derive(self, sample_time: float, model: TableParameters | None) -> dict[str, float]:
+        """The gains on the innovation."""
+        return dict(zip(GAINS, kalman_gain(self, sample_time).tolist(), strict=True))
+
+    def started(
+        self, estimate: NDArray[np.float64], command: float, sample_time: float, model: TableParameters | None
+    ) -> NDArray[np.float64]:
+        """Without a disturbance."""
+        return np.append(estimate, 0.0)
+
 
 def extended_transition(parameters: LinearObserver, sample_time: float) -> NDArray[np.float64]:
     """(4, 4) transition of (z_1, z_2, z_3, d) over one sample at u = 0."""
-    phi, gamma = transition(reduced.pack(parameters), 0.0, sample_time)
+    phi, gamma = transition(parameters.beta1, parameters.beta2, sample_time)
     matrix = np.eye(4)
     matrix[:3, :3] = phi
     matrix[:3, 3] = gamma
@@ -59,25 +73,17 @@ def kalman_gain(parameters: LinearObserver, sample_time: float) -> NDArray[np.fl
     return gain
 
 
-def pack(parameters: LinearObserver, sample_time: float) -> NDArray[np.float64]:
-    """β and the four gains as an array (9,)."""
-    return np.concatenate([reduced.pack(parameters), kalman_gain(parameters, sample_time)])
-
-
-def started(estimate: NDArray[np.float64], sample_time: float) -> NDArray[np.float64]:
-    """The state that continues from an estimate (3,), without a disturbance."""
-    return np.append(estimate, 0.0)
-
-
 @njit
-def observe(state, parameters, position, command, dt, estimate):  # type: ignore[no-untyped-def]
+def observe(state, p, model, position, command, dt, work, estimate):  # type: ignore[no-untyped-def]
     """One sample, in place; arguments as in `sliding_mode.observe`, with a (4,) state."""
-    phi, gamma = transition(parameters, abs(command), dt)
-    jerk = parameters[2] * command + state[3]
+    opening = abs(command)
+    phi, gamma = transition(p.beta1 + p.beta5 * opening, p.beta2 + p.beta4 * opening, dt)
+    jerk = p.beta3 * command + state[3]
+    gains = (p.position_gain, p.velocity_gain, p.acceleration_gain)
     for i in range(3):
         estimate[i] = phi[i, 0] * state[0] + phi[i, 1] * state[1] + phi[i, 2] * state[2] + gamma[i] * jerk
     innovation = position - estimate[0]
     for i in range(3):
-        estimate[i] += parameters[5 + i] * innovation
+        estimate[i] += gains[i] * innovation
         state[i] = estimate[i]
-    state[3] += parameters[8] * innovation
+    state[3] += p.disturbance_gain * innovation

@@ -16,25 +16,27 @@ converges onto the truth.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.observer.carried import carry_copy, copy_at, dead_time, motion_now, sensed_position
+from shake_ros.core.observer.carried import CARRIED, carried_numbers, carry_copy, copy_at, motion_now, sensed_position
+from shake_ros.core.observer.law import ObserverParameters
 from shake_ros.core.observer.sliding_mode import injection
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
-from shake_ros.core.quantities import Parameters, choice, quantity
-
-CODE = 5
-STAGES = 4
-PER_COMMAND, PRESSURE, WHOLE = 2 * STAGES, 2 * STAGES + 1, 2 * STAGES + 2  # places in the packed, behind λ and δ
+from shake_ros.core.quantities import choice, quantity
 
 
 @dataclass(frozen=True)
-class ModelSlidingModeObserver(Parameters):
+class ModelSlidingModeObserver(ObserverParameters):
     """The name of the table, the gains of (6.39) and of the disturbance, the boundary layers."""
+
+    code: ClassVar[int] = 5
+    carries_table: ClassVar[bool] = True
+    derived: ClassVar[tuple[str, ...]] = CARRIED
 
     model: str = choice("table configuration of the model")
     lambda1: float = quantity("m/s", "injection into the position's rate", low=1e-9)
@@ -47,43 +49,40 @@ class ModelSlidingModeObserver(Parameters):
     boundary4: float = quantity("m/s^3", "boundary layer of the disturbance's error, 0 for a sign", low=0.0)
     jerk_per_command: float = quantity("m/s^3", "jerk that a unit of command makes, β_3 where the gains hold", low=1e-6)
 
+    def derive(self, sample_time: float, model: TableParameters | None) -> dict[str, float]:
+        """What the copy needs."""
+        assert model is not None
+        return carried_numbers(model, sample_time)
 
-def pack(parameters: ModelSlidingModeObserver, model: TableParameters, sample_time: float) -> NDArray[np.float64]:
-    """λ, δ, jerk per command, pressure per acceleration and dead time as an array (12,)."""
-    p = parameters
-    gains = [p.lambda1, p.lambda2, p.lambda3, p.lambda4, p.boundary1, p.boundary2, p.boundary3, p.boundary4]
-    mass = model.moved_mass + model.value("effects.payload_error.mass")
-    return np.array([*gains, p.jerk_per_command, 0.5 * mass / model.body.piston_area, *dead_time(model, sample_time)])
-
-
-def started(
-    estimate: NDArray[np.float64], model: TableParameters, sample_time: float, command: float
-) -> NDArray[np.float64]:
-    """The state that continues from an estimate (3,) under a command, without a disturbance."""
-    return np.append(copy_at(estimate, model, sample_time, command), 0.0)
+    def started(
+        self, estimate: NDArray[np.float64], command: float, sample_time: float, model: TableParameters | None
+    ) -> NDArray[np.float64]:
+        """The copy's state, see `carried.copy_at`, without a disturbance."""
+        assert model is not None
+        return np.append(copy_at(estimate, model, sample_time, command), 0.0)
 
 
 @njit
-def observe(state, parameters, p, position, command, dt, work, estimate):  # type: ignore[no-untyped-def]
-    """One sample, in place; arguments as in `model.observe`, with the (12,) array from `pack`."""
+def observe(state, p, model, position, command, dt, work, estimate):  # type: ignore[no-untyped-def]
+    """One sample, in place; arguments as in `model.observe`."""
     last = state.shape[0] - 1
-    carry_copy(p, state, last, command + state[last], parameters[WHOLE], parameters[WHOLE + 1], dt, work)
+    carry_copy(model, state, last, command + state[last], p.dead_samples, p.dead_fraction, dt, work)
     # (5.48), first stage
-    gain = parameters[0]
-    s = injection(position - sensed_position(p, state), gain, parameters[STAGES], dt)
+    gain = p.lambda1
+    s = injection(position - sensed_position(model, state), gain, p.boundary1, dt)
     state[POSITION] += dt * gain * s
     state[LAGGED_POSITION] += dt * gain * s
     if abs(s) < 1.0:  # E_2 (5.49)
-        s = injection(gain * s, parameters[1], parameters[STAGES + 1], dt)
-        gain = parameters[1]
+        s = injection(gain * s, p.lambda2, p.boundary2, dt)
+        gain = p.lambda2
         state[VELOCITY] += dt * gain * s
         if abs(s) < 1.0:  # E_3
-            s = injection(gain * s, parameters[2], parameters[STAGES + 2], dt)
-            gain = parameters[2]
-            push = parameters[PRESSURE] * dt * gain * s
+            s = injection(gain * s, p.lambda3, p.boundary3, dt)
+            gain = p.lambda3
+            push = p.pressure_per_acceleration * dt * gain * s
             state[PRESSURE_A] += push
             state[PRESSURE_B] -= push
-            if abs(s) < 1.0 and parameters[3] > 0.0:  # E_4
-                s = injection(gain * s, parameters[3], parameters[STAGES + 3], dt)
-                state[last] += dt * parameters[3] * s / parameters[PER_COMMAND]
-    motion_now(p, state, work, estimate)
+            if abs(s) < 1.0 and p.lambda4 > 0.0:  # E_4
+                s = injection(gain * s, p.lambda4, p.boundary4, dt)
+                state[last] += dt * p.lambda4 * s / p.jerk_per_command
+    motion_now(model, state, work, estimate)

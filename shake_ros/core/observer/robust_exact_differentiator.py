@@ -24,42 +24,44 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.quantities import Parameters, quantity
+from shake_ros.core.observer.law import ObserverParameters
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import quantity
 
-CODE = 4
-LARGEST_ORDER = 3
-STATES = LARGEST_ORDER + 1
 GAINS = {2: (2.0, 2.12, 1.1), 3: (3.0, 4.16, 3.06, 1.1)}  # λ_0 … λ_n of Levant's non-recursive form
-ORDER, FIRST_GAIN = 0, 1  # places in the packed parameters
 ITERATIONS = 60
 
 
 @dataclass(frozen=True)
-class RobustExactDifferentiator(Parameters):
+class RobustExactDifferentiator(ObserverParameters):
     """Order and bound of the highest derivative."""
+
+    code: ClassVar[int] = 4
+    derived: ClassVar[tuple[str, ...]] = ("k0", "k1", "k2", "k3")
 
     order: int = quantity("-", "order n: 2 differentiates up to the acceleration, 3 up to the jerk", low=2, high=3)
     highest_derivative: float = quantity(
         "m/s^(n+1)", "L, bound of the derivative n + 1: of the jerk at n = 2, of its rate at n = 3", low=1e-3
     )
 
+    def derive(self, sample_time: float, model: TableParameters | None) -> dict[str, float]:
+        """k_0 … k_n, zero behind."""
+        n, bound = self.order, self.highest_derivative
+        gains = [gain * bound ** ((i + 1.0) / (n + 1.0)) for i, gain in enumerate(GAINS[n])]
+        return dict(zip(self.derived, gains, strict=False))
 
-def pack(parameters: RobustExactDifferentiator, sample_time: float) -> NDArray[np.float64]:
-    """The order and k_0 … k_3 as an array (5,)."""
-    n, bound = parameters.order, parameters.highest_derivative
-    gains = [gain * bound ** ((i + 1.0) / (n + 1.0)) for i, gain in enumerate(GAINS[n])]
-    return np.array([n, *gains, *[0.0] * (LARGEST_ORDER - n)])
-
-
-def started(estimate: NDArray[np.float64], sample_time: float) -> NDArray[np.float64]:
-    """The state (4,) whose outputs are an estimate (3,), with no jerk: x_1 = v − h a/2."""
-    position, velocity, acceleration = estimate
-    return np.array([position, velocity - 0.5 * sample_time * acceleration, acceleration, 0.0])
+    def started(
+        self, estimate: NDArray[np.float64], command: float, sample_time: float, model: TableParameters | None
+    ) -> NDArray[np.float64]:
+        """The state (4,) whose outputs are the estimate, with no jerk: x_1 = v − h a/2."""
+        position, velocity, acceleration = estimate
+        return np.array([position, velocity - 0.5 * sample_time * acceleration, acceleration, 0.0])
 
 
 def worst_case(noise: float, highest_derivative: float, sample_time: float) -> float:
@@ -97,10 +99,10 @@ def error_root(n, gains, rest, h):  # type: ignore[no-untyped-def]
 
 
 @njit
-def observe(state, parameters, position, command, dt, estimate):  # type: ignore[no-untyped-def]
+def observe(state, p, model, position, command, dt, work, estimate):  # type: ignore[no-untyped-def]
     """One sample, in place; arguments as in `sliding_mode.observe`, with a (4,) state; the command plays no part."""
-    n = int(parameters[ORDER])
-    gains = parameters[FIRST_GAIN:]
+    n = int(p.order)
+    gains = (p.k0, p.k1, p.k2, p.k3)
     rest, power = position, 1.0
     for i in range(n + 1):
         rest -= power * state[i]

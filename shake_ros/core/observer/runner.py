@@ -3,41 +3,27 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.observer import (
-    OBSERVERS,
-    linear,
-    model,
-    model_sliding_mode,
-    robust_exact_differentiator,
-    sliding_mode,
-)
+from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.carried import work
-from shake_ros.core.observer.selected import NO_MODEL, observe_run
-from shake_ros.core.plant.parameters import TableParameters, records
-from shake_ros.core.quantities import OutOfBounds, Parameters, ShakeError, unknown_name
+from shake_ros.core.observer.law import ObserverParameters
+from shake_ros.core.observer.selected import NO_MODEL, observe_run, step_of
+from shake_ros.core.packing import records
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
 
 Array = NDArray[np.float64]
-KERNELS: dict[str, Any] = {
-    "sliding_mode": sliding_mode,
-    "linear": linear,
-    "model": model,
-    "robust_exact_differentiator": robust_exact_differentiator,
-    "model_sliding_mode": model_sliding_mode,
-}
-CARRYING = ("model", "model_sliding_mode")  # kinds that carry a table
 
 
 class Compiled(NamedTuple):
-    """What `selected.step_observer` takes: number of the kind, packed parameters, the model's record."""
+    """What `selected.step_observer` takes, arrays of one record: the observer's and the model's."""
 
-    code: int
-    packed: Array
-    record: Any
+    law: Array
+    record: Array
 
 
 class Observer:
@@ -48,7 +34,7 @@ class Observer:
     kind : a name in `OBSERVERS`.
     parameters : of that kind's class.
     sample_time : [s]
-    model : the table that an observer of CARRYING carries; the others do without.
+    model : the table that an observer with `carries_table` carries; the others do without.
 
     Raises
     ------
@@ -56,7 +42,7 @@ class Observer:
     """
 
     def __init__(
-        self, kind: str, parameters: Parameters, sample_time: float, model: TableParameters | None = None
+        self, kind: str, parameters: ObserverParameters, sample_time: float, model: TableParameters | None = None
     ) -> None:
         if kind not in OBSERVERS:
             raise unknown_name("observer", kind, OBSERVERS)
@@ -67,17 +53,14 @@ class Observer:
         self.kind = kind
         self.parameters = parameters
         self.sample_time = float(sample_time)
-        kernels = KERNELS[kind]
-        self._observe, self._started = kernels.observe, kernels.started
-        self._model = model if kind in CARRYING else None
-        if kind not in CARRYING:
-            self.compiled = Compiled(kernels.CODE, kernels.pack(parameters, self.sample_time), NO_MODEL)
-        elif self._model is None:
+        self._model = model if parameters.carries_table else None
+        if parameters.carries_table and model is None:
             named = getattr(parameters, "model", "")
             raise ShakeError(f"observer '{kind}': the table '{named}' of its model was not handed over")
-        else:
-            packed = kernels.pack(parameters, self._model, self.sample_time)
-            self.compiled = Compiled(kernels.CODE, packed, records(self._model.vector())[0])
+        record = NO_MODEL if self._model is None else FULL_LAYOUT.alone(self._model.vector())
+        derived = parameters.derive(self.sample_time, self._model)
+        self.compiled = Compiled(records(OBSERVERS, parameters, derived=derived), record)
+        self._step = step_of(kind)
         self._work = work()
 
     def initial_state(self, position: float) -> Array:
@@ -94,11 +77,7 @@ class Observer:
         estimate : (3,) position [m], velocity [m/s], acceleration [m/s²]
         command : [-]
         """
-        if self._model is not None:
-            state: Array = self._started(estimate, self._model, self.sample_time, command)
-        else:
-            state = self._started(estimate, self.sample_time)
-        return state
+        return self.parameters.started(estimate, command, self.sample_time, self._model)
 
     def step(self, state: Array, measured_position: float, u_previous: float) -> tuple[Array, Array]:
         """One sample.
@@ -120,14 +99,10 @@ class Observer:
         if not (math.isfinite(measured_position) and math.isfinite(u_previous)):
             raise ShakeError(f"observer: position {measured_position!r}, command {u_previous!r} not finite")
         following, estimate = state.copy(), np.empty(3)
-        _, packed, record = self.compiled
         given = float(measured_position), float(u_previous), self.sample_time
-        if self._model is None:
-            self._observe(following, packed, *given, estimate)
-        else:
-            self._observe(following, packed, record, *given, self._work, estimate)
-            if not np.isfinite(estimate).all():
-                raise ShakeError("observer: the model's state left the finite numbers")
+        self._step(following, *self.compiled, *given, self._work, estimate)
+        if self._model is not None and not np.isfinite(estimate).all():
+            raise ShakeError("observer: the model's state left the finite numbers")
         return following, estimate
 
     def run(self, positions: Array, commands: Array) -> Array:
@@ -149,8 +124,7 @@ class Observer:
             raise ShakeError("observer: a position or command is not finite")
         estimates = np.empty((given.size, 3))
         state = self.initial_state(given[0])
-        code, packed, record = self.compiled
-        observe_run(code, state, packed, record, given, held, self.sample_time, self._work, estimates)
+        observe_run(state, *self.compiled, given, held, self.sample_time, self._work, estimates)
         if not np.isfinite(estimates).all():
             raise ShakeError("observer: the estimate left the finite numbers")
         return estimates

@@ -16,22 +16,21 @@ measurement at λ_1 only. Verified against: a finely stepped explicit solution o
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.plant import reduced
+from shake_ros.core.observer.law import ObserverParameters
 from shake_ros.core.plant.reduced import ReducedParameters, advance
 from shake_ros.core.quantities import quantity
 
-CODE = 1
 STATES = 3
 
 
 @dataclass(frozen=True)
-class SlidingModeObserver(ReducedParameters):
+class SlidingModeObserver(ObserverParameters, ReducedParameters):
     """The reduced model's β and the gains of (6.39)."""
+
+    code: ClassVar[int] = 1
 
     lambda1: float = quantity("m/s", "injection into the position's rate", low=1e-9)
     lambda2: float = quantity("m/s^2", "injection into the velocity's rate", low=1e-9)
@@ -41,18 +40,6 @@ class SlidingModeObserver(ReducedParameters):
     boundary3: float = quantity("m/s^2", "boundary layer of the acceleration error, 0 for a sign", low=0.0)
 
 
-def pack(parameters: SlidingModeObserver, sample_time: float) -> NDArray[np.float64]:
-    """β, λ, δ as an array (11,)."""
-    p = parameters
-    gains = [p.lambda1, p.lambda2, p.lambda3, p.boundary1, p.boundary2, p.boundary3]
-    return np.concatenate([reduced.pack(p), np.array(gains)])
-
-
-def started(estimate: NDArray[np.float64], sample_time: float) -> NDArray[np.float64]:
-    """The state that continues from an estimate (3,)."""
-    return np.array(estimate, dtype=np.float64)
-
-
 @njit
 def injection(error, gain, boundary, dt):  # type: ignore[no-untyped-def]
     """s ∈ [−1, 1], the implicit solution of a stage's sign; |s| < 1 is on the surface."""
@@ -60,28 +47,30 @@ def injection(error, gain, boundary, dt):  # type: ignore[no-untyped-def]
 
 
 @njit
-def observe(state, parameters, position, command, dt, estimate):  # type: ignore[no-untyped-def]
+def observe(state, p, model, position, command, dt, work, estimate):  # type: ignore[no-untyped-def]
     """One sample, in place.
 
     Parameters
     ----------
     state : (3,) array, estimate at the sample before; becomes that of now
-    parameters : (11,) array from `pack`
+    p : record of the observer
+    model : record of the table that an observer may carry
     position : measured position now [m]
     command : u held since the sample before [-]
     dt : sample time [s]
+    work : from `carried.work`
     estimate : (3,) array for the result: position [m], velocity [m/s], acceleration [m/s²] now
     """
-    following = advance(state, parameters, command, 0.0, dt)
-    gain1, gain2, gain3 = parameters[5], parameters[6], parameters[7]
+    following = advance(state, p, command, 0.0, dt)
+    gain1, gain2, gain3 = p.lambda1, p.lambda2, p.lambda3
     # (5.48), first stage
-    s = injection(position - following[0], gain1, parameters[8], dt)
+    s = injection(position - following[0], gain1, p.boundary1, dt)
     following[0] += dt * gain1 * s
     if abs(s) < 1.0:  # E_2: z̃_2 − ẑ_2 = λ_1 s (5.49)
-        s = injection(gain1 * s, gain2, parameters[9], dt)
+        s = injection(gain1 * s, gain2, p.boundary2, dt)
         following[1] += dt * gain2 * s
         if abs(s) < 1.0:  # E_3: z̃_3 − ẑ_3 = λ_2 s
-            s = injection(gain2 * s, gain3, parameters[10], dt)
+            s = injection(gain2 * s, gain3, p.boundary3, dt)
             following[2] += dt * gain3 * s
     for i in range(STATES):
         state[i] = following[i]

@@ -158,6 +158,10 @@ class TableLayout:
         """The record that compiled code reads."""
         return np.dtype([(name.removeprefix("effects.").replace(".", "_"), "f8") for name in self.names])
 
+    def alone(self, vector: np.ndarray) -> np.ndarray[Any, Any]:
+        """One parameter vector as an array of one record: compiled code takes it from Python without delay."""
+        return np.array(vector, dtype=np.float64).view(self.record)
+
     def records(self, vectors: np.ndarray) -> np.recarray[Any, Any]:
         """Parameter vectors of shape (n, len(names)) as n records for compiled code."""
         rows = np.ascontiguousarray(np.atleast_2d(vectors), dtype=np.float64)

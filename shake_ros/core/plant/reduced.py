@@ -15,7 +15,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.plant.parameters import TableLayout
@@ -93,23 +92,16 @@ def closed_form(
     )
 
 
-def pack(parameters: ReducedParameters) -> NDArray[np.float64]:
-    """(β_1, β_2, β_3, β_4, β_5) as an array (5,)."""
-    p = parameters
-    return np.array([p.beta1, p.beta2, p.beta3, p.beta4, p.beta5])
-
-
 @njit
-def transition(beta, opening, dt):  # type: ignore[no-untyped-def]
+def transition(a, b, dt):  # type: ignore[no-untyped-def]
     """Exact transition of (6.36) over one hold.
 
-    With w = (z_2, z_3), ẇ = M w + (0, j): M² = b M + a I (Cayley–Hamilton), so every power of M is p I + q M and
+    With w = (z_2, z_3), ẇ = M w + (0, j): M² = b M + a I (Cayley–Hamilton), so every power of M is even I + odd M and
     exp(M dt) and its two integrals are scalar series; a = 0 needs no special case.
 
     Parameters
     ----------
-    beta : (5,) array
-    opening : |u| during the hold [-]
+    a, b : β_1 + β_5 |u| [1/s²] and β_2 + β_4 |u| [1/s] during the hold
     dt : length of the hold [s]
 
     Returns
@@ -117,20 +109,18 @@ def transition(beta, opening, dt):  # type: ignore[no-untyped-def]
     phi : (3, 3) array, z_{k+1} = phi z_k + gamma j
     gamma : (3,) array, response to a jerk j held over the step
     """
-    a = beta[0] + beta[4] * opening
-    b = beta[1] + beta[3] * opening
-    p, q = 1.0, 0.0
+    even, odd = 1.0, 0.0
     term = 1.0
     e_p, e_q, f_p, f_q, g_q = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(SERIES_TERMS):
-        e_p += term * p
-        e_q += term * q
-        f_p += term * p * dt / (k + 1.0)
-        f_q += term * q * dt / (k + 1.0)
-        g_q += term * q * dt * dt / ((k + 1.0) * (k + 2.0))
-        p, q = a * q, p + b * q
+        e_p += term * even
+        e_q += term * odd
+        f_p += term * even * dt / (k + 1.0)
+        f_q += term * odd * dt / (k + 1.0)
+        g_q += term * odd * dt * dt / ((k + 1.0) * (k + 2.0))
+        even, odd = a * odd, even + b * odd
         term *= dt / (k + 1.0)
-        if k > 3 and abs(term * p) < 1e-18 * abs(e_p) and abs(term * q) < 1e-18 * abs(e_q):
+        if k > 3 and abs(term * even) < 1e-18 * abs(e_p) and abs(term * odd) < 1e-18 * abs(e_q):
             break
     phi = np.zeros((3, 3))
     gamma = np.empty(3)
@@ -148,10 +138,14 @@ def transition(beta, opening, dt):  # type: ignore[no-untyped-def]
 
 
 @njit
-def advance(state, beta, u, disturbance, dt):  # type: ignore[no-untyped-def]
-    """One exact step of (6.36) under a held command and a held disturbance d [m/s³]; returns a new (3,) array."""
-    phi, gamma = transition(beta, abs(u), dt)
-    jerk = beta[2] * u + disturbance
+def advance(state, p, u, disturbance, dt):  # type: ignore[no-untyped-def]
+    """One exact step of (6.36) under a held command and a held disturbance d [m/s³]; returns a new (3,) array.
+
+    `p` is any record that has β_1 … β_5 by name.
+    """
+    opening = abs(u)
+    phi, gamma = transition(p.beta1 + p.beta5 * opening, p.beta2 + p.beta4 * opening, dt)
+    jerk = p.beta3 * u + disturbance
     following = np.empty(3)
     for i in range(3):
         following[i] = phi[i, 0] * state[0] + phi[i, 1] * state[1] + phi[i, 2] * state[2] + gamma[i] * jerk

@@ -9,7 +9,7 @@ import numpy as np
 
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import OUTPUTS
-from shake_ros.core.plant.parameters import TableParameters, records
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.plant.sensors import SensorNoise
 from shake_ros.core.plant.simulation import TOLERANCE, initial_state
 from shake_ros.core.plant.states import BASE, BASE_RATE, POSITION, STATES, VELOCITY
@@ -51,7 +51,7 @@ class Table:
         self.sample_time = sample_time
         self.tolerance = tolerance
         self._vector = parameters.vector()
-        self._records = records(self._vector).view(np.ndarray)  # shape (1,)
+        self._records = FULL_LAYOUT.alone(self._vector)
         self._noise = SensorNoise(parameters.sensors, seed)
         delay = parameters.value("effects.command_delay.delay") / sample_time
         self._whole, self._fraction = math.floor(delay), delay - math.floor(delay)

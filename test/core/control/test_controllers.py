@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.runner import KERNELS, Controller, switch
+from shake_ros.core.control.runner import Controller, switch
 from shake_ros.core.control.selected import HEAD
+from shake_ros.core.dispatch import kernel_of
+from shake_ros.core.packing import records
 from shake_ros.core.plant import reduced
 from shake_ros.core.quantities import OutOfBounds, ShakeError, UnknownName
 from shake_ros.settings import config_folder, load_table, load_variant
@@ -18,6 +21,11 @@ DT = 0.001
 CONFIGURATIONS = sorted(p.stem for p in (config_folder() / "controller").glob("*.yaml"))
 INTEGRATING = ["feedforward_pi", "sliding_mode", "super_twisting", "pid"]
 LAWS = [*INTEGRATING, "super_twisting_implicit", "three_variable", "minimal_control_synthesis"]
+
+
+def beta_of(parameters: Any) -> Any:
+    """The reduced model's β as the record that `reduced.advance` takes."""
+    return records(CONTROLLERS, parameters)[0]
 
 
 def built(name: str, **changes: float) -> Controller:
@@ -109,16 +117,16 @@ def test_integrators_stop_while_saturated_and_pushing_further(name: str) -> None
     assert back <= 0.0  # leaves the limit at once
 
 
-@pytest.mark.parametrize("name", sorted(KERNELS))
+@pytest.mark.parametrize("name", sorted(CONTROLLERS))
 def test_compiled_law_equals_plain_python(name: str) -> None:
-    kernels = KERNELS[name]
-    packed = kernels.pack(load_variant("controller", name, CONTROLLERS)[1], False)
-    state = np.full(kernels.STATES, 1e-3)
+    step, parameters = kernel_of(CONTROLLERS[name], "step"), load_variant("controller", name, CONTROLLERS)[1]
+    p = records(CONTROLLERS, parameters).view(np.recarray)[0]
+    state = np.full(parameters.states, 1e-3)
     reference, estimate = np.array([0.01, 0.1, 1.0]), np.array([0.011, 0.08, 1.5])
-    plain = getattr(kernels.step, "py_func", kernels.step)
-    compiled = kernels.step(state, packed, reference, estimate, 0.1, DT)
-    np.testing.assert_array_equal(compiled[0], plain(state, packed, reference, estimate, 0.1, DT)[0])
-    assert compiled[1] == plain(state, packed, reference, estimate, 0.1, DT)[1]
+    plain = getattr(step, "py_func", step)
+    compiled = step(state, p, reference, estimate, 0.1, DT)
+    np.testing.assert_array_equal(compiled[0], plain(state, p, reference, estimate, 0.1, DT)[0])
+    assert compiled[1] == plain(state, p, reference, estimate, 0.1, DT)[1]
 
 
 def test_unknown_controller_names_the_known_ones() -> None:
@@ -168,7 +176,7 @@ def test_sliding_mode_gives_the_surface_the_rate_it_demands(estimate: tuple[floa
     reference, z = np.array([0.01, 0.1, 1.0]), np.array(estimate)
     state, u = controller.step(controller.initial_state(), reference, z)
     assert abs(u) < 1.0
-    b1, b2, b3, b4, b5 = reduced.pack(p)
+    b1, b2, b3, b4, b5 = p.beta1, p.beta2, p.beta3, p.beta4, p.beta5
     jerk = b1 * z[1] + b2 * z[2] + b3 * u + abs(u) * (b4 * z[2] + b5 * z[1])
     e = z - reference
     surface = p.surface_integral * state[HEAD] + p.surface_position * e[0]
@@ -181,7 +189,7 @@ def test_sliding_mode_gives_the_surface_the_rate_it_demands(estimate: tuple[floa
 def test_super_twisting_reaches_its_surface_under_a_constant_disturbance() -> None:
     # reduced model, its own states: the twisting integral takes the disturbance up
     _, p = load_variant("controller", "super_twisting", CONTROLLERS)
-    beta = reduced.pack(load_variant("controller", "sliding_mode", CONTROLLERS)[1])
+    beta = beta_of(load_variant("controller", "sliding_mode", CONTROLLERS)[1])
     controller = built("super_twisting", start_time=0.0, twisting_gain=400.0)
     z, state = np.array([0.005, 0.0, 0.0]), controller.initial_state()
     for _ in range(8000):
@@ -190,7 +198,7 @@ def test_super_twisting_reaches_its_surface_under_a_constant_disturbance() -> No
     surface = p.surface_integral * state[HEAD] + p.surface_position * z[0]
     surface += p.surface_velocity * z[1] + p.surface_acceleration * z[2]
     assert abs(surface) < 0.2
-    assert u == pytest.approx(-100.0 / beta[2], rel=0.05)
+    assert u == pytest.approx(-100.0 / beta["beta3"], rel=0.05)
 
 
 @pytest.mark.parametrize("after", [n for n in CONFIGURATIONS if n != "none"])

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from shake_ros.core.control import CONTROLLERS, input_filter, minimal_control_synthesis, pid, three_variable
 from shake_ros.core.control import super_twisting_implicit as implicit
-from shake_ros.core.control.runner import KERNELS, Controller
-from shake_ros.core.control.selected import HEAD, LARGEST_STATES, feedforward_law, step_law
+from shake_ros.core.control.runner import Controller
+from shake_ros.core.control.selected import HEAD, feedforward_law, step_law
+from shake_ros.core.dispatch import kernel_of
+from shake_ros.core.packing import numbers, records
 from shake_ros.core.plant import reduced
 from shake_ros.core.reference import filter as reference_filter
 from shake_ros.settings import load_variant
@@ -26,21 +28,40 @@ def built(name: str, **changes: Any) -> Controller:
     return Controller(kind, parameters.replace(**changes), DT)
 
 
-@pytest.mark.parametrize("name", sorted(KERNELS))
+def law_record(parameters: Any) -> Any:
+    return records(CONTROLLERS, parameters)[0]
+
+
+@pytest.mark.parametrize("name", sorted(CONTROLLERS))
 def test_number_of_a_law_leads_to_that_law(name: str) -> None:
-    kernels = KERNELS[name]
-    packed = kernels.pack(load_variant("controller", name, CONTROLLERS)[1], False)
-    state, reference, estimate = np.full(kernels.STATES, 1e-3), np.array([0.01, 0.1, 1.0]), np.array([0.011, 0.08, 1.5])
-    assert feedforward_law(kernels.CODE, packed, reference) == kernels.feedforward(packed, reference)
-    found = step_law(kernels.CODE, state, packed, reference, estimate, 0.1, DT)
-    wanted = kernels.step(state, packed, reference, estimate, 0.1, DT)
+    parameters = load_variant("controller", name, CONTROLLERS)[1]
+    p, feedforward, step = law_record(parameters), *(kernel_of(CONTROLLERS[name], k) for k in ("feedforward", "step"))
+    state, reference, estimate = (
+        np.full(parameters.states, 1e-3),
+        np.array([0.01, 0.1, 1.0]),
+        np.array([0.011, 0.08, 1.5]),
+    )
+    assert feedforward_law(p, reference) == feedforward(p, reference)
+    found = step_law(state, p, reference, estimate, 0.1, DT)
+    wanted = step(state, p, reference, estimate, 0.1, DT)
     np.testing.assert_array_equal(found[0], wanted[0])
     assert found[1] == wanted[1]
-    assert found[0].size == kernels.STATES <= LARGEST_STATES
+    assert found[0].size == parameters.states
 
 
 def test_every_law_has_a_number_of_its_own() -> None:
-    assert len({kernels.CODE for kernels in KERNELS.values()}) == len(KERNELS) == len(CONTROLLERS)
+    assert len({law.code for law in CONTROLLERS.values()}) == len(CONTROLLERS)
+
+
+def test_under_a_model_a_law_leaves_out_what_the_model_brings() -> None:
+    sliding, three = (
+        load_variant("controller", n, CONTROLLERS)[1].under_model() for n in ("sliding_mode", "three_variable")
+    )
+    assert (sliding.beta4, sliding.beta5) == (0.0, 0.0)
+    assert three.filter_frequency == 0.0
+    assert three.reference_velocity == three.feedback_velocity
+    pid_gains = load_variant("controller", "pid", CONTROLLERS)[1]
+    assert pid_gains.under_model() == pid_gains
 
 
 def test_pid_is_its_difference_equation() -> None:
@@ -192,7 +213,7 @@ def test_reference_model_starts_where_the_table_is_and_closes_on_the_reference()
 @pytest.mark.parametrize("strategy", ["inner", "outer"])
 def test_minimal_control_synthesis_adapts_to_a_plant_it_does_not_know(strategy: str) -> None:
     # reduced plant with 30 % less velocity gain than the feedforward assumes, and no integral action
-    beta = np.array([BETA[0], BETA[1] * 3.0, 0.7 * BETA[2], 0.0, 0.0])
+    beta = numbers(reduced.ReducedParameters(BETA[0], BETA[1] * 3.0, 0.7 * BETA[2], 0.0, 0.0))[0]
     errors = {}
     for label, weight in (("fixed", 0.0), ("adaptive", 1.0)):
         p: Any = load_variant("controller", "minimal_control_synthesis", CONTROLLERS)[1]
@@ -217,7 +238,7 @@ def test_minimal_control_synthesis_adapts_to_a_plant_it_does_not_know(strategy: 
 
 def test_adaptive_gains_cannot_leave_their_bound_and_fade_without_error() -> None:
     p: Any = load_variant("controller", "minimal_control_synthesis", CONTROLLERS)[1]
-    packed = minimal_control_synthesis.pack(p.replace(leakage=2.0), False)
+    packed = law_record(p.replace(leakage=2.0))
     gains, signal = np.zeros(5), 0.0
     for _ in range(5000):
         gains, signal = minimal_control_synthesis.adapt(gains, np.ones(5), 10.0, packed, DT)

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from shake_ros.core.friction import FRICTIONS
-from shake_ros.core.friction.packing import friction_record
 from shake_ros.core.friction.response import under_motion
 from shake_ros.core.friction.selected import steady_force
-from shake_ros.core.packing import field_value, name_of, union_fields
+from shake_ros.core.packing import field_value, name_of, record, union_fields
 from shake_ros.settings import load_variant
 
 SYMMETRIC = [name for name in FRICTIONS if name not in ("lugre", "modified_lugre", "new_modified_lugre")]
@@ -48,7 +47,7 @@ def test_a_field_of_another_law_reads_as_zero():
 
 @pytest.mark.parametrize("name", FRICTIONS)
 def test_the_steady_force_opposes_the_motion(name):
-    p = friction_record(law(name))
+    p = record("friction", FRICTIONS, law(name))
     assert steady_force(p, 0.0) == 0.0
     for speed in SPEEDS:
         assert steady_force(p, speed) >= 0.0
@@ -57,7 +56,7 @@ def test_the_steady_force_opposes_the_motion(name):
 
 @pytest.mark.parametrize("name", FRICTIONS)
 def test_the_law_takes_work_out_of_any_motion_from_rest(name):
-    p = friction_record(law(name))
+    p = record("friction", FRICTIONS, law(name))
     velocity, dt = sine()
     work = np.cumsum(under_motion(p, velocity, dt) * velocity) * dt
     kinetic = 0.0 if name != "new_modified_lugre" else 0.5 * 0.85 * 5775.1 * velocity**2  # (3.52)'s lead stores
@@ -67,7 +66,7 @@ def test_the_law_takes_work_out_of_any_motion_from_rest(name):
 
 @pytest.mark.parametrize("name", SYMMETRIC)
 def test_a_symmetric_law_is_odd(name):
-    p = friction_record(law(name))
+    p = record("friction", FRICTIONS, law(name))
     for speed in SPEEDS:
         assert steady_force(p, -speed) == pytest.approx(-steady_force(p, speed), rel=1e-12)
     velocity, dt = sine()
@@ -75,14 +74,14 @@ def test_a_symmetric_law_is_odd(name):
 
 
 def test_lugre_follows_the_direction_of_its_tables():
-    p = friction_record(law("lugre"))
+    p = record("friction", FRICTIONS, law("lugre"))
     assert steady_force(p, 0.1) == pytest.approx(102.8 + 385.815, rel=1e-3)
     assert steady_force(p, -0.1) == pytest.approx(-2025.4 - 166.88, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", FRICTIONS)
 def test_inputs_stay_untouched(name):
-    p = friction_record(law(name))
+    p = record("friction", FRICTIONS, law(name))
     velocity, dt = sine(seconds=0.1)
     before_p, before_v = p.copy(), velocity.copy()
     under_motion(p, velocity, dt)
@@ -92,7 +91,7 @@ def test_inputs_stay_untouched(name):
 
 @pytest.mark.parametrize("name", FRICTIONS)
 def test_compiled_equals_plain_python(name):
-    p = friction_record(law(name))
+    p = record("friction", FRICTIONS, law(name))
     velocity, dt = sine(seconds=0.02)
     np.testing.assert_allclose(
         getattr(under_motion, "py_func", under_motion)(p, velocity, dt), under_motion(p, velocity, dt), rtol=1e-12
@@ -104,14 +103,14 @@ def test_compiled_equals_plain_python(name):
 
 
 def test_none_gives_zero():
-    p = friction_record(law("none"))
+    p = record("friction", FRICTIONS, law("none"))
     velocity, dt = sine(seconds=0.2)
     assert not np.any(under_motion(p, velocity, dt))
 
 
 @pytest.mark.parametrize("name", FRICTIONS)
 def test_a_lasting_velocity_reaches_the_steady_force(name):
-    p = friction_record(law(name))
+    p = record("friction", FRICTIONS, law(name))
     for speed in (0.02, -0.02, 0.3):
         velocity = np.full(200_000, speed)  # 40 s, eight film time constants
         velocity[0] = 0.0

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from shake_ros.core.friction import FRICTIONS
-from shake_ros.core.friction.packing import friction_record
 from shake_ros.core.friction.response import break_away_force, pulled_block, under_motion
 from shake_ros.core.friction.selected import steady_force
+from shake_ros.core.packing import record
 from shake_ros.settings import load_variant
 
 
@@ -19,7 +19,7 @@ def block():
 
 @pytest.fixture(scope="module")
 def p(block):
-    return friction_record(block)
+    return record("friction", FRICTIONS, block)
 
 
 def test_stribeck_curve_falls_from_break_away_to_coulomb_and_rises_with_viscosity(p):
@@ -83,7 +83,7 @@ def test_force_over_velocity_is_a_loop_when_the_direction_changes(p):
 def spring_pulled(law, stiffness, seconds, dt=1e-4):
     """A block of 1 kg that a spring pulls at 1 mm/s."""
     pull = 1e-3 * np.arange(round(seconds / dt)) * dt
-    return pulled_block(friction_record(law), 1.0, stiffness, pull, dt, 10)
+    return pulled_block(record("friction", FRICTIONS, law), 1.0, stiffness, pull, dt, 10)
 
 
 def test_a_block_sticks_and_slips_at_one_millimetre_per_second(block):

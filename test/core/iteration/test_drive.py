@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from shake_ros.core.control import harmonic_cancellation, iteration
+from shake_ros.core.packing import numbers
 from shake_ros.core.quantities import ShakeError
 from shake_ros.settings import find, read_yaml
 
@@ -89,7 +90,7 @@ def test_harmonics_of_a_lagging_loop_are_cancelled() -> None:
         fundamental_frequency=2.0, harmonics=9, learning_gain=0.6, settling_periods=1, window_periods=2,
         amplitude_limit=5.0,
     )  # fmt: skip
-    packed, state, omega = harmonic_cancellation.pack(p), harmonic_cancellation.initial_state(p), 4.0 * math.pi
+    packed, state, omega = numbers(p), harmonic_cancellation.initial_state(p), 4.0 * math.pi
     rng = np.random.default_rng(3)
     played, achieved = np.zeros(40000), np.zeros(40000)
     for k in range(played.size):
@@ -115,7 +116,7 @@ def test_harmonics_of_a_lagging_loop_are_cancelled() -> None:
 def test_nothing_is_added_to_a_reference_at_rest() -> None:
     path = find("harmonic_cancellation", "default")
     p = harmonic_cancellation.HarmonicCancellation.from_mapping(read_yaml(path), str(path))
-    packed, state = harmonic_cancellation.pack(p), harmonic_cancellation.initial_state(p)
+    packed, state = numbers(p), harmonic_cancellation.initial_state(p)
     for k in range(5000):
         state, corrected = harmonic_cancellation.step(state, packed, k * DT, np.array([0.01, 0.0, 0.0]), 0.3)
         np.testing.assert_array_equal(corrected, [0.01, 0.0, 0.0])
@@ -124,7 +125,7 @@ def test_nothing_is_added_to_a_reference_at_rest() -> None:
 def test_added_harmonics_are_consistent_in_position_velocity_and_acceleration() -> None:
     path = find("harmonic_cancellation", "default")
     p = harmonic_cancellation.HarmonicCancellation.from_mapping(read_yaml(path), str(path))
-    packed, state = harmonic_cancellation.pack(p), harmonic_cancellation.initial_state(p)
+    packed, state = numbers(p), harmonic_cancellation.initial_state(p)
     row = harmonic_cancellation.HEAD + 2 * harmonic_cancellation.ROW
     state[row : row + 4] = 0.4, -0.3, 0.4, -0.3
     found = np.array([harmonic_cancellation.step(state, packed, k * DT, np.zeros(3), 0.0)[1] for k in range(900)])

@@ -13,6 +13,7 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, run_batch, simulate
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
+from shake_ros.core.packing import numbers
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.sensors import SensorNoise, normal_draws
 from shake_ros.core.plant.table import Measurement, Table
@@ -122,7 +123,7 @@ def test_harmonics_are_cancelled_in_the_loop_as_the_node_does(table: TableParame
     cancelling = Cancelling(law.kind, law.parameters, DT)
     cancelling.watched = Watched(table, DT, 5)
     cancelling.harmonics = harmonic_cancellation.initial_state(cancellation)
-    cancelling.settings = harmonic_cancellation.pack(cancellation)
+    cancelling.settings = numbers(cancellation)
     objects = simulate_closed_loop(cancelling.watched, estimator, cancelling, Samples(states), len(states))
     assert_same(compiled, objects)
     assert not np.array_equal(compiled.command[-100:], plain.command[-100:])

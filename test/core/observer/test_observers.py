@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shake_ros.core.observer import OBSERVERS, linear, selected, sliding_mode
-from shake_ros.core.observer.runner import CARRYING, KERNELS, Observer
+from shake_ros.core.dispatch import kernel_of
+from shake_ros.core.observer import OBSERVERS, linear, selected
+from shake_ros.core.observer.runner import Observer
+from shake_ros.core.packing import records
 from shake_ros.core.plant import reduced
 from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import ShakeError, UnknownName
@@ -22,7 +25,7 @@ CONFIGURATIONS = sorted(p.stem for p in (config_folder() / "observer").glob("*.y
 
 def built(name: str, **changes: float) -> Observer:
     kind, parameters = load_variant("observer", name, OBSERVERS)
-    model = load_table(parameters.model) if kind in CARRYING else None
+    model = load_table(parameters.model) if parameters.carries_table else None
     return Observer(kind, parameters.replace(**changes), DT, model)
 
 
@@ -31,7 +34,12 @@ def excitation(samples: int) -> Array:
     return 0.25 * np.sin(2.0 * np.pi * 2.0 * t) + 0.1 * np.sin(2.0 * np.pi * 5.0 * t)
 
 
-def reduced_motion(beta: Array, commands: Array) -> Array:
+def beta_of(parameters: Any) -> Any:
+    """The reduced model's β as the record that `reduced.advance` takes."""
+    return records(OBSERVERS, parameters)[0]
+
+
+def reduced_motion(beta: Any, commands: Array) -> Array:
     states = np.zeros((len(commands), 3))
     for k in range(1, len(commands)):
         states[k] = reduced.advance(states[k - 1], beta, commands[k - 1], 0.0, DT)
@@ -69,7 +77,7 @@ def test_observer_at_rest_stays_at_rest(name: str) -> None:
     for _ in range(50):
         state, estimate = observer.step(state, 0.02, 0.0)
     # a carried table settles its chamber pressures under the leakage, as the real one does
-    small = [1e-5, 1e-3, 0.1] if observer.kind in CARRYING else [1e-9, 1e-9, 1e-9]
+    small = [1e-5, 1e-3, 0.1] if observer.parameters.carries_table else [1e-9, 1e-9, 1e-9]
     assert np.all(np.abs(estimate - [0.02, 0.0, 0.0]) < small)
 
 
@@ -125,7 +133,7 @@ def test_model_observer_without_its_table_is_refused() -> None:
 
 @pytest.mark.parametrize("name", ["sliding_mode", "linear"])
 def test_observer_is_exact_on_its_own_model_without_noise(name: str) -> None:
-    beta = reduced.pack(load_variant("observer", name, OBSERVERS)[1])
+    beta = beta_of(load_variant("observer", name, OBSERVERS)[1])
     commands = excitation(2000)
     motion = reduced_motion(beta, commands)
     np.testing.assert_allclose(observe(built(name), motion[:, 0], commands), motion, atol=1e-8)
@@ -133,7 +141,7 @@ def test_observer_is_exact_on_its_own_model_without_noise(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["sliding_mode", "linear"])
 def test_observer_forgets_a_wrong_start(name: str) -> None:
-    beta = reduced.pack(load_variant("observer", name, OBSERVERS)[1])
+    beta = beta_of(load_variant("observer", name, OBSERVERS)[1])
     commands = excitation(4000)
     motion = reduced_motion(beta, commands)
     late = observe(built(name), motion[300:, 0], commands[300:])  # starts at rest amid the motion, without the past
@@ -144,7 +152,7 @@ def test_observer_forgets_a_wrong_start(name: str) -> None:
 def test_velocity_and_acceleration_under_noise_and_quantisation(
     name: str, velocity: float, acceleration: float
 ) -> None:
-    beta = reduced.pack(load_variant("observer", name, OBSERVERS)[1])
+    beta = beta_of(load_variant("observer", name, OBSERVERS)[1])
     commands = excitation(5000)
     motion = reduced_motion(beta, commands)
     found = errors(observe(built(name), noisy(motion[:, 0]), commands)[1000:], motion[1000:])
@@ -154,7 +162,7 @@ def test_velocity_and_acceleration_under_noise_and_quantisation(
 
 def test_linear_observer_has_no_steady_error_under_a_null_shift() -> None:
     # a null shift is a constant jerk: the sliding-mode observer keeps an error, the disturbance state takes it up
-    beta = reduced.pack(load_variant("observer", "linear", OBSERVERS)[1])
+    beta = beta_of(load_variant("observer", "linear", OBSERVERS)[1])
     commands = np.full(4000, 0.1)
     motion = reduced_motion(beta, commands + 0.02)
     found = observe(built("linear"), motion[:, 0], commands)
@@ -162,11 +170,12 @@ def test_linear_observer_has_no_steady_error_under_a_null_shift() -> None:
 
 
 def test_sliding_mode_feeds_a_stage_only_once_the_one_before_has_reached_its_surface() -> None:
-    packed = sliding_mode.pack(load_variant("observer", "sliding_mode", OBSERVERS)[1], DT)
+    law = records(OBSERVERS, load_variant("observer", "sliding_mode", OBSERVERS)[1])
+    step = selected.step_of("sliding_mode")
 
     def fed(position: float) -> Array:
         estimate = np.empty(3)
-        sliding_mode.observe(np.zeros(3), packed, position, 0.0, DT, estimate)
+        step(np.zeros(3), law, selected.NO_MODEL, position, 0.0, DT, selected.work(), estimate)
         return estimate
 
     far = fed(1e-3)  # 1 mm: far beyond dt λ_1 = 30 µm
@@ -234,11 +243,10 @@ def test_model_observer_sees_through_effects_that_its_table_has() -> None:
 
 def whole_run(observer: Observer, positions: Array, commands: Array) -> Array:
     """Estimates by the one compiled step."""
-    code, packed, record = observer.compiled
     state, space, estimates = observer.initial_state(positions[0]), selected.work(), np.empty((len(positions), 3))
     for k, position in enumerate(positions):
         command = commands[k - 1] if k else 0.0
-        selected.step_observer(code, state, packed, record, position, command, DT, space, estimates[k])
+        selected.step_observer(state, *observer.compiled, position, command, DT, space, estimates[k])
     return estimates
 
 
@@ -260,15 +268,10 @@ def test_run_refuses_series_that_do_not_fit(positions: list[float], commands: li
         built("linear").run(np.array(positions), np.array(commands))
 
 
-def test_one_compiled_step_knows_no_other_number() -> None:
-    estimate = np.zeros(3)
-    selected.step_observer(99, np.zeros(3), np.zeros(3), selected.NO_MODEL, 0.0, 0.0, DT, selected.work(), estimate)
-    assert np.isnan(estimate).all()
-
-
-def test_codes_of_the_observers_differ() -> None:
-    assert set(KERNELS) == set(OBSERVERS)
-    assert len({kernels.CODE for kernels in KERNELS.values()}) == len(KERNELS)
+def test_every_observer_has_a_number_of_its_own_above_zero() -> None:
+    codes = {member.code for member in OBSERVERS.values()}
+    assert len(codes) == len(OBSERVERS)
+    assert min(codes) > selected.NO_OBSERVER[0]["kind"] == 0.0
 
 
 @pytest.mark.parametrize("name", CONFIGURATIONS)
@@ -281,14 +284,14 @@ def test_observer_continues_from_an_estimate(name: str) -> None:
     assert found[2] == pytest.approx(-1.2, abs=0.3)
 
 
-@pytest.mark.parametrize("name", sorted(set(KERNELS) - set(CARRYING)))
+@pytest.mark.parametrize("name", [name for name, member in OBSERVERS.items() if not member.carries_table])
 def test_compiled_observer_equals_plain_python(name: str) -> None:
-    kernels = KERNELS[name]
-    packed = kernels.pack(load_variant("observer", name, OBSERVERS)[1], DT)
-    plain = getattr(kernels.observe, "py_func", kernels.observe)
+    observe, parameters = kernel_of(OBSERVERS[name], "observe"), load_variant("observer", name, OBSERVERS)[1]
+    p = records(OBSERVERS, parameters, derived=parameters.derive(DT, None)).view(np.recarray)[0]
+    plain = getattr(observe, "py_func", observe)
     results = []
-    for function in (kernels.observe, plain):
-        state, estimate = kernels.started(np.array([0.0, 0.1, 1.0]), DT), np.empty(3)
-        function(state, packed, 2e-5, 0.1, DT, estimate)
+    for function in (observe, plain):
+        state, estimate = parameters.started(np.array([0.0, 0.1, 1.0]), 0.0, DT, None), np.empty(3)
+        function(state, p, selected.NO_MODEL[0], 2e-5, 0.1, DT, selected.work(), estimate)
         results.append(np.append(state, estimate))
     np.testing.assert_allclose(*results, rtol=1e-14)  # numba takes a whole power by multiplication

@@ -6,20 +6,24 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer import robust_exact_differentiator as red
 from shake_ros.core.observer.robust_exact_differentiator import RobustExactDifferentiator
+from shake_ros.core.observer.selected import NO_MODEL, step_of, work
+from shake_ros.core.packing import records
 
 DT = 0.001
+NAME, SPACE = "robust_exact_differentiator", work()
 Array = NDArray[np.float64]
 BOUNDS = {2: 300.0, 3: 3e4}  # L by order
 
 
 def differentiated(order: int, positions: Array, bound: float | None = None, dt: float = DT) -> Array:
     parameters = RobustExactDifferentiator(order=order, highest_derivative=bound or BOUNDS[order])
-    packed = red.pack(parameters, dt)
+    law, step = records(OBSERVERS, parameters, derived=parameters.derive(dt, None)), step_of(NAME)
     state, estimates = np.zeros(4), np.empty((len(positions), 3))
     for k, position in enumerate(positions):
-        red.observe(state, packed, position, 0.0, dt, estimates[k])
+        step(state, law, NO_MODEL, position, 0.0, dt, SPACE, estimates[k])
     return estimates
 
 
@@ -45,11 +49,12 @@ def test_third_order_has_no_bias_on_a_constant_jerk() -> None:
 
 def test_raw_states_lag_by_half_a_sample_and_the_outputs_do_not() -> None:
     # why the outputs are combinations: the backward difference of c t²/2 is late by c h/2
-    packed = red.pack(RobustExactDifferentiator(order=2, highest_derivative=300.0), DT)
+    parameters = RobustExactDifferentiator(order=2, highest_derivative=300.0)
+    law, step = records(OBSERVERS, parameters, derived=parameters.derive(DT, None)), step_of(NAME)
     positions, motion = polynomial([0.0, 0.0, 1.0], 600)
     state, estimate = np.zeros(4), np.empty(3)
     for position in positions:
-        red.observe(state, packed, position, 0.0, DT, estimate)
+        step(state, law, NO_MODEL, position, 0.0, DT, SPACE, estimate)
     assert motion[-1, 1] - state[1] == pytest.approx(0.5 * 2.0 * DT, rel=1e-6)
     assert estimate[1] == pytest.approx(motion[-1, 1], abs=1e-10)
 
@@ -63,7 +68,7 @@ def test_no_chatter_in_steady_state(order: int) -> None:
 
 def test_explicit_discretisation_chatters_where_the_implicit_one_does_not() -> None:
     positions, _ = polynomial([0.01, 0.1, -0.5], 1400)
-    k0, k1, k2 = red.pack(RobustExactDifferentiator(order=2, highest_derivative=300.0), DT)[1:4]
+    k0, k1, k2 = RobustExactDifferentiator(order=2, highest_derivative=300.0).derive(DT, None).values()
     x, acceleration = np.zeros(3), np.empty(1400)
     for k, position in enumerate(positions):
         error = position - x[0]
@@ -75,10 +80,10 @@ def test_explicit_discretisation_chatters_where_the_implicit_one_does_not() -> N
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_error_equation_is_solved(order: int) -> None:
-    gains = red.pack(RobustExactDifferentiator(order=order, highest_derivative=BOUNDS[order]), DT)[1:]
+    gains = tuple(RobustExactDifferentiator(order=order, highest_derivative=BOUNDS[order]).derive(DT, None).values())
     powers = DT ** np.arange(1, order + 2)
     for rest in np.geomspace(1.0001 * powers[order] * gains[order], 1.0, 40):
-        s = red.error_root(order, gains, rest, DT)
+        s = red.error_root(order, (*gains, 0.0)[:4], rest, DT)
         terms = sum(powers[i] * gains[i] * s ** (order - i) for i in range(order + 1))
         assert s > 0.0
         assert s ** (order + 1) + terms == pytest.approx(rest, rel=1e-10)
@@ -98,7 +103,7 @@ def test_sliding_lasts_up_to_the_bound_of_the_highest_derivative(order: int) -> 
 
 def test_converges_as_the_finely_stepped_explicit_one() -> None:
     bound, fine, end = 300.0, 2e-6, 0.12
-    k0, k1, k2 = red.pack(RobustExactDifferentiator(order=2, highest_derivative=bound), DT)[1:4]
+    k0, k1, k2 = RobustExactDifferentiator(order=2, highest_derivative=bound).derive(DT, None).values()
     x, y, z = 0.0, 0.0, 0.0
     count = round(end / fine)
     for k in range(count):

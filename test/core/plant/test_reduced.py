@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from shake_ros.core.observer import OBSERVERS
+from shake_ros.core.packing import numbers
 from shake_ros.core.plant import reduced
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import OutOfBounds
@@ -16,12 +17,13 @@ DT = 0.001
 
 
 @pytest.fixture(scope="module")
-def thesis() -> np.ndarray:
+def thesis() -> np.void:
     """β of table 6.11."""
-    return reduced.pack(load_variant("observer", "sliding_mode", OBSERVERS)[1])
+    p = load_variant("observer", "sliding_mode", OBSERVERS)[1]
+    return numbers(reduced.ReducedParameters(p.beta1, p.beta2, p.beta3, p.beta4, p.beta5))[0]
 
 
-def continuous(beta: np.ndarray, opening: float) -> np.ndarray:
+def continuous(beta: np.void, opening: float) -> np.ndarray:
     """(4, 4) generator of (z_1, z_2, z_3, held jerk)."""
     matrix = np.zeros((4, 4))
     matrix[0, 1] = matrix[1, 2] = matrix[2, 3] = 1.0
@@ -31,27 +33,27 @@ def continuous(beta: np.ndarray, opening: float) -> np.ndarray:
 
 @pytest.mark.parametrize("opening", [0.0, 0.4, 1.0])
 @pytest.mark.parametrize("dt", [1e-4, 1e-3, 2e-2])
-def test_transition_is_the_matrix_exponential(thesis: np.ndarray, opening: float, dt: float) -> None:
-    phi, gamma = reduced.transition(thesis, opening, dt)
+def test_transition_is_the_matrix_exponential(thesis: np.void, opening: float, dt: float) -> None:
+    phi, gamma = reduced.transition(thesis[0] + thesis[4] * opening, thesis[1] + thesis[3] * opening, dt)
     exact = expm(continuous(thesis, opening) * dt)
     np.testing.assert_allclose(phi, exact[:3, :3], rtol=1e-9, atol=1e-9 * np.abs(exact).max())
     np.testing.assert_allclose(gamma, exact[:3, 3], rtol=1e-9)
 
 
 def test_transition_of_a_triple_integrator_needs_no_special_case() -> None:
-    phi, gamma = reduced.transition(np.zeros(5), 0.0, 0.1)
+    phi, gamma = reduced.transition(0.0, 0.0, 0.1)
     np.testing.assert_allclose(phi, [[1.0, 0.1, 0.005], [0.0, 1.0, 0.1], [0.0, 0.0, 1.0]], rtol=1e-14)
     np.testing.assert_allclose(gamma, [0.1**3 / 6.0, 0.1**2 / 2.0, 0.1], rtol=1e-14)
 
 
-def test_exact_step_is_stable_where_forward_euler_is_not(thesis: np.ndarray) -> None:
-    phi, _ = reduced.transition(thesis, 0.0, DT)
+def test_exact_step_is_stable_where_forward_euler_is_not(thesis: np.void) -> None:
+    phi, _ = reduced.transition(thesis[0], thesis[1], DT)
     euler = np.eye(3) + DT * continuous(thesis, 0.0)[:3, :3]
     assert max(abs(np.linalg.eigvals(phi[1:, 1:]))) < 1.0
     assert max(abs(np.linalg.eigvals(euler[1:, 1:]))) == pytest.approx(1.0039, abs=1e-4)
 
 
-def test_steady_velocity_is_the_velocity_gain_times_the_command(thesis: np.ndarray) -> None:
+def test_steady_velocity_is_the_velocity_gain_times_the_command(thesis: np.void) -> None:
     state = np.zeros(3)
     for _ in range(10_000):
         state = reduced.advance(state, thesis, 0.5, 0.0, DT)
@@ -71,7 +73,7 @@ def test_closed_form_follows_the_full_table_at_small_openings() -> None:
         }
     )
     body, supply, valve = table.body, table.supply, table.valve
-    beta = reduced.pack(
+    beta = numbers(
         reduced.closed_form(
             bulk_modulus=table.bulk_modulus.modulus,
             piston_area=body.piston_area,
@@ -83,7 +85,7 @@ def test_closed_form_follows_the_full_table_at_small_openings() -> None:
             viscous_friction=300.0,
             underlap=valve.underlap,
         )
-    )
+    )[0]
     u = 0.15 * np.sin(2.0 * np.pi * 4.0 * np.arange(2000) * DT)
     full = run(table, u, DT)
     state, velocity = np.zeros(3), np.empty(2000)

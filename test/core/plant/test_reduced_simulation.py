@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from shake_ros.core.effects import EFFECTS
+from shake_ros.core.packing import numbers
 from shake_ros.core.plant import reduced
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
@@ -59,7 +60,7 @@ def test_a_step_is_the_matrix_exponential(a: float, b: float, h: float) -> None:
 
 @pytest.mark.parametrize("rate", [200.0, 1000.0])
 def test_without_effects_it_is_the_exact_reduced_model(rate: float) -> None:
-    commands, beta, state = sine(rate), reduced.pack(BETA), np.zeros(3)
+    commands, beta, state = sine(rate), numbers(BETA)[0], np.zeros(3)
     expected = []
     for u in commands:
         expected.append(state)
