@@ -120,8 +120,8 @@ def test_set_reaches_the_fit(
 ) -> None:
     seen = []
 
-    def stop(table, *arguments, **more):  # type: ignore[no-untyped-def]
-        seen.append(table.value("body.specimen_mass"))
+    def stop(model, *arguments, **more):  # type: ignore[no-untyped-def]
+        seen.append(model.table.value("body.specimen_mass"))
         raise KeyboardInterrupt
 
     monkeypatch.setattr(closing, "close_loop", stop)

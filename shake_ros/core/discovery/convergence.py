@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
-from shake_ros.core.discovery.refit import Refit, continued, side_by_side
-from shake_ros.core.identification.fit import fit
+from shake_ros.core.discovery.late_parameters import with_late_parameters
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
+from shake_ros.core.discovery.refit import Refit, continued
 from shake_ros.core.identification.free_parameters import FreeParameters
 
 
@@ -52,15 +52,15 @@ def taken_over(problem: SearchProblem, best: Refit, other: Refit) -> Refit:
     values = {f.name: here.value(f.name) for f in more} | {other.candidate.strength.name: other.candidate.neutral}
     base, full = start.free.base, there.value(strength)
     x = np.append(start.x[keep], FreeParameters(base.with_values(values), more).start())
-    result = start
+    result = other.result
     for part in settings.takeover_parts:
         left = {f.name: there.value(f.name) for f in candidate.free if part > 0.0}
         left |= {strength: candidate.neutral + part * (full - candidate.neutral)} if part > 0.0 else {}
         free = FreeParameters(base.with_values(left), [*(start.free.free[i] for i in keep), *more])
         tolerance = settings.converged if part == 0.0 else settings.takeover_tolerance
-        result = fit(problem.estimation, free, x, evaluations=settings.continued_evaluations, tolerance=tolerance)
-        x = result.x
-    return replace(other, result=problem.scored(result)) if result.cost < other.result.fit.cost else other
+        result = problem.fitted(free, x, settings.continued_evaluations, tolerance)
+        x = result.fit.x
+    return replace(other, result=result) if result.fit.cost < other.result.fit.cost else other
 
 
 def reconverged(problem: SearchProblem, current: ScoredFit, best: Refit) -> ScoredFit:
@@ -69,6 +69,10 @@ def reconverged(problem: SearchProblem, current: ScoredFit, best: Refit) -> Scor
     settings, free = problem.settings, current.fit.free
     most, tolerance = settings.converging_evaluations, settings.converged
     start = best.result.fit.x[: len(current.fit.x)]
-    again = fit(problem.estimation, free, start, evaluations=most, tolerance=tolerance)
-    better = again.cost < (1.0 - settings.least_estimation_gain) * current.fit.cost
-    return problem.scored(again) if better else current
+    again = problem.fitted(free, start, most, tolerance)
+    return again if again.fit.cost < (1.0 - settings.least_estimation_gain) * current.fit.cost else current
+
+
+def refined(problem: SearchProblem, refits: list[Refit]) -> list[Refit]:
+    """Converged refits with late parameters freed as well, where these explain much of what a refit leaves."""
+    return list(side_by_side(lambda r: replace(r, result=with_late_parameters(problem, r.result)), refits))

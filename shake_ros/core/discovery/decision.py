@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import stdtrit
 
-from shake_ros.core.discovery.late_parameters import with_late_parameters
-from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
-from shake_ros.core.discovery.refit import Refit, ranked, side_by_side
-from shake_ros.core.discovery.screening import ScreenedTrial, Screening
+from shake_ros.core.discovery.problem import ScoredFit
+from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.screening import ScreenedTrial
 from shake_ros.core.discovery.search_settings import SearchSettings
 
 
@@ -89,16 +88,16 @@ def distinguishable(best: ScoredFit, other: ScoredFit, settings: SearchSettings,
 
 
 def decide(
-    problem: SearchProblem, screening: Screening, converged: Sequence[Refit], others: Sequence[Refit]
+    ranking: Sequence[Refit], screened: tuple[ScreenedTrial, ...], settings: SearchSettings, noise: float
 ) -> ForwardStep:
-    """The best refit once late parameters are freed, with those that are indistinguishable from it.
+    """The best refit, with those that are indistinguishable from it; of these the best with usual values is named.
 
-    Of these the best with usual values is the one that is named.
+    Parameters
+    ----------
+    ranking : refits, the best first. noise : validation cost that the sensor noise alone leaves [-]
     """
-    refined = side_by_side(lambda r: replace(r, result=with_late_parameters(problem, r.result)), converged)
-    ranking = ranked(refined, others)
-    best, noise = ranking[0].result, problem.validation.noise_cost()
-    alike = [r for r in ranking if r is ranking[0] or not distinguishable(best, r.result, problem.settings, noise)]
+    best = ranking[0].result
+    alike = [r for r in ranking if r is ranking[0] or not distinguishable(best, r.result, settings, noise)]
     chosen = next((r for r in alike if r.usual), alike[0])
     ranking = (chosen, *(r for r in ranking if r is not chosen))
-    return ForwardStep(chosen, ranking, tuple(r.candidate.effect for r in alike if r is not chosen), screening.trials)
+    return ForwardStep(chosen, ranking, tuple(r.candidate.effect for r in alike if r is not chosen), screened)

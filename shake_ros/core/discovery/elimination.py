@@ -5,7 +5,6 @@ from __future__ import annotations
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
-from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 
 
@@ -14,8 +13,7 @@ def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect
     settings, result, names = problem.settings, current.fit, {f.name for f in dropped.free}
     keep = [i for i, f in enumerate(result.free.free) if f.name not in names]
     free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])
-    most, tolerance = settings.continued_evaluations, settings.converged
-    return problem.scored(fit(problem.estimation, free, result.x[keep], evaluations=most, tolerance=tolerance))
+    return problem.fitted(free, result.x[keep], settings.continued_evaluations, settings.converged)
 
 
 def eliminate(

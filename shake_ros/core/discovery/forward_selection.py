@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.convergence import converge, reconverged
+from shake_ros.core.discovery.convergence import converge, reconverged, refined
 from shake_ros.core.discovery.decision import ForwardStep, decide, improves
 from shake_ros.core.discovery.elimination import eliminate
 from shake_ros.core.discovery.late_parameters import with_late_parameters
@@ -112,5 +112,6 @@ def forward_step(
     current = reconverged(problem, current, ranking[0])
     if not improves(ranking[0].result, current, settings, tried):
         return None, ranking, current
-    step = decide(problem, screening, converged, others)
+    ranking = ranked(refined(problem, converged), others)
+    step = decide(ranking, screening.trials, settings, problem.validation.noise_cost())
     return step, step.ranking, current

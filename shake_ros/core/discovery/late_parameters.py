@@ -11,7 +11,6 @@ import numpy as np
 
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.discovery.screening import score_test
-from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameter
 
 
@@ -40,8 +39,7 @@ def with_late_parameters(problem: SearchProblem, current: ScoredFit) -> ScoredFi
             continue
         free = current.fit.free.extended([parameter])
         start = np.append(current.fit.x, free.start()[-1])
-        most, tolerance = settings.converging_evaluations, settings.converged
-        tried = problem.scored(fit(problem.estimation, free, start, evaluations=most, tolerance=tolerance))
+        tried = problem.fitted(free, start, settings.converging_evaluations, settings.converged)
         helps = current.estimation_cost - tried.estimation_cost > settings.late_gain * above
         if helps and tried.validation_cost < current.validation_cost:
             current = tried

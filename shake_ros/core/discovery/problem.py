@@ -6,18 +6,23 @@ Estimation data are fitted, validation data judge. Pieces of both are a cheaper 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.free_parameters import FreeParameter
+from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
+from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, RecordingProblem, windows
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.simulation import workers
 
+T = TypeVar("T")
+R = TypeVar("R")
 Progress = Callable[[str, float], None]
 FAILED = 1e6  # weighted residual of a simulation that ends in no number
 
@@ -37,6 +42,19 @@ class ModelStructure:
     late: tuple[FreeParameter, ...] = ()
     candidates: tuple[CandidateEffect, ...] = ()
     simulator: DeclaredModel = FULL
+
+
+def side_by_side(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+    """The same work on each item, in their order: fits do not depend on each other, and simulate without the GIL."""
+    with ThreadPoolExecutor(workers()) as pool:
+        yield from pool.map(work, items)
+
+
+def linearised(problem: Problem, result: Fit) -> Fit:
+    """The same solution with the residuals and the Jacobian of another problem."""
+    r = problem.residuals(result.free.vectors(result.x))[0]
+    j = jacobian(problem, result.free, result.x, r)
+    return Fit(result.free, result.x, r, j, 0.5 * float(r @ r), len(result.x) + 1)
 
 
 def mean_square(residuals: np.ndarray) -> float:
@@ -94,16 +112,23 @@ class SearchProblem:
             pieces.append(RecordingProblem(windows(list(records), settings.piece_seconds), model.simulator))
         return cls(whole[0], whole[-1], pieces[0], pieces[-1], model.late, settings, progress)
 
+    def fitted(self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float) -> ScoredFit:
+        """A fit to the estimation data from `start`, scored."""
+        return self.scored(fit(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance))
+
+    def fitted_to_pieces(
+        self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float
+    ) -> ScoredFit:
+        """A fit to pieces of the estimation data; its validation cost is that of whole recordings all the same."""
+        result = fit(self.estimation_pieces, free, start, evaluations=evaluations, tolerance=tolerance)
+        return ScoredFit(result, mean_square(result.residuals), mean_square(self._validation_residuals(result)))
+
     def scored(self, result: Fit) -> ScoredFit:
         """A fit with its costs, the validation cost block by block as well."""
         r = self._validation_residuals(result)
         number = self.validation.blocks()
         blocks = np.bincount(number, r**2) / np.maximum(np.bincount(number), 1)
         return ScoredFit(result, mean_square(result.residuals), mean_square(r), np.asarray(blocks))
-
-    def scored_on_pieces(self, result: Fit) -> ScoredFit:
-        """A fit to pieces of the estimation data; its validation cost is that of whole recordings all the same."""
-        return ScoredFit(result, mean_square(result.residuals), mean_square(self._validation_residuals(result)))
 
     def _validation_residuals(self, result: Fit) -> np.ndarray:
         return np.nan_to_num(self.validation.residuals(result.free.vectors(result.x))[0], nan=FAILED)

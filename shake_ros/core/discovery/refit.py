@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, mean_square
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, mean_square, side_by_side
 from shake_ros.core.discovery.screening import ScreenedTrial, Screening
-from shake_ros.core.identification.fit import Fit, Problem, fit
+from shake_ros.core.identification.fit import Fit, Problem
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.plant.simulation import workers
-
-T = TypeVar("T")
-R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -43,12 +37,6 @@ class Refit:
 def ranked(*groups: Iterable[Refit]) -> tuple[Refit, ...]:
     """All refits, the best score first."""
     return tuple(sorted((r for group in groups for r in group), key=lambda r: r.score))
-
-
-def side_by_side(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-    """The same work on each item, in their order: fits do not depend on each other, and simulate without the GIL."""
-    with ThreadPoolExecutor(workers()) as pool:
-        yield from pool.map(work, items)
 
 
 def rounds(problem: SearchProblem, current: ScoredFit, screening: Screening) -> Iterator[list[str]]:
@@ -106,8 +94,8 @@ def refitted(problem: SearchProblem, screening: Screening, effect: str, evaluati
     """One effect refitted on pieces of the estimation data, from its best start."""
     trials, multiples = screening.of(effect), problem.settings.start_multiples
     free, start = best_start(problem.estimation_pieces, screening.current, trials, multiples)
-    result = fit(problem.estimation_pieces, free, start, evaluations=evaluations, tolerance=tolerance)
-    return Refit(trials[0].candidate, problem.scored_on_pieces(result), trials[0].gain)
+    result = problem.fitted_to_pieces(free, start, evaluations, tolerance)
+    return Refit(trials[0].candidate, result, trials[0].gain)
 
 
 def best_start(
@@ -133,5 +121,4 @@ def best_start(
 def continued(problem: SearchProblem, tried: Refit, evaluations: int, tolerance: float) -> Refit:
     """A refit continued on the whole estimation data."""
     start = tried.result.fit
-    result = fit(problem.estimation, start.free, start.x, evaluations=evaluations, tolerance=tolerance)
-    return replace(tried, result=problem.scored(result))
+    return replace(tried, result=problem.fitted(start.free, start.x, evaluations, tolerance))

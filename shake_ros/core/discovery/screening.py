@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
-from shake_ros.core.identification.fit import Fit, Problem, jacobian
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearised
+from shake_ros.core.identification.fit import Fit, Problem
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,6 @@ class JointProblem:
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Weighted residuals of both, shape (m, n)."""
         return np.hstack([part.residuals(vectors) for part in self._parts])
-
-
-def linearised(problem: Problem, result: Fit) -> Fit:
-    """The same solution with the residuals and the Jacobian of another problem."""
-    r = problem.residuals(result.free.vectors(result.x))[0]
-    j = jacobian(problem, result.free, result.x, r)
-    return Fit(result.free, result.x, r, j, 0.5 * float(r @ r), len(result.x) + 1)
 
 
 def score_test(

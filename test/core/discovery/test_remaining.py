@@ -67,7 +67,8 @@ def test_nothing_remains_above_the_noise_once_the_effect_is_added() -> None:
 
 def test_what_the_declared_model_leaves_of_a_valve_with_unequal_edges_goes_with_direction() -> None:
     found = named("asymmetric_flow_gain")
-    without = type(found.search)(found.declared, (), found.declared)
+    declared = found.search.declared
+    without = type(found.search)(declared, (), declared)
     rest = remaining(found.problem, without)
     assert rest.above_noise
     assert rest.ratio > 5.0
