@@ -133,7 +133,7 @@ def _learning(
 ) -> tuple[Learn, TableParameters | None]:
     """`refit` of the declared parameters and those of named effects, and the model of the first run where wanted."""
     if effects is None:
-        return lambda table, records: table, None
+        return lambda table, _: table, None
     if model is None:
         raise ShakeError("--refit: needs --model, the table that is fitted")
     free, known = free_parameters(), {c.effect: c for c in effect_candidates()}

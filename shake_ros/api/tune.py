@@ -179,7 +179,7 @@ class Cost:
         self._kind, self._parameters, self._dt = law.kind, law.parameters, dt
         self._model = setup.model(setup.settings["model_load"]) if settings["model"] != "none" else None
 
-    def _judge(self, index: int, run: ClosedLoop) -> float:
+    def _judge(self, _: int, run: ClosedLoop) -> float:
         first = self._first
         part = dataclasses.replace(
             run, reference=run.reference[first:], truth=run.truth[first:], command=run.command[first:]

@@ -73,7 +73,7 @@ def tune(
     cost: Callable[[dict[str, float]], float],
     *,
     evaluations: int,
-    done: Callable[[int, float], None] = lambda count, best: None,
+    done: Callable[[int, float], None] = lambda *_: None,
 ) -> tuple[dict[str, float], float]:
     """Gains that minimise a cost, by Nelder and Mead on the logarithms of their magnitudes.
 

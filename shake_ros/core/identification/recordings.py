@@ -157,7 +157,7 @@ class DeclaredModel(ABC):
     def moved_mass(self, table: TableParameters) -> float:
         """Mass that makes a force of a residual acceleration [kg]; 1 where the model counts in forces per mass."""
 
-    def first_table(self, records: list[Record]) -> TableParameters:
+    def first_table(self, records: list[Record]) -> TableParameters:  # noqa: ARG002 (for the models that can)
         """A first guess from the recordings alone; ShakeError where the model cannot do without a declared table."""
         raise ShakeError(f"the model {self.name} starts from a declared table, not from recordings")
 
@@ -171,7 +171,7 @@ class DeclaredModel(ABC):
             "time": record.begin + np.arange(len(simulated)) * record.sample_time,
         }
 
-    def inner_quantities(self, simulated: np.ndarray) -> dict[str, np.ndarray]:
+    def inner_quantities(self, simulated: np.ndarray) -> dict[str, np.ndarray]:  # noqa: ARG002 (for models with some)
         """Those among them that are simulated, not measured."""
         return {}
 

@@ -38,7 +38,7 @@ class ReducedModel(DeclaredModel):
         """Free run with the columns of plant.reduced_simulation.COLUMNS."""
         return np.asarray(self._runs(table.vector()[None, :], record)[0])
 
-    def moved_mass(self, table: TableParameters) -> float:
+    def moved_mass(self, table: TableParameters) -> float:  # noqa: ARG002 (the signature of every model)
         """1: forces count per mass."""
         return 1.0
 

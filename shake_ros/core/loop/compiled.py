@@ -204,7 +204,7 @@ def simulate(loop: Loop) -> tuple[ClosedLoop, int]:
 
 
 def run_batch(
-    loops: Sequence[Loop], judge: Callable[[int, ClosedLoop], Result], done: Callable[[int], None] = lambda count: None
+    loops: Sequence[Loop], judge: Callable[[int, ClosedLoop], Result], done: Callable[[int], None] = lambda _: None
 ) -> list[Result]:
     """Run many loops on all cores without the GIL; `judge(i, run)` keeps of a run what is wanted.
 

@@ -58,12 +58,12 @@ def sizes(signals: dict[str, Floats], topics: dict[str, str], grid: Grid, findin
         if hint:
             text = f"reaches {largest:.6g} {expected.unit}: {hint}"
             findings.append(Finding("unit", topics[name], 1, text))
-        _flat(name, values, topics[name], grid, findings)
+        _flat(values, topics[name], grid, findings)
     if "imu" in signals:
         _acceleration_scale(signals["joint_states"], signals["imu"], topics["imu"], grid, findings)
 
 
-def _flat(name: str, values: Floats, topic: str, grid: Grid, findings: list[Finding]) -> None:
+def _flat(values: Floats, topic: str, grid: Grid, findings: list[Finding]) -> None:
     finite = values[np.isfinite(values)]
     low, high = float(finite.min()), float(finite.max())
     if low == high:

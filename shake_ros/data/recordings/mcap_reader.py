@@ -143,7 +143,7 @@ class McapFile:
         self.channels.clear()
         self._schemas.clear()
         counts: dict[int, int] = {}
-        for channel, _, _ in self.messages(lambda channel: True):
+        for channel, _, _ in self.messages(lambda _: True):
             counts[channel.number] = counts.get(channel.number, 0) + 1
         self.counts = counts
 
