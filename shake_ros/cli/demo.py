@@ -17,7 +17,7 @@ import numpy as np
 import yaml
 
 from shake_ros.api.fitted import names_of
-from shake_ros.cli.measured_runs import ALL, fit_runs, read_problem
+from shake_ros.api.measured_runs import ALL, fit_runs, read_problem
 from shake_ros.cli.progress import Bar
 from shake_ros.core.discovery.close_loop import LoopClosure, close_loop
 from shake_ros.core.identification.recordings import Record

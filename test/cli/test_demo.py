@@ -13,7 +13,8 @@ import pytest
 from closed_loops import command
 
 from shake_ros import __main__
-from shake_ros.cli import demo, measured_runs
+from shake_ros.api import measured_runs
+from shake_ros.cli import demo
 from shake_ros.cli.progress import Bar
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.measured_harmonics.variants import MeasuredRuns

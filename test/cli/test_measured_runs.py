@@ -14,11 +14,17 @@ import numpy as np
 import pytest
 import yaml
 
-from shake_ros.cli import measured_runs
+from shake_ros import __main__ as shake_ros
+from shake_ros.api import measured_runs
 from shake_ros.core.measured_harmonics import left_out_runs
 from shake_ros.core.measured_harmonics import variants as studies
 from shake_ros.core.measured_harmonics.account import account
 from shake_ros.settings import find, load_table
+
+
+def main(arguments: list[str]) -> int:
+    return shake_ros.main(["measured_runs", *arguments])
+
 
 RUNS = {
     "specimen_mass": 200.0,
@@ -70,7 +76,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     out, printed = folder / "out", io.StringIO()
     with hurried(), contextlib.redirect_stdout(printed):
         arguments = ["--runs", written(folder, RUNS), "--second", "accelerometer_lag", "--out", str(out)]
-        assert measured_runs.main(arguments) == 0
+        assert main(arguments) == 0
     return out, printed.getvalue()
 
 
@@ -125,7 +131,7 @@ def test_fitted_table_is_one_that_the_nodes_load(result: tuple[Path, str]) -> No
 
 def test_a_result_is_replaced_with_force_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "mine").write_text("kept", encoding="utf-8")
-    assert measured_runs.main(["--out", str(tmp_path)]) == 2
+    assert main(["--out", str(tmp_path)]) == 2
     assert "exists already (--force replaces it)" in capsys.readouterr().err
     assert (tmp_path / "mine").read_text(encoding="utf-8") == "kept"
 
@@ -146,7 +152,7 @@ def test_bad_runs_are_one_line_with_file_and_value(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], content: object, named: str
 ) -> None:
     path = written(tmp_path, content)
-    assert measured_runs.main(["--runs", path, "--out", str(tmp_path / "out")]) == 2
+    assert main(["--runs", path, "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert path in error
@@ -158,7 +164,7 @@ def test_bad_runs_are_one_line_with_file_and_value(
 def test_an_unknown_name_is_one_line_that_lists_the_known(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, name: str
 ) -> None:
-    assert measured_runs.main([option, name, "--out", str(tmp_path / "out")]) == 2
+    assert main([option, name, "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert name in error

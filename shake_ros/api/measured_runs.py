@@ -1,0 +1,204 @@
+"""`measured_runs`: the real table's harmonics, tables 6.1 and 6.2 of the thesis, against printed and fitted models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from shake_ros.api.frame import Frame
+from shake_ros.api.loops import strict
+from shake_ros.api.progress import Progress, Told
+from shake_ros.core.identification.free_parameters import free_parameter
+from shake_ros.core.measured_harmonics.comparison import HarmonicComparison, compare
+from shake_ros.core.measured_harmonics.harmonics import HarmonicProblem, HarmonicRun
+from shake_ros.core.measured_harmonics.printed_parameters import PrintedParameters
+from shake_ros.core.measured_harmonics.variants import MeasuredRuns, Variant, study
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.data.measured_results import comparison_csv, comparison_json
+from shake_ros.data.results import write_folder, write_json
+from shake_ros.declared import DEFAULT_TABLE, free_parameters
+from shake_ros.report.measured_text import comparison_lines
+from shake_ros.settings import find, load_table, read_yaml, save_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DEFAULT_RUNS = "harmonics"
+THESIS_EXTENSION = "soft_zone"
+ALL = "all"
+PRINTED = {  # key of config/measured/printed.yaml → name of the model
+    "without_soft_zone": "table 6.9 without soft zone, printed",
+    "with_soft_zone": "table 6.9 with soft zone, printed",
+}
+
+
+@dataclass(frozen=True)
+class Extensions:
+    """config/measured/variants.yaml: what the declared model starts from, and extensions alone and on top."""
+
+    declared: Sequence[Mapping[str, float]]
+    single: Mapping[str, Variant]
+    second: Mapping[str, Variant]
+
+
+@dataclass(frozen=True, repr=False)
+class MeasuredComparison:
+    """Printed and fitted models beside the measured harmonics.
+
+    Attributes
+    ----------
+    comparison : of all models, run by run, with fits that left a run out.
+    """
+
+    comparison: HarmonicComparison
+
+    @property
+    def table(self) -> TableParameters:
+        """The fitted table."""
+        return self.comparison.chosen.table
+
+    @property
+    def errors(self) -> Frame:
+        """Root mean square error of the harmonic amplitudes of each fitted model [m/s²]."""
+        rows = [(m.name, m.account.rms) for m in self.comparison.models]
+        return Frame(("model", "error [m/s²]"), rows)
+
+    def plot(self) -> Figure:
+        """Measured and simulated harmonics of every run."""
+        from shake_ros.report.figures_measured import harmonics_figure
+
+        return harmonics_figure(self.comparison)
+
+    def report(self, out: str | Path, force: bool = False) -> None:
+        """Write figures, tables and the fitted table into a new folder."""
+        write_folder(Path(out), self._fill, force=force)
+
+    def _fill(self, folder: Path) -> None:
+        from shake_ros.report.figures_measured import traces_figure
+        from shake_ros.report.style import png
+
+        found = self.comparison
+        (folder / "measured_runs.txt").write_text(f"{self!r}\n", encoding="utf-8")
+        write_json(folder / "measured_runs.json", comparison_json(found))
+        (folder / "harmonics.csv").write_text(comparison_csv(found), encoding="utf-8")
+        (folder / "harmonics.png").write_bytes(png(self.plot()))
+        (folder / "traces.png").write_bytes(png(traces_figure(found)))
+        save_table(
+            folder / "fitted_table.yaml", self.table, f"{found.chosen.name} to the measured runs by measured_runs."
+        )
+
+    def __repr__(self) -> str:
+        return "\n".join(comparison_lines(self.comparison))
+
+
+def measured_runs(
+    runs: str | Path = DEFAULT_RUNS,
+    extend: Sequence[str] = (THESIS_EXTENSION,),
+    second: Sequence[str] = (),
+    *,
+    progress: Told = True,
+) -> MeasuredComparison:
+    """Fit the declared model and extensions to measured harmonic amplitudes; minutes for all five runs.
+
+    Parameters
+    ----------
+    runs : amplitudes, a name of config/measured or a YAML file.
+    extend : extensions of config/measured/variants.yaml to fit, or "all". second : to try on top of the best.
+    progress : whether it is shown, or who is told.
+
+    Raises
+    ------
+    ShakeError
+        Unknown names, or a file whose runs are not as they should be.
+
+    Examples
+    --------
+    >>> import shake_ros as sr
+    >>> sr.measured_runs(extend=["soft_zon"])
+    Traceback (most recent call last):
+        ...
+    shake_ros.core.quantities.UnknownName: ...
+    """
+    problem, table = read_problem(find("measured", str(runs)))
+    printed, extensions = printed_tables(table), read_extensions()
+    chosen(extend, extensions.single, "--extend")
+    wanted = chosen(second, extensions.second, "--second")
+    with Progress("measured_runs", progress) as tell:
+        tell.span(0.0, 0.3)
+        fitted = fit_runs(problem, table, extend, tell)
+        tell.span(0.3, 1.0)
+        return MeasuredComparison(compare(fitted, printed, [v for v in wanted if v.name != fitted.best.name], tell))
+
+
+def read_runs(path: Path) -> tuple[list[HarmonicRun], float]:
+    """Measured runs and the specimen's mass [kg] of a file; errors name the file, the run and the value."""
+    content = strict(read_yaml(path), ("specimen_mass", "runs"), str(path))
+    if not isinstance(content["runs"], list) or not content["runs"]:
+        raise ShakeError(f"{path}: runs: expected a list of runs")
+    runs = []
+    for number, entry in enumerate(content["runs"], start=1):
+        where = f"{path}: run {number}"
+        strict(entry, ("amplitude", "frequency", "harmonics"), where)
+        try:
+            runs.append(HarmonicRun(**entry))
+        except ShakeError as error:
+            raise ShakeError(f"{where}: {error}") from None
+    return runs, content["specimen_mass"]
+
+
+def read_problem(path: Path) -> tuple[HarmonicProblem, TableParameters]:
+    """The runs of a file as a problem, and the declared table with their specimen."""
+    runs, mass = read_runs(path)
+    try:
+        return HarmonicProblem(runs), load_table(DEFAULT_TABLE).with_values({"body.specimen_mass": mass})
+    except ShakeError as error:
+        raise type(error)(f"{path}: {error}") from None
+
+
+def read_extensions() -> Extensions:
+    """Extensions of the declared model from config/discovery."""
+    path = find("measured", "variants")
+    content = read_yaml(path)
+    entries = {**content["variants"], **content.get("second", {})}
+    made = {
+        name: Variant(
+            name,
+            entry["effect"],
+            tuple(free_parameter(n, c, str(path)) for n, c in entry["free"].items()),
+            tuple(entry["trials"]),
+            seed,
+        )
+        for seed, (name, entry) in enumerate(entries.items(), start=1)
+    }
+    return Extensions(content["declared"], {n: made[n] for n in content["variants"]}, made)
+
+
+def chosen(names: Sequence[str], known: Mapping[str, Variant], option: str) -> list[Variant]:
+    """Extensions by name, in the file's order; `all` for every one."""
+    for name in names:
+        if name not in known and name != ALL:
+            raise unknown_name("extension", name, [*known, ALL], option)
+    return [variant for name, variant in known.items() if ALL in names or name in names]
+
+
+def fit_runs(
+    problem: HarmonicProblem, table: TableParameters, names: Sequence[str], progress: Callable[[str, float], None]
+) -> MeasuredRuns:
+    """The declared model and some of its extensions fitted to the runs."""
+    extensions = read_extensions()
+    variants = chosen(names, extensions.single, "--extend")
+    return study(table, free_parameters(), variants, problem, progress, extensions.declared)
+
+
+def printed_tables(table: TableParameters) -> dict[str, TableParameters]:
+    """The declared table, whose identified parameters are those of table 6.8, and the two columns of table 6.9."""
+    path = find("measured", "printed")
+    content = strict(read_yaml(path), tuple(PRINTED), str(path))
+    columns = {
+        name: table.with_values(PrintedParameters.from_mapping(content[key], f"{path}: {key}").values())
+        for key, name in PRINTED.items()
+    }
+    return {"declared table (table 6.8), printed": table, **columns}
