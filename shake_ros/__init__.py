@@ -26,6 +26,8 @@ PUBLIC = {  # name → module
     "iterate": "shake_ros.api.iterate",
     "iterate_simulated": "shake_ros.api.iterate",
     "Iterated": "shake_ros.api.iterated",
+    "MeasuredComparison": "shake_ros.api.measured_runs",
+    "measured_runs": "shake_ros.api.measured_runs",
     "Model": "shake_ros.api.model",
     "model": "shake_ros.api.model",
     "multisine_split": "shake_ros.api.multisine_split",
@@ -40,6 +42,8 @@ PUBLIC = {  # name → module
     "ScheduleComparison": "shake_ros.api.schedule",
     "schedule": "shake_ros.api.schedule",
     "sensitivity": "shake_ros.api.sensitivity",
+    "Simulation": "shake_ros.api.simulate",
+    "simulate": "shake_ros.api.simulate",
     "SimulatedTable": "shake_ros.api.simulated_table",
     "thd": "shake_ros.api.thd",
     "TunedController": "shake_ros.api.tune",
@@ -59,6 +63,8 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.iterate import iterate as iterate
     from shake_ros.api.iterate import iterate_simulated as iterate_simulated
     from shake_ros.api.iterated import Iterated as Iterated
+    from shake_ros.api.measured_runs import MeasuredComparison as MeasuredComparison
+    from shake_ros.api.measured_runs import measured_runs as measured_runs
     from shake_ros.api.model import Model as Model
     from shake_ros.api.model import model as model
     from shake_ros.api.multisine_split import multisine_split as multisine_split
@@ -74,6 +80,8 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.schedule import ScheduleComparison as ScheduleComparison
     from shake_ros.api.schedule import schedule as schedule
     from shake_ros.api.sensitivity import sensitivity as sensitivity
+    from shake_ros.api.simulate import Simulation as Simulation
+    from shake_ros.api.simulate import simulate as simulate
     from shake_ros.api.simulated_table import SimulatedTable as SimulatedTable
     from shake_ros.api.thd import thd as thd
     from shake_ros.api.tune import TunedController as TunedController
