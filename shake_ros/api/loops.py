@@ -18,7 +18,7 @@ from shake_ros.core.loop.perturbation import Spread, perturbed
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
 from shake_ros.data.reference_program import Reference, load_reference, make_program
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
@@ -29,15 +29,7 @@ MASS = "body.specimen_mass"
 
 def strict(content: Any, keys: Sequence[str], where: str) -> dict[str, Any]:
     """A mapping with exactly these keys; anything else is an error that names the file."""
-    if not isinstance(content, Mapping):
-        raise ShakeError(f"{where}: expected {', '.join(keys)}")
-    for key in content:
-        if key not in keys:
-            raise unknown_name("key", key, keys, where)
-    missing = [key for key in keys if key not in content]
-    if missing:
-        raise ShakeError(f"{where}: missing {', '.join(missing)}")
-    return dict(content)
+    return dict(strict_keys(content, keys, where, keys, kind="key"))
 
 
 @dataclass(frozen=True)

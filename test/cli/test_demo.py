@@ -35,7 +35,7 @@ def measured() -> MeasuredRuns:
     few = {"declared": content["declared"], "variants": {"soft_zone": {**zone, "trials": zone["trials"][:1]}}}
 
     def short(path: Path) -> object:
-        return few if path.name == "measured_runs.yaml" else read_yaml(path)
+        return few if path.name == "variants.yaml" else read_yaml(path)
 
     study = measured_runs.study
     with (
