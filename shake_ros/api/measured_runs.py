@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shake_ros.api.frame import Frame
 from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress, Told
+from shake_ros.api.result_table import ResultTable
 from shake_ros.core.identification.free_parameters import free_parameter
 from shake_ros.core.measured_harmonics.comparison import HarmonicComparison, compare
 from shake_ros.core.measured_harmonics.harmonics import HarmonicProblem, HarmonicRun
@@ -61,10 +61,10 @@ class MeasuredComparison:
         return self.comparison.chosen.table
 
     @property
-    def errors(self) -> Frame:
+    def errors(self) -> ResultTable:
         """Root mean square error of the harmonic amplitudes of each fitted model [m/s²]."""
         rows = [(m.name, m.account.rms) for m in self.comparison.models]
-        return Frame(("model", "error [m/s²]"), rows)
+        return ResultTable(("model", "error [m/s²]"), rows)
 
     def plot(self) -> Figure:
         """Measured and simulated harmonics of every run."""

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from shake_ros.api.frame import Frame, percent
 from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
 from shake_ros.api.response_spectrum import ResponseSpectrum, response_spectrum
+from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.api.thd import Distortion, thd
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import normalised_error
@@ -22,6 +22,7 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop
 from shake_ros.core.loop.compiled import simulate as run_loop
 from shake_ros.core.observer import OBSERVERS
+from shake_ros.core.observer.law import ObserverParameters
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant import axis, reduced_simulation, simulation
 from shake_ros.core.plant.axis import AXIS_LAYOUT
@@ -100,13 +101,13 @@ class Simulation:
         return self.recording.truth
 
     @property
-    def error(self) -> Frame:
+    def error(self) -> ResultTable:
         """Error of the motion behind its reference, rms(motion − reference)/rms(reference − mean)."""
         if self.recording.reference is None:
             raise ShakeError("a run without a reference has no tracking error")
         errors = normalised_error(self.recording.reference, self._truth).tolist()
         rows = zip(("position", "velocity", "acceleration"), errors, strict=True)
-        return Frame(("motion", "error"), list(rows), {"error": percent})
+        return ResultTable(("motion", "error"), list(rows), {"error": percent})
 
     def thd(self, **options: Any) -> Distortion:
         """Harmonics of the acceleration; options as of `shake_ros.thd`."""
@@ -227,7 +228,7 @@ def _controller(name: str, sample_time: float, model: TableParameters | None) ->
 
 
 def _observer(name: str, sample_time: float, model: TableParameters | None) -> Observer:
-    parameters: Parameters
+    parameters: ObserverParameters
     kind, parameters = load_variant("observer", name, OBSERVERS)
     return Observer(kind, parameters, sample_time, _carried(parameters, model))
 
