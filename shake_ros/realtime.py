@@ -1,6 +1,7 @@
 """What a process may ask of the operating system to keep time: priority, a processor, locked memory, a quiet collector.
 
-Each is asked for by itself; what the system refuses is said, and the process goes on without it (msg_docs/realtime.md).
+Each is asked for by itself; what the system refuses is said, and the process goes on without it
+(docs/howto/realtime.md).
 """
 
 from __future__ import annotations

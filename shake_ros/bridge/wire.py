@@ -1,4 +1,4 @@
-"""Datagrams between host (the node `hardware_bridge`) and target computer; msg_docs/hardware_bridge.md is the contract.
+"""Datagrams between host (the node `hardware_bridge`) and target computer; docs/reference/datagrams.md is the contract.
 
 Fixed layout, little endian. Each datagram ends with the first 16 bytes of HMAC-SHA256 over all bytes before. Nothing
 behind the header is looked at before the tag is right.

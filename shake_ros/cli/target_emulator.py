@@ -110,7 +110,7 @@ def main(arguments: Sequence[str]) -> int:
         threading.Thread(target=listen, args=(switches,), daemon=True).start()
         refused = ask_for(realtime)
         if refused:
-            print(f"target_emulator: {refused}; see msg_docs/realtime.md", file=sys.stderr, flush=True)
+            print(f"target_emulator: {refused}; see docs/howto/realtime.md", file=sys.stderr, flush=True)
         print(f"ready {link.address[0]}:{link.address[1]}", flush=True)
         samples = round(given.duration * own.rate)
         emulator.run(lambda: not ending.is_set() and not 0 < samples <= emulator.machine.samples)

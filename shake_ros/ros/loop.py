@@ -65,7 +65,7 @@ def ask_for_real_time(behaviours: Sequence[Behaviour]) -> None:
     if asking:
         refused = realtime.ask_for(asking[0].realtime)
         if refused:
-            asking[0].node.get_logger().warning(f"{refused}; see msg_docs/realtime.md")
+            asking[0].node.get_logger().warning(f"{refused}; see docs/howto/realtime.md")
     granted = realtime.in_force()
     for one in behaviours:
         one.frame.diagnostics.values["realtime"] = lambda: granted
@@ -236,7 +236,8 @@ def _wrong_arguments(arguments: Sequence[str], error: RuntimeError) -> ShakeErro
 def ros_context(arguments: Sequence[str] | None = None, domain_id: int | None = None) -> Iterator[Context]:
     """An initialised rclpy context of our own, with no signal handlers of rclpy.
 
-    Nodes are discovered and listen on this machine alone, unless the environment opens the range (msg_docs/network.md).
+    Nodes are discovered and listen on this machine alone, unless the environment
+    opens the range (docs/howto/network.md).
     Fast DDS gets the profiles of config/, unless the environment names others.
     """
     local = os.environ.setdefault(DISCOVERY_RANGE, "LOCALHOST") in ("LOCALHOST", "OFF")

@@ -24,7 +24,7 @@ from shake_ros.bridge.vectors import COMMAND, HOST_NONCE, KEY, MEASUREMENT, TARG
 from shake_ros.core.quantities import ShakeError
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "msg_docs" / "hardware_bridge.md"
+PAGE = ROOT / "docs" / "reference" / "datagrams.md"
 FUZZED = 3000  # here; benchmarks/bridge/fuzz.py takes 100 000
 
 
