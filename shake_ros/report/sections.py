@@ -81,7 +81,16 @@ def diagnosis_section(page: Page, diagnosis: Diagnosis) -> None:
         "which is nonlinear."
     )
     page.table(
-        ("recording", "residual of", "white", "independent", "unmodelled linear", "nonlinear", "noise", "noise (from)"),
+        (
+            "recording",
+            "residual of",
+            "white",
+            "independent of the drive",
+            "unmodelled linear",
+            "nonlinear",
+            "noise",
+            "noise (from)",
+        ),
         [_judgement_row(j) for j in diagnosis.judgements],
     )
     if any(j.test for j in diagnosis.judgements):
