@@ -47,7 +47,7 @@ def one(settings: dict[str, object], seed: int) -> str:
     named = " + ".join(
         s.chosen.candidate.effect + (f" (or {', '.join(s.alternatives)})" if s.alternatives else "") for s in steps
     )
-    before, after = demo.mean_error(result.baseline.hold), demo.mean_error(result.final.hold)
+    before, after = demo.mean_error(result.baseline.validation), demo.mean_error(result.final.validation)
     return (
         f"{seed:>4}  {hidden.effect:<22}{named or 'nothing':<46}{100 * before:>20.2f} %{100 * after:>8.2f} %"
         f"{time.monotonic() - started:>9.0f}"

@@ -53,9 +53,9 @@ def error_frame(models: Mapping[str, FittedModel]) -> ResultTable:
     """Relative errors of free runs per recording, a column for each channel and model."""
     first = next(iter(models.values()))
     rows = []
-    for role, sets in (("estimation", "learn"), ("validation", "hold")):
-        for name in getattr(first, sets):
-            errors = [getattr(model, sets)[name].get(channel) for channel in CHANNELS for model in models.values()]
+    for role in ("estimation", "validation"):
+        for name in getattr(first, role):
+            errors = [getattr(model, role)[name].get(channel) for channel in CHANNELS for model in models.values()]
             rows.append((name, role, *errors))
     columns = [f"{channel} {title}".strip() for channel in CHANNELS for title in models]
     return ResultTable(("recording", "data", *columns), rows, dict.fromkeys(columns, percent))

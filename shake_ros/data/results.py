@@ -34,7 +34,7 @@ def model_json(model: FittedModel) -> dict[str, Any]:
     """Parameters and errors of one model."""
     return {
         "parameters": parameters_json(model.parameters),
-        "error": {"learn": model.learn, "hold": model.hold},
+        "error": {"learn": model.estimation, "hold": model.validation},
     }
 
 
@@ -98,7 +98,7 @@ def _step_json(step: ForwardStep, model: FittedModel) -> dict[str, Any]:
         "depends_on": list(best.candidate.depends_on),
         "parameters": parameters_json([p for p in model.parameters if p.name in own]),
         "evidence": {"why": why, "ranking": [_refit_json(r) for r in step.ranking]},
-        "error": {"learn": model.learn, "hold": model.hold},
+        "error": {"learn": model.estimation, "hold": model.validation},
     }
 
 

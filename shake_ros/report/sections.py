@@ -19,7 +19,6 @@ from shake_ros.report.page import Page
 from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
 from shake_ros.report.text import percent, sentence
 
-ROLES = {"learn": "estimation", "hold": "validation"}
 FREE_RUN = "Simulated from the recorded command alone; rms(measured − simulated) / rms(measured − mean)."
 SHOWN = 2.0  # of the tracked motion, about the largest acceleration of the reference [s]
 
@@ -44,10 +43,10 @@ def error_table(page: Page, models: Mapping[str, FittedModel]) -> None:
     first, *_ = models.values()
     rows = [
         [
-            f"{name} ({title})",
+            f"{name} ({role})",
             *(percent(getattr(m, role)[name].get(c)) for c in ("velocity", "acceleration") for m in models.values()),
         ]
-        for role, title in ROLES.items()
+        for role in ("estimation", "validation")
         for name in getattr(first, role)
     ]
     page.table(["recording", *(f"{c}{m and ', '}{m}" for c in ("velocity", "acceleration") for m in models)], rows)

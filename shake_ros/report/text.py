@@ -38,7 +38,7 @@ def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
 def error_lines(model: FittedModel, title: str = "error of the free run") -> list[str]:
     """Errors per recording, relative to the measured signal."""
     lines = [f"{title:<36}{'velocity':>12}{'acceleration':>14}"]
-    for role, errors in (("estimation", model.learn), ("validation", model.hold)):
+    for role, errors in (("estimation", model.estimation), ("validation", model.validation)):
         for name, e in errors.items():
             lines.append(f"{f'{role} {name}':<36}{percent(e['velocity']):>12}{percent(e.get('acceleration')):>14}")
     return lines

@@ -113,7 +113,7 @@ def test_page_of_a_closed_loop_tells_what_was_added_and_shows_it() -> None:
     assert len(reader.links) == 7
     errors = {row[0]: row[1:] for row in reader.rows if len(row) == 5 and row[0].endswith("n)")}
     assert set(errors) == {"learn (estimation)", "hold (validation)"}
-    after = done.result.final.hold["hold"]["acceleration"]
+    after = done.result.final.validation["hold"]["acceleration"]
     assert errors["hold (validation)"][3] == f"{100 * after:.2f} %"
     assert any(row[0] == "effects.spool_deadband.width" and row[1] == "–" for row in reader.rows if row)
 

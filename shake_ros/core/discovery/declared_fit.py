@@ -25,13 +25,13 @@ Errors = dict[str, dict[str, float]]
 
 @dataclass(frozen=True)
 class FittedModel:
-    """A fitted model with the errors of its free runs on both sets of recordings."""
+    """A fitted model; estimation, validation : relative errors of its free runs by recording and channel."""
 
     fit: Fit
     table: TableParameters
     parameters: tuple[Estimate, ...]
-    learn: Errors
-    hold: Errors
+    estimation: Errors
+    validation: Errors
 
 
 def fitted_model(

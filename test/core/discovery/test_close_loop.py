@@ -10,7 +10,7 @@ def test_closing_the_loop_ends_with_the_extended_model() -> None:
     result = command("spool_deadband").result
     assert result.final is result.models[-1]
     assert len(result.models) == len(result.search.steps) == 1
-    assert result.final.hold["hold"]["acceleration"] < 0.1 * result.baseline.hold["hold"]["acceleration"]
+    assert result.final.validation["hold"]["acceleration"] < 0.1 * result.baseline.validation["hold"]["acceleration"]
     assert result.final.table.value("effects.spool_deadband.width") == (
         np.float64(next(p.value for p in result.final.parameters if p.name == "effects.spool_deadband.width"))
     )

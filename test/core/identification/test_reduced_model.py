@@ -72,6 +72,6 @@ def test_a_hidden_effect_is_named_from_recordings_without_an_accelerometer(name:
     result = close_loop(structure, learn, hold, load_search().replace(most_effects=1), quiet)
     step = result.search.steps[0]
     assert name.partition(".")[0] in (step.chosen.candidate.effect, *step.alternatives)
-    assert result.final.hold["run_3"]["velocity"] < 0.3 * result.baseline.hold["run_3"]["velocity"]
+    assert result.final.validation["run_3"]["velocity"] < 0.3 * result.baseline.validation["run_3"]["velocity"]
     if step.chosen.candidate.effect == name.partition(".")[0]:
         assert result.final.table.value(f"effects.{name}") == pytest.approx(value, rel=0.1)
