@@ -12,7 +12,7 @@ import yaml
 
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
+from shake_ros.core.quantities import Parameters, ShakeError, member_from, unknown_name
 from shake_ros.core.safety.causes import InterlockParameters
 
 P = TypeVar("P", bound=Parameters)
@@ -116,13 +116,7 @@ def load_variant(kind: str, name: str, family: Mapping[str, type[P]]) -> tuple[s
     (family name, parameters)
     """
     path = find(kind, name)
-    content = read_yaml(path)
-    if not isinstance(content, dict) or "kind" not in content:
-        raise ShakeError(f"{path}: missing key 'kind' (one of {', '.join(sorted(family))})")
-    chosen = content.pop("kind")
-    if not isinstance(chosen, str) or chosen not in family:
-        raise unknown_name(kind, chosen, family, str(path))
-    return chosen, family[chosen].from_mapping(content, str(path))
+    return member_from(read_yaml(path), family, str(path), kind=kind)
 
 
 def load_table(name: str) -> TableParameters:

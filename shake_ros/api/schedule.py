@@ -12,7 +12,7 @@ from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.api.schedule_models import ValidationRuns, compare, simulated
 from shake_ros.core.identification.schedule import WINDOW, Training
-from shake_ros.core.quantities import ShakeError
+from shake_ros.core.quantities import ShakeError, strict_keys
 from shake_ros.data.results import write_folder, write_json
 from shake_ros.settings import find, load_table, read_yaml
 
@@ -132,7 +132,4 @@ def schedule(
 def read_settings(name: str) -> dict[str, Any]:
     """The content of a configuration; missing and unknown keys are errors."""
     path = find("schedule", name)
-    content = read_yaml(path)
-    if not isinstance(content, dict) or set(content) != KEYS:
-        raise ShakeError(f"{path}: expected the keys {', '.join(sorted(KEYS))}")
-    return content
+    return dict(strict_keys(read_yaml(path), KEYS, str(path), sorted(KEYS), kind="key"))

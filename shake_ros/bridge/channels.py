@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
+from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
 
 UNITS = {
     "position": "m",
@@ -75,18 +75,10 @@ class BridgeParameters(Parameters):
         """Build from a YAML mapping; `channels` holds every channel, `valve` the command."""
         if not isinstance(mapping, Mapping) or not isinstance(mapping.get("channels"), Mapping):
             raise ShakeError(f"{where}: expected names, and under 'channels' {', '.join(UNITS)}")
-        fields = {f.name: f for f in dataclasses.fields(cls)}
-        for key in mapping:
-            if key not in fields:
-                raise unknown_name("parameter", key, fields, where)
-        absent = [name for name in fields if name not in mapping]
-        absent += [f"channels.{name}" for name in UNITS if name not in mapping["channels"]]
-        if absent:
-            raise ShakeError(f"{where}: missing {', '.join(absent)}")
+        names = [f.name for f in dataclasses.fields(cls)]
+        strict_keys(mapping, names, where, names)
         channels = {}
-        for name, content in mapping["channels"].items():
-            if name not in UNITS:
-                raise unknown_name("channel", name, UNITS, where)
+        for name, content in strict_keys(mapping["channels"], UNITS, where, UNITS, kind="channel").items():
             channel = channels[name] = IoChannel.from_mapping(content, f"{where}: channels.{name}")
             if channel.unit != UNITS[name]:
                 raise ShakeError(f"{where}: channels.{name}.unit = '{channel.unit}' must be {UNITS[name]}")

@@ -152,16 +152,36 @@ def strict_keys(
     >>> strict_keys({"mass": 2.0}, ["mass", "length"], "beam.yaml", ["mass"])
     {'mass': 2.0}
     """
+    needed = list(required)
     if not isinstance(content, Mapping):
-        raise ShakeError(f"{where}: expected a mapping of names to values, got {type(content).__name__}")
+        expected = ", ".join(needed) or "a mapping of names to values"
+        raise ShakeError(f"{where}: expected {expected}, got {type(content).__name__}")
     names = list(known)
     for key in content:
         if key not in names:
             raise unknown_name(kind, key, names, where)
-    missing = [name for name in required if name not in content]
+    missing = [name for name in needed if name not in content]
     if missing:
-        raise ShakeError(f"{where}: missing {'' if kind == 'parameter' else f'{kind} '}{', '.join(missing)}")
+        raise ShakeError(f"{where}: missing {'' if kind in ('parameter', 'key') else f'{kind} '}{', '.join(missing)}")
     return content
+
+
+def member_from(
+    content: Any, family: Mapping[str, type[P]], where: str, *, kind: str, declared: str | None = None
+) -> tuple[str, P]:
+    """Name and parameters of the member of a family that the key `kind` of a YAML mapping picks.
+
+    Parameters
+    ----------
+    kind : what the family is of, for errors. declared : the member where there is no key `kind`.
+    """
+    rest = dict(content) if isinstance(content, Mapping) else content
+    chosen = rest.pop("kind", declared) if isinstance(rest, dict) else declared
+    if chosen is None:
+        raise ShakeError(f"{where}: missing key 'kind' (one of {', '.join(sorted(family))})")
+    if not isinstance(chosen, str) or chosen not in family:
+        raise unknown_name(kind, chosen, family, where)
+    return chosen, family[chosen].from_mapping(rest, where)
 
 
 KINDS: dict[str, type] = {"float": float, "int": int, "bool": bool, "str": str}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
+from shake_ros.core.quantities import Parameters, ShakeError, member_from
 from shake_ros.core.reference import REFERENCES
 from shake_ros.core.reference.earthquake import EarthquakeParameters
 from shake_ros.core.reference.motion import EarthquakeRecord
@@ -30,14 +30,10 @@ def load_reference(name: str) -> Reference:
     """
     path = find("reference", name)
     content = read_yaml(path)
-    if not isinstance(content, dict) or "kind" not in content:
-        raise ShakeError(f"{path}: missing key 'kind' (one of {', '.join(sorted(REFERENCES))})")
-    if "shaping" not in content:
+    shaping = content.pop("shaping", None) if isinstance(content, dict) and "kind" in content else {}
+    if shaping is None:
         raise ShakeError(f"{path}: missing key 'shaping'")
-    kind, shaping = content.pop("kind"), content.pop("shaping")
-    if not isinstance(kind, str) or kind not in REFERENCES:
-        raise unknown_name("reference", kind, REFERENCES, str(path))
-    parameters = REFERENCES[kind].from_mapping(content, str(path))
+    kind, parameters = member_from(content, REFERENCES, str(path), kind="reference")
     return Reference(kind, parameters, Shaping.from_mapping(shaping, f"{path}: shaping"))
 
 

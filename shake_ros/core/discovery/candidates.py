@@ -9,7 +9,7 @@ from typing import Any
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.free_parameters import FreeParameter, free_parameter
 from shake_ros.core.plant.parameters import FIELDS
-from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,7 @@ def candidates(
 ) -> tuple[CandidateEffect, ...]:
     """Candidates from the content of a file of config/discovery for a declared model with these fields; strict."""
     result = []
-    for effect, entry in content.items():
-        if effect not in EFFECTS:
-            raise unknown_name("effect", effect, EFFECTS, where)
+    for effect, entry in strict_keys(content, EFFECTS, where, kind="effect").items():
         if model not in EFFECTS[effect].models:
             continue
         if not isinstance(entry, Mapping) or set(entry) - {"resembles", "usual"} != {"free", "trials"}:
@@ -65,17 +63,14 @@ def candidates(
         prefix = f"effects.{effect}."
         free = tuple(free_parameter(prefix + name, c, where, fields) for name, c in entry["free"].items())
         trials = tuple({prefix + name: float(v) for name, v in trial.items()} for trial in entry["trials"])
+        own = [name for name in fields if name.startswith(prefix)]
         for trial in trials:
-            for name in trial:
-                if name not in fields:
-                    raise unknown_name("parameter", name, [f.name for f in free], where)
+            strict_keys(trial, own, where)
         try:
             usual = {prefix + name: (float(low), float(high)) for name, (low, high) in entry.get("usual", {}).items()}
         except (AttributeError, TypeError, ValueError):
             raise ShakeError(f"{where}: {effect}: usual: needs [low, high] for each name") from None
-        for name in usual:
-            if name not in fields:
-                raise unknown_name("parameter", name, [f.name for f in free], where)
+        strict_keys(usual, own, where)
         kind = EFFECTS[effect]
         result.append(CandidateEffect(effect, free, trials, kind.place, kind.depends_on, resembles, usual))
     return tuple(result)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from shake_ros.core.fluid import density, viscosity
-from shake_ros.core.quantities import Parameters, ShakeError, quantity
+from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Oil:
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], where: str) -> Oil:
         """Build from a YAML mapping with the keys oil and pressure_viscosity (lists temperature, coefficient)."""
-        if not isinstance(mapping, Mapping) or set(mapping) != {"oil", "pressure_viscosity"}:
-            raise ShakeError(f"{where}: expected the keys oil and pressure_viscosity")
+        keys = ("oil", "pressure_viscosity")
+        strict_keys(mapping, keys, where, keys, kind="key")
         table = mapping["pressure_viscosity"]
         try:
             temperatures = tuple(float(t) for t in table["temperature"])

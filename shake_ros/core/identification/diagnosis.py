@@ -89,8 +89,8 @@ def judge(problem: RecordingProblem, vector: np.ndarray, held_out: bool) -> list
 
 def diagnose(
     result: Fit,
-    learn: Sequence[Record],
-    hold: Sequence[Record],
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
     candidates: Sequence[Candidate],
     model: DeclaredModel = FULL,
     blocks: np.ndarray | None = None,
@@ -99,18 +99,18 @@ def diagnose(
 
     Parameters
     ----------
-    learn, hold : recordings that it was fitted to and that were held out. candidates : recordings that could be made.
-    blocks : of the fit's residuals, where they are not those of the free run over `learn`.
+    estimation, validation : recordings that it was fitted to and others. candidates : recordings that could be made.
+    blocks : of the fit's residuals, where they are not those of the free run over `estimation`.
     """
     vector = result.free.vectors(result.x)[0]
-    problem = RecordingProblem(list(learn), model)
+    problem = RecordingProblem(list(estimation), model)
     judged = judge(problem, vector, False)
-    if hold:
-        judged += judge(RecordingProblem(list(hold), model), vector, True)
+    if validation:
+        judged += judge(RecordingProblem(list(validation), model), vector, True)
     blocks = problem.blocks() if blocks is None else blocks
     if len(blocks) != len(result.residuals):  # fitted to a part of the recordings
         residuals = problem.residuals(vector[None, :])[0]
         derivative = jacobian(problem, result.free, result.x, residuals)
         result = replace(result, residuals=residuals, jacobian=derivative)
     known = identifiability(result, blocks)
-    return Diagnosis(tuple(judged), known, tuple(benefits(result, known, learn, candidates, model)))
+    return Diagnosis(tuple(judged), known, tuple(benefits(result, known, estimation, candidates, model)))

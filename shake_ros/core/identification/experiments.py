@@ -18,7 +18,7 @@ from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.identifiability import Identifiability, deviations_of
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, RecordingProblem
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
 
 STROKE, PAYLOAD = "body.stroke", "body.specimen_mass"
 WITHIN = 0.8  # part of the stroke that a candidate may use
@@ -57,9 +57,7 @@ def catalogue(content: Mapping[str, Any], where: str) -> tuple[Candidate, ...]:
     """Candidates from the content of config/experiment/catalogue.yaml."""
     found = []
     for name, entry in content.items():
-        for key in entry:
-            if key not in KEYS:
-                raise unknown_name("key", key, KEYS, f"{where}: {name}")
+        strict_keys(entry, KEYS, f"{where}: {name}", kind="key")
         if entry.get("kind") not in KINDS:
             raise unknown_name("kind", str(entry.get("kind")), KINDS, f"{where}: {name}")
         try:

@@ -40,6 +40,10 @@ class Fit:
     cost: float
     evaluations: int
 
+    def __post_init__(self) -> None:
+        if self.x.shape != (len(self.free.names),):
+            raise ValueError(f"x of shape {self.x.shape} for {len(self.free.names)} free parameters")
+
 
 def jacobian(problem: Problem, free: FreeParameters, x: np.ndarray, residuals: np.ndarray) -> np.ndarray:
     """Forward differences of the residuals in one batch, shape (n, p)."""

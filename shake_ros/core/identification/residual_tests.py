@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import toeplitz
-from scipy.signal import coherence, csd, welch
+from scipy.signal import coherence, welch
 from scipy.stats import chi2, norm
 
 from shake_ros.core.quantities import ShakeError
@@ -191,16 +191,3 @@ def _linear_mean_square(e: Floats, u: Floats, sample_time: float) -> float:
     above_chance = np.maximum((segments * together - 1.0) / max(segments - 1.0, 1.0), 0.0)
     significant = together > 1.0 - (1.0 - LEVEL) ** (1.0 / max(segments - 1.0, 1.0))
     return float(np.sum(np.where(significant, above_chance, 0.0) * power) * (frequency[1] - frequency[0]))
-
-
-def linear_gain(
-    residual: ArrayLike, excitation: ArrayLike, sample_time: float
-) -> tuple[Floats, NDArray[np.complex128]]:
-    """Frequencies [Hz] and the frequency response from the input to the residual: where linear dynamics lack."""
-    e, u = _series(residual, excitation, 64)
-    rate = 1.0 / sample_time
-    length = min(round(SEGMENT * rate), len(e) // 8)
-    frequency, crossed = csd(u, e, rate, nperseg=length)
-    driven = welch(u, rate, nperseg=length)[1]
-    response = np.where(driven > 1e-8 * driven.max(), crossed / np.maximum(driven, 1e-300), 0.0)
-    return frequency, np.asarray(response)

@@ -23,7 +23,7 @@ from shake_ros.core.packing import field_value, name_of, union_fields
 from shake_ros.core.plant.cavitation import Cavitation
 from shake_ros.core.plant.pipelines import Pipelines
 from shake_ros.core.plant.shear_frame import ShearFrame
-from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
+from shake_ros.core.quantities import Parameters, ShakeError, member_from, quantity, strict_keys, unknown_name
 from shake_ros.core.valve import VALVES
 
 P = TypeVar("P", bound=Parameters)
@@ -189,13 +189,7 @@ class TableLayout:
     def _section(self, section: str, content: Any, where: str) -> Parameters:
         cls = self.sections[section]
         if isinstance(cls, Family):
-            kind = cls.declared
-            if isinstance(content, Mapping) and "kind" in content:
-                kind = content["kind"]
-                content = {key: value for key, value in content.items() if key != "kind"}
-            if not isinstance(kind, str) or kind not in cls.members:
-                raise unknown_name(f"{section} kind", kind, cls.members, where)
-            cls = cls.members[kind]
+            return member_from(content, cls.members, where, kind=f"{section} kind", declared=cls.declared)[1]
         return cls.from_mapping(content, where)
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
+from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
 
 NONE, INDICATE, PROGRAM_HOLD, PROGRAM_STOP, HYDRAULIC = ACTIONS = (
     "none",
@@ -163,21 +163,10 @@ class InterlockParameters(Parameters):
         """Build from a YAML mapping; `causes` maps every cause to its threshold, action and latch."""
         if not isinstance(mapping, Mapping) or not isinstance(mapping.get("causes"), Mapping):
             raise ShakeError(f"{where}: expected names, and under 'causes' a mapping of {', '.join(CAUSES)}")
-        given = mapping["causes"]
-        for name in given:
-            if name not in CAUSES:
-                raise unknown_name("cause", name, CAUSES, where)
-        missing = [name for name in CAUSES if name not in given]
-        if missing:
-            raise ShakeError(f"{where}: missing causes {', '.join(missing)}")
+        given = strict_keys(mapping["causes"], CAUSES, where, CAUSES, kind="cause")
         causes = {name: RESPONSES[name].from_mapping(given[name], f"{where}: causes.{name}") for name in CAUSES}
-        fields = {f.name: f for f in dataclasses.fields(cls)}
-        for key in mapping:
-            if key not in fields:
-                raise unknown_name("parameter", key, fields, where)
-        absent = [name for name in fields if name not in mapping]
-        if absent:
-            raise ShakeError(f"{where}: missing {', '.join(absent)}")
+        names = [f.name for f in dataclasses.fields(cls)]
+        strict_keys(mapping, names, where, names)
         try:
             return cls(**{**mapping, "causes": Causes(**causes)})
         except ShakeError as error:

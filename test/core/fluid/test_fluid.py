@@ -139,7 +139,7 @@ def test_Bernoulli_loses_nothing_in_a_fall_without_friction() -> None:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ([], "expected the keys"),
+        ([], "expected oil, pressure_viscosity"),
         ({"oil": {}, "pressure_viscosity": {}}, "expected lists"),
         ({"oil": {}, "pressure_viscosity": {"temperature": [2.0, 1.0], "coefficient": [1.0, 1.0]}}, "rising"),
         ({"oil": {}, "pressure_viscosity": {"temperature": [1.0], "coefficient": [1e-8]}}, "missing density"),

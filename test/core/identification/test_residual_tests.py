@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from shake_ros.core.identification.residual_tests import error_split, linear_gain, residual_test
+from shake_ros.core.identification.residual_tests import error_split, residual_test
 from shake_ros.core.quantities import ShakeError
 
 N = 6000
@@ -90,12 +90,3 @@ def test_noise_alone_is_noise():
     split = error_split(e, [coloured(rng, 8000) for _ in range(2)], DT, 0.05)
     assert split.noise > 0.95 * 0.05**2
     assert split.linear < 0.05 * split.noise
-
-
-def test_linear_gain_of_a_delay_turns_its_phase():
-    rng = np.random.default_rng(8)
-    u = rng.standard_normal(40000)
-    frequency, gain = linear_gain(0.5 * np.roll(u, 5), u, DT)
-    inside = (frequency > 5.0) & (frequency < 60.0)
-    assert np.abs(gain[inside]) == pytest.approx(0.5, rel=0.05)
-    assert np.angle(gain[inside]) == pytest.approx(-2.0 * np.pi * frequency[inside] * 5.0 * DT, abs=0.05)

@@ -319,7 +319,7 @@ def test_changes_that_would_take_the_protection_away_are_refused_with_a_reason()
 def test_configuration_names_every_cause() -> None:
     content = read_yaml(find("interlock", "bergamo"))
     del content["causes"]["velocity"]
-    with pytest.raises(ShakeError, match="here: missing causes velocity"):
+    with pytest.raises(ShakeError, match="here: missing cause velocity"):
         InterlockParameters.from_mapping(content, "here")
     content["causes"]["temper"] = {}
     with pytest.raises(ShakeError, match="unknown cause 'temper'"):
