@@ -48,6 +48,7 @@ PUBLIC = {  # name → module
     "thd": "shake_ros.api.thd",
     "TunedController": "shake_ros.api.tune",
     "tune": "shake_ros.api.tune",
+    "describing_function": "shake_ros.core.analysis.describing_function",
 }
 
 if TYPE_CHECKING:  # the same for type checkers and editors
@@ -86,6 +87,7 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.thd import thd as thd
     from shake_ros.api.tune import TunedController as TunedController
     from shake_ros.api.tune import tune as tune
+    from shake_ros.core.analysis.describing_function import describing_function as describing_function
 
 __all__ = list(PUBLIC)
 

@@ -1,1 +1,1 @@
-"""Signals: spectra, harmonics, differentiation."""
+"""Signals: spectra, harmonics, frequency responses."""

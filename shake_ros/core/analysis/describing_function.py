@@ -83,6 +83,13 @@ def describing_function(
     Raises
     ------
     ShakeError : an amplitude or frequency outside its range, an unknown output.
+
+    Examples
+    --------
+    >>> import shake_ros as sr
+    >>> found = sr.describing_function(sr.model().table, np.array([0.1, 0.2]), np.array([2.0]))
+    >>> found.gain[:, 0].round(2).tolist()  # [m/s]
+    [0.64, 0.63]
     """
     if output not in COLUMNS:
         raise unknown_name("output", output, COLUMNS)
