@@ -176,6 +176,19 @@ def test_core_is_tested_without_what_is_above_it() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+def test_benchmarks_import_neither_commands_nor_by_an_edited_path() -> None:
+    files = sources(ROOT / "benchmarks")
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}: {name}"
+        for path in files
+        for line, name in imports(path)
+        if name.startswith("shake_ros.cli")
+    ]
+    wrong += [str(path.relative_to(ROOT)) for path in files if "sys.path" in path.read_text(encoding="utf-8")]
+    assert files
+    assert not wrong, "\n".join(wrong)
+
+
 def test_no_drawers_for_odds_and_ends() -> None:
     names = {"utils", "util", "helpers", "helper", "misc", "common"}
     assert not [path for path in sources() if path.stem in names or path.parent.name in names]
