@@ -6,14 +6,11 @@ leap is no motion, and a fit must not see it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import numpy as np
 
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import TableRecording, read_table_recording
+from shake_ros.data.recordings import TableRecording
 
 SHORTEST = 1.0  # a segment shorter than this tells nothing of the dynamics [s]
 LEAP = 2.5  # steps of the position above this multiple of its fast ones …
@@ -85,26 +82,6 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
     if not records:
         raise ShakeError(f"{recording.name}: no stretch of {SHORTEST:g} s without a gap or a leap of the position")
     return records
-
-
-def read_fit_records(paths: Sequence[Path | str], driven_by: str = "valve_command") -> tuple[list[Record], list[str]]:
-    """Records of several recordings, and the findings of reading them, a line each.
-
-    Raises
-    ------
-    ShakeError : a recording cannot be used, or two have the same name.
-    """
-    records: list[Record] = []
-    findings: list[str] = []
-    names: set[str] = set()
-    for path in paths:
-        recording = read_table_recording(path)
-        if recording.name in names:
-            raise ShakeError(f"{path}: a recording named '{recording.name}' is given twice")
-        names.add(recording.name)
-        records += fit_records(recording, driven_by)
-        findings += finding_lines(recording)
-    return records, findings
 
 
 def finding_lines(recording: TableRecording) -> list[str]:

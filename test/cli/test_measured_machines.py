@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import shake_ros as sr
 from shake_ros.__main__ import main
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -15,7 +16,6 @@ from shake_ros.core.identification.recordings import RecordingProblem
 from shake_ros.core.identification.reduced_model import REDUCED
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced_simulation import run
-from shake_ros.data.fit_records import read_fit_records
 from shake_ros.declared import effect_candidates, free_parameters
 
 
@@ -74,8 +74,8 @@ def electric(data: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
 @pytest.fixture(scope="module")
 def electric_fits(electric: dict[str, Path]) -> tuple[TableParameters, TableParameters, dict[str, float]]:
     """The electric table declared linear, with direction-dependent dry friction, and the held-out errors of both."""
-    learn = read_fit_records([electric[name] for name in ("SineA02F02", "SineA05F03", "SineA3F08")])[0]
-    hold = RecordingProblem(read_fit_records([electric["seisme"]])[0], REDUCED)
+    learn = sr.read(*(electric[name] for name in ("SineA02F02", "SineA05F03", "SineA3F08"))).records()
+    hold = RecordingProblem(sr.read(electric["seisme"]).records(), REDUCED)
     problem = RecordingProblem(learn, REDUCED)
     declared = FreeParameters(REDUCED.first_table(learn), free_parameters(REDUCED))
     before = fit(problem, declared, declared.start())
@@ -110,7 +110,7 @@ def test_the_fit_knows_what_is_known_of_the_electric_table(
     assert steady(table, 0.13) == 0.0  # dead below about 0.15 on the positive side …
     assert steady(table, 0.19) > 0.0
     assert steady(table, -0.13) < -1.0  # … and not on the other
-    (record, *_), _ = read_fit_records([electric["SineA3F08"]])
+    record, *_ = sr.read(electric["SineA3F08"]).records()
     velocity = run(table, record.commands, record.sample_time)[:, 1]
     late = [float(np.dot(record.commands[:-40], velocity[k : len(velocity) - 40 + k])) for k in range(40)]
     assert 45.0 <= 5.0 * int(np.argmax(late)) <= 55.0  # milliseconds from command to velocity

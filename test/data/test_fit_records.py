@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import shake_ros as sr
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.fit_records import SHORTEST, read_fit_records
+from shake_ros.data.fit_records import SHORTEST
 from shake_ros.data.recordings import write_table_recording
 
 TIME = np.arange(4000) * 0.001
@@ -33,8 +36,14 @@ def without(first: float, last: float) -> np.ndarray:
     return (first > TIME) | (last <= TIME)
 
 
+def records_and_findings(paths: Sequence[Path]) -> tuple[list[Record], list[str]]:
+    """What a fit takes of recordings, and what reading them met."""
+    runs = sr.read(*paths)
+    return runs.records(), runs.findings
+
+
 def test_record_holds_what_was_recorded(tmp_path: Path) -> None:
-    (record,), findings = read_fit_records([bag(tmp_path / "run")])
+    (record,), findings = records_and_findings([bag(tmp_path / "run")])
     assert record.name == "run"
     assert record.sample_time == pytest.approx(0.001)
     assert record.commands == pytest.approx(0.5 * np.cos(ANGLE))
@@ -45,12 +54,12 @@ def test_record_holds_what_was_recorded(tmp_path: Path) -> None:
 
 
 def test_recording_without_accelerometer_gives_a_record_without_it(tmp_path: Path) -> None:
-    (record,), _ = read_fit_records([bag(tmp_path / "run", acceleration=None)])
+    (record,), _ = records_and_findings([bag(tmp_path / "run", acceleration=None)])
     assert record.acceleration is None
 
 
 def test_gap_makes_two_records_of_one_name_and_is_told(tmp_path: Path) -> None:
-    records, findings = read_fit_records([bag(tmp_path / "run", without(1.5, 1.8))])
+    records, findings = records_and_findings([bag(tmp_path / "run", without(1.5, 1.8))])
     assert [r.name for r in records] == ["run", "run"]
     assert [len(r.commands) for r in records] == [1500, 2200]
     assert records[1].commands[0] == pytest.approx(0.5 * np.cos(4.0 * np.pi * 1.8))
@@ -59,29 +68,29 @@ def test_gap_makes_two_records_of_one_name_and_is_told(tmp_path: Path) -> None:
 
 def test_stretch_too_short_for_the_dynamics_is_left_out(tmp_path: Path) -> None:
     assert SHORTEST > 0.5
-    (record,), _ = read_fit_records([bag(tmp_path / "run", without(0.5, 0.6))])
+    (record,), _ = records_and_findings([bag(tmp_path / "run", without(0.5, 0.6))])
     assert len(record.commands) == 3400
 
 
 def test_recording_of_short_stretches_alone_is_refused(tmp_path: Path) -> None:
     keep = (TIME % 0.6) < 0.5
     with pytest.raises(ShakeError, match="run: no stretch of 1 s without a gap"):
-        read_fit_records([bag(tmp_path / "run", keep)])
+        records_and_findings([bag(tmp_path / "run", keep)])
 
 
 def test_two_recordings_of_one_name_are_refused(tmp_path: Path) -> None:
     first = bag(tmp_path / "a" / "run")
     second = bag(tmp_path / "b" / "run")
     with pytest.raises(ShakeError, match="'run' is given twice"):
-        read_fit_records([first, second])
+        records_and_findings([first, second])
 
 
 def test_recording_of_a_table_at_rest_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ShakeError, match="run: joint_states: the position stands still throughout"):
-        read_fit_records([bag(tmp_path / "run", position=np.full(len(TIME), 0.02))])
+        records_and_findings([bag(tmp_path / "run", position=np.full(len(TIME), 0.02))])
 
 
 def test_dead_accelerometer_is_no_accelerometer(tmp_path: Path) -> None:
-    (record,), findings = read_fit_records([bag(tmp_path / "run", acceleration=np.zeros(len(TIME)))])
+    (record,), findings = records_and_findings([bag(tmp_path / "run", acceleration=np.zeros(len(TIME)))])
     assert record.acceleration is None
     assert any("imu: has the same value 0 throughout" in line for line in findings)

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import shake_ros as sr
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.fit_records import fit_records, leaps, read_fit_records
+from shake_ros.data.fit_records import fit_records, leaps
 from shake_ros.data.recordings import read_table_recording, write_table_recording
 
 DT = 0.005
@@ -22,7 +23,8 @@ def write(folder: Path, position: np.ndarray, force: np.ndarray | None = None) -
 def test_a_leap_parts_a_recording_and_is_told(tmp_path: Path) -> None:
     position = np.round(0.02 * np.sin(3.0 * TIME), 4)
     position[600:] += 0.01
-    records, findings = read_fit_records([write(tmp_path, position)])
+    runs = sr.read(write(tmp_path, position))
+    records, findings = runs.records(), runs.findings
     assert [len(r.commands) for r in records] == [600, 600]
     assert any("leaps 1 times, first at 3.000 s" in line for line in findings)
 
