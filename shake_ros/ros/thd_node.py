@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from shake_ros.core.analysis.newest_samples import NewestSamples
-from shake_ros.core.analysis.thd import Harmonics, fundamental_frequency
+from shake_ros.core.analysis.thd import Harmonics
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import time_message
@@ -65,7 +65,9 @@ class ThdAnalyzer(Behaviour):
             self._state = WARN, str(error)
             return
         if found is None:
-            self._state = WARN, "no whole window yet"
+            restarts, reason = self._acceleration.restarts, self._acceleration.reason
+            why = f"; started anew {restarts} times, the last time for {reason}" if restarts else ""
+            self._state = WARN, f"no whole window yet{why}"
             return
         self._state = OK, f"THD {100.0 * found.thd:.2f} % at {found.frequency:.4g} Hz"
         self._thd.publish(thd_message(stamp, found))
@@ -73,9 +75,8 @@ class ThdAnalyzer(Behaviour):
 
     def _fundamental(self) -> float | None:
         """Of the reference where it is there and periodic; None leaves it to the acceleration."""
-        time, values = self._reference.arrays()
         try:
-            return fundamental_frequency(time, values)
+            return self._reference.fundamental()
         except ShakeError:
             return None
 

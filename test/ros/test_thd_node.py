@@ -76,3 +76,16 @@ def test_nothing_is_published_before_a_whole_window(analyzer) -> None:
     feed(analyzer, 3.9)
     assert not analyzer._thd.messages
     assert analyzer.frame.diagnostics.condition() == (1, "no whole window yet")
+
+
+def test_samples_lost_under_load_are_bridged_and_a_long_gap_is_named(analyzer) -> None:
+    for k in range(5000):
+        if k % 7 and not 1000 < k % 1700 < 1060:
+            analyzer._on_acceleration(SECOND + k * 1_000_000, wave(k * 0.001))
+    values = {item.key: item.value for item in analyzer._thd.messages[-1].status[0].values}
+    assert float(values["thd_percent"]) == pytest.approx(100.0 * math.hypot(0.3, 0.4) / 3.0, rel=1e-6)
+    for k in range(6000, 7000):
+        analyzer._on_acceleration(SECOND + k * 1_000_000, wave(k * 0.001))
+    level, text = analyzer.frame.diagnostics.condition()
+    assert level == 1
+    assert text == "no whole window yet; started anew 1 times, the last time for 1000 samples lost on end"

@@ -12,10 +12,14 @@ from shake_ros.core.quantities import ShakeError
 
 Floats = npt.NDArray[np.float64]
 GAP = 1.5  # sample times between neighbours from which on a sample is missing
+LONGEST_GAP = 0.1  # [s] of lost samples on end; the fit runs over the true instants, and bridges what is shorter
+MOST_LOST = 0.25  # of the samples of a window
 
 
 class NewestSamples:
-    """A ring of equally spaced samples; a gap, a step back in time or a value that is no number starts it anew.
+    """A ring of the newest samples with their instants; lost ones are gaps, which the fit by true instants bridges.
+
+    A long gap, a step back in time or a value that is no number starts it anew.
 
     Parameters
     ----------
@@ -24,7 +28,7 @@ class NewestSamples:
 
     Attributes
     ----------
-    restarts : how often it was started anew.
+    restarts : how often it was started anew. reason : of the last time, in words.
     """
 
     def __init__(self, capacity: int, sample_time: float) -> None:
@@ -32,6 +36,7 @@ class NewestSamples:
             raise ShakeError(f"a window needs at least 8 samples and a positive sample time, not {capacity}")
         self.sample_time = sample_time
         self.restarts = 0
+        self.reason = ""
         self._values = np.empty(capacity)
         self._stamps = np.empty(capacity, dtype=np.int64)
         self._count = 0  # samples since the last start
@@ -42,19 +47,24 @@ class NewestSamples:
 
     def add(self, stamp: int, value: float) -> None:
         """Take a sample measured at `stamp` [ns]."""
-        if self._count and not 0 < stamp - self._last <= GAP * self.sample_time * 1e9:
-            self._start_anew()
+        elapsed = (stamp - self._last) * 1e-9
+        if self._count and elapsed <= 0.0:
+            self._start_anew(f"the stamps went back by {-elapsed:.3g} s")
+        elif self._count and elapsed > max(LONGEST_GAP, GAP * self.sample_time):
+            self._start_anew(f"{elapsed / self.sample_time - 1:.0f} samples lost on end")
         self._last = stamp
         if not math.isfinite(value):
-            self._start_anew()
+            self._start_anew("a value that is no number")
             return
         place = self._count % len(self._values)
         self._stamps[place] = stamp
         self._values[place] = value
         self._count += 1
 
-    def _start_anew(self) -> None:
-        self.restarts += self._count > 0
+    def _start_anew(self, reason: str) -> None:
+        if self._count:
+            self.restarts += 1
+            self.reason = reason
         self._count = 0
 
     def arrays(self) -> tuple[Floats, Floats]:
@@ -75,7 +85,7 @@ class NewestSamples:
         Raises
         ------
         ShakeError
-            where the capacity is too small for as many periods, or the samples have no fundamental.
+            where the capacity is too small for as many periods, too many samples are lost, or there is no fundamental.
         """
         if frequency is not None and round(periods / (frequency * self.sample_time)) > len(self._values):
             raise ShakeError(f"{periods} periods of {frequency:g} Hz need more than {len(self._values)} samples")
@@ -83,8 +93,28 @@ class NewestSamples:
             return None
         time, values = self.arrays()
         if frequency is None:
-            frequency = fundamental_frequency(time, values)
-        elif periods > math.floor((len(time) + 0.5) * self.sample_time * frequency):
+            frequency = self.fundamental()
+        elif periods > math.floor((time[-1] - time[0] + 1.5 * self.sample_time) * frequency):
             return None
         window = newest_periods(time, frequency, periods)
+        if lost := self._lost(time):
+            begin = time[-1] - periods / frequency + (1.0 + 1e-6) * self.sample_time
+            window = slice(max(int(np.searchsorted(time, begin, side="right")) - 1, 0), len(time))
+            lost = self._lost(time[window])
+        if lost > MOST_LOST:
+            raise ShakeError(f"{lost:.0%} of the window's samples are lost: more than {MOST_LOST:.0%}")
         return harmonics(time[window], values[window], frequency, orders)
+
+    def _lost(self, time: Floats) -> float:
+        """Share of the samples that are missing in between."""
+        whole = round((time[-1] - time[0]) / self.sample_time) + 1
+        return max(0.0, 1.0 - len(time) / whole)
+
+    def fundamental(self) -> float:
+        """The fundamental of all samples that are kept [Hz]; ShakeError as `fundamental_frequency`."""
+        time, values = self.arrays()
+        if not len(time) or not self._lost(time):
+            return fundamental_frequency(time, values)
+        grid = np.arange(time[0], time[-1], self.sample_time)  # the spectrum, for a first guess, needs equal steps
+        guess = fundamental_frequency(grid, np.interp(grid, time, values))
+        return fundamental_frequency(time, values, near=guess)
