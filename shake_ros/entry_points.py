@@ -19,7 +19,7 @@ class Entry:
     @property
     def is_node(self) -> bool:
         """Whether it is a ROS node (else an offline command)."""
-        return self.module.startswith("shake_ros.ros.")
+        return self.module.endswith("_node")
 
 
 ENTRY_POINTS: dict[str, Entry] = {
@@ -34,6 +34,7 @@ ENTRY_POINTS: dict[str, Entry] = {
     "faults": Entry(
         "shake_ros.ros.faults_node", "between two nodes: delays, drops, doubles, freezes, falsifies samples"
     ),
+    "ros2": Entry("shake_ros.ros.ros2", "topic list, echo, hz; param list, get, set, dump; service list, call"),
     "target_emulator": Entry(
         "shake_ros.cli.target_emulator", "a target computer without ROS: the table behind the bridge's datagrams"
     ),

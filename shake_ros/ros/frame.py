@@ -19,7 +19,7 @@ from rclpy.subscription import Subscription
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
 from shake_ros.realtime import RealtimeParameters
 from shake_ros.ros.conversions import SECOND, codec
-from shake_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Input
+from shake_ros.ros.diagnostics import ERROR, WARN, Diagnostics, Input
 from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, TOPICS, Topic, overriding
 from shake_ros.ros.parameters import LiveSet, NodeParameters
 from shake_ros.settings import find, read_yaml
@@ -208,6 +208,7 @@ class Frame:
         self.stop_loop: Callable[[], None] = lambda: None
         self._readers = parse_wait_for(self.loop.wait_for)
         self._sources = parse_wait_for(self.loop.wait_for_writers)
+        self.start_line = ""
         self._writers: list[Writer] = []
         self._said: dict[str, float] = {}  # key of a line → when it was last said
 
@@ -223,13 +224,13 @@ class Frame:
         if not section:
             declared = self.parameters.declare(kind.from_mapping(content, str(path)), accept=accept)
             if not file:
-                self._announce(declared.value)
+                self.start_line = self._start_line(declared.value)
             return declared
         found = kind.from_mapping(sections.get(section, {}), f"{path}: {section}")
         return self.parameters.declare(found, f"{section}.", accept)
 
-    def _announce(self, own: Parameters) -> None:
-        """The first line of a node: what it is configured as, how it runs, what it waits for."""
+    def _start_line(self, own: Parameters) -> str:
+        """What a node is configured as, how it runs, what it waits for."""
         configured = [
             f"{name} '{value}'" for name, value in dataclasses.asdict(own).items() if isinstance(value, str) and value
         ]
@@ -240,7 +241,7 @@ class Frame:
             if text
         )
         line = ", ".join([*configured, mode, f"{self.loop.rate:g} Hz"])
-        self.say(OK, f"starting: {line}{'; waits for ' if awaited else ''}{awaited}")
+        return f"starting: {line}{'; waits for ' if awaited else ''}{awaited}"
 
     @property
     def sample_time(self) -> float:

@@ -275,7 +275,8 @@ def build_node(
     files = ParameterFiles(frame.node.get_fully_qualified_name(), arguments or process_arguments)
     for line in files.warnings:
         frame.say(WARN, line)
-    compiling = threading.Timer(SLOW_START, frame.say, (OK, "compiling, as always at the first start; up to a minute"))
+    slow = "compiling, as always at the first start; that may take a minute"
+    compiling = threading.Timer(SLOW_START, lambda: frame.say(OK, f"{frame.start_line}; {slow}"))
     compiling.daemon = True
     compiling.start()
     try:
@@ -285,6 +286,7 @@ def build_node(
     finally:
         compiling.cancel()
     frame.parameters.check_overrides(files.shared)
+    frame.say(OK, frame.start_line)
     return behaviour
 
 

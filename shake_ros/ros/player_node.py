@@ -16,7 +16,7 @@ from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK
 from shake_ros.ros.frame import AGAIN, BLOCKED, FAREWELL, Behaviour, Frame
-from shake_ros.ros.recorded_topics import message_class
+from shake_ros.ros.recorded_topics import interface_class
 
 LONGEST_SLEEP = 0.1  # a pause looks for a stop this often [s]
 
@@ -78,7 +78,7 @@ class Player(Behaviour):
 
     def _publisher(self, name: str) -> Any:
         topic = self._bag.topics[name]
-        kind = message_class(topic.type)
+        kind = interface_class(topic.type)
         if kind is None:
             self.frame.node.get_logger().warning(f"{name}: no Python package for type {topic.type}; left out")
             return None

@@ -88,12 +88,16 @@ class Reception:
                 self.arrived(taken[0])
 
 
-def message_class(name: str) -> Any:
-    """The message class of a type such as sensor_msgs/msg/Imu; None where its package is not installed."""
-    package, _, kind = name.replace("/msg/", "/").partition("/")
+def interface_class(name: str) -> Any:
+    """The class of a type such as sensor_msgs/msg/Imu or std_srvs/srv/Trigger; None where its package is missing.
+
+    >>> interface_class("std_srvs/srv/Trigger").__name__, interface_class("nowhere/msg/Thing")
+    ('Trigger', None)
+    """
+    package, *folder, kind = name.split("/")
     try:
-        return getattr(importlib.import_module(f"{package}.msg"), kind)
-    except (ImportError, AttributeError):
+        return getattr(importlib.import_module(f"{package}.{folder[0] if folder else 'msg'}"), kind)
+    except (ImportError, AttributeError, ValueError):
         return None
 
 

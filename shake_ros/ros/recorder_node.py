@@ -20,7 +20,7 @@ from shake_ros.data.recordings import BagWriter, recover
 from shake_ros.ros import interface, loop
 from shake_ros.ros.diagnostics import OK
 from shake_ros.ros.frame import Behaviour, Frame
-from shake_ros.ros.recorded_topics import ReceiptClock, Reception, matching, message_class
+from shake_ros.ros.recorded_topics import ReceiptClock, Reception, interface_class, matching
 from shake_ros.ros.writing_thread import WritingThread
 
 LOOK_FOR = 0.2  # unknown topics are looked for this often [s]
@@ -96,7 +96,7 @@ class Recorder(Behaviour):
             if not types or not writers:
                 continue
             self._sought.discard(name)
-            kind = message_class(types[0])
+            kind = interface_class(types[0])
             if kind is None:
                 self.frame.diagnostics.fault(name, f"{name}: no Python package for type {types[0]}")
                 continue

@@ -53,7 +53,7 @@ def test_listing_imports_neither_ros_nor_compiled_code() -> None:
 )
 def test_wrong_input_is_one_line_and_exit_code_2(ros_domain, capfd, arguments, reason) -> None:
     assert entry.main(arguments) == 2
-    lines = capfd.readouterr().err.splitlines()
+    lines = [line for line in capfd.readouterr().err.splitlines() if "compiling" not in line]
     assert len(lines) == 1
     assert reason in lines[0]
 

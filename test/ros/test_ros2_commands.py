@@ -1,0 +1,113 @@
+"""`./shake ros2 …` beside a node that runs: the lines of the real program, which is asked too where there is one."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+from node_process import NodeProcess
+
+ROOT = Path(__file__).resolve().parents[2]
+NODE = "/shake/hardware_bridge"
+
+
+class Commands:
+    """Asks through the package, and through `ros2` where it is installed."""
+
+    def __init__(self, domain: int) -> None:
+        self.environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "PYTHONPATH": str(ROOT),
+        }
+
+    def run(self, *arguments: str) -> tuple[int, str, str]:
+        command = [sys.executable, "-m", "shake_ros", "ros2", *arguments]
+        done = subprocess.run(
+            command, env=self.environment, capture_output=True, text=True, timeout=60, check=False, cwd=ROOT
+        )
+        return done.returncode, done.stdout, done.stderr
+
+    def real(self, *arguments: str) -> str:
+        said = [
+            subprocess.run(
+                ["ros2", *one], env=self.environment, capture_output=True, text=True, timeout=60, check=False
+            )
+            for one in (arguments, ("daemon", "stop"))
+        ]
+        return said[0].stdout
+
+
+@pytest.fixture
+def commands(ros_domain: int, tmp_path: Path) -> Iterator[Commands]:
+    node = NodeProcess(ros_domain, tmp_path, "hardware_bridge")
+    node.wait_for("running")
+    yield Commands(ros_domain)
+    assert node.end() == 0
+
+
+def test_lines_are_those_of_ros2(commands: Commands) -> None:
+    assert commands.run("param", "get", NODE, "interlock.span")[:2] == (0, "Double value is: 1.0\n")
+    assert commands.run("param", "get", NODE, "bridge", "--hide-type")[:2] == (0, "emulator\n")
+    assert commands.run("param", "set", NODE, "interlock.span", "5e-1")[:2] == (0, "Set parameter successful\n")
+    assert commands.run("param", "get", NODE, "interlock.span")[:2] == (0, "Double value is: 0.5\n")
+    code, _, error = commands.run("param", "set", NODE, "bridge", "other")
+    assert (code, error) == (1, "Setting parameter failed: Trying to set a read-only parameter: bridge.\n")
+    code, listed, _ = commands.run("topic", "list", "-t")
+    assert "/shake/valve_command [sensor_msgs/msg/JointState]" in listed.splitlines()
+    code, dumped, _ = commands.run("param", "dump", NODE)
+    assert yaml.safe_load(dumped)[NODE]["ros__parameters"]["interlock"]["span"] == 0.5
+    code, names, _ = commands.run("param", "list", NODE)
+    assert "  interlock.span" in names.splitlines() and names.splitlines() == sorted(names.splitlines())
+    code, answer, _ = commands.run("service", "call", "/shake/stop", "std_srvs/srv/Trigger")
+    assert code == 0
+    assert "requester: making request: std_srvs.srv.Trigger_Request()\n\n" in answer
+    assert "response:\nstd_srvs.srv.Trigger_Response(success=True, message='stopped; waiting for reset')\n" in answer
+    code, answer, _ = commands.run("service", "call", "/shake/enable", "std_srvs/srv/SetBool", "{data: true}")
+    assert "SetBool_Response(success=False, message='stopped; waiting for reset')" in answer
+    code, said, _ = commands.run("topic", "echo", "--once", "/diagnostics")
+    status = yaml.safe_load(said.removesuffix("---\n"))["status"][0]
+    assert status["name"] == "shake/hardware_bridge: hardware_bridge" and status["level"] == 1
+    code, rate, _ = commands.run("topic", "hz", "--reports", "1", "/diagnostics")
+    assert rate.startswith("average rate: ") and "\n\tmin: " in rate
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (("param", "get", "/nowhere", "rate"), "Node not found"),
+        (("param", "get", NODE, "foo"), "Parameter not set"),
+        (("topic", "echo", "/nothing"), "topic [/nothing] does not appear to be published yet"),
+        (("service", "call", "/shake/stop", "std_srvs/srv/Nothing"), "The passed service type is invalid"),
+        (("service", "call", "/shake/enable", "std_srvs/srv/SetBool", "{dat: true}"), "Failed to populate field"),
+    ],
+)
+def test_what_cannot_be_asked_is_one_line_and_exit_code_2(commands: Commands, arguments, reason) -> None:
+    code, _, error = commands.run(*arguments)
+    assert code == 2
+    assert reason in error and len(error.splitlines()) == 1
+
+
+@pytest.mark.skipif(shutil.which("ros2") is None, reason="the real ros2 program is not installed here")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("topic", "list", "-t"),
+        ("param", "list", NODE),
+        ("param", "dump", NODE),
+        ("param", "get", NODE, "interlock.span"),
+        ("param", "set", NODE, "interlock.span", "0.7"),
+        ("service", "call", "/shake/stop", "std_srvs/srv/Trigger"),
+    ],
+)
+def test_real_program_says_the_same(commands: Commands, arguments) -> None:
+    waiting = "waiting for service to become available...\n"
+    ours, real = commands.run(*arguments)[1], commands.real(*arguments)
+    assert ours.removeprefix(waiting) == real.removeprefix(waiting)
