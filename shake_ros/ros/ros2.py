@@ -55,6 +55,15 @@ class Session:
             self.spin(0.05)
         return result
 
+    def gathered(self, look: Callable[[], list[Any]]) -> list[Any]:
+        """All that there is, sorted: until for DISCOVERY nothing has been added, with twice the time for the first."""
+        found, changed, first = sorted(look()), time.monotonic(), True
+        while time.monotonic() - changed < DISCOVERY * (2.0 if first else 1.0):
+            self.spin(0.05)
+            if (now := sorted(look())) != found:
+                found, changed, first = now, time.monotonic(), False
+        return found
+
     def answer(self, future: Any, of: str) -> Any:
         """The result of a call."""
         if not self.until(future.done):
@@ -108,8 +117,7 @@ def fill(message: Any, content: Any) -> Any:
 
 def topic_list(session: Session, given: argparse.Namespace) -> int:
     """Names of all topics."""
-    session.until(lambda: False, DISCOVERY)
-    for name, types in sorted(session.node.get_topic_names_and_types()):
+    for name, types in session.gathered(session.node.get_topic_names_and_types):
         print(f"{name} [{', '.join(types)}]" if given.show_types else name)
     return 0
 
@@ -169,8 +177,7 @@ def topic_hz(session: Session, given: argparse.Namespace) -> int:
 
 def param_list(session: Session, given: argparse.Namespace) -> int:
     """Names of the parameters of a node, or of all."""
-    session.until(lambda: False, DISCOVERY)
-    for name in [given.node_name] if given.node_name else nodes(session):
+    for name in [given.node_name] if given.node_name else session.gathered(lambda: nodes(session)):
         with contextlib.nullcontext() if given.node_name else contextlib.suppress(ShakeError):
             names = _names(session, name)
             if not given.node_name:
@@ -223,8 +230,7 @@ def param_dump(session: Session, given: argparse.Namespace) -> int:
 
 def service_list(session: Session, given: argparse.Namespace) -> int:
     """Names of all services."""
-    session.until(lambda: False, DISCOVERY)
-    for name, types in sorted(session.node.get_service_names_and_types()):
+    for name, types in session.gathered(session.node.get_service_names_and_types):
         print(f"{name} [{', '.join(types)}]" if given.show_types else name)
     return 0
 

@@ -36,13 +36,11 @@ class Commands:
         return done.returncode, done.stdout, done.stderr
 
     def real(self, *arguments: str) -> str:
-        said = [
-            subprocess.run(
-                ["ros2", *one], env=self.environment, capture_output=True, text=True, timeout=60, check=False
-            )
+        done = [
+            subprocess.run(["ros2", *one], env=self.environment, capture_output=True, text=True, check=False)
             for one in (arguments, ("daemon", "stop"))
         ]
-        return said[0].stdout
+        return done[0].stdout
 
 
 @pytest.fixture
