@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -77,7 +76,7 @@ def balance(request: pytest.FixtureRequest) -> dict[str, float]:
     table = load_table("bergamo")
     if request.param == "constant":
         return parts(table, run(table, quake(10.0), FINE), lambda pressure: reference.constants().modulus)
-    table = dataclasses.replace(table, bulk_modulus=Lee(**LEE))
+    table = table.with_sections(bulk_modulus=Lee(**LEE))
     return parts(table, run(table, quake(10.0), FINE), lambda pressure: 0.9e9 * np.log10(90.0 * pressure / 280e5 + 3.0))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable
 
@@ -12,7 +11,7 @@ import pytest
 from shake_ros.core.bulk_modulus import BULK_MODULI
 from shake_ros.core.effects.soft_zone import factor as soft_zone
 from shake_ros.core.plant.linearisation import linearise, oil_column_frequency, operating_point
-from shake_ros.core.plant.parameters import TableParameters, records
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters, records
 from shake_ros.core.plant.pressure_bounds import findings_of_run
 from shake_ros.core.plant.right_hand_side import active_states, right_hand_side
 from shake_ros.core.plant.simulation import initial_state, run
@@ -56,7 +55,7 @@ PRESSURES = (0.1e6, 1e6, 10e6)
 def table(kind: str, values: dict[str, float] | None = None) -> TableParameters:
     """The declared table with a law of config/bulk_modulus."""
     law = load_variant("bulk_modulus", kind, BULK_MODULI)[1]
-    return dataclasses.replace(BERGAMO, bulk_modulus=law).with_values(values or {})
+    return BERGAMO.with_sections(bulk_modulus=law).with_values(values or {})
 
 
 def moduli_in_the_plant(one: TableParameters, pressure_a: float, pressure_b: float) -> tuple[float, float]:
@@ -108,9 +107,9 @@ def test_air_on_top_of_a_liquid_that_stiffens_is_IFAS_to_a_thousandth() -> None:
 @pytest.mark.parametrize("kind", CLOSED)
 def test_a_tables_file_names_its_law_and_gives_it_back(kind: str) -> None:
     content = BERGAMO.to_mapping() | {"bulk_modulus": read_yaml(config_folder() / "bulk_modulus" / f"{kind}.yaml")}
-    built = TableParameters.from_mapping(content, "here")
+    built = FULL_LAYOUT.table(content, "here")
     assert built == table(kind)
-    again = TableParameters.from_mapping(built.to_mapping(), "here")
+    again = FULL_LAYOUT.table(built.to_mapping(), "here")
     assert again == built
     assert ("kind" in built.to_mapping()["bulk_modulus"]) == (kind != "constant")
 
@@ -118,11 +117,11 @@ def test_a_tables_file_names_its_law_and_gives_it_back(kind: str) -> None:
 def test_a_wrong_law_or_number_is_named() -> None:
     content = BERGAMO.to_mapping()
     with pytest.raises(UnknownName, match=r"unknown bulk_modulus kind 'le' .*known: backe_murrenhoff, constant"):
-        TableParameters.from_mapping(content | {"bulk_modulus": {"kind": "le"}}, "here")
+        FULL_LAYOUT.table(content | {"bulk_modulus": {"kind": "le"}}, "here")
     with pytest.raises(UnknownName, match="here: bulk_modulus: unknown parameter 'modulus'"):
-        TableParameters.from_mapping(content | {"bulk_modulus": {"kind": "lee", "modulus": 1e9}}, "here")
+        FULL_LAYOUT.table(content | {"bulk_modulus": {"kind": "lee", "modulus": 1e9}}, "here")
     with pytest.raises(ShakeError, match="here: bulk_modulus: missing largest_modulus"):
-        TableParameters.from_mapping(content | {"bulk_modulus": {"kind": "lee"}}, "here")
+        FULL_LAYOUT.table(content | {"bulk_modulus": {"kind": "lee"}}, "here")
     assert table("lee").with_values({"bulk_modulus.largest_modulus": 1.5e9}).value("bulk_modulus.a1") == 0.5
 
 
