@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from shake_ros.core.effects import EFFECTS
-from shake_ros.core.plant.parameters import FIELDS, FULL_LAYOUT, INDEX, NAMES, records
+from shake_ros.core.plant.parameters import FIELDS, FULL_LAYOUT, INDEX, NAMES, TableParameters, records
+from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.core.quantities import OutOfBounds, ShakeError, UnknownName
 from shake_ros.settings import config_folder, load_table, save_table
 
@@ -105,3 +106,18 @@ def test_changes_are_checked() -> None:
         BERGAMO.with_values({"effects.slow_valve.slowdown": 2.0})
     with pytest.raises(UnknownName):
         BERGAMO.value("effects.nothing.here")
+
+
+def test_a_section_that_a_layout_lacks_is_no_attribute() -> None:
+    assert BERGAMO.body.table_mass == BERGAMO.value("body.table_mass")
+    beta = ReducedParameters(beta1=-1600.0, beta2=-30.0, beta3=1000.0, beta4=-2.0, beta5=-10.0)
+    with pytest.raises(AttributeError, match="body"):
+        _ = TableParameters(REDUCED_LAYOUT, {"dynamics": beta}).body
+
+
+def test_a_name_may_be_given_by_its_last_part_where_that_is_unique() -> None:
+    assert FULL_LAYOUT.full_name("specimen_mass", "set") == "body.specimen_mass"
+    with pytest.raises(ShakeError, match="set: stiffness: could be"):
+        FULL_LAYOUT.full_name("stiffness", "set")
+    with pytest.raises(UnknownName, match=r"set: unknown parameter 'specimen_mas'.*body\.specimen_mass"):
+        FULL_LAYOUT.full_name("specimen_mas", "set")
