@@ -61,6 +61,7 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/shake_ros"]),
         ("share/shake_ros", ["package.xml"]),
         ("lib/shake_ros", executables()),
+        ("share/shake_ros/launch", ["launch/table.launch.py"]),
         *configuration(),
     ],
 )

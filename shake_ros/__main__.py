@@ -14,6 +14,13 @@ from collections.abc import Sequence
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.entry_points import COMMANDS, ENTRY_POINTS, NODES
 
+ROS_PACKAGES = {
+    "rclpy", "builtin_interfaces", "rcl_interfaces", "rosgraph_msgs", "std_msgs", "std_srvs", "sensor_msgs",
+    "diagnostic_msgs", "trajectory_msgs",
+}  # fmt: skip
+RECORDING_PACKAGES = {"rosbags", "mcap", "zstandard", "lz4"}
+DISTRIBUTIONS = {"yaml": "pyyaml"}  # where the name to install is another
+
 
 def overview() -> str:
     """All names with a line each."""
@@ -28,12 +35,28 @@ def call(name: str, arguments: Sequence[str]) -> int:
     """Run one entry point; returns its exit code."""
     if name not in ENTRY_POINTS:
         raise unknown_name("name", name, ENTRY_POINTS)
-    module = importlib.import_module(ENTRY_POINTS[name].module)
+    try:
+        module = importlib.import_module(ENTRY_POINTS[name].module)
+    except ModuleNotFoundError as error:
+        raise missing(name, error) from None
     if name in NODES and not hasattr(module, "main"):
         from shake_ros.ros import loop
 
         return loop.main(module.build, name, arguments)
     return int(module.main(list(arguments)))
+
+
+def missing(name: str, error: ModuleNotFoundError) -> ShakeError | ModuleNotFoundError:
+    """What to install, where a package of others is missing; one of our own is a fault of ours."""
+    package = (error.name or "").partition(".")[0]
+    if package in ("", "shake_ros"):
+        return error
+    if package in ROS_PACKAGES:
+        how = "source a ROS 2 installation that has it, or install the wheels: pip install 'shake_ros[ros]'"
+    else:
+        how = f"pip install {DISTRIBUTIONS.get(package, package)} (rosdep: python3-rosbags-pip, mcap-ros2-support)"
+        how = how if package in RECORDING_PACKAGES else how.partition(" (")[0]
+    return ShakeError(f"{name} needs the Python package '{package}', which is not installed: {how}")
 
 
 def leave_on_terminate() -> None:

@@ -240,6 +240,40 @@ def test_package_xml_agrees_with_the_package() -> None:
     assert re.fullmatch(r"[\w.+-]+@[\w-]+(\.[\w-]+)*\.[A-Za-z]{2,}", maintainer.attrib["email"])
 
 
+def test_package_xml_names_every_dependency_by_a_key_that_rosdep_has() -> None:
+    """The keys of rosdep's python.yaml; mcap, zstandard and lz4 have none and come with those that need them."""
+    keys = {"pyyaml": "python3-yaml", "rosbags": "python3-rosbags-pip", "mcap": "mcap-ros2-support"}
+    brought = {"zstandard", "lz4"}
+    setup = ConfigParser()
+    setup.read(ROOT / "setup.cfg")
+    named = {one.text for one in ET.parse(ROOT / "package.xml").getroot().iter("exec_depend")}
+    for dependency in set(setup["options"]["install_requires"].split()) - brought:
+        assert keys.get(dependency, f"python3-{dependency}") in named, dependency
+    imported = set()
+    for path in (ROOT / "shake_ros" / "ros").glob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        imported |= set(
+            re.findall(r"^from (rclpy|\w+_msgs|builtin_interfaces|rcl_interfaces|std_srvs)", text, re.MULTILINE)
+        )
+    assert len(imported) > 6
+    assert imported <= named
+
+
+def test_the_launch_file_is_installed_and_names_nodes_and_arguments_that_there_are(
+    installation: dict[str, Any],
+) -> None:
+    assert dict(installation["data_files"])["share/shake_ros/launch"] == ["launch/table.launch.py"]
+    text = (ROOT / "launch" / "table.launch.py").read_text(encoding="utf-8")
+    started = re.findall(r'node\("(\w+)", \{(?:"(\w+)": "(\w+)")?', text)
+    assert len(started) == 7
+    for executable, parameter, argument in started:
+        assert executable in ENTRY_POINTS
+        if parameter:
+            given = ROOT / "config" / "node" / f"{executable}.yaml"
+            assert re.search(rf"^{parameter}:", given.read_text(encoding="utf-8"), re.MULTILINE)
+            assert f'"{argument}": (' in text
+
+
 def test_the_lock_files_hold_every_direct_dependency() -> None:
     setup = ConfigParser()
     setup.read(ROOT / "setup.cfg")

@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from rclpy.clock import Clock as RclpyClock
+from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -20,7 +22,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, 
 from shake_ros.realtime import RealtimeParameters
 from shake_ros.ros.conversions import SECOND, codec
 from shake_ros.ros.diagnostics import ERROR, WARN, Diagnostics, Input
-from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, TOPICS, Topic, overriding
+from shake_ros.ros.interface import CLOCK, CLOCK_QOS, DIAGNOSTICS, NAMESPACE, TOPICS, Topic, overriding
 from shake_ros.ros.parameters import LiveSet, NodeParameters
 from shake_ros.settings import find, read_yaml
 
@@ -202,6 +204,7 @@ class Frame:
         self.realtime = self.settings(RealtimeParameters, "realtime", file="common").value
         self.loop = self.settings(LoopParameters, file="common").value
         self.lockstep = self.loop.lockstep
+        self.simulated = bool(self.node.get_parameter("use_sim_time").value)
         self.period = round(SECOND / self.loop.rate)
         self.diagnostics = Diagnostics(self.node, name, self.lockstep, self.period, self.publisher(DIAGNOSTICS))
         self.stopping = False
@@ -303,8 +306,28 @@ class Frame:
             log.info(text)
 
     def now(self) -> int:
-        """The wall clock, on which real-time stamps lie [ns]."""
-        return time.time_ns()
+        """The clock on which real-time stamps lie [ns]: the wall's, or with `use_sim_time` that of /clock."""
+        return int(self.node.get_clock().now().nanoseconds) if self.simulated else time.time_ns()
+
+    def follow_clock(self, tick: Callable[[int, int], None]) -> None:
+        """With `use_sim_time`: tick by /clock, a period after the other; anew where it goes back."""
+        first = last = -1
+
+        def heard(message: Any) -> None:
+            nonlocal first, last
+            now = message.clock.sec * SECOND + message.clock.nanosec
+            if first < 0 or now < first + last * self.period:
+                first, last = now, -1
+            count = (now - first) // self.period
+            if count > last:
+                tick(first + count * self.period, count - last)
+                last = count
+
+        self.node.create_subscription(CLOCK.type, CLOCK.name, heard, CLOCK_QOS)
+
+    def every(self, seconds: float, act: Callable[[], None]) -> None:
+        """Call again and again by the machine's clock, whatever the time of /clock."""
+        self.node.create_timer(seconds, act, clock=RclpyClock(clock_type=ClockType.STEADY_TIME))
 
     def ready(self) -> bool:
         """Whether every awaited topic has its readers and writers."""

@@ -42,6 +42,8 @@ class HardwareBridge(Behaviour):
         super().__init__(frame)
         if frame.lockstep:
             raise ShakeError("lockstep = true: a real table does not wait; hardware_bridge runs in real time only")
+        if frame.simulated:
+            raise ShakeError("use_sim_time = true: a real table has the time of its own target computer")
         own = frame.settings(HardwareBridgeParameters).value
         path = find("bridge", own.bridge)
         self._link = TableLink(BridgeParameters.from_mapping(read_yaml(path), str(path)))

@@ -51,6 +51,13 @@ EVENT_QOS = QoSProfile(
 )
 
 
+# whoever writes /clock, reliably or not
+CLOCK_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
 LOSSLESS = LOCKSTEP_QOS.history, LOCKSTEP_QOS.reliability
 
 

@@ -102,7 +102,7 @@ class NodeLoop:
         """Take in a node that has been built."""
         frame = behaviour.frame
         frame.stop_loop = self.stop
-        frame.node.create_timer(REPORT_PERIOD, frame.diagnostics.publish)
+        frame.every(REPORT_PERIOD, frame.diagnostics.publish)
         self.behaviours.append(behaviour)
         self.executor.add_node(frame.node)
 
@@ -142,7 +142,9 @@ class NodeLoop:
                 behaviour.frame.diagnostics.publish()
                 behaviour.start()
                 behaviour.frame.say(OK, "running")
-                if behaviour.ticks:
+                if behaviour.ticks and behaviour.frame.simulated:
+                    behaviour.frame.follow_clock(behaviour.tick)
+                elif behaviour.ticks:
                     ticking.append(behaviour)
             if waiting:
                 self.spin(STARTING)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import struct
-import time
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -19,10 +18,10 @@ STAMP = struct.Struct("<iI")
 
 
 class ReceiptClock:
-    """When a message was received: the newest stamp in lock-step, where two runs give the same; else the wall clock."""
+    """When a message was received: in lock-step the newest stamp, as in any other run; else the node's clock."""
 
     def __init__(self, frame: Frame) -> None:
-        self._lockstep = frame.lockstep
+        self._frame = frame
         self._newest = FIRST_STAMP
 
     def stamped(self, stamp: int) -> None:
@@ -31,7 +30,7 @@ class ReceiptClock:
 
     def now(self) -> int:
         """[ns]"""
-        return self._newest if self._lockstep else time.time_ns()
+        return self._newest if self._frame.lockstep else self._frame.now()
 
 
 class Reception:

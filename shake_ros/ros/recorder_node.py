@@ -59,7 +59,7 @@ class Recorder(Behaviour):
                 self._sought.discard(name)
                 self._receive(topic, self._profile(topic))
         if self._sought:
-            frame.node.create_timer(LOOK_FOR, self._look_for_topics)
+            frame.every(LOOK_FOR, self._look_for_topics)
         frame.diagnostics.condition = self._condition
         frame.diagnostics.values["dropped"] = lambda: self._writing.dropped
         frame.diagnostics.values["waiting_bytes"] = lambda: self._writing.waiting

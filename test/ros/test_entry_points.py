@@ -75,3 +75,28 @@ def test_an_error_of_the_program_itself_is_not_hidden(monkeypatch) -> None:
     monkeypatch.setattr(entry, "call", call)
     with pytest.raises(ZeroDivisionError):
         entry.main(["plant"])
+
+
+@pytest.mark.parametrize(
+    ("name", "package", "how"),
+    [
+        (
+            "plant",
+            "rclpy",
+            "source a ROS 2 installation that has it, or install the wheels: pip install 'shake_ros[ros]'",
+        ),
+        ("observer", "sensor_msgs", "source a ROS 2 installation"),
+        ("recorder", "mcap", "pip install mcap (rosdep: python3-rosbags-pip, mcap-ros2-support)"),
+        ("controller", "numba", "pip install numba"),
+    ],
+)
+def test_node_without_a_package_says_what_to_install(name, package, how) -> None:
+    program = (
+        f"import sys; sys.modules[{package!r}] = None; from shake_ros.__main__ import main; sys.exit(main([{name!r}]))"
+    )
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert run.stderr.startswith(
+        f"shake_ros {name}: {name} needs the Python package '{package}', which is not installed"
+    )
+    assert how in run.stderr and len(run.stderr.splitlines()) == 1

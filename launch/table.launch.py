@@ -1,0 +1,59 @@
+"""`ros2 launch shake_ros table.launch.py`: table, observer, controller and reference in real time.
+
+    ros2 launch shake_ros table.launch.py reference:=sine_20mm_2hz record:=run1
+    ros2 launch shake_ros table.launch.py bridge:=emulator        # a real table, or its emulator, in the plant's place
+
+Nothing needs it: each node runs by `ros2 run shake_ros NAME` as well.
+"""
+
+from __future__ import annotations
+
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import LaunchConfigurationEquals, LaunchConfigurationNotEquals
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from launch import LaunchDescription
+
+ARGUMENTS = {
+    "namespace": ("shake", "of all nodes"),
+    "table": ("bergamo", "configuration of the simulated table"),
+    "bridge": ("", "configuration of a real table; empty: the simulated one"),
+    "reference": ("earthquake", "configuration of the reference"),
+    "observer": ("sliding_mode", "configuration of the observer"),
+    "controller": ("super_twisting", "configuration of the controller"),
+    "record": ("", "folder of a recording; empty: none"),
+}
+
+
+def node(executable: str, parameters: dict[str, str], condition: object = None) -> Node:
+    """One node; its parameters name arguments of this file."""
+    given = {name: LaunchConfiguration(argument) for name, argument in parameters.items()}
+    return Node(
+        package="shake_ros",
+        executable=executable,
+        namespace=LaunchConfiguration("namespace"),
+        parameters=[given],
+        condition=condition,
+        output="screen",
+    )
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The graph."""
+    arguments = [
+        DeclareLaunchArgument(name, default_value=value, description=meaning)
+        for name, (value, meaning) in ARGUMENTS.items()
+    ]
+    return LaunchDescription(
+        [
+            *arguments,
+            node("plant", {"table": "table"}, LaunchConfigurationEquals("bridge", "")),
+            node("hardware_bridge", {"bridge": "bridge"}, LaunchConfigurationNotEquals("bridge", "")),
+            node("reference_generator", {"reference": "reference"}),
+            node("observer", {"observer": "observer"}),
+            node("controller", {"controller": "controller"}),
+            node("thd_analyzer", {}),
+            node("recorder", {"output": "record"}, LaunchConfigurationNotEquals("record", "")),
+        ]
+    )
