@@ -17,6 +17,8 @@ PUBLIC = {  # name → module
     "close_loop": "shake_ros.api.close_loop",
     "Comparison": "shake_ros.api.compare",
     "compare": "shake_ros.api.compare",
+    "Demo": "shake_ros.api.demo",
+    "demo": "shake_ros.api.demo",
     "figures": "shake_ros.api.figures",
     "frequency_response": "shake_ros.api.frequency_response",
     "Identification": "shake_ros.api.identify",
@@ -56,6 +58,8 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.close_loop import close_loop as close_loop
     from shake_ros.api.compare import Comparison as Comparison
     from shake_ros.api.compare import compare as compare
+    from shake_ros.api.demo import Demo as Demo
+    from shake_ros.api.demo import demo as demo
     from shake_ros.api.figures import figures as figures
     from shake_ros.api.frequency_response import frequency_response as frequency_response
     from shake_ros.api.identify import Identification as Identification

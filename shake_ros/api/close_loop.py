@@ -222,6 +222,30 @@ def close_loop(
     ------
     ShakeError
         A recording cannot be fitted, or is in both sets.
+
+    Examples
+    --------
+    Two recordings of an axis that is as it is declared:
+
+    >>> import numpy as np
+    >>> import shake_ros as sr
+    >>> from shake_ros.core.plant.axis import AXIS_LAYOUT
+    >>> numbers = {"mass": 10.0, "viscous": 20.0, "coulomb": 5.0, "offset": 0.0}
+    >>> true = sr.model("axis", AXIS_LAYOUT.table({"axis": numbers}, "axis"))
+    >>> time, noise = np.arange(1500) / 1000, np.random.default_rng(0).normal(0.0, 1.0, (4, 1500))
+    >>> def run(name, frequency, noise):
+    ...     force = 100 * np.sin(9 * time) + 50 * np.sin(frequency * time)
+    ...     (start,) = sr.recording(name, time, 0 * time, 1e-9 * time, force=force).records("force")
+    ...     x, _, a = true.simulate(start).T
+    ...     x, a = x + 1e-5 * noise[0], a + 0.05 * noise[1]
+    ...     return sr.recording(name, time, 0 * time, x, acceleration=a, force=force)
+    >>> found = sr.close_loop(
+    ...     sr.model("axis"), run("first", 31, noise[:2]), run("second", 43, noise[2:]), progress=False
+    ... )
+    >>> found.effects
+    nothing is missing
+    >>> round(found.table.value("axis.mass"), 1), found.remaining.above_noise
+    (10.0, False)
     """
     declared = model.declared
     first, second = fitted.fit_data(estimation, validation, declared.driven_by)
