@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 import shake_ros
 from shake_ros.entry_points import ENTRY_POINTS
@@ -272,6 +273,11 @@ def test_the_launch_file_is_installed_and_names_nodes_and_arguments_that_there_a
             given = ROOT / "config" / "node" / f"{executable}.yaml"
             assert re.search(rf"^{parameter}:", given.read_text(encoding="utf-8"), re.MULTILINE)
             assert f'"{argument}": (' in text
+
+
+def test_citation_names_the_version_of_the_package() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert str(citation["version"]) == shake_ros.__version__
 
 
 def test_the_lock_files_hold_every_direct_dependency() -> None:
