@@ -9,8 +9,8 @@ Nothing needs it: each node runs by `ros2 run shake_ros NAME` as well.
 from __future__ import annotations
 
 from launch.actions import DeclareLaunchArgument
-from launch.conditions import LaunchConfigurationEquals, LaunchConfigurationNotEquals
-from launch.substitutions import LaunchConfiguration
+from launch.conditions import IfCondition, UnlessCondition
+from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
@@ -39,6 +39,11 @@ def node(executable: str, parameters: dict[str, str], condition: object = None) 
     )
 
 
+def empty(argument: str) -> PythonExpression:
+    """Whether an argument is."""
+    return PythonExpression(["'", LaunchConfiguration(argument), "' == ''"])
+
+
 def generate_launch_description() -> LaunchDescription:
     """The graph."""
     arguments = [
@@ -48,12 +53,12 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             *arguments,
-            node("plant", {"table": "table"}, LaunchConfigurationEquals("bridge", "")),
-            node("hardware_bridge", {"bridge": "bridge"}, LaunchConfigurationNotEquals("bridge", "")),
+            node("plant", {"table": "table"}, IfCondition(empty("bridge"))),
+            node("hardware_bridge", {"bridge": "bridge"}, UnlessCondition(empty("bridge"))),
             node("reference_generator", {"reference": "reference"}),
             node("observer", {"observer": "observer"}),
             node("controller", {"controller": "controller"}),
             node("thd_analyzer", {}),
-            node("recorder", {"output": "record"}, LaunchConfigurationNotEquals("record", "")),
+            node("recorder", {"output": "record"}, UnlessCondition(empty("record"))),
         ]
     )

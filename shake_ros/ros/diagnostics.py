@@ -79,6 +79,7 @@ class Diagnostics:
         self._lockstep = lockstep
         self._node = node
         self._publisher = publisher
+        self._hardware = node.get_fully_qualified_name().lstrip("/")
         self._reported_at = time.monotonic()
         self._reported_cycles = 0
 
@@ -150,9 +151,9 @@ class Diagnostics:
         level, text = self._level()
         return DiagnosticStatus(
             level=LEVELS[level],
-            name=f"{self._node.get_fully_qualified_name().lstrip('/')}: {self._name}",
+            name=f"{self._hardware}: {self._name}",
             message=text,
-            hardware_id="shake_ros",
+            hardware_id=self._hardware,
             values=[KeyValue(key=name, value=str(value)) for name, value in values.items()],
         )
 
@@ -160,9 +161,9 @@ class Diagnostics:
         """Publish something that has just happened, beside the report of every second, so that a recording has it."""
         status = DiagnosticStatus(
             level=LEVELS[level],
-            name=f"{self._node.get_fully_qualified_name().lstrip('/')}: {part}",
+            name=f"{self._hardware}: {part}",
             message=text,
-            hardware_id="shake_ros",
+            hardware_id=self._hardware,
             values=[KeyValue(key=name, value=str(value)) for name, value in values.items()],
         )
         message = DiagnosticArray(status=[status])

@@ -204,7 +204,7 @@ class Frame:
         self.realtime = self.settings(RealtimeParameters, "realtime", file="common").value
         self.loop = self.settings(LoopParameters, file="common").value
         self.lockstep = self.loop.lockstep
-        self.simulated = bool(self.node.get_parameter("use_sim_time").value)
+        self.simulated = self.node.get_parameter("use_sim_time").value is True
         self.period = round(SECOND / self.loop.rate)
         self.diagnostics = Diagnostics(self.node, name, self.lockstep, self.period, self.publisher(DIAGNOSTICS))
         self.stopping = False

@@ -12,7 +12,7 @@ from shake_ros.core.analysis.newest_samples import NewestSamples
 from shake_ros.core.analysis.thd import Harmonics
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 from shake_ros.ros import interface
-from shake_ros.ros.conversions import time_message
+from shake_ros.ros.conversions import SECOND, time_message
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import Behaviour, Frame
 
@@ -70,8 +70,8 @@ class ThdAnalyzer(Behaviour):
             self._state = WARN, f"no whole window yet{why}"
             return
         self._state = OK, f"THD {100.0 * found.thd:.2f} % at {found.frequency:.4g} Hz"
-        self._thd.publish(thd_message(stamp, found))
-        self._harmonics.publish(harmonics_message(found))
+        self._thd.publish(thd_message(stamp, found, self.frame.node.get_fully_qualified_name().lstrip("/")))
+        self._harmonics.publish(harmonics_message(stamp, found))
 
     def _fundamental(self) -> float | None:
         """Of the reference where it is there and periodic; None leaves it to the acceleration."""
@@ -81,7 +81,7 @@ class ThdAnalyzer(Behaviour):
             return None
 
 
-def thd_message(stamp: int, found: Harmonics) -> DiagnosticArray:
+def thd_message(stamp: int, found: Harmonics, hardware: str) -> DiagnosticArray:
     """THD [%], fundamental, noise floor and window of one axis."""
     values = {
         "axis": AXIS,
@@ -97,7 +97,7 @@ def thd_message(stamp: int, found: Harmonics) -> DiagnosticArray:
         level=DiagnosticStatus.OK,
         name=f"thd {AXIS}",
         message=f"THD {100.0 * found.thd:.3f} %",
-        hardware_id="shake_ros",
+        hardware_id=hardware,
         values=[
             KeyValue(key=key, value=value if isinstance(value, str) else f"{value:.9g}")
             for key, value in values.items()
@@ -108,13 +108,17 @@ def thd_message(stamp: int, found: Harmonics) -> DiagnosticArray:
     return message
 
 
-def harmonics_message(found: Harmonics) -> Float64MultiArray:
-    """Rows of order, frequency [Hz], amplitude [m/s²], phase at the window's first sample [rad]."""
+def harmonics_message(stamp: int, found: Harmonics) -> Float64MultiArray:
+    """Rows of order, frequency [Hz], amplitude [m/s²], phase at the window's first sample [rad].
+
+    This type has no header: the stamp of the window's last sample is the label of a third dimension, of size 1.
+    """
     message = Float64MultiArray()
     count = len(found.amplitude)
     message.layout.dim = [
         MultiArrayDimension(label="harmonic", size=count, stride=4 * count),
         MultiArrayDimension(label=COLUMNS, size=4, stride=4),
+        MultiArrayDimension(label=f"stamp {stamp // SECOND}.{stamp % SECOND:09d} s", size=1, stride=1),
     ]
     for k, amplitude, phase in zip(found.orders, found.amplitude, found.phase, strict=True):
         at_start = phase + 2.0 * math.pi * found.frequency * int(k) * found.start

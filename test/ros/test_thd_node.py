@@ -70,6 +70,8 @@ def test_stamp_is_that_of_the_newest_sample(analyzer) -> None:
     feed(analyzer, 4.0)
     stamp = analyzer._thd.messages[-1].header.stamp
     assert stamp.sec * SECOND + stamp.nanosec == SECOND + 3999 * 1_000_000
+    assert analyzer._harmonics.messages[-1].layout.dim[2].label == "stamp 4.999000000 s"
+    assert analyzer._thd.messages[-1].status[0].hardware_id == "shake/thd_analyzer"
 
 
 def test_nothing_is_published_before_a_whole_window(analyzer) -> None:
