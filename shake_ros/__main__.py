@@ -24,7 +24,7 @@ DISTRIBUTIONS = {"yaml": "pyyaml"}  # where the name to install is another
 
 def overview() -> str:
     """All names with a line each."""
-    lines = ["python -m shake_ros NAME …", "", "nodes (parameters: NAME --ros-args -p name:=value):"]
+    lines = ["python -m shake_ros NAME …", "", "nodes (parameters: NAME --help, NAME --ros-args -p name:=value):"]
     lines += [f"  {name:20} {entry.line}" for name, entry in NODES.items()]
     lines += ["", "commands (NAME --help):"]
     lines += [f"  {name:20} {entry.line}" for name, entry in COMMANDS.items()]
@@ -35,6 +35,11 @@ def call(name: str, arguments: Sequence[str]) -> int:
     """Run one entry point; returns its exit code."""
     if name not in ENTRY_POINTS:
         raise unknown_name("name", name, ENTRY_POINTS)
+    if name in NODES and {"-h", "--help"} & set(arguments):
+        from shake_ros.ros import node_help
+
+        print(node_help.text(importlib.import_module(ENTRY_POINTS[name].module).build, name))
+        return 0
     try:
         module = importlib.import_module(ENTRY_POINTS[name].module)
     except ModuleNotFoundError as error:
