@@ -2,7 +2,7 @@
 
 A sampled message has a fixed layout (CDR, little endian, one joint), so it is packed and unpacked with one
 `struct` instead of through a message object, which saves 30 µs a message. Whatever has another layout
-(another joint order, a frame, velocities) goes through the message object; the numbers are the same.
+(another joint order, another frame, velocities) goes through the message object; the numbers are the same.
 """
 
 from __future__ import annotations
@@ -56,11 +56,9 @@ def _joint_index(names: list[str], joint: str, count: int) -> int:
     return index
 
 
-def _joint_state(joint: str) -> tuple[Callable[[Time, Values], Any], Callable[[Any], Values]]:
-    def build(stamp: Time, values: Values) -> JointState:
-        message = JointState(name=[joint], position=list(values))
-        message.header.stamp = stamp
-        return message
+def _joint_state(joint: str) -> tuple[Callable[[Values, float], Any], Callable[[Any], Values]]:
+    def build(values: Values, _: float) -> JointState:
+        return JointState(name=[joint], position=list(values))
 
     def read(message: JointState) -> Values:
         return (message.position[_joint_index(message.name, joint, len(message.position))],)
@@ -68,12 +66,10 @@ def _joint_state(joint: str) -> tuple[Callable[[Time, Values], Any], Callable[[A
     return build, read
 
 
-def _trajectory(stamp: Time, values: Values) -> JointTrajectory:
+def _trajectory(values: Values, _: float) -> JointTrajectory:
     position, velocity, acceleration = values
     point = JointTrajectoryPoint(positions=[position], velocities=[velocity], accelerations=[acceleration])
-    message = JointTrajectory(joint_names=[TABLE_JOINT], points=[point])
-    message.header.stamp = stamp
-    return message
+    return JointTrajectory(joint_names=[TABLE_JOINT], points=[point])
 
 
 def _read_trajectory(message: JointTrajectory) -> Values:
@@ -85,29 +81,43 @@ def _read_trajectory(message: JointTrajectory) -> Values:
     return point.positions[index], point.velocities[index], point.accelerations[index]
 
 
-def _imu(stamp: Time, values: Values) -> Imu:
+def _imu(values: Values, variance: float) -> Imu:
     message = Imu()
-    message.header.stamp = stamp
     message.orientation_covariance[0] = NOT_MEASURED
     message.angular_velocity_covariance[0] = NOT_MEASURED
     message.linear_acceleration.x = values[0]
+    message.linear_acceleration_covariance[0] = variance
     return message
 
 
-def _pressure(stamp: Time, values: Values) -> FluidPressure:
-    message = FluidPressure(fluid_pressure=values[0])
-    message.header.stamp = stamp
-    return message
+def _pressure(values: Values, variance: float) -> FluidPressure:
+    return FluidPressure(fluid_pressure=values[0], variance=variance)
 
 
-# Layouts after the header (frame_id empty: length 1 and its zero, then alignment). `x` is padding, whose
-# content is undefined on the wire; the constants are what a message must hold to be read this way.
-HEADER = "<4s i I I s"
-JOINT_LAYOUTS = {
-    TABLE_JOINT: "3x I I 6s 2x I 4x d I I",
-    VALVE_JOINT: "3x I I 12s I d I I",
-}
-TRAJECTORY_LAYOUT = "3x I I 6s 2x I I d I 4x d I 4x d I i I"
+# What stands in a message behind the stamp: struct codes with what they must hold to be read this way; NUMBER stands
+# for one of the sample's, VARIANCE for that of the sensor, which a reader does not ask for.
+NUMBER, VARIANCE = object(), object()
+Parts = list[tuple[str, Any]]
+ALIGNMENT = {"I": 4, "i": 4, "d": 8, "s": 1}
+
+
+def _text(text: str) -> Parts:
+    data = text.encode() + b"\x00"
+    return [("I", len(data)), (f"{len(data)}s", data)]
+
+
+def _aligned(parts: Parts) -> str:
+    """Struct format with the padding of CDR, whose content is undefined on the wire.
+
+    >>> _aligned([("i", 0), *_text("table"), ("d", 0.0)])
+    '<4s i I 6s 2x d'
+    """
+    form, offset = ["<4s"], 0
+    for code, _ in parts:
+        padding = -offset % ALIGNMENT[code[-1]]
+        form += [f"{padding}x", code] if padding else [code]
+        offset += padding + struct.calcsize(f"<{code}")
+    return " ".join(form)
 
 
 class Codec:
@@ -115,30 +125,43 @@ class Codec:
 
     Parameters
     ----------
-    build, read : numbers → message and message → numbers.
-    form : struct format of the whole message with one stamp (i, I) after the encapsulation.
-    constants : every field of `form` but the stamp; None stands for a number.
-    size : how many numbers.
+    build : numbers and variance → message, without its header. read : message → numbers.
+    parts : what stands behind the stamp. size : how many numbers.
+
+    Attributes
+    ----------
+    variance : of the sensor's noise [unit²], where the message has a place for it; 0: unknown.
     """
 
     def __init__(
         self,
         topic: Topic,
-        build: Callable[[Time, Values], Any],
+        build: Callable[[Values, float], Any],
         read: Callable[[Any], Values],
-        form: str,
-        constants: tuple[Any, ...],
+        parts: Parts,
         size: int,
     ) -> None:
         self.topic = topic
-        self.build = build
         self.read = read
         self.size = size
-        self._struct = struct.Struct(form)
-        self._pattern: list[Any] = [ENCAPSULATION, 0, 0, *constants]
-        self._places = [place for place, value in enumerate(self._pattern) if value is None]
-        self._template = [0.0 if value is None else value for value in self._pattern]
+        self.variance = 0.0
+        self._build = build
+        stamped: Parts = [("i", 0), ("I", 0), *parts]
+        self._struct = struct.Struct(_aligned(stamped))
+        self._pattern: list[Any] = [ENCAPSULATION, *(value for _, value in stamped)]
+        self._places = [place for place, value in enumerate(self._pattern) if value is NUMBER]
+        self._variances = [place for place, value in enumerate(self._pattern) if value is VARIANCE]
+        self._template = [0.0 if value in (NUMBER, VARIANCE) else value for value in self._pattern]
         self.packed = self._agrees_with_middleware()
+
+    def build(self, stamp: Time, values: Values) -> Any:
+        """The message of a stamp and its numbers."""
+        message = self._build(values, self.variance)
+        if self.topic is CLOCK:
+            message.clock = stamp
+        else:
+            message.header.stamp, message.header.frame_id = stamp, self.topic.frame
+        return message
 
     def _agrees_with_middleware(self) -> bool:
         """Whether the middleware reads our packed form as the message that it stands for, and writes it alike."""
@@ -157,6 +180,8 @@ class Codec:
         fields[1], fields[2] = divmod(stamp, SECOND)
         for place, value in zip(self._places, values, strict=True):
             fields[place] = value
+        for place in self._variances:
+            fields[place] = self.variance
         return self._struct.pack(*fields)
 
     def encode(self, stamp: int, values: Values) -> Any:
@@ -174,7 +199,9 @@ class Codec:
         values = tuple([fields[place] for place in self._places])
         fields[1] = fields[2] = 0
         for place in self._places:
-            fields[place] = None
+            fields[place] = NUMBER
+        for place in self._variances:
+            fields[place] = VARIANCE
         return (stamp, values) if fields == self._pattern else None
 
     def decode(self, data: bytes) -> tuple[int, Values]:
@@ -192,31 +219,30 @@ class Codec:
 
 def _joint_codec(topic: Topic, joint: str) -> Codec:
     build, read = _joint_state(joint)
-    name = joint.encode() + b"\x00"
-    constants = (1, b"\x00", 1, len(name), name, 1, None, 0, 0)
-    return Codec(topic, build, read, f"{HEADER} {JOINT_LAYOUTS[joint]}", constants, 1)
+    parts = [*_text(topic.frame), ("I", 1), *_text(joint), ("I", 1), ("d", NUMBER), ("I", 0), ("I", 0)]
+    return Codec(topic, build, read, parts, 1)
 
 
 def _trajectory_codec(topic: Topic) -> Codec:
-    name = TABLE_JOINT.encode() + b"\x00"
-    constants = (1, b"\x00", 1, len(name), name, 1, 1, None, 1, None, 1, None, 0, 0, 0)
-    return Codec(topic, _trajectory, _read_trajectory, f"{HEADER} {TRAJECTORY_LAYOUT}", constants, 3)
+    parts = [*_text(topic.frame), ("I", 1), *_text(TABLE_JOINT), ("I", 1)]
+    parts += [("I", 1), ("d", NUMBER)] * 3 + [("I", 0), ("i", 0), ("I", 0)]
+    return Codec(topic, _trajectory, _read_trajectory, parts, 3)
 
 
 def _imu_codec(topic: Topic) -> Codec:
-    zeros = (0.0,) * 8
-    orientation = (0.0, 0.0, 0.0, 1.0, NOT_MEASURED, *zeros)
-    angular = (0.0, 0.0, 0.0, NOT_MEASURED, *zeros)
-    constants = (1, b"\x00", *orientation, *angular, None, 0.0, 0.0, 0.0, *zeros)
-    return Codec(topic, _imu, lambda m: (m.linear_acceleration.x,), f"{HEADER} 3x 37d", constants, 1)
+    unmeasured = (NOT_MEASURED, *(0.0,) * 8)
+    numbers = (0.0, 0.0, 0.0, 1.0, *unmeasured, 0.0, 0.0, 0.0, *unmeasured, NUMBER, 0.0, 0.0, VARIANCE, *(0.0,) * 8)
+    parts = [*_text(topic.frame), *(("d", number) for number in numbers)]
+    return Codec(topic, _imu, lambda m: (m.linear_acceleration.x,), parts, 1)
 
 
 def _pressure_codec(topic: Topic) -> Codec:
-    return Codec(topic, _pressure, lambda m: (m.fluid_pressure,), f"{HEADER} 3x d d", (1, b"\x00", None, 0.0), 1)
+    parts = [*_text(topic.frame), ("d", NUMBER), ("d", VARIANCE)]
+    return Codec(topic, _pressure, lambda m: (m.fluid_pressure,), parts, 1)
 
 
 def _clock_codec(topic: Topic) -> Codec:
-    return Codec(topic, lambda stamp, _: Clock(clock=stamp), lambda _: (), "<4s i I", (), 0)
+    return Codec(topic, lambda *_: Clock(), lambda _: (), [], 0)
 
 
 @dataclass(frozen=True)

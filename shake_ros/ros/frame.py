@@ -89,7 +89,7 @@ class Writer:
         self.publisher = frame.publisher(topic)
         self._frame = frame
         self._topic = topic
-        packer = codec(topic)
+        packer = self.codec = codec(topic)
         self._encode = packer.encode
         # what `publish` does with bytes, without its checks
         self._publish = self.publisher.handle.publish_raw if packer.packed else self.publisher.publish

@@ -19,6 +19,8 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 NAMESPACE = "/shake"
+# Frames, with the axes of REP 103: x along the travel, positive where chamber A pushes, z up; zero in mid-stroke.
+GROUND, TABLE = "ground", "table"
 TABLE_JOINT = "table"
 VALVE_JOINT = "servo_valve"
 
@@ -63,11 +65,12 @@ LOSSLESS = LOCKSTEP_QOS.history, LOCKSTEP_QOS.reliability
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic: its name, message type and whether it carries one message a sample (else: now and then)."""
+    """A topic: its name, message type, whether it carries one message a sample (else: now and then), and its frame."""
 
     name: str
     type: Any
     sampled: bool = True
+    frame: str = GROUND
 
     def qos(self, lockstep: bool) -> QoSProfile:
         """Quality of service of writers and readers in lock-step or in real time."""
@@ -94,7 +97,7 @@ def overriding(topic: Topic, lockstep: bool) -> QoSOverridingOptions:
 
 
 JOINT_STATES = Topic("joint_states", JointState)
-IMU = Topic("imu", Imu)
+IMU = Topic("imu", Imu, frame=TABLE)
 PRESSURE_A = Topic("pressure_a", FluidPressure)
 PRESSURE_B = Topic("pressure_b", FluidPressure)
 PRESSURE_SUPPLY = Topic("pressure_supply", FluidPressure)

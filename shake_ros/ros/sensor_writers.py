@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 
+from shake_ros.core.plant.parameters import SensorParameters
 from shake_ros.ros import interface
 from shake_ros.ros.frame import Frame
 
@@ -29,3 +30,11 @@ class SensorWriters:
             value = readings[name]
             if not math.isnan(value):
                 writer.send(stamp, value)
+
+    def tell_noise(self, sensors: SensorParameters) -> None:
+        """What the messages say of the sensors' noise: variances [unit²]."""
+        pressure = sensors.pressure_noise**2
+        variances = dict.fromkeys(("pressure_a", "pressure_b", "pressure_supply"), pressure)
+        variances["acceleration"] = sensors.acceleration_noise**2
+        for name, writer in self._writers.items():
+            writer.codec.variance = variances.get(name, 0.0)

@@ -10,7 +10,16 @@ from sensor_msgs.msg import JointState
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.ros.conversions import SECOND, codec, time_message
-from shake_ros.ros.interface import CLOCK, JOINT_STATES, REFERENCE, TOPICS, VALVE_COMMAND
+from shake_ros.ros.interface import (
+    CLOCK,
+    IMU,
+    JOINT_STATES,
+    PRESSURE_A,
+    PRESSURE_SUPPLY,
+    REFERENCE,
+    TOPICS,
+    VALVE_COMMAND,
+)
 
 SAMPLED = [topic for topic in TOPICS.values() if topic.sampled or topic is CLOCK]
 STAMP = 1_234_567_890_123_456_789
@@ -76,3 +85,28 @@ def test_trajectory_without_a_point_is_refused() -> None:
 def test_a_topic_that_is_not_sampled_has_no_codec() -> None:
     with pytest.raises(ShakeError, match="thd is not a sampled topic"):
         codec(TOPICS["thd"])
+
+
+@pytest.mark.parametrize("topic", SAMPLED, ids=lambda topic: topic.name)
+def test_every_header_names_its_frame(topic) -> None:
+    message = deserialize_message(codec(topic).pack(STAMP, NUMBERS[: codec(topic).size]), topic.type)
+    if topic is not CLOCK:
+        assert message.header.frame_id == ("table" if topic is IMU else "ground")
+
+
+@pytest.mark.parametrize("topic", [IMU, PRESSURE_A, PRESSURE_SUPPLY], ids=lambda topic: topic.name)
+def test_variance_of_the_noise_is_told_and_does_not_keep_a_reader_from_the_numbers(topic) -> None:
+    writer, reader = codec(topic), codec(topic)
+    writer.variance = 0.0025
+    data = writer.pack(STAMP, (1.5,))
+    message = deserialize_message(data, topic.type)
+    told = message.linear_acceleration_covariance[0] if topic is IMU else message.variance
+    assert told == 0.0025
+    assert message == writer.build(time_message(STAMP), (1.5,))
+    assert reader._unpack(data) == (STAMP, (1.5,))
+
+
+def test_recording_of_earlier_days_without_frames_is_read_as_well() -> None:
+    message = codec(IMU).build(time_message(STAMP), (2.5,))
+    message.header.frame_id = ""
+    assert codec(IMU).decode(serialize_message(message)) == (STAMP, (2.5,))

@@ -106,3 +106,12 @@ def test_commands_that_get_lost_hold_the_program_and_late_ones_do_not(ros_domain
             assert trips[0].action == "program_hold"
             assert trips[0].value == pytest.approx(share, abs=0.02)
             assert trips[0].time - start <= 220 * MS
+
+
+def test_messages_tell_the_variance_of_the_sensors_that_there_are(ros_domain) -> None:
+    with plant("bergamo", ros_domain) as node:
+        writers = node._sensors._writers
+        sensors = node._live.value.sensors
+        assert writers["acceleration"].codec.variance == sensors.acceleration_noise**2 > 0.0
+        assert writers["pressure_supply"].codec.variance == sensors.pressure_noise**2 > 0.0
+        assert writers["position"].codec.variance == 0.0  # JointState has no place for it
