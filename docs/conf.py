@@ -32,7 +32,8 @@ autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented"
 napoleon_google_docstring = False
 pygments_style, pygments_dark_style = "friendly", "monokai"
-nitpicky = False
+napoleon_use_ivar = True
+suppress_warnings = ["ref.python"]  # a word of a docstring that two classes have as an attribute
 
 html_theme = "furo"
 html_title = f"shake_ros {version}"

@@ -29,7 +29,7 @@ def rates(y, u, dead_band):
 def measured(command, noise, dead_band=0.0):
     """Position [m] and acceleration [m/s²] under a command, with `noise` of shape (2, n) in standard deviations."""
     y, dt = np.array([0.0, 0.0, SUPPLY / 2, SUPPLY / 2, 0.0, 0.0]), SAMPLE / STEPS
-    x, a = 8e-6 * noise[0], 0.05 * noise[1]
+    x, a = 2e-5 * noise[0], 0.2 * noise[1]
     for k, u in enumerate(command):
         x[k] += y[0]
         a[k] += rates(y, u, dead_band)[1]

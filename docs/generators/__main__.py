@@ -8,7 +8,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from docs.generators import commands, configuration, effects, house, nodes, topics
+from docs.generators import commands, configuration, effects, examples, house, nodes, python, topics
 
 
 def main() -> None:
@@ -17,9 +17,10 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--figures", action="store_true", help="draw the figures too (a minute)")
     arguments = parser.parse_args()
+    sys.meta_path.insert(0, nodes.StandIns())
     for old in arguments.folder.rglob("*.md"):
         old.unlink()
-    for part in (topics, configuration, commands, effects, house, nodes):
+    for part in (topics, configuration, commands, effects, examples, house, python, nodes):
         for name, text in part.pages().items():
             path = arguments.folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
