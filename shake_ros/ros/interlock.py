@@ -18,7 +18,8 @@ from shake_ros.core.safety.rates import LastSecond
 from shake_ros.core.safety.stages import RUN, STAGES
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import ERROR, OK, WARN
-from shake_ros.ros.frame import Frame, Reader
+from shake_ros.ros.frame import Frame
+from shake_ros.ros.samples import Reader
 from shake_ros.settings import load_interlock
 
 LOOKING = 0.1  # from one look for a second commander to the next [s]

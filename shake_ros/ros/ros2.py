@@ -37,7 +37,7 @@ KINDS = {1: "Boolean value is:", 2: "Integer value is:", 3: "Double value is:", 
 HIDDEN = "_"  # how names of what is not for people begin
 
 
-class Session:
+class Console:
     """A node of one's own, to look and ask."""
 
     def __init__(self, context: Context) -> None:
@@ -81,9 +81,9 @@ class Session:
         return client
 
 
-def nodes(session: Session) -> list[str]:
+def nodes(console: Console) -> list[str]:
     """Full names of all nodes that are for people."""
-    found = session.node.get_node_names_and_namespaces()
+    found = console.node.get_node_names_and_namespaces()
     return sorted(f"{space.rstrip('/')}/{name}" for name, space in found if not name.startswith(HIDDEN))
 
 
@@ -115,29 +115,29 @@ def fill(message: Any, content: Any) -> Any:
     return message
 
 
-def topic_list(session: Session, given: argparse.Namespace) -> int:
+def topic_list(console: Console, given: argparse.Namespace) -> int:
     """Names of all topics."""
-    for name, types in session.gathered(session.node.get_topic_names_and_types):
+    for name, types in console.gathered(console.node.get_topic_names_and_types):
         print(f"{name} [{', '.join(types)}]" if given.show_types else name)
     return 0
 
 
-def _topic(session: Session, name: str) -> tuple[str, Any, QoSProfile]:
+def _topic(console: Console, name: str) -> tuple[str, Any, QoSProfile]:
     """Full name, class and a profile that all its writers can serve."""
     full = f"/{name.lstrip('/')}"
-    found = session.until(lambda: dict(session.node.get_topic_names_and_types()).get(full))
+    found = console.until(lambda: dict(console.node.get_topic_names_and_types()).get(full))
     if not found:
         raise ShakeError(f"topic [{full}] does not appear to be published yet")
     kind = interface_class(found[0])
     if kind is None:
         raise ShakeError(f"The message type '{found[0]}' is invalid")
-    offered = session.until(lambda: session.node.get_publishers_info_by_topic(full), DISCOVERY)
+    offered = console.until(lambda: console.node.get_publishers_info_by_topic(full), DISCOVERY)
     return full, kind, matching([info.qos_profile for info in offered])
 
 
-def topic_echo(session: Session, given: argparse.Namespace) -> int:
+def topic_echo(console: Console, given: argparse.Namespace) -> int:
     """Every message of a topic."""
-    full, kind, profile = _topic(session, given.topic_name)
+    full, kind, profile = _topic(console, given.topic_name)
     heard: list[int] = []
 
     def arrived(message: Any) -> None:
@@ -149,20 +149,20 @@ def topic_echo(session: Session, given: argparse.Namespace) -> int:
         print(yaml.dump(show(message), sort_keys=False, allow_unicode=True, width=sys.maxsize), end="")
         print("---", flush=True)
 
-    session.node.create_subscription(kind, full, arrived, profile)
+    console.node.create_subscription(kind, full, arrived, profile)
     while not (given.once and heard):
-        session.spin(0.1)
+        console.spin(0.1)
     return 0
 
 
-def topic_hz(session: Session, given: argparse.Namespace) -> int:
+def topic_hz(console: Console, given: argparse.Namespace) -> int:
     """How often messages come, once a second."""
-    full, kind, profile = _topic(session, given.topic_name)
+    full, kind, profile = _topic(console, given.topic_name)
     times: deque[float] = deque(maxlen=given.window + 1)
-    session.node.create_subscription(kind, full, lambda _: times.append(time.monotonic()), profile, raw=True)
+    console.node.create_subscription(kind, full, lambda _: times.append(time.monotonic()), profile, raw=True)
     reported, count = time.monotonic(), 0
     while given.reports == 0 or count < given.reports:
-        session.spin(0.01)
+        console.spin(0.01)
         if time.monotonic() - reported < REPORT or len(times) < 2:
             continue
         reported, count = time.monotonic(), count + 1
@@ -175,25 +175,25 @@ def topic_hz(session: Session, given: argparse.Namespace) -> int:
     return 0
 
 
-def param_list(session: Session, given: argparse.Namespace) -> int:
+def param_list(console: Console, given: argparse.Namespace) -> int:
     """Names of the parameters of a node, or of all."""
-    for name in [given.node_name] if given.node_name else session.gathered(lambda: nodes(session)):
+    for name in [given.node_name] if given.node_name else console.gathered(lambda: nodes(console)):
         with contextlib.nullcontext() if given.node_name else contextlib.suppress(ShakeError):
-            names = _names(session, name)
+            names = _names(console, name)
             if not given.node_name:
                 print(f"{name}:")
             print("\n".join(f"  {one}" for one in names))
     return 0
 
 
-def _names(session: Session, node: str) -> list[str]:
-    return sorted(session.answer(session.parameters(node).list_parameters(), node).result.names)
+def _names(console: Console, node: str) -> list[str]:
+    return sorted(console.answer(console.parameters(node).list_parameters(), node).result.names)
 
 
-def param_get(session: Session, given: argparse.Namespace) -> int:
+def param_get(console: Console, given: argparse.Namespace) -> int:
     """The value of a parameter."""
-    client = session.parameters(given.node_name)
-    value = session.answer(client.get_parameters([given.parameter_name]), given.node_name).values
+    client = console.parameters(given.node_name)
+    value = console.answer(client.get_parameters([given.parameter_name]), given.node_name).values
     if not value or not value[0].type:
         raise ShakeError("Parameter not set.")
     kind, plain = KINDS.get(value[0].type, "Values are:"), parameter_value_to_python(value[0])
@@ -201,21 +201,21 @@ def param_get(session: Session, given: argparse.Namespace) -> int:
     return 0
 
 
-def param_set(session: Session, given: argparse.Namespace) -> int:
+def param_set(console: Console, given: argparse.Namespace) -> int:
     """Change a parameter; its value is read as YAML."""
-    client = session.parameters(given.node_name)
+    client = console.parameters(given.node_name)
     value = parameter_value_to_python(get_parameter_value(given.value))
-    result = session.answer(client.set_parameters([Parameter(given.parameter_name, value=value)]), given.node_name)
+    result = console.answer(client.set_parameters([Parameter(given.parameter_name, value=value)]), given.node_name)
     done, reason = result.results[0].successful, result.results[0].reason
     text = "Set parameter successful" if done else "Setting parameter failed"
     print(f"{text}: {reason}" if reason else text, file=sys.stdout if done else sys.stderr)
     return 0 if done else 1
 
 
-def param_dump(session: Session, given: argparse.Namespace) -> int:
+def param_dump(console: Console, given: argparse.Namespace) -> int:
     """All parameters of a node as a file that it can be started with."""
-    names = _names(session, given.node_name)
-    values = session.answer(session.parameters(given.node_name).get_parameters(names), given.node_name).values
+    names = _names(console, given.node_name)
+    values = console.answer(console.parameters(given.node_name).get_parameters(names), given.node_name).values
     found: dict[str, Any] = {}
     for name, value in zip(names, values, strict=True):
         *folders, leaf = name.split(".")
@@ -228,26 +228,26 @@ def param_dump(session: Session, given: argparse.Namespace) -> int:
     return 0
 
 
-def service_list(session: Session, given: argparse.Namespace) -> int:
+def service_list(console: Console, given: argparse.Namespace) -> int:
     """Names of all services."""
-    for name, types in session.gathered(session.node.get_service_names_and_types):
+    for name, types in console.gathered(console.node.get_service_names_and_types):
         print(f"{name} [{', '.join(types)}]" if given.show_types else name)
     return 0
 
 
-def service_call(session: Session, given: argparse.Namespace) -> int:
+def service_call(console: Console, given: argparse.Namespace) -> int:
     """Ask a service."""
     kind = interface_class(given.service_type)
     if kind is None or not hasattr(kind, "Request"):
         raise ShakeError("The passed service type is invalid")
     request = fill(kind.Request(), yaml.safe_load(given.values))
-    client: Any = session.node.create_client(kind, f"/{given.service_name.lstrip('/')}")
+    client: Any = console.node.create_client(kind, f"/{given.service_name.lstrip('/')}")
     if not client.service_is_ready():
         print("waiting for service to become available...", flush=True)
-    if not session.until(client.service_is_ready):
+    if not console.until(client.service_is_ready):
         raise ShakeError(f"service {given.service_name} is not there")
     print(f"requester: making request: {request!r}\n")
-    print(f"response:\n{session.answer(client.call_async(request), given.service_name)!r}\n")
+    print(f"response:\n{console.answer(client.call_async(request), given.service_name)!r}\n")
     return 0
 
 
@@ -287,8 +287,8 @@ def main(arguments: Sequence[str]) -> int:
     """Run one command; returns its exit code."""
     given = parser().parse_args(list(arguments))
     with ros_context([]) as context:
-        session = Session(context)
+        console = Console(context)
         try:
-            return int(given.run(session, given))
+            return int(given.run(console, given))
         finally:
-            session.node.destroy_node()
+            console.node.destroy_node()
