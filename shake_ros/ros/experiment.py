@@ -12,6 +12,7 @@ from shake_ros.ros.graph import Graph, GraphError, NodeSpec
 
 POLL = 0.1  # [s]
 SLOWEST = 50.0  # steps/s below which a run counts as stuck
+STARTING = 300.0  # time that five processes may take to start, compiling on a slow and busy machine [s]
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def record(experiment: Experiment, bag: Path, progress: Callable[[float], None] 
         NodeSpec("observer", {"observer": experiment.observer}),
     ]
     started = time.monotonic()
-    usual, limit = 3.0 + experiment.duration, 60.0 + experiment.duration * 1000.0 / SLOWEST
+    usual, limit = 3.0 + experiment.duration, STARTING + experiment.duration * 1000.0 / SLOWEST
     with Graph(nodes, domain_id=free_domain()) as graph:
         while graph.processes["plant"].poll() is None:
             graph.check()

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shake_ros.core.control import harmonic_cancellation, iteration
+from shake_ros.core.control import harmonic_cancellation
+from shake_ros.core.iteration import drive as iteration
 from shake_ros.core.packing import numbers
 from shake_ros.core.quantities import ShakeError
 from shake_ros.settings import find, read_yaml
