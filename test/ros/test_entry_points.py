@@ -58,13 +58,20 @@ def test_wrong_input_is_one_line_and_exit_code_2(ros_domain, capfd, arguments, r
     assert reason in lines[0]
 
 
-@pytest.mark.parametrize(("raised", "code"), [(ShakeError("file: reason"), 2), (KeyboardInterrupt(), 130)])
-def test_exit_codes_and_silence_on_interrupt(monkeypatch, capsys, raised, code) -> None:
+@pytest.mark.parametrize(
+    ("name", "raised", "code"),
+    [
+        ("plant", ShakeError("file: reason"), 2),
+        ("identify", KeyboardInterrupt(), 130),
+        ("plant", KeyboardInterrupt(), 0),  # a node that is told to end while it starts, by a launcher say
+    ],
+)
+def test_exit_codes_and_silence_on_interrupt(monkeypatch, capsys, name, raised, code) -> None:
     def call(*_: object) -> int:
         raise raised
 
     monkeypatch.setattr(entry, "call", call)
-    assert entry.main(["plant"]) == code
+    assert entry.main([name]) == code
     assert capsys.readouterr().err == ("shake_ros plant: file: reason\n" if code == 2 else "")
 
 

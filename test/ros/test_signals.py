@@ -15,9 +15,8 @@ from shake_ros.ros.loop import ros_context
 @pytest.mark.parametrize("name", ["thd_analyzer", "reference_generator", "recorder"])
 @pytest.mark.parametrize("pauses", [(0.0,), (0.003, 0.01), (0.02, 0.05, 0.1)])
 def test_signals_that_come_in_a_bunch_end_a_node_in_good_order(ros_domain, tmp_path, name, pauses) -> None:
-    node = NodeProcess(
-        ros_domain, tmp_path, name, "-p", "reference:=none" if name == "reference_generator" else "orders:=5"
-    )
+    output = ["-p", f"output:={tmp_path / 'run'}"] if name == "recorder" else []
+    node = NodeProcess(ros_domain, tmp_path, name, *output)
     node.wait_for("running")
     assert node.end(*pauses) == 0, node.said()
     assert "Traceback" not in node.said()
