@@ -18,7 +18,7 @@ from shake_ros.ros import conversions, loop
 from shake_ros.ros.conversions import SECOND
 
 
-def run_ticks(self: loop.Loop, ticking: list[Any]) -> None:
+def run_ticks(self: loop.NodeLoop, ticking: list[Any]) -> None:
     """Ticks from rclpy timers; a period without a tick counts as missed."""
     first = time.time_ns()
     for behaviour in ticking:
@@ -38,7 +38,7 @@ def run_ticks(self: loop.Loop, ticking: list[Any]) -> None:
 def use() -> None:
     """Put the usual pattern in place of ours, in this process."""
     loop.make_executor = lambda context: SingleThreadedExecutor(context=context)
-    loop.Loop._run_ticks = run_ticks  # type: ignore[method-assign]
+    loop.NodeLoop._run_ticks = run_ticks  # type: ignore[method-assign]
     conversions.Codec._agrees_with_middleware = lambda self: False  # type: ignore[method-assign]
 
 

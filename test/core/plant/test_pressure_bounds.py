@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -121,4 +120,4 @@ def test_no_upper_bound_is_claimed_where_it_does_not_hold(name: str) -> None:
 
 
 def test_the_variant_is_the_declared_table_but_for_cavitation() -> None:
-    assert dataclasses.replace(CAVITATING, cavitation=DECLARED.cavitation) == DECLARED
+    assert CAVITATING.with_sections(cavitation=DECLARED.cavitation) == DECLARED
