@@ -139,13 +139,13 @@ def test_a_result_is_replaced_with_force_only(tmp_path: Path, capsys: pytest.Cap
 @pytest.mark.parametrize(
     ("content", "named"),
     [
-        ({"specimen_mass": 200.0}, "missing key runs"),
+        ({"specimen_mass": 200.0}, ": missing runs"),
         ({**RUNS, "masss": 1.0}, "unknown key 'masss'"),
         ({**RUNS, "runs": []}, "expected a list of runs"),
-        ({**RUNS, "runs": [3]}, "run 1: expected a mapping of names to values"),
+        ({**RUNS, "runs": [3]}, "run 1: expected amplitude, frequency, harmonics, got int"),
         ({**RUNS, "runs": [{**RUNS["runs"][0], "amplitude": 7.0}]}, "run 1: amplitude = 7.0"),  # type: ignore[index, dict-item]
         ({**RUNS, "specimen_mass": "heavy"}, "specimen_mass = 'heavy'"),
-        ([1, 2], "expected a mapping of names to values"),
+        ([1, 2], "expected specimen_mass, runs, got list"),
     ],
 )
 def test_bad_runs_are_one_line_with_file_and_value(

@@ -85,12 +85,12 @@ def test_hash_follows_a_file_and_what_it_imports_and_nothing_else(copy: Path) ->
     program = (
         "from shake_ros.core.compiled import CORE, source_hash\n"
         "print(*(source_hash(CORE / name) for name in "
-        "('plant/right_hand_side.py', 'friction/tustin.py', 'control/pid.py')))"
+        "('plant/right_hand_side.py', 'friction/tustin.py', 'bulk_modulus/lee.py')))"
     )
     core = copy / "shake_ros" / "core"
     before = python(copy, program).split()
     assert before == [
-        source_hash(CORE / name) for name in ("plant/right_hand_side.py", "friction/tustin.py", "control/pid.py")
+        source_hash(CORE / name) for name in ("plant/right_hand_side.py", "friction/tustin.py", "bulk_modulus/lee.py")
     ]
     path = core / "friction" / "tustin.py"
     path.write_text(path.read_text(encoding="utf-8") + "\n", encoding="utf-8")

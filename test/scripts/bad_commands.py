@@ -67,7 +67,7 @@ def not_a_number(scene: Scene) -> None:
 def two_publishers(scene: Scene) -> None:
     """A second publisher takes the table to a safe hold, until it is gone and the table is reset."""
     second = scene.driver.new_publisher()
-    scene.expect("2 publishers on valve_command")
+    scene.expect("2 publishers on /shake/valve_command")
     time.sleep(0.5)
     assert scene.speed() < STILL, f"{scene.speed()} m/s in safe hold"
     success, message = scene.driver.service("reset")

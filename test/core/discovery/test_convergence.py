@@ -68,7 +68,7 @@ def test_a_fit_that_is_as_good_stays_as_it_is() -> None:
     assert again.result.estimation_cost <= done.result.estimation_cost
 
 
-ONE: Any = SimpleNamespace(low=np.array([-3.0]), high=np.array([3.0]), vectors=np.atleast_2d)
+ONE: Any = SimpleNamespace(names=("x",), low=np.array([-3.0]), high=np.array([3.0]), vectors=np.atleast_2d)
 
 
 class TwoValleys:

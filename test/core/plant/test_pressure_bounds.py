@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from shake_ros.core.bulk_modulus import BULK_MODULI
 from shake_ros.core.plant.pressure_bounds import (
     LOOSE,
     PressureWatch,
@@ -17,11 +18,12 @@ from shake_ros.core.plant.pressure_bounds import (
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.plant.states import POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
 from shake_ros.core.plant.table import Table
-from shake_ros.settings import load_table
+from shake_ros.settings import load_table, load_variant
 
 SAMPLE = 1e-3
 DECLARED = load_table("bergamo")
 CAVITATING = load_table("bergamo_cavitation")
+STIFFENING = load_variant("bulk_modulus", "lee", BULK_MODULI)[1]
 
 
 def violent() -> dict[str, tuple[dict[str, float], np.ndarray]]:
@@ -114,7 +116,11 @@ def test_where_a_void_has_opened_the_watch_is_given_the_pressures_that_act() -> 
 
 @pytest.mark.parametrize("name", LOOSE)
 def test_no_upper_bound_is_claimed_where_it_does_not_hold(name: str) -> None:
-    watch = PressureWatch(DECLARED.with_values({name: 1e-6 if name.endswith(("compliance", "gap")) else 1}), SAMPLE)
+    if name == "bulk_modulus.kind":
+        table = DECLARED.with_sections(bulk_modulus=STIFFENING)
+    else:
+        table = DECLARED.with_values({name: 1e-6 if name.endswith(("compliance", "gap")) else 1})
+    watch = PressureWatch(table, SAMPLE)
     watch.observe(0.0, 0.1, 5e7, 1e7)
     assert watch.findings() == ()
 
