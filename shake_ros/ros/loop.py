@@ -16,6 +16,7 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -212,7 +213,11 @@ def obey_signals(loop: NodeLoop) -> dict[int, Any]:
             os._exit(128 + number)
         first = first or now
         loop.stop()
-        if not loop.running:
+        if not loop.running:  # a finaliser that is at work swallows what is raised: then the process ends all the same
+            sys.unraisablehook = lambda info: None
+            late = threading.Timer(IMPATIENT, lambda: None if loop.running else os._exit(0))
+            late.daemon = True
+            late.start()
             raise Interrupted
 
     return {number: signal.signal(number, handle) for number in SIGNALS}
