@@ -83,6 +83,12 @@ class Interrupted(BaseException):
     """Somebody wants a process to end whose nodes are not yet there."""
 
 
+def _unless_interrupted(info: sys.UnraisableHookArgs) -> None:
+    """Tell what a finaliser could not raise, but for an Interrupted."""
+    if not isinstance(info.exc_value, Interrupted):
+        sys.__unraisablehook__(info)
+
+
 class NodeLoop:
     """Runs nodes in the calling thread until one of them stops it.
 
@@ -214,7 +220,7 @@ def obey_signals(loop: NodeLoop) -> dict[int, Any]:
         first = first or now
         loop.stop()
         if not loop.running:  # a finaliser that is at work swallows what is raised: then the process ends all the same
-            sys.unraisablehook = lambda info: None
+            sys.unraisablehook = _unless_interrupted
             late = threading.Timer(IMPATIENT, lambda: None if loop.running else os._exit(0))
             late.daemon = True
             late.start()
