@@ -317,8 +317,9 @@ def main(build: Build, name: str, arguments: Sequence[str]) -> int:
         try:
             loop.add(build_node(build, name, context, process_arguments=arguments))
             loop.run()
-        except Interrupted:
-            pass
+        except BaseException:
+            if loop.running or not loop.stopping:  # what a node throws while it is told to end is no error
+                raise
         finally:
             loop.running = True
             loop.close()
