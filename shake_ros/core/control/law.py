@@ -14,7 +14,8 @@ class LawParameters(Parameters):
     """Fields of every controller.
 
     `model` names the table configuration whose virtual copy makes the feedforward (`virtual_table`); empty for the
-    law's own feedforward from the reference.
+    law's own feedforward from the reference. With `predict` the virtual table runs ahead by the whole dead time, and so
+    must the observer; without a model there is nothing to predict with.
     """
 
     code: ClassVar[int]  # number by which compiled code knows the law
@@ -25,6 +26,8 @@ class LawParameters(Parameters):
     model: str = choice("table configuration for the model feedforward, empty for none", default="")
     model_bandwidth: float = quantity("rad/s", "bandwidth of the virtual table's control", low=1.0, high=2000.0)
     model_horizon: float = quantity("s", "horizon of the virtual table's control", low=1e-4, high=0.1)
+    loop_delay: float = quantity("s", "dead time of the loop beyond the model's", low=0.0, high=0.1, default=0.0)
+    predict: bool = choice("whether estimate and virtual table stand where the command will act", default=False)
 
     def under_model(self) -> LawParameters:
         """The parameters under a model feedforward, which brings what the law then has to leave out."""

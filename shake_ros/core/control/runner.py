@@ -13,6 +13,7 @@ from shake_ros.core.control.law import LawParameters
 from shake_ros.core.control.selected import HEAD, initial_head, own_feedforward, step_controller
 from shake_ros.core.control.virtual_table import VirtualTable
 from shake_ros.core.packing import records
+from shake_ros.core.plant.dead_time import delayed_by
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
 
@@ -50,20 +51,24 @@ class Controller:
         self.kind = kind
         self.parameters = parameters
         self.sample_time = float(sample_time)
-        self._model = model
+        self._model = model and delayed_by(model, parameters.loop_delay)
         if parameters.model and model is None:
             raise ShakeError(f"controller '{kind}': the table '{parameters.model}' of its model was not handed over")
+        if parameters.predict and model is None:
+            raise ShakeError(f"controller '{kind}': predict needs a model")
         self.virtual: VirtualTable | None = None
-        if model is not None:
+        if self._model is not None:
             p = parameters
-            self.virtual = VirtualTable(model, self.sample_time, p.model_bandwidth, p.model_horizon, p.limit)
+            settings = p.model_bandwidth, p.model_horizon, p.limit, p.predict
+            self.virtual = VirtualTable(self._model, self.sample_time, *settings)
         self.law = records(CONTROLLERS, parameters.under_model() if self.virtual else parameters)
         self.law_size = HEAD + parameters.states
 
     def carries_on(self, other: Controller) -> bool:
         """Whether its virtual table is the same as that of `other`, so that one can go on with the other's state."""
         p, q = self.parameters, other.parameters
-        same = (p.model_bandwidth, p.model_horizon, p.limit) == (q.model_bandwidth, q.model_horizon, q.limit)
+        fields = ("model_bandwidth", "model_horizon", "limit", "predict")
+        same = all(getattr(p, name) == getattr(q, name) for name in fields)
         return self.virtual is not None and self._model == other._model and same
 
     def initial_state(self, command: float = 0.0, start_time: float | None = None) -> NDArray[np.float64]:

@@ -8,6 +8,8 @@ noise. At each sample the command is sought which, held over a short horizon, br
 where the reference at t + H is continued from its position, velocity, acceleration and the difference of its last two
 accelerations. s rises with the command, so a few secant steps inside a bracket find it, whatever stands between
 the command and the table: dead band, null shift, soft zone, play, friction, dead time. No inverse is written by hand.
+With a lead the copy has no dead time and runs ahead of the table by it: its motion is that of the instant at which the
+command acts, and the reference is continued so much further.
 The copy then takes that command for one sample, and the command is the feedforward of the real table, whose own
 feedback has to deal with what the model lacks. Not in the thesis, whose feedforward is α_4 ẋ_ref.
 
@@ -24,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
+from shake_ros.core.plant.dead_time import DELAY, dead_time
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import acceleration_now, advance_sample
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
@@ -40,7 +43,7 @@ HEAD = 3
 
 
 class Settings(NamedTuple):
-    """Dead time in whole samples and a fraction, samples of the horizon, bandwidth [rad/s], limit [-], dt [s]."""
+    """Dead time in whole samples and a fraction, samples of the horizon, bandwidth [rad/s], limit [-], dt, lead [s]."""
 
     whole: int
     fraction: float
@@ -48,6 +51,7 @@ class Settings(NamedTuple):
     bandwidth: float
     limit: float
     sample_time: float
+    lead: float
 
 
 @njit
@@ -132,18 +136,18 @@ def step(state, model, settings, rest, reference):  # type: ignore[no-untyped-de
     -------
     state : new array; its velocity is not finite where the copy left the finite numbers.
     u : the command for this sample [-]
-    virtual : (3,) position, velocity, acceleration of the copy now
+    virtual : (3,) position, velocity, acceleration of the copy now; with a lead, of the table after it
     """
-    p, (whole, fraction, samples, omega, limit, dt) = model[0], settings
+    p, (whole, fraction, samples, omega, limit, dt, lead) = model[0], settings
     following = state.copy()
     table = following[HEAD:]
     if state[STARTED] == 0.0:
         table[:STATES] = rest
-        table[POSITION] = table[LAGGED_POSITION] = reference[0]
+        table[POSITION] = table[LAGGED_POSITION] = ahead(state, reference, lead, dt)[0]
     virtual = np.empty(3)
     virtual[2] = acceleration_now(p, table, np.zeros(CONTINUOUS))
     virtual[0], virtual[1] = table[POSITION] + table[BASE], table[VELOCITY]
-    target = ahead(state, reference, samples * dt, dt)
+    target = ahead(state, reference, lead + samples * dt, dt)
     u = seek(p, table, state[COMMAND], target, whole, fraction, samples, omega, limit, dt, COARSE)
     carry(p, table, u, whole, fraction, 1, dt, FINE)
     following[STARTED], following[COMMAND], following[REFERENCE_ACCELERATION] = 1.0, u, reference[2]
@@ -168,6 +172,7 @@ class VirtualTable:
     bandwidth : ω of the surface [rad/s]
     horizon : H [s]; a dead time of the model is added to it, and the sum rounded to at least one sample.
     limit : largest command [-]
+    predict : whether the copy runs ahead by the model's dead time, see above.
 
     Attributes
     ----------
@@ -175,17 +180,25 @@ class VirtualTable:
     """
 
     def __init__(
-        self, model: TableParameters, sample_time: float, bandwidth: float, horizon: float, limit: float
+        self,
+        model: TableParameters,
+        sample_time: float,
+        bandwidth: float,
+        horizon: float,
+        limit: float,
+        predict: bool = False,
     ) -> None:
         if not (math.isfinite(horizon) and horizon > 0.0):
             raise OutOfBounds(f"model_horizon = {horizon!r} is not a positive number")
         vector = model.vector()
         self.record = FULL_LAYOUT.alone(vector)
         self.rest = initial_state(vector)
-        delay = model.value("effects.command_delay.delay") / sample_time
-        whole = math.floor(delay)
-        samples = max(whole + 1, round(horizon / sample_time + delay))
-        self.settings = Settings(whole, delay - whole, samples, float(bandwidth), float(limit), float(sample_time))
+        lead = model.value(DELAY) if predict else 0.0
+        whole, fraction = (0, 0.0) if predict else dead_time(model, sample_time)
+        samples = max(whole + 1, round(horizon / sample_time + (whole + fraction)))
+        self.settings = Settings(
+            whole, fraction, samples, float(bandwidth), float(limit), float(sample_time), float(lead)
+        )
         self.size = HEAD + STATES + whole + 2
 
     def initial_state(self) -> NDArray[np.float64]:

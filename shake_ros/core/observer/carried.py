@@ -6,20 +6,21 @@ newest first, which a dead time needs. Everything compiled works in place.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
+from shake_ros.core.plant.dead_time import dead_time
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import (
     acceleration_now,
     advance_sample,
+    hold,
     position_sensor,
     spool_command,
 )
 from shake_ros.core.plant.parameters import TableParameters, records
+from shake_ros.core.plant.right_hand_side import active_states
 from shake_ros.core.plant.simulation import TOLERANCE, initial_state
 from shake_ros.core.plant.states import (
     BASE,
@@ -33,7 +34,7 @@ from shake_ros.core.plant.states import (
     VELOCITY,
 )
 
-CARRIED = ("pressure_per_acceleration", "dead_samples", "dead_fraction")  # of `carried_numbers`
+CARRIED = ("pressure_per_acceleration", "dead_samples", "dead_fraction", "ahead")  # of `carried_numbers`
 WEIGHED = 3  # corrections of the load pressure at the start; its law is linear but for the chambers' limits
 
 
@@ -42,16 +43,11 @@ def work() -> NDArray[np.float64]:
     return np.asarray(workspace())
 
 
-def dead_time(model: TableParameters, sample_time: float) -> tuple[float, float]:
-    """Whole samples and fraction of a sample of the model's dead time."""
-    delay = model.value("effects.command_delay.delay") / sample_time
-    return math.floor(delay), delay - math.floor(delay)
-
-
-def carried_numbers(model: TableParameters, sample_time: float) -> dict[str, float]:
-    """Load pressure per acceleration M/(2 A_p), half the load pressure's change, and the dead time, by name."""
+def carried_numbers(model: TableParameters, sample_time: float, predict: bool) -> dict[str, float]:
+    """Load pressure per acceleration M/(2 A_p), half its change; the dead time; whether it is predicted, by name."""
     mass = model.moved_mass + model.value("effects.payload_error.mass")
-    return dict(zip(CARRIED, (0.5 * mass / model.body.piston_area, *dead_time(model, sample_time)), strict=True))
+    numbers = 0.5 * mass / model.body.piston_area, *dead_time(model, sample_time), float(predict)
+    return dict(zip(CARRIED, numbers, strict=True))
 
 
 def copy_at(
@@ -77,7 +73,7 @@ def copy_at(
             y[PRESSURE_A] = min(max(y[PRESSURE_A] + push, low), high)
             y[PRESSURE_B] = min(max(y[PRESSURE_B] - push, low), high)
     whole, _ = dead_time(model, sample_time)
-    return np.concatenate([y, np.full(int(whole) + 2, command)])
+    return np.concatenate([y, np.full(whole + 2, command)])
 
 
 @njit
@@ -104,3 +100,27 @@ def motion_now(p, y, work, motion):  # type: ignore[no-untyped-def]
     motion[0] = y[POSITION] + y[BASE]
     motion[1] = y[VELOCITY] + y[BASE_RATE]
     motion[2] = acceleration_now(p, y, work[STAGE])
+
+
+@njit
+def motion_ahead(p, y, end, push, whole, fraction, dt, work, motion):  # type: ignore[no-untyped-def]
+    """Motion when the next command begins to act, the dead time from now, under the commands that wait.
+
+    Parameters
+    ----------
+    y : state whose commands stand in y[STATES:end]; not changed. push : load pressure that a disturbance adds to P_A
+        and takes from P_B each sample [Pa]. motion : as in `motion_now`
+    """
+    later, past, samples = y[:STATES].copy(), y[STATES:end], int(whole)
+    for i in range(samples + 1):
+        part = 1.0 if i < samples else fraction
+        if part <= 1e-9:
+            break
+        if i < samples:
+            late, timely = past[samples - i], past[samples - i - 1]
+            advance_sample(p, later, late, timely, fraction, 0.0, dt, work, False, TOLERANCE)
+        else:
+            hold(p, later, past[0], 0.0, fraction * dt, active_states(p), work, False, TOLERANCE)
+        later[PRESSURE_A] += part * push
+        later[PRESSURE_B] -= part * push
+    motion_now(p, later, work, motion)

@@ -17,11 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.observer.carried import CARRIED, carried_numbers, carry_copy, copy_at, motion_now, sensed_position
+from shake_ros.core.observer.carried import (
+    CARRIED,
+    carried_numbers,
+    carry_copy,
+    copy_at,
+    motion_ahead,
+    motion_now,
+    sensed_position,
+)
 from shake_ros.core.observer.linear import LinearObserver
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
-from shake_ros.core.quantities import choice
+from shake_ros.core.quantities import choice, quantity
 
 
 @dataclass(frozen=True)
@@ -33,11 +41,13 @@ class ModelObserver(LinearObserver):
     derived: ClassVar[tuple[str, ...]] = (*LinearObserver.derived, *CARRIED)
 
     model: str = choice("table configuration of the model")
+    loop_delay: float = quantity("s", "dead time of the loop beyond the model's", low=0.0, high=0.1, default=0.0)
+    predict: bool = choice("whether the estimate is that of the instant at which the command acts", default=False)
 
     def derive(self, sample_time: float, model: TableParameters | None) -> dict[str, float]:
         """The gains on the innovation, and what the copy needs."""
         assert model is not None
-        return super().derive(sample_time, model) | carried_numbers(model, sample_time)
+        return super().derive(sample_time, model) | carried_numbers(model, sample_time, self.predict)
 
     def started(
         self, estimate: NDArray[np.float64], command: float, sample_time: float, model: TableParameters | None
@@ -67,4 +77,8 @@ def observe(state, p, model, position, command, dt, work, estimate):  # type: ig
     state[PRESSURE_A] += push
     state[PRESSURE_B] -= push
     state[last] = disturbance + p.disturbance_gain * innovation
-    motion_now(model, state, work, estimate)
+    if p.ahead > 0.0:
+        push = p.pressure_per_acceleration * dt * state[last]
+        motion_ahead(model, state, last, push, p.dead_samples, p.dead_fraction, dt, work, estimate)
+    else:
+        motion_now(model, state, work, estimate)

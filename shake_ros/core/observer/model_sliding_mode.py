@@ -22,7 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.observer.carried import CARRIED, carried_numbers, carry_copy, copy_at, motion_now, sensed_position
+from shake_ros.core.observer.carried import (
+    CARRIED,
+    carried_numbers,
+    carry_copy,
+    copy_at,
+    motion_ahead,
+    motion_now,
+    sensed_position,
+)
 from shake_ros.core.observer.law import ObserverParameters
 from shake_ros.core.observer.sliding_mode import injection
 from shake_ros.core.plant.parameters import TableParameters
@@ -48,11 +56,13 @@ class ModelSlidingModeObserver(ObserverParameters):
     boundary3: float = quantity("m/s^2", "boundary layer of the acceleration error, 0 for a sign", low=0.0)
     boundary4: float = quantity("m/s^3", "boundary layer of the disturbance's error, 0 for a sign", low=0.0)
     jerk_per_command: float = quantity("m/s^3", "jerk that a unit of command makes, β_3 where the gains hold", low=1e-6)
+    loop_delay: float = quantity("s", "dead time of the loop beyond the model's", low=0.0, high=0.1, default=0.0)
+    predict: bool = choice("whether the estimate is that of the instant at which the command acts", default=False)
 
     def derive(self, sample_time: float, model: TableParameters | None) -> dict[str, float]:
         """What the copy needs."""
         assert model is not None
-        return carried_numbers(model, sample_time)
+        return carried_numbers(model, sample_time, self.predict)
 
     def started(
         self, estimate: NDArray[np.float64], command: float, sample_time: float, model: TableParameters | None
@@ -85,4 +95,7 @@ def observe(state, p, model, position, command, dt, work, estimate):  # type: ig
             if abs(s) < 1.0 and p.lambda4 > 0.0:  # E_4
                 s = injection(gain * s, p.lambda4, p.boundary4, dt)
                 state[last] += dt * p.lambda4 * s / p.jerk_per_command
-    motion_now(model, state, work, estimate)
+    if p.ahead > 0.0:
+        motion_ahead(model, state, last, 0.0, p.dead_samples, p.dead_fraction, dt, work, estimate)
+    else:
+        motion_now(model, state, work, estimate)

@@ -13,6 +13,7 @@ from shake_ros.core.observer.carried import work
 from shake_ros.core.observer.law import ObserverParameters
 from shake_ros.core.observer.selected import NO_MODEL, observe_run, step_of
 from shake_ros.core.packing import records
+from shake_ros.core.plant.dead_time import delayed_by
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
 
@@ -53,7 +54,9 @@ class Observer:
         self.kind = kind
         self.parameters = parameters
         self.sample_time = float(sample_time)
-        self._model = model if parameters.carries_table else None
+        self._model = None
+        if parameters.carries_table and model is not None:
+            self._model = delayed_by(model, getattr(parameters, "loop_delay", 0.0))
         if parameters.carries_table and model is None:
             named = getattr(parameters, "model", "")
             raise ShakeError(f"observer '{kind}': the table '{named}' of its model was not handed over")

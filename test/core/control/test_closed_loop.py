@@ -147,6 +147,55 @@ def test_virtual_table_follows_the_reference_through_a_dead_band(
     assert error[2] < 0.06
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.0025, 0.005])
+def test_loop_that_predicts_through_the_dead_time_is_better_than_one_that_does_not(
+    delay: float, declared: TableParameters, earthquake: Program
+) -> None:
+    # the table's own dead time, found, and one sample of the loop's
+    truth = declared.with_values({"effects.command_delay.delay": delay})
+    errors = []
+    for predict in (False, True):
+        kind, parameters = load_variant("observer", "model", OBSERVERS)
+        seer = Observer(kind, parameters.replace(predict=predict, loop_delay=DT), DT, truth)
+        law = controller("super_twisting_tuned", truth, predict=predict, loop_delay=DT)
+        run = simulate_closed_loop(Table(truth, DT, seed=3), seer, law, earthquake, SAMPLES, delay=1)
+        errors.append(run.tracking_error())
+    assert np.all(errors[1] <= errors[0])
+    assert errors[1][2] < 0.06
+
+
+def test_estimate_that_is_predicted_is_that_of_the_sample_in_which_the_command_acts(
+    declared: TableParameters,
+) -> None:
+    # without noise and with a model that is the table, the prediction is the motion to come, fraction included
+    quiet = {"sensors.position_noise": 0.0, "sensors.position_bits": 0, "effects.command_delay.delay": 0.003}
+    truth = declared.with_values(quiet)
+    kind, parameters = load_variant("observer", "model", OBSERVERS)
+    whole = Observer(kind, parameters.replace(predict=True), DT, truth)
+    part = Observer(
+        kind, parameters.replace(predict=True), DT, truth.with_values({"effects.command_delay.delay": 0.0024})
+    )
+    commands = 0.2 * np.sin(2.0 * np.pi * 3.0 * np.arange(1200) * DT)
+    for seer, delay in ((whole, 3.0), (part, 2.4)):
+        plant = Table(truth.with_values({"effects.command_delay.delay": delay * DT}), DT)
+        state, motion, estimates = plant.initial_state(0.0), np.empty((1200, 3)), np.empty((1200, 3))
+        seen = seer.initial_state(0.0)
+        for k in range(1200):
+            m = plant.measure(state, k)
+            motion[k] = m.truth_position, m.truth_velocity, m.truth_acceleration
+            seen, estimates[k] = seer.step(seen, m.position, commands[k - 1] if k else 0.0)
+            state = plant.advance(state, commands[k])
+        at = np.arange(300, 1100)
+        there = [np.interp(at + delay, np.arange(1200), motion[:, i]) for i in range(3)]
+        np.testing.assert_allclose(estimates[at, 0], there[0], atol=2e-6)
+        np.testing.assert_allclose(estimates[at, 1], there[1], atol=2e-3)
+
+
+def test_prediction_without_a_model_is_refused() -> None:
+    with pytest.raises(ShakeError, match="predict needs a model"):
+        controller("super_twisting_tuned", predict=True)
+
+
 def test_virtual_table_starts_where_the_reference_is(declared: TableParameters) -> None:
     virtual = VirtualTable(declared, DT, 100.0, 0.004, 1.0)
     _, u, place = virtual.step(virtual.initial_state(), (0.05, 0.0, 0.0))
