@@ -19,6 +19,7 @@ from rclpy.subscription import Subscription
 
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
 from shake_ros.realtime import RealtimeParameters
+from shake_ros.ros.claims import Claims
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import ERROR, WARN, Diagnostics
 from shake_ros.ros.interface import CLOCK, CLOCK_QOS, DIAGNOSTICS, NAMESPACE, TOPICS, Topic, overriding
@@ -29,6 +30,7 @@ from shake_ros.settings import find, read_yaml
 P = TypeVar("P", bound=Parameters)
 FIRST_STAMP = SECOND  # lock-step time of sample 0 [ns]; zero would read as "no stamp"
 QUIET = 1.0  # lines of one key on the console are at least this far apart [s]
+SHARED = (DIAGNOSTICS, CLOCK)  # written by several nodes, of several graphs
 FAREWELL = 5.0  # at the end, readers get so long [s] to take what was sent
 
 
@@ -99,6 +101,8 @@ class Frame:
             cli_args=None if arguments is None else list(arguments),
             use_global_arguments=arguments is None,
         )
+        self.claims = Claims(context.get_domain_id())
+        self.claims.take("node", self.node.get_fully_qualified_name())
         self.parameters = NodeParameters(self.node)
         self.realtime = self.settings(RealtimeParameters, "realtime", file="common").value
         self.loop = self.settings(LoopParameters, file="common").value
@@ -155,7 +159,12 @@ class Frame:
         return round((stamp - FIRST_STAMP) / self.period)
 
     def publisher(self, topic: Topic, name: str = "") -> Publisher[Any]:
-        """A publisher on a topic, or with its type on another, whose quality of service `qos_overrides` may change."""
+        """A publisher on a topic, or with its type on another, whose quality of service `qos_overrides` may change.
+
+        The only one on this machine, but on what every graph writes: see `Claims`.
+        """
+        if topic not in SHARED:
+            self.claims.take("topic", self.resolved(name or topic.name))
         profile = topic.qos(self.lockstep)
         options = overriding(topic, self.lockstep)
         return self.node.create_publisher(topic.type, name or topic.name, profile, qos_overriding_options=options)
@@ -251,3 +260,4 @@ class Frame:
         except RuntimeError:
             pass
         self.node.destroy_node()
+        self.claims.give_up()

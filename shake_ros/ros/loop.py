@@ -47,6 +47,7 @@ IMPATIENT = 2.0  # after a signal, the next one means that the node hangs [s]
 SLOW_START = 2.0  # from then on a start says that it compiles [s]
 PR_SET_TIMERSLACK = 29
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+LOCAL = ("LOCALHOST", "OFF")
 
 Build = Callable[[Frame], Behaviour]
 
@@ -146,6 +147,8 @@ class NodeLoop:
         while waiting and self._alive():
             for behaviour in [one for one in waiting if one.frame.ready()]:
                 waiting.remove(behaviour)
+                if os.environ.get(DISCOVERY_RANGE) not in LOCAL:
+                    behaviour.frame.claims.elsewhere(behaviour.frame.node, lambda: self.spin(STARTING))
                 behaviour.frame.diagnostics.publish()
                 behaviour.start()
                 behaviour.frame.say(OK, "running")
@@ -253,7 +256,7 @@ def ros_context(arguments: Sequence[str] | None = None, domain_id: int | None = 
     opens the range (docs/howto/network.md).
     Fast DDS gets the profiles of config/, unless the environment names others.
     """
-    local = os.environ.setdefault(DISCOVERY_RANGE, "LOCALHOST") in ("LOCALHOST", "OFF")
+    local = os.environ.setdefault(DISCOVERY_RANGE, LOCAL[0]) in LOCAL
     profiles = config_folder() / ("fastdds.xml" if local else "fastdds_network.xml")
     if profiles.is_file():
         os.environ.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(profiles))

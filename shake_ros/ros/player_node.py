@@ -15,7 +15,7 @@ from shake_ros.data.recordings.bag import Bag, Message
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK
-from shake_ros.ros.frame import FAREWELL, Behaviour, Frame
+from shake_ros.ros.frame import FAREWELL, SHARED, Behaviour, Frame
 from shake_ros.ros.recorded_topics import interface_class
 from shake_ros.ros.samples import AGAIN, BLOCKED
 
@@ -83,6 +83,8 @@ class Player(Behaviour):
         if kind is None:
             self.frame.node.get_logger().warning(f"{name}: no Python package for type {topic.type}; left out")
             return None
+        if name not in {one.name for one in SHARED}:
+            self.frame.claims.take("topic", self.frame.resolved(f"/{name.lstrip('/')}"))
         return self.frame.node.create_publisher(kind, f"/{name.lstrip('/')}", interface.REALTIME_QOS)
 
     def _play(self) -> None:

@@ -2,8 +2,8 @@
 
     python test/scripts/real_time.py [--seconds 4.0] [--fifo] [--domain 0]
 
-Says what it found; the exit status is 0 where the bookkeeping is right and the loop is closed, however slow the
-machine is. `benchmarks/realtime/timing.py` measures.
+Says what it found; the exit status is 0 where the bookkeeping is right and the loop is closed. On a machine that is
+busy with other work it may not be: the suite runs it beside a bare timer. `benchmarks/realtime/timing.py` measures.
 """
 
 from __future__ import annotations
@@ -23,9 +23,6 @@ from shake_ros.ros.graph import Graph, NodeSpec
 
 PERIOD = SECOND // 1000  # [ns]
 TOPICS = ("joint_states", "valve_command", "reference", "truth", "/diagnostics")
-
-
-BUSY = 20  # more than one sample in so many missing: other work takes the processor away
 
 
 def stamps(messages: list[Any]) -> list[int]:
@@ -60,10 +57,7 @@ def check(listener: Listener) -> list[str]:
     print(f"plant: {status['rate_hz']} Hz, round trip p50 {status.get('latency_p50_us', '?')} us")
     if any(step <= 0 or step % PERIOD for step in steps):
         found.append("stamps off the grid or not increasing")
-    busy = heard > len(measured) // BUSY
-    if busy:
-        print("the machine is too busy for 1 kHz: missed deadlines, samples not heard and tracking are not judged")
-    if not busy and heard > missed + len(measured) // 100:
+    if heard > missed + len(measured) // 100:
         found.append(f"{heard} samples missing, but {missed} missed deadlines on /diagnostics")
     if not commands:
         found.append("no command")
@@ -71,12 +65,12 @@ def check(listener: Listener) -> list[str]:
     # machine pauses: as many commands as it has missed samples may answer one that it has not heard, on the grid
     known, own_losses = set(measured), max(heard - missed, 0)
     unheard = [stamp for stamp in commands if measured[0] <= stamp <= measured[-1] and stamp not in known]
-    if (len(unheard) > own_losses and not busy) or any((stamp - measured[0]) % PERIOD for stamp in unheard):
+    if len(unheard) > own_losses or any((stamp - measured[0]) % PERIOD for stamp in unheard):
         found.append(f"{len(unheard)} commands bear a stamp that no measurement has; {own_losses} samples not heard")
     moved = max(abs(m.points[0].positions[0]) for m in listener.messages("truth"))
     asked = max(abs(m.points[0].positions[0]) for m in listener.messages("reference"))
     print(f"asked {asked * 1e3:.1f} mm, moved {moved * 1e3:.1f} mm")
-    if not busy and not 0.5 * asked < moved < 2.0 * asked:
+    if not 0.5 * asked < moved < 2.0 * asked:
         found.append("the table does not follow")
     return found
 
