@@ -1,4 +1,7 @@
-"""Fixtures of the whole suite: foreign data, a ROS domain of one's own, and the check that no process stays behind."""
+"""Fixtures of the whole suite: foreign data, a ROS domain of one's own, and the check that no process stays behind.
+
+`./shake test` runs the suite in one worker a core. What keeps real time (ALONE) waits until the other workers pause.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 MARK = "SHAKE_ROS_TEST_SESSION"
 LOWEST_DOMAIN, HIGHEST_DOMAIN = 1, 100
 GRACE = 3.0  # seconds that a process may take to end after its test
+ALONE = ("test/ros", "test/bridge")  # folders whose tests have the machine for themselves
 
 os.environ.setdefault("PYTHONHASHSEED", "0")
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -53,8 +57,24 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
         pytest.fail(f"left behind: {'; '.join(left)}")
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Side by side with the tests of other workers, or alone. Who waits for the machine lets nobody pass."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return (yield)
+    alone = item.path.relative_to(ROOT).as_posix().startswith(ALONE)
+    locks = Path(tempfile.gettempdir()) / f"shake_ros-test-machine-{os.getuid()}"
+    with open(f"{locks}.door", "a") as door, open(f"{locks}.lock", "a") as machine:
+        fcntl.flock(door, fcntl.LOCK_EX)
+        fcntl.flock(machine, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        fcntl.flock(door, fcntl.LOCK_UN)
+        return (yield)
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
+    if session.config.getoption("numprocesses", None):  # each worker has looked after its own
+        return
     left = _wait_for_end()
     if left:
         print(f"\nERROR: processes left behind by the tests (ended now): {'; '.join(left)}")
