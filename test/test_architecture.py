@@ -33,6 +33,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("data", "bridge"),
     ("report",),
     ("api",),
+    ("page",),  # the live page's web part: its node in ros feeds it, it shows what api reads and makes
     ("cli", "ros"),
     ("__main__",),
 )

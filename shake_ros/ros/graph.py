@@ -60,6 +60,7 @@ class NodeSpec:
     reads : sampled topics that it reads beyond those of its kind.
     remaps : old name → new name.
     name : of the node; the executable's where empty.
+    program : what to run instead of the executable, its arguments included.
     """
 
     executable: str
@@ -67,6 +68,12 @@ class NodeSpec:
     reads: tuple[str, ...] = ()
     remaps: Mapping[str, str] = field(default_factory=dict)
     name: str = ""
+    program: tuple[str, ...] = ()
+
+    @property
+    def called(self) -> str:
+        """Its name in the graph."""
+        return self.name or self.executable
 
     def arguments(self, namespace: str, extra: Mapping[str, bool | int | float | str]) -> list[str]:
         """ROS arguments of this node."""
@@ -152,12 +159,7 @@ class Graph:
         return common
 
     def __enter__(self) -> Graph:
-        try:
-            for node in self.nodes:
-                self._start(node)
-        except BaseException:
-            self.kill()
-            raise
+        self.start()
         return self
 
     def __exit__(
@@ -169,8 +171,16 @@ class Graph:
         finally:
             self.kill()
 
+    def start(self) -> None:
+        """Start all nodes, or none."""
+        try:
+            for node in self.nodes:
+                self._start(node)
+        except BaseException:
+            self.kill()
+            raise
+
     def _start(self, node: NodeSpec) -> None:
-        name = node.name or node.executable
         log = tempfile.TemporaryFile()  # noqa: SIM115  (closed by `kill`)
         libc = ctypes.CDLL(None)
         environment = {
@@ -179,10 +189,10 @@ class Graph:
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "PYTHONPATH": os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", "")))),
         }
-        command = [*self.program, node.executable]
-        self._logs[name] = log
-        self.processes[name] = subprocess.Popen(
-            [*command, *node.arguments(self.namespace, self.extra(node))],
+        usual = [*self.program, node.executable, *node.arguments(self.namespace, self.extra(node))]
+        self._logs[node.called] = log
+        self.processes[node.called] = subprocess.Popen(
+            node.program or usual,
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,
@@ -191,13 +201,21 @@ class Graph:
             preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0),  # noqa: PLW1509  (one system call)
         )
 
+    def add(self, node: NodeSpec) -> None:
+        """Start one more node; one of its name that has ended gives way."""
+        if node.called in self.processes:
+            self.processes[node.called].wait()
+            self._logs[node.called].close()
+        self.nodes = [one for one in self.nodes if one.called != node.called] + [node]
+        self._start(node)
+
     def start_again(self, name: str) -> None:
         """Start a node anew, as it was started first; whatever is left of it is killed."""
         if self.processes[name].poll() is None:
             self.processes[name].kill()
         self.processes[name].wait()
         self._logs[name].close()
-        self._start(next(node for node in self.nodes if (node.name or node.executable) == name))
+        self._start(next(node for node in self.nodes if node.called == name))
 
     def output(self, name: str) -> str:
         """What a node has written so far."""
@@ -205,18 +223,21 @@ class Graph:
         size = os.fstat(log.fileno()).st_size
         return os.pread(log.fileno(), size, 0).decode(errors="replace")
 
+    def failure(self, name: str) -> str:
+        """How a node ended, with the last lines that it wrote."""
+        tail = "\n".join(self.output(name).strip().splitlines()[-8:])
+        return f"node {name} ended with exit code {self.processes[name].poll()}\n{tail}"
+
     def check(self, ended: Sequence[str] = ()) -> None:
         """Raise GraphError where a node has died, or has ended that is not among `ended`."""
         for name, process in self.processes.items():
             code = process.poll()
-            if code is None or (code == 0 and name in ended):
-                continue
-            tail = "\n".join(self.output(name).strip().splitlines()[-8:])
-            raise GraphError(f"node {name} ended with exit code {code}\n{tail}")
+            if code is not None and not (code == 0 and name in ended):
+                raise GraphError(self.failure(name))
 
     def wait_until_ready(self, timeout: float = 120.0) -> None:
         """Return when every node has reported on /diagnostics, so has read its parameters, compiled and started."""
-        wanted = {f"{self.namespace.strip('/')}/{node.name or node.executable}" for node in self.nodes}
+        wanted = {f"{self.namespace.strip('/')}/{node.called}" for node in self.nodes}
         deadline = time.monotonic() + timeout
 
         def heard(message: DiagnosticArray) -> None:
@@ -245,23 +266,36 @@ class Graph:
             time.sleep(POLL)
         self.check(ended=(leader,))
 
+    def end(self, names: Sequence[str]) -> list[str]:
+        """SIGINT to these; what has not ended within GRACE, or has failed, is in the answer.
+
+        One that has not yet come to handle signals is ended by it, which is no failure.
+        """
+        for name in names:
+            if self.processes[name].poll() is None:
+                self.processes[name].send_signal(signal.SIGINT)
+        deadline = time.monotonic() + GRACE
+        wrong = []
+        for name in names:
+            try:
+                code = self.processes[name].wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                wrong.append(f"node {name} did not end within {GRACE:g} s of SIGINT")
+            else:
+                wrong += [self.failure(name)] if code not in (0, -signal.SIGINT) else []
+        return wrong
+
+    def groups(self) -> list[list[str]]:
+        """Names in the order in which they end: recorders last."""
+        last = [node.called for node in self.nodes if node.executable in LAST]
+        return [[name for name in self.processes if name not in last], last]
+
     def stop(self) -> None:
         """SIGINT to what still runs, recorders last; each must end with exit code 0 within GRACE."""
-        done = [name for name, process in self.processes.items() if process.poll() == 0]
-        last = [node.name or node.executable for node in self.nodes if node.executable in LAST]
-        first = [name for name in self.processes if name not in last]
-        for group in (first, last):
-            for name in group:
-                if self.processes[name].poll() is None:
-                    self.processes[name].send_signal(signal.SIGINT)
-            deadline = time.monotonic() + GRACE
-            for name in group:
-                try:
-                    self.processes[name].wait(max(0.0, deadline - time.monotonic()))
-                except subprocess.TimeoutExpired:
-                    raise GraphError(f"node {name} did not end within {GRACE:g} s of SIGINT") from None
-            done += group
-            self.check(ended=done)
+        for group in self.groups():
+            wrong = self.end(group)
+            if wrong:
+                raise GraphError(wrong[0])
 
     def kill(self) -> None:
         """End whatever is left, at once."""

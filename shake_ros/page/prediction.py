@@ -1,0 +1,73 @@
+"""What the declared model makes of the measured command: velocity and acceleration, sample by sample.
+
+The free run of `identify` and `close_loop`: from the command alone, volumes and friction at the measured position. It
+begins at rest wherever a sample is missing.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.states import POSITION, VELOCITY
+from shake_ros.core.plant.table import Table
+from shake_ros.core.quantities import ShakeError
+
+Row = npt.NDArray[np.float32]
+FASTEST = 20.0  # a model that runs away is begun again [m/s]
+
+
+class Prediction:
+    """One model that follows the table.
+
+    Parameters
+    ----------
+    sample_time : [s]. model : table to predict with; None for none.
+    """
+
+    def __init__(self, sample_time: float, model: TableParameters | None) -> None:
+        self._sample_time = sample_time
+        self._state: np.ndarray | None = None
+        self.use(model)
+
+    def use(self, model: TableParameters | None) -> None:
+        """Predict with another model from now on; safe from another thread."""
+        table = Table(model, self._sample_time) if model is not None else None
+        if table is not None:  # compiled before the first sample
+            table.measure(table.advance(table.initial_state(), 0.0), 0)
+        self._table, self._state = table, None
+
+    def advance(self, commands: Row, positions: Row, supply: Row) -> tuple[Row, Row]:
+        """Velocity [m/s] and acceleration [m/s²] of the next samples.
+
+        Parameters
+        ----------
+        commands, positions, supply : shape (n,) [-], [m], [Pa]; NaN where missing.
+        """
+        velocity, acceleration = np.full((2, len(commands)), np.nan, dtype=np.float32)
+        table, state = self._table, self._state
+        if table is None:
+            return velocity, acceleration
+        for k, (u, x, pressure) in enumerate(zip(commands.tolist(), positions.tolist(), supply.tolist(), strict=True)):
+            if not (math.isfinite(u) and math.isfinite(x)):
+                state = None
+                continue
+            if math.isfinite(pressure):
+                table.set_supply_pressure(pressure)
+            if state is None:
+                state = table.initial_state(x)
+            state[POSITION] = x
+            velocity[k], acceleration[k] = state[VELOCITY], table.measure(state, 0).truth_acceleration
+            try:
+                state = table.advance(state, u)
+            except ShakeError:
+                state = None
+                continue
+            if abs(state[VELOCITY]) > FASTEST:
+                state = None
+        if table is self._table:
+            self._state = state
+        return velocity, acceleration

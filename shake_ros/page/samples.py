@@ -1,0 +1,192 @@
+"""The newest samples of every curve on one grid, and frames of them: minimum and maximum of every bucket.
+
+A bucket of level L holds 2^L samples; a page asks for the level whose buckets are no wider than a pixel of its curves,
+so that a spike of one sample is seen whatever the window. All pages of one level get the same bytes.
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shake_ros.page.prediction import Prediction
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+SECONDS = 130.0  # kept
+LEVELS = 8  # the last one has buckets of 128 samples: 120 s at 1 kHz on 938 pixels
+LATE = 0.02  # topics of one instant may arrive so much apart [s]
+RESTART = 5.0  # a step of the stamps larger than this is another run [s]
+HEADER = struct.Struct("<4I2d")  # level, epoch, buckets, curves; first bucket, seconds of a bucket
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One curve. topic : where it comes from; empty where the page computes it. column : of the topic's numbers."""
+
+    name: str
+    topic: str
+    column: int
+    unit: str
+
+
+CURVES = (
+    Curve("reference_position", "reference", 0, "m"),
+    Curve("position", "joint_states", 0, "m"),
+    Curve("tracking_error", "", 0, "m"),
+    Curve("reference_velocity", "reference", 1, "m/s"),
+    Curve("estimated_velocity", "estimate", 1, "m/s"),
+    Curve("predicted_velocity", "", 0, "m/s"),
+    Curve("reference_acceleration", "reference", 2, "m/s^2"),
+    Curve("acceleration", "imu", 0, "m/s^2"),
+    Curve("estimated_acceleration", "estimate", 2, "m/s^2"),
+    Curve("predicted_acceleration", "", 0, "m/s^2"),
+    Curve("valve_command", "valve_command", 0, "-"),
+    Curve("pressure_a", "pressure_a", 0, "Pa"),
+    Curve("pressure_b", "pressure_b", 0, "Pa"),
+    Curve("pressure_supply", "pressure_supply", 0, "Pa"),
+)
+ROW = {curve.name: row for row, curve in enumerate(CURVES)}
+TOPICS = tuple(dict.fromkeys(curve.topic for curve in CURVES if curve.topic))
+
+
+class SampleStore:
+    """Rings of samples, filled by the node and read by the server's thread.
+
+    Parameters
+    ----------
+    period : of the samples [ns]. prediction : of velocity and acceleration by the model.
+
+    Attributes
+    ----------
+    epoch : number of the run; a restart of the stamps begins another.
+    settled : first sample that may still change.
+    """
+
+    def __init__(self, period: int, prediction: Prediction) -> None:
+        self.period, self.prediction = period, prediction
+        self._size = 1 << int(np.ceil(np.log2(SECONDS * 1e9 / period)))
+        self._rings = np.full((len(CURVES), 2 * self._size), np.nan, dtype=np.float32)
+        self._guard = threading.Lock()
+        self._frame = lru_cache(maxsize=64)(self._build)
+        self.epoch = 0
+        self._begin(-1)
+
+    def _begin(self, origin: int) -> None:
+        self._origin = origin
+        self._phase: dict[str, float] = {}
+        self._newest = -1
+        self.settled = 0
+        self.epoch += 1
+        self._rings[:] = np.nan
+        self._frame.cache_clear()
+
+    @property
+    def sample_time(self) -> float:
+        """[s]"""
+        return self.period * 1e-9
+
+    def add(self, topic: str, stamps: Integers, values: Floats) -> None:
+        """Samples of a topic: (n,) stamps [ns] and (n, width) numbers; what is not stamped is left out."""
+        good = stamps > 0
+        stamps, values = stamps[good], values[good]
+        if not len(stamps):
+            return
+        with self._guard:
+            newest = self._origin + self._newest * self.period
+            if self._origin < 0 or stamps[-1] < newest - RESTART * 1e9 or stamps[-1] > newest + RESTART * 1e9:
+                self._begin(int(stamps[0]))
+            indices = self._indices(topic, stamps)
+            fresh = (indices >= self.settled) & (indices < self._newest + self._size // 2)
+            indices, values = indices[fresh], values[fresh]
+            if not len(indices):
+                return
+            self._advance(int(indices.max()))
+            places = indices % self._size
+            for row, curve in enumerate(CURVES):
+                if curve.topic == topic and curve.column < values.shape[1]:
+                    self._rings[row, places] = self._rings[row, places + self._size] = values[:, curve.column]
+
+    def _indices(self, topic: str, stamps: Integers) -> Integers:
+        """Samples on the grid; a topic whose stamps lie between two of it keeps its own offset."""
+        exact = (stamps - self._origin) / self.period
+        phase = self._phase.get(topic)
+        if phase is None or abs(exact[0] - phase - round(exact[0] - phase)) > 0.4:
+            phase = self._phase[topic] = exact[0] - round(exact[0])
+        found: Integers = np.rint(exact - phase).astype(np.int64)
+        return found
+
+    def _advance(self, newest: int) -> None:
+        """Make room up to sample `newest`."""
+        if newest <= self._newest:
+            return
+        room = np.arange(max(self._newest + 1, newest - self._size + 1), newest + 1) % self._size
+        self._rings[:, room] = self._rings[:, room + self._size] = np.nan
+        self._newest = newest
+
+    def settle(self) -> None:
+        """Compute the curves of one's own for all samples whose topics have had their time to come."""
+        with self._guard:
+            last = self._newest - round(LATE / self.sample_time)
+            first = max(self.settled, last - self._size // 2)
+            if last <= first:
+                return
+            rows = self._slice(first, last)
+            error = rows[ROW["reference_position"]] - rows[ROW["position"]]
+            predicted = self.prediction.advance(
+                rows[ROW["valve_command"]], rows[ROW["position"]], rows[ROW["pressure_supply"]]
+            )
+            places = np.arange(first, last) % self._size
+            computed = {"tracking_error": error, "predicted_velocity": predicted[0]}
+            computed["predicted_acceleration"] = predicted[1]
+            for name, values in computed.items():
+                self._rings[ROW[name], places] = self._rings[ROW[name], places + self._size] = values
+            self.settled = last
+
+    def _slice(self, first: int, last: int) -> npt.NDArray[np.float32]:
+        """Samples first … last − 1 of all curves, shape (curves, last − first); no more than fit."""
+        place = first % self._size
+        return self._rings[:, place : place + last - first]
+
+    def newest(self, name: str, seconds: float) -> Floats:
+        """The latest settled samples of a curve, shape (n,), in the unit of its topic."""
+        with self._guard:
+            first = max(0, self.settled - round(seconds / self.sample_time), self.settled - self._size + 1)
+            return self._slice(first, self.settled)[ROW[name]].astype(np.float64)
+
+    def time(self) -> float:
+        """Time of the newest settled sample from the start of the epoch [s]."""
+        return self.settled * self.sample_time
+
+    def frame(self, level: int, first: int, window: float) -> tuple[bytes, int]:
+        """Buckets from `first` on, at most those of the latest `window` [s]; and the bucket that comes next."""
+        with self._guard:
+            last = self.settled >> level
+            oldest = max(0, self._newest - self._size + 1 + (1 << level)) >> level
+            first = max(first, last - round(window / self.sample_time / (1 << level)), oldest)
+            return (self._frame(level, first, last), last) if last > first else (b"", max(first, 0))
+
+    def between(self, level: int, start: float, stop: float) -> bytes:
+        """Buckets of a stretch of time [s], as far as they are kept."""
+        with self._guard:
+            step = self.sample_time * (1 << level)
+            last = min(int(stop / step) + 1, self.settled >> level)
+            oldest = (max(0, self._newest - self._size + 1) >> level) + 1
+            first = max(int(start / step), oldest if self._newest >= self._size else 0)
+            return self._build(level, first, max(first, last))
+
+    def _build(self, level: int, first: int, last: int) -> bytes:
+        rows = self._slice(first << level, last << level)
+        head = HEADER.pack(level, self.epoch, last - first, len(CURVES), float(first), self.sample_time * (1 << level))
+        if level == 0:
+            return head + rows.tobytes()
+        buckets: Any = rows.reshape(len(CURVES), -1, 1 << level)
+        low, high = np.fmin.reduce(buckets, axis=2), np.fmax.reduce(buckets, axis=2)
+        return head + low.tobytes() + high.tobytes()

@@ -1,0 +1,181 @@
+"""`lab`: the laboratory with one command: table, reference, observer, controller, THD, recorder and page as processes.
+
+It prints one address, says when a node dies and why, starts it again on request (its name and Enter, or on the page),
+and ends in order: the table comes to a hold, the pressure goes off, the recording is closed, no process is left.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.page.lab_link import Exchange
+from shake_ros.ros.composed import command
+from shake_ros.ros.graph import Graph, NodeSpec, awaited
+from shake_ros.ros.interface import NAMESPACE
+from shake_ros.ros.lab_watch import LabWatch
+from shake_ros.ros.loop import ros_context
+from shake_ros.ros.supervisor import Supervisor
+
+Value = bool | int | float | str
+LOOP = "loop"  # the process of a composed graph
+NO_REFERENCE_READER = ("tracking_error", "stale_reference")  # causes that lock-step does not know
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    made = argparse.ArgumentParser(prog="lab", description=(__doc__ or "").replace("\n", " "))
+    table = made.add_mutually_exclusive_group()
+    table.add_argument("--table", default="bergamo", metavar="NAME", help="simulated table: of config/table, or a file")
+    table.add_argument("--bridge", metavar="NAME", help="a real table instead: of config/bridge, or a file")
+    made.add_argument("--reference", default="earthquake", metavar="NAME", help="of config/reference, or a file")
+    made.add_argument("--observer", default="linear_bergamo", metavar="NAME", help="of config/observer, or a file")
+    made.add_argument("--controller", default="super_twisting_tuned", metavar="NAME", help="of config/controller")
+    made.add_argument("--interlock", default="bergamo", metavar="NAME", help="of config/interlock, or a file")
+    made.add_argument("--lockstep", action="store_true", help="by stamps instead of by the wall clock")
+    made.add_argument("--composed", action="store_true", help="the loop in one process; recorder and page in their own")
+    made.add_argument("--realtime", action="store_true", help="ask the system for real-time scheduling")
+    made.add_argument("--record", metavar="NAME", help="record from the start, into FOLDER/recordings/NAME")
+    made.add_argument("--enabled", action="store_true", help="begin the start sequence at once")
+    made.add_argument("--play", action="store_true", help="play the reference from the start")
+    made.add_argument("--duration", type=float, default=0.0, metavar="S", help="end after this; 0: on Ctrl-C")
+    made.add_argument("--folder", type=Path, default=Path("out/lab"), help="of recordings and results")
+    made.add_argument("--set", nargs="+", action="extend", default=[], metavar="NODE.PARAMETER=VALUE", dest="changes")
+    made.add_argument("--headless", action="store_true", help="without the page")
+    page = made.add_argument_group("page")
+    page.add_argument("--port", type=int, default=8421, help="0: any that is free (default: 8421)")
+    page.add_argument("--address", default="127.0.0.1", help="to listen on; others than 127.0.0.1 need TLS")
+    page.add_argument("--certificate", default="", metavar="FILE", help="of TLS, PEM")
+    page.add_argument("--key", default="", metavar="FILE", help="of the certificate, PEM")
+    page.add_argument("--host", default="", help="name of this machine in the page's address, with TLS")
+    page.add_argument(
+        "--operator-required", action="store_true", help="hold the table when the operator's page is gone for 1 s"
+    )
+    return made
+
+
+def value_of(text: str) -> Value:
+    """The value of a parameter as it is written on a command line.
+
+    >>> value_of("true"), value_of("3"), value_of("1e-3"), value_of("sine")
+    (True, 3, 0.001, 'sine')
+    """
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def changes(given: Sequence[str]) -> dict[str, dict[str, Value]]:
+    """Node → parameters, of `--set`."""
+    found: dict[str, dict[str, Value]] = {}
+    for text in given:
+        name, _, value = text.partition("=")
+        node, _, parameter = name.partition(".")
+        if not (node and parameter and value):
+            raise ShakeError(f"--set {text}: expected NODE.PARAMETER=VALUE")
+        found.setdefault(node, {})[parameter] = value_of(value)
+    return found
+
+
+def table_node(given: argparse.Namespace) -> NodeSpec:
+    """The simulated table, or the bridge to a real one."""
+    own: dict[str, Value] = {"enabled": given.enabled, "interlock.configuration": given.interlock}
+    if given.bridge:
+        return NodeSpec("hardware_bridge", {**own, "bridge": given.bridge})
+    if given.lockstep:
+        own |= {f"interlock.causes.{cause}.action": "none" for cause in NO_REFERENCE_READER}
+    return NodeSpec("plant", {**own, "table": given.table, "duration": given.duration})
+
+
+def loop_nodes(given: argparse.Namespace) -> list[NodeSpec]:
+    """What runs the table, in the order of their start."""
+    return [
+        table_node(given),
+        NodeSpec("reference_generator", {"reference": given.reference, "play": given.play}),
+        NodeSpec("observer", {"observer": given.observer}),
+        NodeSpec("controller", {"controller": given.controller}),
+        NodeSpec("thd_analyzer"),
+    ]
+
+
+def page_node(given: argparse.Namespace, socket: Path) -> NodeSpec:
+    """The live page."""
+    names = ("port", "address", "certificate", "key", "host", "operator_required")
+    own: dict[str, Value] = {name: getattr(given, name) for name in names}
+    model = {} if given.bridge else {"model": given.table}
+    return NodeSpec("page", {**own, **model, "folder": str(given.folder.absolute()), "lab": str(socket)})
+
+
+def nodes(given: argparse.Namespace, socket: Path) -> list[NodeSpec]:
+    """All processes: the page and the recorder first, that they miss nothing."""
+    wanted = changes(given.changes)
+    common: dict[str, Value] = {"realtime.enabled": True} if given.realtime else {}
+    loop = [NodeSpec(one.executable, {**one.parameters, **common}) for one in loop_nodes(given)]
+    others = []
+    if not given.headless:
+        others.append(page_node(given, socket))
+    if given.record:
+        others.append(NodeSpec("recorder", {"output": str(given.folder.absolute() / "recordings" / given.record)}))
+    for name in wanted:
+        if name not in (known := [one.executable for one in (*loop, *others)]):
+            raise ShakeError(f"--set {name}…: no such node here; there are {', '.join(known)}")
+    loop, others = (
+        [NodeSpec(one.executable, {**one.parameters, **wanted.get(one.executable, {})}) for one in group]
+        for group in (loop, others)
+    )
+    if not given.composed:
+        return [*others, *loop]
+    awaiting = {"wait_for": awaited([*loop, *others], given.lockstep)}
+    loop[0] = NodeSpec(loop[0].executable, {**awaiting, **loop[0].parameters})
+    return [*others, NodeSpec(loop[0].executable, name=LOOP, program=command(loop, given.lockstep))]
+
+
+def prepare(given: argparse.Namespace) -> None:
+    """Refuse what cannot work before anything starts."""
+    recording = given.folder / "recordings" / (given.record or "")
+    if given.record and recording.exists():
+        raise ShakeError(f"{recording}: exists already; name another recording with --record")
+    if given.bridge and given.lockstep:
+        raise ShakeError("--bridge: a real table keeps real time; leave --lockstep away")
+    if given.bridge and given.duration:
+        raise ShakeError("--duration: only the simulated table ends by itself")
+    if not given.headless and given.address != "127.0.0.1" and not (given.certificate and given.key):
+        raise ShakeError(f"--address {given.address}: beyond 127.0.0.1 only with --certificate and --key (TLS)")
+    nodes(given, Path("lab"))
+    (given.folder / "recordings").mkdir(parents=True, exist_ok=True)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the laboratory; returns the exit code."""
+    given = parser().parse_args(list(arguments))
+    prepare(given)
+    domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
+    with tempfile.TemporaryDirectory(prefix="shake_ros-lab-") as folder, ros_context([], domain_id=domain) as context:
+        exchange = Exchange(Path(folder))
+        watch = LabWatch(context, NAMESPACE, given.lockstep)
+        watch.refuse_a_second_graph()
+        graph = Graph(nodes(given, exchange.path), domain_id=domain, lockstep=given.lockstep)
+        supervisor = Supervisor(graph, watch, exchange, given.folder.absolute() / "recordings")
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, lambda *_: supervisor.ask_to_stop())
+        try:
+            return supervisor.run()
+        finally:
+            graph.kill()
+            exchange.close()
+            watch.close()
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

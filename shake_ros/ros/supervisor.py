@@ -1,0 +1,214 @@
+"""Keeps the processes of `lab`: says who died and why, starts again on request, records, ends all in order."""
+
+from __future__ import annotations
+
+import select
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.page.lab_link import Exchange
+from shake_ros.ros.graph import LAST, Graph, NodeSpec
+from shake_ros.ros.lab_watch import TABLES, LabWatch
+
+POLL = 0.05  # [s]
+IMPATIENT = 2.0  # a signal that comes later than this after the first ends all at once [s]
+STOPPING = 12.0  # an orderly stop may take so long [s]
+COMPILING = 4.0  # a start that takes longer says why [s]
+OUTSIDE = ("page", *LAST)  # do not take part in the loop
+
+
+def say(text: str) -> None:
+    """A line for who started the lab."""
+    print(f"lab: {text}", flush=True)
+
+
+class Supervisor:
+    """One laboratory.
+
+    Parameters
+    ----------
+    graph : of its processes, not yet started. watch : its eyes. exchange : the line to the page.
+    recordings : their folder.
+    """
+
+    def __init__(self, graph: Graph, watch: LabWatch, exchange: Exchange, recordings: Path) -> None:
+        self.graph, self.watch, self.exchange, self.recordings = graph, watch, exchange, recordings
+        self._asked = 0.0  # when it was told to end, on the monotonic clock [s]
+        self._dead: dict[str, str] = {}  # node → why
+        self._told: dict[str, Any] = {}  # what the page knows
+        self._reader = sys.stdin if sys.stdin is not None and sys.stdin.isatty() else None
+        self._ready = False
+
+    def ask_to_stop(self) -> None:
+        """End in order; at once where that was asked for before."""
+        now = time.monotonic()
+        if self._asked and now - self._asked > IMPATIENT:
+            self.graph.kill()
+            say("killed")
+            raise SystemExit(1)
+        self._asked = self._asked or now
+
+    def run(self) -> int:
+        """Until a signal, or until the table has ended by itself; returns the exit code."""
+        started = time.monotonic()
+        self.graph.start()
+        slow = False
+        while not self._asked and not self._done():
+            self._look()
+            self._serve()
+            if not self._ready and not slow and time.monotonic() - started > COMPILING:
+                slow = True
+                say("compiling, as always at the first start; that may take a minute")
+        return self._end()
+
+    def _done(self) -> bool:
+        return any(self.graph.processes[one.called].poll() == 0 for one in self._loop() if one.executable in TABLES)
+
+    def _loop(self) -> list[NodeSpec]:
+        return [one for one in self.graph.nodes if one.executable not in OUTSIDE]
+
+    def _recorder(self) -> str:
+        """Output of the recorder that runs; empty where none does."""
+        running = [one for one in self.graph.nodes if one.executable in LAST and self._runs(one.called)]
+        return str(running[0].parameters["output"]) if running else ""
+
+    def _runs(self, name: str) -> bool:
+        return self.graph.processes[name].poll() is None
+
+    def _look(self) -> None:
+        """Who has died, and whether all are there."""
+        for node in self.graph.nodes:
+            name = node.called
+            if self._runs(name) or name in self._dead:
+                continue
+            if node.executable in (*LAST, *TABLES) and self.graph.processes[name].poll() == 0:
+                continue
+            code, written = self.graph.processes[name].poll(), self.graph.output(name).strip().splitlines()
+            why = written[-1] if written and code and code > 0 else f"signal {-code}" if code and code < 0 else "ended"
+            self._dead[name] = f"exit code {code}: {why}"
+            say(f"{name} died, {self._dead[name]}")
+            say(f"to start it again: {name} and Enter" if self._reader else f"{name} can be started again on the page")
+        wanted = {one.executable for one in self._loop()}
+        if not self._ready and not self._dead and wanted <= self.watch.heard:
+            self._ready = bool(self.watch.stage)
+            if self._ready:
+                say(f"running: {', '.join(one.called for one in self.graph.nodes)}")
+        self._tell()
+
+    def _tell(self) -> None:
+        """The page hears what has changed."""
+        states = {one.called: self._dead.get(one.called, "") for one in self.graph.nodes}
+        now = {"processes": states, "recording": self._recorder()}
+        if now != self._told:
+            self._told = now
+            self.exchange.send({"event": "processes", **now})
+
+    def _serve(self) -> None:
+        """What the page and the terminal ask for."""
+        self.watch.spin(POLL)
+        for message in self.exchange.take():
+            self._answer(message)
+        if self._reader and select.select([self._reader], [], [], 0)[0]:
+            line = self._reader.readline()
+            if not line:
+                self._reader = None
+            elif line.strip():
+                self._answer({"do": "restart", "name": line.strip()})
+
+    def _answer(self, message: Mapping[str, Any]) -> None:
+        acts = {"restart": self._restart, "record": self._record, "stop_recording": self._stop_recording,
+                "table": self._other_table, "address": self._address}  # fmt: skip
+        try:
+            text = acts[message["do"]](message)
+            done = True
+        except (ShakeError, OSError) as error:
+            text, done = str(error), False
+        if text:
+            say(text)
+        if message["do"] == "address":
+            self._told = {}
+        self.exchange.send({"event": "answer", "id": message.get("id"), "ok": done, "text": text})
+
+    def _address(self, message: Mapping[str, Any]) -> str:
+        return f"open {message['url']}"
+
+    def _restart(self, message: Mapping[str, Any]) -> str:
+        """One node; in lock-step the whole loop, since all count the same samples."""
+        name = message["name"]
+        known = [one.called for one in self.graph.nodes if one.executable not in LAST]
+        if name not in known:
+            raise ShakeError(f"no node {name}; there are {', '.join(known)}")
+        if self.graph.lockstep and name in (one.called for one in self._loop()):
+            return self._restart_loop()
+        if self._runs(name):
+            self.graph.end([name])
+        self.graph.start_again(name)
+        self._dead.pop(name, None)
+        return f"{name} started again"
+
+    def _restart_loop(self) -> str:
+        """All nodes of the loop, behind an orderly stop; a recording ends with it."""
+        self.watch.stop_in_order(STOPPING if not self._dead else POLL)
+        loop = [one.called for one in self._loop()]
+        self.graph.end([name for name in loop if self._runs(name)])
+        self._stop_recording({})
+        for name in loop:
+            self.graph.start_again(name)
+            self._dead.pop(name, None)
+        return f"started again: {', '.join(loop)}"
+
+    def _other_table(self, message: Mapping[str, Any]) -> str:
+        """The simulated table with another configuration."""
+        plant = next((one for one in self.graph.nodes if one.executable == "plant"), None)
+        if plant is None or plant.program:
+            raise ShakeError("there is no simulated table of its own process here")
+        self.watch.stop_in_order(STOPPING)
+        other = NodeSpec("plant", {**plant.parameters, "table": message["name"]})
+        self.graph.nodes = [other if one is plant else one for one in self.graph.nodes]
+        if self.graph.lockstep:
+            return self._restart_loop()
+        return self._restart({"name": "plant"})
+
+    def _record(self, message: Mapping[str, Any]) -> str:
+        path = self.recordings / Path(message["name"]).name
+        if running := self._recorder():
+            raise ShakeError(f"already recording to {running}")
+        if path.exists():
+            raise ShakeError(f"{path.name}: exists already; choose another name")
+        self._dead.pop("recorder", None)
+        self.graph.add(NodeSpec("recorder", {"output": str(path)}))
+        return f"recording to {path}"
+
+    def _stop_recording(self, _message: Mapping[str, Any]) -> str:
+        running = self._recorder()
+        if not running:
+            return ""
+        wrong = self.graph.end([one.called for one in self.graph.nodes if one.executable in LAST])
+        if wrong:
+            raise ShakeError(wrong[0])
+        return f"recording closed: {running}"
+
+    def _end(self) -> int:
+        """Hold, pressure off, nodes, recorder, page."""
+        wrong = []
+        if self._asked:
+            say("ending: hold, pressure off")
+            if not self.watch.stop_in_order(STOPPING if not self._dead else IMPATIENT):
+                wrong.append("the table has not said that its pressure is off")
+        recording = self._recorder()
+        for group in (
+            [one.called for one in self._loop()],
+            [one.called for one in self.graph.nodes if one.executable in LAST],
+            [one.called for one in self.graph.nodes if one.executable == "page"],
+        ):
+            wrong += self.graph.end([name for name in group if self._runs(name)])
+        if recording:
+            say(f"recording closed: {recording}")
+        for line in wrong:
+            say(line)
+        say("ended" if not wrong and not self._dead else "ended, not without losses")
+        return 1 if wrong or self._dead else 0
