@@ -97,7 +97,7 @@ def amplitude_spectrum(values: Floats, sample_time: float) -> tuple[Floats, Floa
     weights = (0.21557895, -0.41663158, 0.277263158, -0.083578947, 0.006947368)
     window = sum(a * np.cos(k * turn) for k, a in enumerate(weights))
     amplitude = np.abs(np.fft.rfft(np.nan_to_num(values) * window)) * 2.0 / np.sum(window)
-    frequency = np.fft.rfftfreq(n, sample_time)
+    frequency = np.asarray(np.fft.rfftfreq(n, sample_time), dtype=np.float64)
     edges = np.unique(np.searchsorted(frequency, np.geomspace(4.0 / (n * sample_time), frequency[-1], BANDS)))
     edges = edges[edges < len(frequency)]
     highest: Floats = np.maximum.reduceat(amplitude, edges)
