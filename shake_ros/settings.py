@@ -111,12 +111,18 @@ def find(kind: str, name: str) -> Path:
 def load_variant(kind: str, name: str, family: Mapping[str, type[P]]) -> tuple[str, P]:
     """Read config/<kind>/<name>.yaml, whose key `kind` picks the class in a family's table.
 
+    A `model` that is a relative path to a file lies beside the configuration.
+
     Returns
     -------
     (family name, parameters)
     """
     path = find(kind, name)
-    return member_from(read_yaml(path), family, str(path), kind=kind)
+    member, parameters = member_from(read_yaml(path), family, str(path), kind=kind)
+    model = Path(getattr(parameters, "model", ""))
+    if model.suffix in (".yaml", ".yml") and not model.is_absolute():
+        parameters = parameters.replace(model=str(path.absolute().parent / model))
+    return member, parameters
 
 
 def load_table(name: str) -> TableParameters:

@@ -8,13 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from shake_ros.api.configuration_text import text_of
 from shake_ros.api.loops import MODELS, Combination, Course, Setup, load_setup, strict
 from shake_ros.api.progress import Progress, Told
+from shake_ros.api.tune_table import tune_table
 from shake_ros.core.control import CONTROLLERS, tuning
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.law import LawParameters
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, run_batch
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.results import refuse_existing, writing
 from shake_ros.settings import find, load_variant, read_yaml
@@ -61,13 +64,16 @@ class TunedController:
 
 
 def tune(
-    controller: str | Path, settings: str | Path = "default", *, progress: Told = True, **changes: Any
-) -> TunedController:
+    controller: str | Path | TableParameters, settings: str | Path = "default", *, progress: Told = True, **changes: Any
+) -> Any:
     """Tune a controller's gains by Nelder and Mead on closed loops with the tables of a comparison.
+
+    Of a table instead, `sr.tune(table)`, it designs observer and controller for it: see `tune_table.tune_table`, whose
+    arguments it then takes.
 
     Parameters
     ----------
-    controller : config/controller/NAME.yaml or a file: law and first gains.
+    controller : config/controller/NAME.yaml or a file: law and first gains; or a table.
     settings : config/tune/NAME.yaml or a file. progress : whether it is shown, or who is told.
     changes : keys of the settings with other values, such as `loads` [kg], `references`, `observer`, `model` ("none",
         "load", "fixed"), `perturbed`, `evaluations`; None leaves a key as it is.
@@ -85,6 +91,8 @@ def tune(
         ...
     shake_ros.core.quantities.ShakeError: evaluations = 0: must be at least 1
     """
+    if isinstance(controller, TableParameters):
+        return tune_table(controller, settings, progress=progress, **changes)
     settled = settings_of(str(settings), changes)
     parameters: LawParameters
     kind, parameters = load_variant("controller", str(controller), CONTROLLERS)
@@ -193,20 +201,6 @@ class Cost:
         costs = run_batch([dataclasses.replace(loop, controller=law) for loop in self._loops], self._judge)
         costs = [value if value == value else tuning.LOST for value in costs]
         return tuning.mean_and_worst(costs[: self._loads], costs[self._loads :], self._settings["robustness"])
-
-
-def text_of(kind: str, parameters: LawParameters, comment: Sequence[str]) -> str:
-    """A controller's YAML with units and meanings."""
-    lines = [f"# {line}" for line in comment] + [f"kind: {kind}"]
-    for f in dataclasses.fields(parameters):
-        value, unit = getattr(parameters, f.name), f.metadata.get("unit", "")
-        if isinstance(value, str):
-            if value:
-                lines.append(f"{f.name}: {value}")
-            continue
-        note = f"{unit}, {f.metadata['meaning']}" if unit not in ("", "-") else str(f.metadata["meaning"])
-        lines.append(f"{f'{f.name}: {value!r}':36s}# {note}")
-    return "\n".join(lines) + "\n"
 
 
 def rounded(gains: dict[str, float]) -> dict[str, float]:

@@ -26,6 +26,7 @@ LOWEST, HIGHEST, FREQUENCIES = 0.5, 15.0, 30  # of the response spectrum [Hz], e
 ORDERS = 25  # harmonics of the THD
 AT_LIMIT = 1.0 - 1e-9  # share of the limit from which a command counts as limited
 STILL_MOVING = 0.5  # rms acceleration at the final rest, over that of the reference, from which a loop is unstable
+RINGING_ABOVE, RINGING_WINDOW = 15.0, 0.5  # [Hz], [s] of `ringing`
 LOST_TRACKING = 1.0  # position error from which it is: no better than a table that stands still
 
 
@@ -79,6 +80,33 @@ def spectrum_of(acceleration: Array, sample_time: float) -> Array:
     """Absolute acceleration spectrum at 5 % damping over 0.5 … 15 Hz, (FREQUENCIES,) [m/s²]."""
     frequencies = np.geomspace(LOWEST, HIGHEST, FREQUENCIES)
     return response_spectrum(acceleration, sample_time, 1.0 / frequencies, DAMPING)[2]
+
+
+def ringing(run: ClosedLoop, above: float = RINGING_ABOVE, window: float = RINGING_WINDOW) -> float:
+    """How much the table shakes where the reference does not: the part of the acceleration's error above a frequency.
+
+    Largest rms of it over a window, relative to the rms of the reference's acceleration over the whole run [-];
+    infinite for a run that was lost.
+
+    Parameters
+    ----------
+    above : [Hz], beyond the reference's band. window : [s]
+
+    >>> t = np.arange(4000) * 1e-3
+    >>> wanted = np.column_stack([0 * t, 0 * t, np.sin(12.0 * t)])
+    >>> found = wanted + np.column_stack([0 * t, 0 * t, 0.2 * np.sin(200.0 * t) + 0.2 * np.sin(9.0 * t)])
+    >>> round(ringing(ClosedLoop(1e-3, wanted, wanted, found, 0 * t, wanted)), 2)
+    0.2
+    """
+    error = run.truth[:, 2] - run.reference[:, 2]
+    size = float(np.sqrt(np.mean(run.reference[:, 2] ** 2)))
+    if not (np.isfinite(error).all() and size > 0.0):
+        return math.inf
+    spectrum = np.fft.rfft(error)
+    spectrum[np.fft.rfftfreq(len(error), run.sample_time) < above] = 0.0
+    square = np.cumsum(np.append(0.0, np.fft.irfft(spectrum, len(error)) ** 2))
+    n = min(round(window / run.sample_time), len(error))
+    return float(np.sqrt(np.max(square[n:] - square[:-n]) / n)) / size
 
 
 def tracking_delay(reference: Array, position: Array, sample_time: float) -> float:

@@ -1,0 +1,270 @@
+"""`tune` of a table: observer and controller designed for it and held against its neighbours, as two configurations."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.api.configuration_text import text_of
+from shake_ros.api.progress import Progress, Told
+from shake_ros.api.result_table import ResultTable, percent
+from shake_ros.core.control.runner import Controller
+from shake_ros.core.loop.law_design import LAWS
+from shake_ros.core.loop.linear_loop import Margins
+from shake_ros.core.loop.robust import RobustSettings, Search, Uncertainty, neighbours, uncertainty_of
+from shake_ros.core.loop.trials import Trials, TriedLaw, try_laws
+from shake_ros.core.observer.model import ModelObserver
+from shake_ros.core.observer.runner import Observer
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
+from shake_ros.data.reference_program import build_program
+from shake_ros.data.results import refuse_existing, write_json, writing
+from shake_ros.settings import find, load_table, read_yaml, save_table
+
+KEYS = ("reference", "seconds", "loads", "numbers")
+FILES = ("controller.yaml", "observer.yaml", "tune.json")
+UNCERTAINTY = "uncertainty.json"  # beside a table.yaml
+SATURATED = 0.002  # share of the time at the limit from which it is told
+FULL = 0.97  # command, and share of the stroke, that a smaller reference should reach at most
+SCALES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
+
+
+@dataclass(frozen=True, repr=False)
+class TunedTable:
+    """A table with the observer and the controller for it.
+
+    Attributes
+    ----------
+    table : what is controlled and carried. laws : all that were tried, best first; the first is the one recommended.
+    observer : its parameters. margins : of the recommended law on the linear model where it is least robust.
+    findings : what rings, saturates or touches a stop, each with the number that would cure it.
+    sound : whether the recommended law rings on no table. settings : of the tuning.
+    """
+
+    table: TableParameters
+    laws: tuple[TriedLaw, ...]
+    observer: ModelObserver
+    margins: Margins
+    findings: tuple[str, ...]
+    settings: Mapping[str, Any]
+
+    @property
+    def best(self) -> TriedLaw:
+        """The recommended law."""
+        return self.laws[0]
+
+    @property
+    def sound(self) -> bool:
+        """Whether it rings on no table, and its linear loops are stable."""
+        return math.isfinite(self.best.score) and self.margins.stable
+
+    @property
+    def frame(self) -> ResultTable:
+        """The laws side by side: errors on the table itself and the worst of its neighbours."""
+        rows = [
+            (
+                law.kind,
+                law.design.bandwidth,
+                *(float(e) for e in law.trials[0].errors),
+                *(float(e) for e in law.worst),
+                law.rings,
+            )
+            for law in self.laws
+        ]
+        names = ("position", "velocity", "acceleration")
+        worst = tuple(f"worst {name}" for name in names)
+        formats = dict.fromkeys((*names, *worst), percent)
+        return ResultTable(("law", "bandwidth [rad/s]", *names, *worst, "ringing / allowed"), rows, formats)
+
+    def loop(self, sample_time: float | None = None) -> tuple[Observer, Controller]:
+        """Observer and controller, ready for `sr.simulate`."""
+        dt = float(self.settings["numbers"]["sample_time"]) if sample_time is None else sample_time
+        law = self.best
+        return (
+            Observer("model", self.observer, dt, self.table),
+            Controller(law.kind, law.parameters, dt, self.table),
+        )
+
+    def write(self, folder: str | Path, force: bool = False) -> Path:
+        """Write controller.yaml, observer.yaml and tune.json beside the folder's table.yaml, which is made if missing.
+
+        Raises
+        ------
+        ShakeError
+            The files are there, or the loop rings somewhere; `force` writes all the same.
+        """
+        out = Path(folder)
+        refuse_existing(*(out / name for name in FILES), force=force)
+        if not self.sound and not force:
+            raise ShakeError(f"{out}: not written: {'; '.join(self.findings)} (--force writes it all the same)")
+        with writing():
+            out.mkdir(parents=True, exist_ok=True)
+            if not (out / "table.yaml").exists():
+                save_table(out / "table.yaml", self.table, "The table of controller.yaml and observer.yaml.")
+            told = ["For table.yaml in this folder, by tune --table.", *self._margin_lines(), *self.findings]
+            law = self.best
+            (out / "controller.yaml").write_text(text_of(law.kind, law.parameters, told), encoding="utf-8")
+            (out / "observer.yaml").write_text(text_of("model", self.observer, told), encoding="utf-8")
+            write_json(out / "tune.json", self.content())
+        return out
+
+    def content(self) -> dict[str, Any]:
+        """All figures, for JSON."""
+        finite = lambda x: float(x) if math.isfinite(x) else None  # noqa: E731
+        laws = [
+            {
+                "law": law.kind,
+                "bandwidth": law.design.bandwidth,
+                "added_damping": law.design.damping,
+                "observer_jerk": law.design.jerk,
+                "slowed": law.slowed,
+                "ringing_over_allowed": finite(law.rings),
+                "tables": [
+                    {
+                        "errors": [finite(e) for e in t.errors],
+                        "ringing": finite(t.ringing),
+                        "at_limit": t.at_limit,
+                        "stroke": t.largest,
+                    }
+                    for t in law.trials
+                ],
+            }
+            for law in self.laws
+        ]
+        margins = {name: finite(value) for name, value in dataclasses.asdict(self.margins).items() if name != "stable"}
+        return {
+            "schema": "shake_ros.tune/1",
+            "recommended": self.best.kind,
+            "sound": self.sound,
+            "margins": margins,
+            "findings": list(self.findings),
+            "laws": laws,
+        }
+
+    def _margin_lines(self) -> list[str]:
+        m = self.margins
+        return [
+            f"margins where least robust: gain {m.gain:.2f}, phase {math.degrees(m.phase):.0f} deg, "
+            f"delay {1e3 * m.delay:.1f} ms, disk {m.disk:.2f}, sensitivity {m.sensitivity:.2f}"
+        ]
+
+    def __repr__(self) -> str:
+        return "\n".join([f"{self.frame!r}", f"recommended: {self.best.kind}", *self._margin_lines(), *self.findings])
+
+
+def tune_table(
+    table: str | Path | TableParameters,
+    settings: str | Path = "default",
+    *,
+    uncertainty: Uncertainty | None = None,
+    laws: Sequence[str] = tuple(LAWS),
+    progress: Told = True,
+) -> TunedTable:
+    """Design observer and controller for a table.
+
+    Parameters
+    ----------
+    table : a table, a name of config/table, or a YAML file; uncertainty.json beside that is read.
+    settings : config/robust_tuning/NAME.yaml or a file.
+    uncertainty : of fitted parameters, where they are known otherwise.
+    laws : of `LAWS`, those that are tried.
+
+    Raises
+    ------
+    ShakeError
+        Unknown names; a table whose oil column does not oscillate; no law that can be made for it.
+
+    Examples
+    --------
+    >>> import shake_ros as sr
+    >>> sr.tune(sr.model().table, laws=["pid"])
+    Traceback (most recent call last):
+        ...
+    shake_ros.core.quantities.UnknownName: unknown law 'pid', known: ...
+    """
+    for law in laws:
+        if law not in LAWS:
+            raise unknown_name("law", law, LAWS)
+    path = find("robust_tuning", str(settings))
+    content = dict(strict_keys(read_yaml(path), KEYS, str(path), KEYS, kind="key"))
+    s = RobustSettings.from_mapping(content["numbers"], f"{path}: numbers")
+    if not isinstance(table, TableParameters):
+        beside = find("table", str(table)).with_name(UNCERTAINTY)
+        table = load_table(str(table))
+        uncertainty = uncertainty or (read_uncertainty(beside) if beside.is_file() else None)
+    if table.layout is not FULL_LAYOUT:
+        raise ShakeError(f"tune needs a table with a valve and hydraulics, not one of the model {table.layout.name}")
+    with Progress("tune", progress) as tell:
+        tell("neighbours of the table", 0.0)
+        known = uncertainty or uncertainty_of(table, s)
+        search = Search(neighbours(table, known, content["loads"], s), s)
+        reference = build_program(content["reference"], s.sample_time).samples(
+            0, round(content["seconds"] / s.sample_time)
+        )
+        fields = {
+            "limit": 1.0,
+            "start_time": 0.2,
+            "model": "table.yaml",
+            "model_bandwidth": s.model_bandwidth,
+            "model_horizon": s.model_horizon,
+            "loop_delay": s.loop_delay,
+            "predict": True,
+        }
+        trials = Trials(search, reference, fields)
+        found = try_laws(trials, laws, tell)
+        if not found:
+            raise ShakeError("tune: no gains hold on the neighbours of this table; a smaller uncertainty or load would")
+        best = found[0]
+        told = findings(trials, best, reference)
+        observer = trials.observer_parameters(best.design.observer)
+        return TunedTable(table, tuple(found), observer, search.margins(best.design), told, content)
+
+
+def findings(trials: Trials, law: TriedLaw, reference: NDArray[np.float64]) -> tuple[str, ...]:
+    """What rings, saturates or touches a stop, and the number that would cure it."""
+    found = []
+    if law.rings > 1.0:
+        worst = int(np.argmax([t.ringing / trials.allowed(i) for i, t in enumerate(law.trials)]))
+        further = worst % (trials.s.further_delay + 1)
+        found.append(
+            f"rings on neighbour {worst} ({further} further samples of delay): its acceleration beyond 15 Hz is "
+            f"{law.trials[worst].ringing:.2f} of the reference's, {law.rings:.1f} times what is allowed, even at "
+            f"{law.design.bandwidth:.1f} rad/s; the loop's further delay or the table's uncertainty has to shrink"
+        )
+    own = law.trials[0]
+    if own.at_limit > SATURATED or own.largest > FULL:
+        what = "the valve saturates" if own.at_limit > SATURATED else "the table comes to its stop"
+        scale = next((k for k in SCALES if _fits(trials, k * reference)), None)
+        cure = f"{scale:g} times the motion fits" if scale else "no motion above 0.2 of this one fits"
+        found.append(f"{what} ({100.0 * own.at_limit:.1f} % of the time at the limit): {cure}")
+    return tuple(found)
+
+
+def _fits(trials: Trials, reference: NDArray[np.float64]) -> bool:
+    commands, motion = trials.feedforward(np.ascontiguousarray(reference))
+    return bool(
+        np.max(np.abs(commands)) < FULL and np.max(np.abs(motion[:, 0])) < 0.5 * FULL * trials.table.body.stroke
+    )
+
+
+def read_uncertainty(path: Path) -> Uncertainty:
+    """Names and covariance of a file that close_loop wrote beside its table."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        names, matrix = tuple(content["names"]), np.array(content["covariance"], dtype=np.float64)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ShakeError(f"{path}: no names and covariance ({error})") from None
+    if matrix.shape != (len(names), len(names)) or not np.isfinite(matrix).all():
+        raise ShakeError(f"{path}: covariance of shape {matrix.shape} for {len(names)} names")
+    for name in names:
+        if name not in FULL_LAYOUT.fields:
+            raise unknown_name("parameter", name, FULL_LAYOUT.fields, str(path))
+    return Uncertainty(names, matrix)

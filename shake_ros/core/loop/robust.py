@@ -1,0 +1,248 @@
+"""Observer and controllers for one table, sound on its neighbours: the linear part.
+
+Neighbours are draws of the table's uncertain parameters under other loads and supply pressures. Each is linearised at
+points over its operating range (places of the stroke, speeds, and load pressures within and beyond a soft zone), with
+further dead time; the observer carries the table itself. For every observer and every damping of the oil column by the
+acceleration the largest bandwidth is sought at which the sensitivity |1/(1 + L)| stays below its bound on all of them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.loop.linear_loop import (
+    Feedback,
+    Held,
+    Margins,
+    OpenLoop,
+    grid,
+    linear_at,
+    margins,
+    open_loop,
+    sensitivity,
+)
+from shake_ros.core.observer.linear import LinearObserver, kalman_gain
+from shake_ros.core.plant.linearisation import LinearModel, linearise, operating_point
+from shake_ros.core.plant.parameters import FIELDS, TableParameters
+from shake_ros.core.plant.reduced import ReducedParameters
+from shake_ros.core.plant.simulation import initial_state
+from shake_ros.core.plant.states import PRESSURE_A, PRESSURE_B, SPOOL, VELOCITY
+from shake_ros.core.quantities import Parameters, ShakeError, quantity
+
+Array = NDArray[np.float64]
+JERKS = (0.1, 0.3, 1.0, 3.0)  # [m/s^2.5] white jerk of the observers that are tried
+WANDER = 60.0  # [1/s] density of the disturbance over that of the jerk
+DAMPINGS = (0.0, 0.15, 0.3, 0.6)  # damping ratios that the acceleration adds to the oil column, of those that are tried
+INTEGRAL = 8.0  # the integral acts below the bandwidth over this
+HALVINGS = 6  # of the bandwidth's interval
+HARDEST = 10  # linear models on which a bandwidth is sought; it is then held against all
+OSCILLATING = 0.5  # damping ratio below which a pair of poles counts as the oil column
+
+
+@dataclass(frozen=True)
+class RobustSettings(Parameters):
+    """What gains must hold against, and how well; `numbers` of config/robust_tuning."""
+
+    sample_time: float = quantity("s", "sample time", low=1e-5, high=0.1)
+    loop_delay: float = quantity("s", "dead time of the loop beyond the table's", low=0.0, high=0.1)
+    further_delay: int = quantity("-", "samples by which it may be longer", low=0, high=20)
+    supply: float = quantity("-", "relative change of the supply pressure", low=0.0, high=0.5)
+    modulus: float = quantity("-", "relative standard error of the bulk modulus without one", low=0.0, high=1.0)
+    flow: float = quantity("-", "relative standard error of the flow coefficient without one", low=0.0, high=1.0)
+    tables: int = quantity("-", "neighbours of the table", low=1, high=1000)
+    seed: int = quantity("-", "of the draws", low=0, high=2**31)
+    position: float = quantity("m", "stretch of the stroke to each side", low=0.0, high=10.0)
+    velocity: float = quantity("m/s", "speed of the linear models", low=1e-3, high=10.0)
+    load_pressure: float = quantity("Pa", "load pressure of the linear models beside none", low=0.0, high=1e8)
+    position_noise: float = quantity("m", "standard deviation of a position sample", low=1e-9, high=0.01)
+    model_bandwidth: float = quantity("rad/s", "bandwidth of the virtual table's control", low=1.0, high=2000.0)
+    model_horizon: float = quantity("s", "horizon of the virtual table's control", low=1e-4, high=0.1)
+    sensitivity: float = quantity("-", "largest |1/(1 + L)|", low=1.1, high=5.0)
+    ringing: float = quantity("-", "largest ringing, see metrics.ringing", low=0.0, high=10.0)
+    fastest: float = quantity("rad/s", "largest bandwidth of the position", low=0.1, high=1000.0)
+
+
+class Uncertainty(NamedTuple):
+    """Fitted parameters by dotted name, and their covariance (p, p) in their units."""
+
+    names: tuple[str, ...]
+    covariance: Array
+
+
+class Case(NamedTuple):
+    """A linear model of a neighbour, and the one that the observer carries there."""
+
+    plant: Held
+    model: Held
+
+
+class Design(NamedTuple):
+    """A state feedback with its observer, and the bandwidth [rad/s] and damping that they were made for."""
+
+    feedback: Feedback
+    observer: LinearObserver
+    bandwidth: float
+    damping: float
+    jerk: float
+
+
+def uncertainty_of(table: TableParameters, s: RobustSettings) -> Uncertainty:
+    """What is taken for a table that comes without its uncertainty."""
+    spread = {f"bulk_modulus.{name}": s.modulus * value for name, value in table.bulk_modulus.scaled(1.0).items()}
+    spread["valve.flow_coefficient"] = s.flow * table.value("valve.flow_coefficient")
+    return Uncertainty(tuple(spread), np.diag(np.square(list(spread.values()))))
+
+
+def drawn(table: TableParameters, known: Uncertainty, rng: np.random.Generator) -> dict[str, float]:
+    """A draw of the uncertain parameters, within their bounds."""
+    values, vectors = np.linalg.eigh(known.covariance)
+    change = vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(values)))
+    found = {}
+    for name, step in zip(known.names, np.clip(change, -1e12, 1e12), strict=True):
+        data = FIELDS[name].metadata
+        found[name] = float(np.clip(table.value(name) + step, data["low"], data["high"]))
+    return found
+
+
+def neighbours(
+    table: TableParameters, known: Uncertainty, loads: Sequence[float], s: RobustSettings
+) -> list[TableParameters]:
+    """The table, then draws of it: under its own specimen and the loads in turn, with supply low and high in turn."""
+    rng = np.random.default_rng(s.seed)
+    own = table.value("body.specimen_mass")
+    masses, supplies = itertools.cycle((*loads, own)), itertools.cycle((1.0 - s.supply, 1.0 + s.supply))
+    supply = table.value("supply.supply_pressure")
+    found = [table]
+    while len(found) < s.tables:
+        values = drawn(table, known, rng)
+        values |= {"body.specimen_mass": next(masses), "supply.supply_pressure": supply * next(supplies)}
+        found.append(table.with_values(values))
+    return found
+
+
+def points(table: TableParameters, s: RobustSettings) -> list[Array]:
+    """States over the operating range; where none is steady, the table moves with its pressures in the middle."""
+    reach = min(s.position, 0.4 * table.body.stroke)
+    wanted = [(0.0, 1.0, 0.0), (0.0, 1.0, 1.0), (reach, 1.0, 0.0), (-reach, -1.0, 0.0), (0.0, 3.0, 0.0)]
+    found = []
+    for x, speed, loaded in wanted:
+        try:
+            y = operating_point(table, x, speed * s.velocity)
+        except ShakeError:
+            y = initial_state(table.vector(), x)
+            y[VELOCITY], y[SPOOL] = speed * s.velocity, 2.0 * speed * s.velocity
+        y[PRESSURE_A] += 0.5 * loaded * s.load_pressure
+        y[PRESSURE_B] -= 0.5 * loaded * s.load_pressure
+        found.append(y)
+    return found
+
+
+def oil_column(model: LinearModel, slowest: float = 10.0, fastest: float = 900.0) -> tuple[float, float]:
+    """Frequency [rad/s] and damping ratio of the fastest pair of poles that oscillates; a specimen's is slower."""
+    pairs = [p for p in model.poles() if p.imag > 0.0 and slowest < abs(p) < fastest]
+    pairs = [p for p in pairs if -p.real < OSCILLATING * abs(p)]
+    if not pairs:
+        raise ShakeError("the table's oil column does not oscillate: no frequency to design for")
+    fast = max(pairs, key=abs)
+    return float(abs(fast)), float(-fast.real / abs(fast))
+
+
+def softest(table: TableParameters, states: Sequence[Array]) -> ReducedParameters:
+    """β of the reduced model at the point where the oil column is softest."""
+    models = [linearise(table, y) for y in states]
+    frequency, damping = min((oil_column(m) for m in models), key=lambda pair: pair[0])
+    gain = float(np.median([abs(m.response("velocity", np.array([0.5]))[0]) for m in models]))
+    return ReducedParameters(
+        beta1=-(frequency**2), beta2=-2.0 * damping * frequency, beta3=gain * frequency**2, beta4=0.0, beta5=0.0
+    )
+
+
+def cases(tables: Sequence[TableParameters], s: RobustSettings) -> list[Case]:
+    """Linear models of the neighbours with further dead time; the first table is the one that is carried."""
+    carried = [linear_at(tables[0], y, s.loop_delay, s.sample_time) for y in points(tables[0], s)]
+    found = []
+    for table in tables:
+        for further in range(s.further_delay + 1):
+            late = s.loop_delay + further * s.sample_time
+            plants = [linear_at(table, y, late, s.sample_time) for y in points(table, s)]
+            found += [Case(plant, model) for plant, model in zip(plants, carried, strict=False)]
+    return found
+
+
+def observer_of(beta: ReducedParameters, jerk: float, s: RobustSettings) -> LinearObserver:
+    """The observer whose gain belongs to a white jerk."""
+    noise = {"position_noise": s.position_noise, "jerk_noise": jerk, "disturbance_noise": WANDER * jerk}
+    return LinearObserver(**vars(beta), **noise)
+
+
+class Search:
+    """The search for bandwidths on the linear models of a table's neighbours."""
+
+    def __init__(self, tables: Sequence[TableParameters], s: RobustSettings) -> None:
+        self.s, self.tables = s, tables
+        self.beta = softest(tables[0], points(tables[0], s))
+        self.cases = cases(tables, s)
+        mass = tables[0].moved_mass + tables[0].value("effects.payload_error.mass")
+        self._per_acceleration = 0.5 * mass / tables[0].body.piston_area
+        self._omega = grid(s.sample_time, 120)
+
+    def feedback(self, bandwidth: float, damping: float) -> Feedback:
+        """The state feedback of a bandwidth [rad/s] that adds a damping ratio to the oil column."""
+        b = self.beta
+        position = -bandwidth * b.beta1 / b.beta3
+        return Feedback(
+            position * bandwidth / INTEGRAL, position, 0.0, 2.0 * damping * math.sqrt(-b.beta1) / b.beta3
+        )  # fmt: skip
+
+    def worst(self, design: Design, chosen: Sequence[Case]) -> list[float]:
+        """The sensitivity on each linear model."""
+        gains = kalman_gain(design.observer, self.s.sample_time)
+        return [sensitivity(self._loop(design, case, gains), self._omega) for case in chosen]
+
+    def margins(self, design: Design) -> Margins:
+        """The margins on the linear model where the sensitivity is largest."""
+        at = int(np.argmax(self.worst(design, self.cases)))
+        return margins(self._loop(design, self.cases[at], kalman_gain(design.observer, self.s.sample_time)))
+
+    def _loop(self, design: Design, case: Case, gains: Array) -> OpenLoop:
+        return open_loop(case.plant, case.model, gains, self._per_acceleration, design.feedback, self.s.sample_time)
+
+    def design(self, bandwidth: float, damping: float, jerk: float) -> Design:
+        """A design as it is asked for."""
+        observer = observer_of(self.beta, jerk, self.s)
+        return Design(self.feedback(bandwidth, damping), observer, bandwidth, damping, jerk)
+
+    def fastest(self, damping: float, jerk: float, hardest: Sequence[Case]) -> Design | None:
+        """The design of the largest bandwidth that holds on these linear models; None where none does."""
+        low, high = 0.02 * self.s.fastest, self.s.fastest
+
+        def holds(bandwidth: float) -> bool:
+            return max(self.worst(self.design(bandwidth, damping, jerk), hardest)) <= self.s.sensitivity
+
+        if not holds(low):
+            return None
+        for _ in range(HALVINGS):
+            middle = math.sqrt(low * high)
+            low, high = (middle, high) if holds(middle) else (low, middle)
+        return self.design(low, damping, jerk)
+
+    def best(self, dampings: Sequence[float]) -> Design | None:
+        """The fastest design over the observers and these dampings that holds on all linear models."""
+        middle = self.design(0.2 * self.s.fastest, max(dampings) / 2.0, JERKS[1])
+        order = np.argsort([-value for value in self.worst(middle, self.cases)])
+        hardest = [self.cases[i] for i in order[:HARDEST]]
+        tried = (self.fastest(damping, jerk, hardest) for damping in dampings for jerk in JERKS)
+        found = sorted((d for d in tried if d), key=lambda d: -d.bandwidth)
+        for design in found[:2]:
+            while design.bandwidth > 0.02 * self.s.fastest:
+                if max(self.worst(design, self.cases)) <= self.s.sensitivity:
+                    return design
+                design = self.design(0.8 * design.bandwidth, design.damping, design.jerk)
+        return None

@@ -1,0 +1,181 @@
+"""Laws tried on a table and its neighbours: what the nonlinear loop does, by worst case, and the law that does best.
+
+Every trial follows a reference under the virtual table of the one table that is known. A loop rings where its
+acceleration holds more beyond the reference's band than allowed, and more than the feedforward alone makes of the same
+neighbour: what a wrong feedforward shakes is no fault of the loop.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.control.closed_loop import ClosedLoop
+from shake_ros.core.control.hold import Hold
+from shake_ros.core.control.law import LawParameters
+from shake_ros.core.control.runner import Controller
+from shake_ros.core.loop.compiled import Loop, run_batch
+from shake_ros.core.loop.law_design import LAWS, WITHOUT_ACCELERATION, Common, near_surface
+from shake_ros.core.loop.metrics import AT_LIMIT, ringing
+from shake_ros.core.loop.robust import DAMPINGS, Design, Search
+from shake_ros.core.observer.linear import LinearObserver
+from shake_ros.core.observer.model import ModelObserver
+from shake_ros.core.observer.runner import Observer
+from shake_ros.core.quantities import Parameters
+
+Array = NDArray[np.float64]
+P = TypeVar("P", bound=Parameters)
+WANTED = np.array([0.005, 0.03, 0.15])  # errors of position, velocity and acceleration that count alike [-]
+OVER_FEEDFORWARD = 1.3  # times the ringing of the feedforward alone, which a loop may have
+SLOWER = 0.65  # of a bandwidth that rang
+SLOWEST = 4  # times a design is slowed down
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run on one table.
+
+    errors : (3,) of position, velocity, acceleration [-]. ringing : of `metrics`. at_limit : share of the time with
+    the command at its limit. largest : distance from mid-stroke over half the stroke.
+    """
+
+    errors: Array
+    ringing: float
+    at_limit: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class TriedLaw:
+    """A law with its gains, and its trials on the table (the first) and its neighbours.
+
+    rings : its ringing over what is allowed, worst of all; above 1 the loop rings. slowed : factor on the bandwidth
+    that the nonlinear loop asked for, 1 for none.
+    """
+
+    kind: str
+    parameters: LawParameters
+    design: Design
+    trials: tuple[Trial, ...]
+    rings: float
+    slowed: float
+
+    @property
+    def worst(self) -> Array:
+        """(3,) largest errors over the neighbours whose command is free [-]."""
+        free = [t.errors for t in self.trials if t.at_limit < 0.01] or [t.errors for t in self.trials]
+        return np.asarray(np.max(free, axis=0))
+
+    @property
+    def score(self) -> float:
+        """The largest error over what is wanted; infinite for a loop that rings."""
+        found = float(np.max(self.worst / WANTED))
+        return found if self.rings <= 1.0 and math.isfinite(found) else math.inf
+
+
+def rounded(parameters: P) -> P:
+    """Six digits, as they are written."""
+    values = {f.name: getattr(parameters, f.name) for f in dataclasses.fields(parameters)}
+    return parameters.replace(**{name: float(f"{v:.6g}") for name, v in values.items() if isinstance(v, float)})
+
+
+def trial(run: ClosedLoop, limit: float, stroke: float) -> Trial:
+    """The figures of a run."""
+    largest = float(np.nanmax(np.abs(run.truth[:, 0]), initial=0.0)) / (0.5 * stroke)
+    if not np.isfinite(run.truth).all():
+        return Trial(np.full(3, math.inf), math.inf, 1.0, largest)
+    at_limit = float(np.mean(np.abs(run.command) >= AT_LIMIT * limit))
+    return Trial(run.tracking_error(), ringing(run), at_limit, largest)
+
+
+class Trials:
+    """Laws on the neighbours of a table under its own model; `fields` are those that all laws share."""
+
+    def __init__(self, search: Search, reference: Array, fields: dict[str, object]) -> None:
+        self.search, self.fields = search, fields
+        self.s, self.table = search.s, search.tables[0]
+        self._reference = np.ascontiguousarray(reference)
+        self._feedforward = self.feedforward(self._reference)
+        self._alone = [t.ringing for t in self.run(Hold(**fields), "none", None)]  # type: ignore[arg-type]
+
+    def feedforward(self, reference: Array) -> tuple[Array, Array]:
+        """Commands and motion of the virtual table along a reference."""
+        law = Controller("none", Hold(**self.fields), self.s.sample_time, self.table)  # type: ignore[arg-type]
+        assert law.virtual is not None
+        return law.virtual.follow(reference)
+
+    def observer(self, design: LinearObserver) -> Observer:
+        """The observer that carries the table, with the gain of a linear one."""
+        return Observer("model", self.observer_parameters(design), self.s.sample_time, self.table)
+
+    def observer_parameters(self, design: LinearObserver) -> ModelObserver:
+        """Its parameters."""
+        own = {f.name: getattr(design, f.name) for f in dataclasses.fields(LinearObserver)}
+        model = str(self.fields["model"])
+        return rounded(ModelObserver(**own, model=model, loop_delay=self.s.loop_delay, predict=True))
+
+    def run(self, parameters: LawParameters, kind: str, design: Design | None) -> list[Trial]:
+        """A law on the table and its neighbours, each later than the last by up to the further dead time."""
+        law = Controller(kind, parameters, self.s.sample_time, self.table)
+        seer = None if design is None else self.observer(design.observer)
+        late = round(self.s.loop_delay / self.s.sample_time)
+        loops = [
+            Loop(
+                table,
+                seer,
+                law,
+                self._reference,
+                self._feedforward,
+                seed=i,
+                delay=late + (i % (self.s.further_delay + 1)),
+            )
+            for i, table in enumerate(self.search.tables)
+        ]
+        return run_batch(loops, lambda i, run: trial(run, law.parameters.limit, loops[i].table.body.stroke))
+
+    def allowed(self, i: int) -> float:
+        """Ringing up to which a loop is sound on a table."""
+        return max(self.s.ringing, OVER_FEEDFORWARD * self._alone[i])
+
+    def tried(self, kind: str, design: Design) -> TriedLaw | None:
+        """A law, slowed down until it does not ring; None where the law cannot be made of the design."""
+        common = Common(self.fields, self.search.beta)
+        slowed, found = 1.0, None
+        for _ in range(SLOWEST):
+            now = self.search.design(design.bandwidth * slowed, design.damping * slowed, design.jerk)
+            parameters = LAWS[kind](near_surface(kind, now.feedback), common)
+            if parameters is None:
+                break
+            parameters = rounded(parameters)
+            trials = self.run(parameters, kind, now)
+            rings = max(t.ringing / self.allowed(i) for i, t in enumerate(trials))
+            found = TriedLaw(kind, parameters, now, tuple(trials), rings, slowed)
+            if rings <= 1.0:
+                break
+            slowed *= SLOWER
+        return found
+
+
+def try_laws(
+    trials: Trials, laws: Sequence[str], tell: Callable[[str, float], None] = lambda *_: None
+) -> list[TriedLaw]:
+    """Each law on the fastest design that is sound for it, best first; those that cannot be made are left out."""
+    search, found = trials.search, list[TriedLaw]()
+    tell("bandwidths on the linear models", 0.1)
+    designs = {
+        True: search.best([d for d in DAMPINGS if d > 0.0]) if set(laws) - set(WITHOUT_ACCELERATION) else None,
+        False: search.best([0.0]) if set(laws) & set(WITHOUT_ACCELERATION) else None,
+    }
+    for k, kind in enumerate(laws):
+        tell(f"{kind} on {len(search.tables)} tables", 0.3 + 0.7 * k / len(laws))
+        design = designs[kind not in WITHOUT_ACCELERATION]
+        law = trials.tried(kind, design) if design else None
+        if law:
+            found.append(law)
+    return sorted(found, key=lambda law: law.score)

@@ -1,0 +1,119 @@
+"""Gains follow the table: what `sr.tune(table)` recommends holds on it and its neighbours, and is written with it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import shake_ros as sr
+from shake_ros.__main__ import main
+from shake_ros.api.tune_table import TunedTable, read_uncertainty, tune_table
+from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.observer import OBSERVERS
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import ShakeError
+from shake_ros.settings import load_table, load_variant
+
+SOFT = {  # half the oil's stiffness, a soft zone, 3.4 ms of dead time
+    "bulk_modulus.modulus": 5.8e8,
+    "effects.soft_zone.depth": 0.6,
+    "effects.soft_zone.threshold": 8e5,
+    "effects.soft_zone.sharpness": 7e-6,
+    "effects.command_delay.delay": 0.0034,
+}
+
+
+@pytest.fixture(scope="module")
+def soft() -> TableParameters:
+    return load_table("bergamo").with_values(SOFT)
+
+
+@pytest.fixture(scope="module")
+def tuned(soft: TableParameters) -> TunedTable:
+    found = sr.tune(soft, laws=["sliding_mode", "three_variable"], progress=False)
+    assert isinstance(found, TunedTable)
+    return found
+
+
+def test_loop_with_the_gains_of_a_soft_and_late_table_tracks_where_the_default_gains_ring(
+    tuned: TunedTable, soft: TableParameters
+) -> None:
+    observer, controller = tuned.loop()
+    found = sr.simulate(soft, "earthquake", controller=controller, observer=observer, delay=1, seed=5)
+    fixed = sr.simulate(soft, "earthquake", controller="super_twisting_tuned", observer="model", model=soft, delay=1)
+    errors, before = found.error["error"], fixed.error["error"]
+    assert errors[0] < 0.005
+    assert errors[1] < 0.03
+    assert errors[2] < 0.15
+    assert before[2] > 2.0 * errors[2]
+
+
+def test_no_law_that_is_recommended_rings_on_a_neighbour(tuned: TunedTable) -> None:
+    assert tuned.sound
+    assert tuned.margins.stable
+    assert tuned.margins.sensitivity < 1.75
+    assert all(trial.ringing < 1.0 for trial in tuned.best.trials)
+
+
+def test_files_are_read_by_path_and_carry_the_table_beside_them(tuned: TunedTable, tmp_path: Path) -> None:
+    out = tuned.write(tmp_path / "gains")
+    kind, parameters = load_variant("controller", str(out / "controller.yaml"), CONTROLLERS)
+    seer, own = load_variant("observer", str(out / "observer.yaml"), OBSERVERS)
+    assert kind == tuned.best.kind
+    assert parameters.model == str(out / "table.yaml")
+    assert dataclasses.replace(parameters, model="table.yaml") == tuned.best.parameters
+    assert seer == "model" and dataclasses.replace(own, model="table.yaml") == tuned.observer
+    assert load_table(parameters.model).to_mapping() == tuned.table.to_mapping()
+    assert "disk" in (out / "controller.yaml").read_text(encoding="utf-8")
+    assert json.loads((out / "tune.json").read_text(encoding="utf-8"))["sound"] is True
+    with pytest.raises(ShakeError, match="exists already"):
+        tuned.write(out)
+
+
+def test_gains_that_ring_are_not_written_without_force(tuned: TunedTable, tmp_path: Path) -> None:
+    rings = dataclasses.replace(tuned.best, rings=1.4)
+    unsound = dataclasses.replace(tuned, laws=(rings,), findings=("rings on neighbour 2",))
+    with pytest.raises(ShakeError, match="not written: rings on neighbour 2"):
+        unsound.write(tmp_path)
+    assert not list(tmp_path.iterdir())
+    unsound.write(tmp_path, force=True)
+    assert "rings on neighbour 2" in (tmp_path / "controller.yaml").read_text(encoding="utf-8")
+
+
+def test_motion_beyond_the_valve_is_told_with_the_scale_that_fits(soft: TableParameters, tmp_path: Path) -> None:
+    text = Path("config/robust_tuning/default.yaml").read_text(encoding="utf-8")
+    (tmp_path / "short.yaml").write_text(text.replace("tables: 6", "tables: 2"), encoding="utf-8")
+    weak = soft.with_values({"valve.flow_coefficient": 5e-8})
+    found = tune_table(weak, tmp_path / "short.yaml", laws=["feedforward_pi"], progress=False)
+    (told,) = [text for text in found.findings if "saturates" in text]
+    scale = float(told.rpartition(": ")[2].split()[0])
+    assert 0.2 <= scale <= 0.7
+
+
+def test_uncertainty_beside_a_table_is_read_and_a_wrong_one_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "uncertainty.json"
+    path.write_text('{"names": ["valve.flow_coefficient"], "covariance": [[1e-18]]}', encoding="utf-8")
+    np.testing.assert_array_equal(read_uncertainty(path).covariance, [[1e-18]])
+    path.write_text('{"names": ["valve.flow_coefficient"], "covariance": [[1, 2]]}', encoding="utf-8")
+    with pytest.raises(ShakeError, match="covariance of shape"):
+        read_uncertainty(path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--out", "x"], "either a CONTROLLER or --table"),
+        (["pid", "--table", "bergamo", "--out", "x"], "either a CONTROLLER or --table"),
+        (["--table", "bergamo", "--loads", "1", "--out", "x"], "--loads: not with --table"),
+        (["--table", "bergamo", "--laws", "pid", "--out", "x"], "unknown law 'pid'"),
+    ],
+)
+def test_mistake_in_the_command_is_one_line(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["tune", *arguments]) == 2
+    assert told in capsys.readouterr().err
