@@ -25,11 +25,11 @@ ANY = -1
 class RealtimeParameters(Parameters):
     """What a process asks for."""
 
-    enabled: bool = quantity("", "whether anything of this is asked for")
+    enabled: bool = quantity("", "whether priority, processor and locked memory are asked for")
     priority: int = quantity("-", "SCHED_FIFO priority of every thread; 0: usual scheduling", low=0, high=99)
     cpu: int = quantity("-", "the only processor to run on; -1: any", low=ANY, high=4095)
     lock_memory: bool = quantity("", "keep all memory, present and future, from being paged out")
-    freeze_collector: bool = quantity("", "the garbage collector looks no more at what is there at the start")
+    freeze_collector: bool = quantity("", "the garbage collector works once a second, on what is new since the start")
 
 
 def _each_thread(change: Callable[[int], None]) -> None:
@@ -69,10 +69,30 @@ def ask_for(wanted: RealtimeParameters) -> str:
             step()
         except OSError as error:
             refused.append(f"{name} ({error.strerror})")
-    if wanted.freeze_collector:
-        gc.collect()
-        gc.freeze()
     return f"real time: runs without {', '.join(refused)}" if refused else ""
+
+
+def hold_collector() -> None:
+    """Keep the garbage collector out of every step: what is there now stays, what follows waits for `collect`.
+
+    A full collection of a node with its compiled code takes 90 ms; after this one, 0.04 ms. (To count what is frozen
+    takes 13 ms: nobody asks for that here.)
+    """
+    gc.disable()
+    gc.freeze()
+
+
+def collect() -> None:
+    """Let a held collector look at what is new."""
+    if not gc.isenabled():
+        gc.collect()
+
+
+def release_collector() -> None:
+    """Undo `hold_collector`."""
+    if not gc.isenabled():
+        gc.unfreeze()
+        gc.enable()
 
 
 def in_force() -> str:
@@ -89,6 +109,6 @@ def in_force() -> str:
             f"SCHED_FIFO {os.sched_getparam(0).sched_priority}" if fifo else "usual scheduling",
             f"processor {processors[0]}" if len(processors) == 1 else f"{len(processors)} processors",
             "memory locked" if locked else "memory not locked",
-            "collector frozen" if gc.get_freeze_count() else "collector at work",
+            "collector held" if not gc.isenabled() else "collector at work",
         )
     )

@@ -18,7 +18,7 @@ from shake_ros.bridge.target import TargetLink
 from shake_ros.bridge.vectors import vectors
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.power_unit import PowerUnitParameters
-from shake_ros.realtime import ANY, RealtimeParameters, ask_for
+from shake_ros.realtime import ANY, RealtimeParameters, ask_for, hold_collector
 from shake_ros.settings import find, load_interlock, load_table, read_yaml
 
 WHERE = "config/emulator/default.yaml"
@@ -108,6 +108,7 @@ def main(arguments: Sequence[str]) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: ending.set())
         threading.Thread(target=listen, args=(switches,), daemon=True).start()
+        hold_collector()
         refused = ask_for(realtime)
         if refused:
             print(f"target_emulator: {refused}; see docs/howto/realtime.md", file=sys.stderr, flush=True)

@@ -6,7 +6,8 @@
 * Ticks: nodes that keep real time. An own loop over absolute deadlines of the monotonic clock, in the thread of
   the executor; the executor attends to services every `ATTEND`-th tick, or in every pause where other nodes
   share the process. A tick that comes later than a period is not made up for: the node is told how many passed.
-* `realtime.enabled`: what `shake_ros/realtime.py` asks for, before the first tick; one warning on what is refused.
+* Before the first node starts: what `shake_ros/realtime.py` asks for where `realtime.enabled`, with one warning on what
+  is refused; and the garbage collector is held. It works after each report, never within a step.
 
 `main` runs one node as a process; `Loop` runs any number in one thread.
 """
@@ -14,6 +15,8 @@
 from __future__ import annotations
 
 import ctypes
+import functools
+import gc
 import os
 import signal
 import sys
@@ -63,6 +66,8 @@ def make_executor(context: Context) -> Executor:
 
 def ask_for_real_time(behaviours: Sequence[Behaviour]) -> None:
     """What the nodes of this process ask of the system, the first that asks for all; one warning on refusal."""
+    held = all(one.frame.realtime.freeze_collector for one in behaviours)
+    (realtime.hold_collector if held else gc.enable)()
     asking = [one.frame for one in behaviours if one.frame.realtime.enabled]
     if asking:
         refused = realtime.ask_for(asking[0].realtime)
@@ -110,9 +115,14 @@ class NodeLoop:
         """Take in a node that has been built."""
         frame = behaviour.frame
         frame.stop_loop = self.stop
-        frame.every(REPORT_PERIOD, frame.diagnostics.publish)
+        frame.every(REPORT_PERIOD, functools.partial(self._report, frame))
         self.behaviours.append(behaviour)
         self.executor.add_node(frame.node)
+
+    def _report(self, frame: Frame) -> None:
+        frame.diagnostics.publish()
+        if frame is self.behaviours[0].frame:
+            realtime.collect()
 
     def stop(self) -> None:
         """End `run` soon; safe in callbacks and signal handlers."""
@@ -142,6 +152,7 @@ class NodeLoop:
     def run(self) -> None:
         """Start every node once its awaited readers are there, then serve them until `stop`."""
         self.running = True
+        ask_for_real_time(self.behaviours)
         waiting = list(self.behaviours)
         ticking: list[Behaviour] = []
         while waiting and self._alive():
@@ -158,7 +169,6 @@ class NodeLoop:
                     ticking.append(behaviour)
             if waiting:
                 self.spin(STARTING)
-        ask_for_real_time(self.behaviours)
         if ticking:
             self._run_ticks(ticking)
         while self._alive():
@@ -201,6 +211,7 @@ class NodeLoop:
                 self.executor.remove_node(behaviour.frame.node)
                 behaviour.frame.close()
         self.executor.shutdown()
+        realtime.release_collector()
 
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
