@@ -1,8 +1,13 @@
-"""What a declared model takes from config/: its table, the parameters a fit may move, the effects it may lack."""
+"""What a declared model takes from config/: its table, the parameters a fit may move, the effects it may lack.
+
+A table's file may give a number as exact, as `{value: …, sd: …}` (a prior of the fit) or as `unknown`; with any of the
+latter two it is one for the model `unknown`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from shake_ros.core.discovery.candidates import CandidateEffect, candidates
 from shake_ros.core.discovery.problem import ModelStructure
@@ -10,6 +15,8 @@ from shake_ros.core.identification import experiments
 from shake_ros.core.identification.free_parameters import FreeParameter, free_parameter
 from shake_ros.core.identification.recordings import FULL, DeclaredModel
 from shake_ros.core.identification.reduced_model import REDUCED
+from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
+from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.settings import find, load_table, read_yaml
@@ -31,13 +38,15 @@ def _parameters(model: DeclaredModel, late: bool) -> list[FreeParameter]:
     path = find("identification", model.name)
     entries = {n: dict(c) for n, c in read_yaml(path).items()}
     fields = model.layout.fields
-    return [free_parameter(n, c, str(path), fields) for n, c in entries.items() if c.pop("late", False) is late]
+    found = [free_parameter(n, c, str(path), fields) for n, c in entries.items() if c.pop("late", False) is late]
+    return [f for f in found if model.may_move(f.name)]
 
 
 def effect_candidates(model: DeclaredModel = FULL) -> tuple[CandidateEffect, ...]:
     """Every effect that the model may lack, with its trials, from config/discovery."""
     path = find("discovery", model.candidates_file)
-    return candidates(read_yaml(path), str(path), model.name, model.layout.fields)
+    found = candidates(read_yaml(path), str(path), model.layout.name, model.layout.fields)
+    return tuple(c for c in found if model.may_lack(c.effect))
 
 
 def model_structure(table: TableParameters, model: DeclaredModel = FULL) -> ModelStructure:
@@ -50,6 +59,52 @@ def recordings_to_make() -> tuple[experiments.Candidate, ...]:
     """The catalogue of recordings of which the most helpful is named, from config/experiment."""
     path = find("experiment", "catalogue")
     return experiments.catalogue(read_yaml(path), str(path))
+
+
+def unknown_model(config: str = UNKNOWN) -> UnknownModel:
+    """The model of a table's file with what it leaves open.
+
+    Raises
+    ------
+    ShakeError : a number is left open that no recording tells.
+    """
+    path = find("table", config)
+    starts = {name: dict(entry) for name, entry in read_yaml(find("identification", UNKNOWN)).items()}
+    unknown, deviations = list[str](), dict[str, float]()
+
+    def known(name: str, content: Any) -> Any:
+        if isinstance(content, Mapping) and set(content) != {"value", "sd"}:
+            return {key: known(f"{name}.{key}" if name else str(key), value) for key, value in content.items()}
+        if content != UNKNOWN and not isinstance(content, Mapping):
+            return content
+        if name not in starts:
+            raise ShakeError(
+                f"{path}: {name}: no recording tells it: give a number (known to a fit: {', '.join(starts)})"
+            )
+        if isinstance(content, Mapping):
+            try:
+                deviations[name] = float(content["sd"])
+            except (TypeError, ValueError):
+                raise ShakeError(f"{path}: {name}: sd: expected a number") from None
+            if not deviations[name] > 0.0:
+                raise ShakeError(f"{path}: {name}: sd = {deviations[name]:g}: expected a number above 0")
+            return content["value"]
+        unknown.append(name)
+        return starts[name].get("start", starts[name]["low"])
+
+    table = FULL_LAYOUT.table(known("", read_yaml(path)), str(path))
+    return UnknownModel(table, tuple(unknown), deviations)
+
+
+def leaves_open(config: str) -> bool:
+    """Whether a table's file leaves numbers open: `unknown`, or with a standard deviation."""
+
+    def is_open(content: Any) -> bool:
+        if isinstance(content, Mapping):
+            return set(content) == {"value", "sd"} or any(is_open(value) for value in content.values())
+        return bool(content == UNKNOWN)
+
+    return is_open(read_yaml(find("table", config)))
 
 
 def declared_table(model: DeclaredModel, config: str | None) -> TableParameters | None:

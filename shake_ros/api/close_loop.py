@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,11 +19,12 @@ from shake_ros.core.discovery.remaining import Remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
+from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.data.results import close_loop_json, diagnosis_json, write_folder, write_json
+from shake_ros.data.results import close_loop_json, diagnosis_json, unknown_json, write_folder, write_json
 from shake_ros.declared import model_structure, recordings_to_make
 from shake_ros.settings import load_search, save_table
 
@@ -102,6 +104,7 @@ class Discovery:
     estimation, validation : the gapless parts of the recordings. diagnosis : tests of the residuals, what the
     recordings identify, and which one would help. tracking : the found table in closed loop under the model before
     and the model after; None where nothing was added, or where the model has no valve to control.
+    data : the recordings as they were fitted, with the offsets that were taken out of them.
     """
 
     model: Model
@@ -110,6 +113,7 @@ class Discovery:
     validation: Sequence[Record]
     diagnosis: Diagnosis
     tracking: TrackingBenefit | None
+    data: Prepared
 
     @property
     def table(self) -> TableParameters:
@@ -152,6 +156,21 @@ class Discovery:
         """All fitted parameters of the final model with their standard errors."""
         return fitted.parameter_frame(self.closed.final.parameters)
 
+    @cached_property
+    def told(self) -> tuple[Estimate, ...]:
+        """What the recordings tell whatever area and pressure are; empty for a declared table."""
+        return fitted.told_by(self.model, self.closed.final.fit, self.estimation)
+
+    @property
+    def identified(self) -> ResultTable:
+        """The same as a table."""
+        return fitted.parameter_frame(self.told)
+
+    @property
+    def nuisances(self) -> ResultTable:
+        """Offsets that were taken out of each recording; empty for a declared table."""
+        return fitted.nuisance_frame(self.data)
+
     @property
     def remaining(self) -> Remaining:
         """Whether a residual stands above the noise, where it acts and on what it depends."""
@@ -174,6 +193,8 @@ class Discovery:
 
         names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
         content = close_loop_json(self.closed, *names, self.model.kind)
+        told = self.told
+        content |= unknown_json(told, self.data) if told else {}
         added = ", ".join(self.effects.names) or "nothing to add"
 
         def fill(out: Path) -> None:
@@ -181,10 +202,10 @@ class Discovery:
             write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
             if self.tracking:
                 write_json(out / "tracking.json", {"reference": self.tracking.reference, **self.tracking.errors()})
-            save_table(out / "table.yaml", self.table, f"Fitted to {', '.join(names[0])} by close_loop: {added}.")
-            page = close_loop_page(
-                self.closed, list(self.estimation), list(self.validation), self.diagnosis, self.tracking
-            )
+            comment = f"Fitted to {', '.join(names[0])} by close_loop: {added}.{fitted.command_comment(self.data)}"
+            save_table(out / "table.yaml", self.table, comment)
+            records = list(self.estimation), list(self.validation)
+            page = close_loop_page(self.closed, *records, self.diagnosis, self.tracking, told, self.data.nuisances)
             (out / "report.html").write_text(page, encoding="utf-8")
 
         write_folder(Path(folder), fill, force=force)
@@ -192,7 +213,8 @@ class Discovery:
 
     def _parts(self) -> list[tuple[str, Any]]:
         effects = self.effects.frame if self.effects else "nothing"
-        return [("Missing", effects), ("Error of the free run", self.error), ("Remaining", self.remaining.text)]
+        told = [("Identified", self.identified)] if self.model.declared.nuisances else []
+        return [("Missing", effects), ("Error of the free run", self.error), *told, ("Remaining", self.remaining.text)]
 
     def __repr__(self) -> str:
         return fitted.text_of(self._parts())
@@ -248,12 +270,13 @@ def close_loop(
     (10.0, False)
     """
     declared = model.declared
-    first, second = fitted.fit_data(estimation, validation, declared.driven_by)
-    structure = model_structure(model.start(first), declared)
+    table, data = model.begin(*fitted.fit_data(estimation, validation, declared.driven_by))
+    first, second = data.estimation, data.validation
+    structure = model_structure(table, declared)
     with Progress("close_loop", progress) as bar:
         found = closing.close_loop(structure, first, second, settings or load_search(), bar)
         bar("tracking with the model before and after", 1.0)
         benefit = tracking(found)
         bar("residuals and what would help", 1.0)
         told = diagnose(found.final.fit, first, second, recordings_to_make(), declared)
-    return Discovery(model, found, first, second, told, benefit)
+    return Discovery(model, found, first, second, told, benefit, data)

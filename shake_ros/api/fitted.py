@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
 from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.identified import identified
+from shake_ros.core.identification.nuisances import Prepared
+from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
@@ -66,6 +70,24 @@ def parameter_frame(parameters: Sequence[Estimate]) -> ResultTable:
     return ResultTable(
         ("parameter", "value", "std. error", "unit"), [(p.name, p.value, p.std_error, p.unit) for p in parameters]
     )
+
+
+def told_by(model: Model, fit: Fit, estimation: Sequence[Record]) -> tuple[Estimate, ...]:
+    """Quantities that recordings tell without a data sheet; empty where the model declares its table."""
+    if not model.declared.nuisances:
+        return ()
+    return identified(fit, RecordingProblem(list(estimation), model.declared).blocks())
+
+
+def nuisance_frame(data: Prepared) -> ResultTable:
+    """Offsets taken out of each recording."""
+    rows = [(n.recording, n.null_shift, n.acceleration_bias) for n in data.nuisances]
+    return ResultTable(("recording", "null shift [-]", "acceleration bias [m/s^2]"), rows)
+
+
+def command_comment(data: Prepared) -> str:
+    """What a valve command of 1 is in the recordings; empty where it is per unit there."""
+    return "" if data.full_scale == 1.0 else f" A valve command of 1 is {data.full_scale:g} of the recorded unit."
 
 
 def html_of(parts: Sequence[tuple[str, Any]]) -> str:

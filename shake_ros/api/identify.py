@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +16,19 @@ from shake_ros.core.discovery import declared_fit
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
+from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.results import IDENTIFY_SCHEMA, diagnosis_json, model_json, write_folder, write_json
+from shake_ros.data.results import (
+    IDENTIFY_SCHEMA,
+    diagnosis_json,
+    model_json,
+    unknown_json,
+    write_folder,
+    write_json,
+)
 from shake_ros.declared import model_structure, recordings_to_make
 from shake_ros.settings import load_search, save_table
 
@@ -36,7 +46,7 @@ class Identification:
     ----------
     model : as declared. start : the table that the fit began with. fit : table, parameters and errors.
     estimation, validation : the gapless parts of the recordings. diagnosis : tests of the residuals, what the
-    recordings identify, and which one would help.
+    recordings identify, and which one would help. data : the recordings as fitted, with what was taken out.
     """
 
     model: Model
@@ -45,6 +55,7 @@ class Identification:
     estimation: Sequence[Record]
     validation: Sequence[Record]
     diagnosis: Diagnosis
+    data: Prepared
 
     @property
     def table(self) -> TableParameters:
@@ -55,6 +66,21 @@ class Identification:
     def parameters(self) -> ResultTable:
         """Fitted parameters with their standard errors."""
         return fitted.parameter_frame(self.fit.parameters)
+
+    @cached_property
+    def told(self) -> tuple[Estimate, ...]:
+        """What the recordings tell whatever area and pressure are; empty for a declared table."""
+        return fitted.told_by(self.model, self.fit.fit, self.estimation)
+
+    @property
+    def identified(self) -> ResultTable:
+        """The same as a table."""
+        return fitted.parameter_frame(self.told)
+
+    @property
+    def nuisances(self) -> ResultTable:
+        """Offsets that were taken out of each recording; empty for a declared table."""
+        return fitted.nuisance_frame(self.data)
 
     @property
     def error(self) -> ResultTable:
@@ -86,14 +112,18 @@ class Identification:
             "recordings": dict(zip(("learn", "hold"), names, strict=True)),
             **model_json(self.fit),
         }
+        told = self.told
+        content |= unknown_json(told, self.data) if told else {}
         if self.model.kind == "axis":
             content["position_error"] = self.position_error
 
         def fill(out: Path) -> None:
             write_json(out / "report.json", content)
             write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
-            (out / "report.html").write_text(identify_page(self.fit, self.diagnosis, *names), encoding="utf-8")
-            save_table(out / "table.yaml", self.table, f"Fitted to {', '.join(names[0])} by identify.")
+            page = identify_page(self.fit, self.diagnosis, *names, told, self.data.nuisances)
+            (out / "report.html").write_text(page, encoding="utf-8")
+            comment = f"Fitted to {', '.join(names[0])} by identify.{fitted.command_comment(self.data)}"
+            save_table(out / "table.yaml", self.table, comment)
 
         write_folder(Path(folder), fill, force=force)
         return Path(folder)
@@ -149,17 +179,17 @@ def identify(
     if method == "inverse_dynamics" and model.kind != "axis":
         raise ShakeError(f"--method inverse_dynamics: needs --model axis, not {model.kind}")
     declared = model.declared
-    first, second = fitted.fit_data(estimation, validation, declared.driven_by)
-    table = model.start(first)
+    table, data = model.begin(*fitted.fit_data(estimation, validation, declared.driven_by))
+    first, second = data.estimation, data.validation
     if method == "inverse_dynamics":
         found = declared_fit.identify_inverse(model_structure(table, declared), first, second, load_search())
         blocks = InverseDynamics(first).blocks()
         told = diagnose(found.fit, first, second, recordings_to_make(), declared, blocks)
-        return Identification(model, table, found, first, second, told)
+        return Identification(model, table, found, first, second, told, data)
     with Progress("identify", progress) as bar:
         bar.span(0.0, 0.85)
         found = declared_fit.identify(model_structure(table, declared), first, second, load_search(), bar)
         bar.span(0.85, 1.0)
         bar("residuals and what would help", 0.0)
         told = diagnose(found.fit, first, second, recordings_to_make(), declared)
-    return Identification(model, table, found, first, second, told)
+    return Identification(model, table, found, first, second, told, data)

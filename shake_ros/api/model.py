@@ -10,10 +10,21 @@ import numpy as np
 
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.identification.models import MODELS
+from shake_ros.core.identification.nuisances import Prepared, prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.identification.stages import staged_start
+from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
+from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.declared import declared_table, effect_candidates, free_parameters, late_parameters
+from shake_ros.declared import (
+    declared_table,
+    effect_candidates,
+    free_parameters,
+    late_parameters,
+    leaves_open,
+    unknown_model,
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -22,7 +33,8 @@ class Model:
 
     Attributes
     ----------
-    kind : "full", "reduced" or "axis". table : the declared table; None where the recordings give the first guess.
+    kind : "full", "reduced", "unknown" or "axis".
+    table : the declared table; None where the recordings give the first guess.
     changes : values by dotted name over those of the table.
     notes : what the given table does not declare, a line each.
     """
@@ -54,6 +66,15 @@ class Model:
         """The table that a fit to these records starts from."""
         return self.table or self.declared.first_table(records).with_values(self.changes)
 
+    def begin(self, estimation: list[Record], validation: list[Record]) -> tuple[TableParameters, Prepared]:
+        """The table that a fit starts from, and the recordings as it takes them.
+
+        Their offsets are taken out where the model counts these as nuisances.
+        """
+        if not isinstance(self.declared, UnknownModel):
+            return self.start(estimation), Prepared(estimation, validation, 1.0, ())
+        return staged_start(self.declared, free_parameters(self.declared), prepared(estimation, validation))
+
     def simulate(self, record: Record) -> np.ndarray:
         """Free run of the table over a record from its command alone, shape (n, ≥ 3): position [m], velocity, …"""
         return self.declared.run(self.start([record]), record)
@@ -74,9 +95,10 @@ def model(
     Parameters
     ----------
     kind : "full", the sixth-order table of (6.15); "reduced", third order in acceleration per command (6.36), for
-        hydraulics that are not declared; "axis", a positioning axis driven by a force.
+        hydraulics that are not declared; "unknown", the full physics without a data sheet; "axis", a positioning axis
+        driven by a force.
     table : a name of config/table, a YAML file, or a table; the default table of `full`, otherwise the first guess
-        comes from the recordings.
+        comes from the recordings. A file that leaves numbers open makes "full" the model "unknown".
     set : declared values to change, by dotted name or its last part: `{"specimen_mass": 200.0}`.
 
     Raises
@@ -95,8 +117,10 @@ def model(
     >>> "soft_zone" in model.candidates["effect"]
     True
     """
+    if kind == UNKNOWN or (kind == "full" and isinstance(table, str | Path) and leaves_open(str(table))):
+        return _unknown(table, set or {})
     if kind not in MODELS:
-        raise unknown_name("model", kind, MODELS)
+        raise unknown_name("model", kind, (*MODELS, UNKNOWN))
     declared = MODELS[kind]
     changes = {declared.layout.full_name(key, "set"): float(value) for key, value in (set or {}).items()}
     notes: tuple[str, ...] = ()
@@ -110,3 +134,18 @@ def model(
         if base.layout != declared.layout:
             raise ShakeError(f"the model {kind} does not take a table of the model {base.layout.name}")
     return Model(kind, declared, base and base.with_values(changes), changes, notes)
+
+
+def _unknown(table: str | Path | TableParameters | None, changes: Mapping[str, float]) -> Model:
+    """The model of a table that leaves numbers open; a number that is set is exact."""
+    if isinstance(table, TableParameters):
+        raise ShakeError(f"the model {UNKNOWN} takes a file with what is known, not a table")
+    declared = unknown_model(UNKNOWN if table is None else str(table))
+    assert declared.table is not None
+    exact = {declared.layout.full_name(key, "set"): float(value) for key, value in changes.items()}
+    declared = UnknownModel(
+        declared.table.with_values(exact),
+        tuple(name for name in declared.unknown if name not in exact),
+        {name: sd for name, sd in declared.deviations.items() if name not in exact},
+    )
+    return Model(UNKNOWN, declared, None, exact)

@@ -10,7 +10,7 @@ from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.loop.benefit import TrackingBenefit, benefit
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import Parameters, choice, quantity
 from shake_ros.data.reference_program import build_program
 from shake_ros.settings import find, load_variant, read_yaml
@@ -33,7 +33,7 @@ def tracking(result: LoopClosure) -> TrackingBenefit | None:
     None also for declared models that have no valve to control.
     """
     table, declared = result.final.table, result.baseline.table
-    if result.model.name != "full" or not result.search.steps:
+    if result.model.layout is not FULL_LAYOUT or not result.search.steps:
         return None
     path = find("identification", "tracking")
     settings = TrackingSettings.from_mapping(read_yaml(path), str(path))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from shake_ros.api.close_loop import close_loop
 from shake_ros.cli import fitting
-from shake_ros.report.text import close_loop_lines, diagnosis_lines, tracking_lines
+from shake_ros.report.text import close_loop_lines, diagnosis_lines, identified_lines, tracking_lines
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -18,7 +18,8 @@ def main(arguments: Sequence[str]) -> int:
     found = close_loop(*fitting.inputs(given))
     found.report(given.out, given.force)
     tracking = tracking_lines(found.tracking) if found.tracking else []
-    print("\n".join([*close_loop_lines(found.closed), *tracking, *diagnosis_lines(found.diagnosis)]))
+    told = identified_lines(found.told, found.data.nuisances)
+    print("\n".join([*close_loop_lines(found.closed), *told, *tracking, *diagnosis_lines(found.diagnosis)]))
     for name, (before, after) in found.position_error.items():
         print(f"position of the free run, {name}: {1e3 * before:.3f} → {1e3 * after:.3f} mm rms")
     print(f"report: {given.out / 'report.html'}")

@@ -10,6 +10,7 @@ from pathlib import Path
 from shake_ros.api.model import Model, model
 from shake_ros.api.read import Recordings, read
 from shake_ros.core.identification.models import MODELS
+from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import check_folder
 from shake_ros.declared import DEFAULT_TABLE
@@ -32,12 +33,14 @@ def add_data(command: argparse.ArgumentParser, needed: Sequence[str] = ()) -> No
 def add_arguments(command: argparse.ArgumentParser, *, validation_needed: bool) -> None:
     """Arguments of both commands."""
     add_data(command, ("estimation", "validation") if validation_needed else ("estimation",))
-    command.add_argument("--model", choices=sorted(MODELS), default="full", help="declared model (default: full)")
+    command.add_argument(
+        "--model", choices=sorted([*MODELS, UNKNOWN]), default="full", help="declared model (default: full)"
+    )
     command.add_argument(
         "--config",
         metavar="FILE",
         help="declared table: a name of config/table or a YAML file "
-        f"(default: {DEFAULT_TABLE}; models other than full start from the recordings)",
+        f"(default: {DEFAULT_TABLE}; `unknown`: no data sheet; models other than full start from the recordings)",
     )
     command.add_argument(
         "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="change a declared value"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from shake_ros.api.identify import METHODS, identify
 from shake_ros.cli import fitting
-from shake_ros.report.text import diagnosis_lines, error_lines, parameter_lines
+from shake_ros.report.text import diagnosis_lines, error_lines, identified_lines, parameter_lines
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -24,7 +24,7 @@ def main(arguments: Sequence[str]) -> int:
     result = identify(*fitting.inputs(given), method=given.method)
     result.report(given.out, given.force)
     print("\n".join(parameter_lines(result.fit.parameters) + error_lines(result.fit)))
-    print("\n".join(diagnosis_lines(result.diagnosis)))
+    print("\n".join([*identified_lines(result.told, result.data.nuisances), *diagnosis_lines(result.diagnosis)]))
     for name, error in result.position_error.items():
         print(f"position of the free run, {name}: {1e3 * error:.3f} mm rms")
     print(f"report: {given.out / 'report.html'}")

@@ -18,6 +18,7 @@ from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
+from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.quantities import ShakeError
 
@@ -35,6 +36,19 @@ def model_json(model: FittedModel) -> dict[str, Any]:
     return {
         "parameters": parameters_json(model.parameters),
         "error": {"learn": model.estimation, "hold": model.validation},
+    }
+
+
+def unknown_json(told: Sequence[Estimate], data: Prepared) -> dict[str, Any]:
+    """What recordings tell of a table without a data sheet, and what was taken out of them."""
+    offsets = {
+        n.recording: {"null_shift": n.null_shift, "acceleration_bias": n.acceleration_bias} for n in data.nuisances
+    }
+    return {
+        "identified": parameters_json(told),
+        "command_full_scale": data.full_scale,
+        "accelerometer_delay": data.accelerometer_delay,
+        "nuisances": offsets,
     }
 
 

@@ -9,18 +9,40 @@ from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.diagnosis import Diagnosis
+from shake_ros.core.identification.nuisances import Nuisance
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.report import figures_fit
 from shake_ros.report.page import Page
-from shake_ros.report.sections import FREE_RUN, benefit_section, diagnosis_section, error_table, parameter_table
+from shake_ros.report.sections import (
+    FREE_RUN,
+    benefit_section,
+    diagnosis_section,
+    error_table,
+    identified_section,
+    parameter_table,
+)
 from shake_ros.report.text import sentence
 
 
-def identify_page(model: FittedModel, diagnosis: Diagnosis, learn: Sequence[str], hold: Sequence[str]) -> str:
-    """The page of `identify` as HTML; learn, hold : names of the recordings."""
+def identify_page(
+    model: FittedModel,
+    diagnosis: Diagnosis,
+    learn: Sequence[str],
+    hold: Sequence[str],
+    told: Sequence[Estimate] = (),
+    offsets: Sequence[Nuisance] = (),
+) -> str:
+    """The page of `identify` as HTML.
+
+    Parameters
+    ----------
+    learn, hold : names of the recordings. told, offsets : of a table without a data sheet.
+    """
     checked = f"; validated on {', '.join(hold)}" if hold else ""
     page = Page("The fitted model", f"Estimated from {', '.join(learn)}{checked}.")
+    identified_section(page, told, offsets)
     page.heading("Parameters")
     parameter_table(page, {"value": model.parameters})
     page.heading("Error of the free run")
@@ -90,12 +112,15 @@ def close_loop_page(
     hold: list[Record],
     diagnosis: Diagnosis | None = None,
     benefit: TrackingBenefit | None = None,
+    told: Sequence[Estimate] = (),
+    offsets: Sequence[Nuisance] = (),
 ) -> str:
-    """The page of `close_loop` as HTML."""
+    """The page of `close_loop` as HTML; told, offsets : of a table without a data sheet."""
     named = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing"
     estimation, validation = (", ".join(dict.fromkeys(r.name for r in records)) for records in (learn, hold))
     lead = f"Missing: {named}. Estimated from {estimation}; validated on {validation}."
     page = Page("What the model is missing", lead)
+    identified_section(page, told, offsets)
     model_sections(page, result, hold)
     if benefit:
         benefit_section(page, benefit)

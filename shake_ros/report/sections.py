@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
+from shake_ros.core.identification.nuisances import Nuisance
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.report import figures_residual
@@ -36,6 +37,20 @@ def parameter_table(page: Page, models: Mapping[str, Sequence[Estimate]]) -> Non
     page.table(
         ["parameter", *models, "unit"], [[p.name, *(cell(known.get(p.name)) for known in found), p.unit] for p in last]
     )
+
+
+def identified_section(page: Page, told: Sequence[Estimate], offsets: Sequence[Nuisance]) -> None:
+    """What recordings tell of a table without a data sheet, and the offsets taken out of them; nothing for others."""
+    if not told:
+        return
+    page.heading("What the recordings tell of this table")
+    page.paragraph("Whatever its area and supply pressure: these quantities do not depend on what was assumed of them.")
+    parameter_table(page, {"value": told})
+    rows = [
+        [n.recording, f"{n.null_shift:.5f}", "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"]
+        for n in offsets
+    ]
+    page.table(["taken out of the recording", "null shift of the valve [-]", "accelerometer bias [m/s²]"], rows)
 
 
 def error_table(page: Page, models: Mapping[str, FittedModel]) -> None:

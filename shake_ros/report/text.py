@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis
+from shake_ros.core.identification.nuisances import Nuisance
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
 
@@ -32,6 +33,18 @@ def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
     for p in parameters:
         error = "at bound" if p.std_error is None else f"{p.std_error:.2g}"
         lines.append(f"{p.name:<52}{p.value:>12.4g}{error:>12}  {p.unit}")
+    return lines
+
+
+def identified_lines(told: Sequence[Estimate], offsets: Sequence[Nuisance]) -> list[str]:
+    """What recordings tell of a table without a data sheet, and the offsets taken out of them; nothing for others."""
+    if not told:
+        return []
+    lines = ["", "what the recordings tell, whatever area and pressure are:", *parameter_lines(told), ""]
+    lines.append(f"{'taken out of the recording':<36}{'null shift':>12}{'bias [m/s²]':>14}")
+    for n in offsets:
+        bias = "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"
+        lines.append(f"{n.recording:<36}{n.null_shift:>12.5f}{bias:>14}")
     return lines
 
 

@@ -133,17 +133,32 @@ class DeclaredModel(ABC):
     Attributes
     ----------
     layout : of its tables; its name is the model's. driven_by : signal of a recording that a Record's `commands` are.
-    candidates_file : file of config/discovery with the effects it may lack.
+    candidates_file : file of config/discovery with the effects it may lack. nuisances : whether the offset of each
+    channel and recording is estimated with every fit.
     """
 
     layout: ClassVar[TableLayout]
     driven_by: ClassVar[str] = "valve_command"
     candidates_file: ClassVar[str]
+    nuisances: ClassVar[bool] = False
 
     @property
     def name(self) -> str:
         """Its name in MODELS, in config/identification and in the effects' `models`."""
         return self.layout.name
+
+    @property
+    def priors(self) -> tuple[tuple[int, float, float], ...]:
+        """Column of the parameter vector, value and standard deviation of each number known before the fit."""
+        return ()
+
+    def may_move(self, name: str) -> bool:  # noqa: ARG002 (for a model whose table leaves only some numbers open)
+        """Whether a fit may move a declared number."""
+        return True
+
+    def may_lack(self, effect: str) -> bool:  # noqa: ARG002 (the same)
+        """Whether an effect may be missing."""
+        return True
 
     @abstractmethod
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
@@ -239,7 +254,17 @@ class RecordingProblem:
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
         """Filtered velocity and acceleration of one recording, each of shape (m, n)."""
         velocity, acceleration = self.model.simulate(vectors, record)
-        return low_pass(velocity, record.sample_time), acceleration
+        velocity = low_pass(velocity, record.sample_time)
+        if self.model.nuisances:
+            velocity = self._with_offset(velocity, record.velocity, record.start)
+            if record.acceleration is not None:
+                acceleration = self._with_offset(acceleration, record.acceleration, record.start)
+        return velocity, acceleration
+
+    @staticmethod
+    def _with_offset(simulated: np.ndarray, measured: np.ndarray, start: int) -> np.ndarray:
+        """Rows of simulated signals with the offset of least squares to the measured one."""
+        return np.asarray(simulated + np.mean((measured - simulated)[:, start:], axis=1, keepdims=True))
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Weighted residuals of all recordings, shape (m, n)."""
@@ -249,6 +274,7 @@ class RecordingProblem:
             parts.append(w_v * (velocity - record.velocity)[:, record.start :])
             if record.acceleration is not None:
                 parts.append(w_a * (acceleration - record.acceleration)[:, record.start :])
+        parts += [(vectors[:, [i]] - value) / deviation for i, value, deviation in self.model.priors]
         return np.concatenate(parts, axis=1)
 
     def noise_cost(self) -> float:
@@ -275,7 +301,7 @@ class RecordingProblem:
             if record.acceleration is not None:
                 parts.append(numbers)
             first = int(numbers[-1]) + 1
-        return np.concatenate(parts)
+        return np.concatenate([*parts, first + np.arange(len(self.model.priors))])
 
     def times(self) -> np.ndarray:
         """Time since its recording's start of each residual, shape (n,) [s]."""
@@ -283,7 +309,7 @@ class RecordingProblem:
         for record in self.records:
             time = record.begin + np.arange(record.start, len(record.commands)) * record.sample_time
             parts += [time] if record.acceleration is None else [time, time]
-        return np.concatenate(parts)
+        return np.concatenate([*parts, np.zeros(len(self.model.priors))])
 
     def errors(self, vector: np.ndarray) -> dict[str, dict[str, float]]:
         """Relative error of velocity and acceleration per recording."""

@@ -9,7 +9,7 @@ is that of the sixth-order table (6.15), plant/reduced.py and plant/axis.py have
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass
 from functools import cached_property
 from typing import Any, Generic, TypeVar, cast
@@ -268,6 +268,10 @@ class TableParameters:
                 effect, _, field = rest.partition(".")
                 effects[effect] = (effects.get(effect) or EFFECTS[effect]()).replace(**{field: value})
         return TableParameters(self.layout, sections, effects)
+
+    def without(self, effects: Sequence[str]) -> TableParameters:
+        """A copy without some effects."""
+        return TableParameters(self.layout, self.sections, {n: e for n, e in self.effects.items() if n not in effects})
 
     def with_sections(self, **sections: Parameters) -> TableParameters:
         """A copy with whole sections replaced, say by another friction law."""

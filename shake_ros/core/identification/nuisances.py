@@ -1,0 +1,98 @@
+"""What differs from recording to recording and tells nothing of the table: offsets of the sensors, null of the valve.
+
+The accelerometer's bias is its mean less the change of the velocity. The null shift is what the regression of the
+slow velocity on the command leaves as a constant; a term in |u| keeps a gain that differs by direction out of it. Both
+are taken out of the recording before a fit, what is left of them within it (recordings.RecordingProblem); what all
+recordings have in common of the null shift is free in the fit. The delay of the accelerometer's filter is that of the
+set-up (sensor_delay.py) and is taken out as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.sensor_delay import delay_and_lag, timely
+
+SLOW = 2.0  # the table follows its valve up to here, whatever its dynamics [Hz]
+FULL_SCALES = (1.0, 10.0, 20.0, 100.0)  # of a command: per unit, volts, milliamperes, per cent
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """Offsets of one recording. null_shift : of the valve [-]. acceleration_bias [m/s²], None without acceleration."""
+
+    recording: str
+    null_shift: float
+    acceleration_bias: float | None
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Recordings with their offsets taken out.
+
+    full_scale : of the recorded command, which counts as 1 from here on. accelerometer_delay : against the position, of
+    the sensor's filter; accelerometer_lag : of a slow sensor, still in the recordings [s].
+    """
+
+    estimation: list[Record]
+    validation: list[Record]
+    full_scale: float
+    nuisances: tuple[Nuisance, ...]
+    accelerometer_delay: float = 0.0
+    accelerometer_lag: float = 0.0
+
+    def note(self) -> str:
+        """What was assumed of the command; empty where it is per unit."""
+        if self.full_scale == 1.0:
+            return ""
+        return f"the command exceeds 1: taken as parts of a full scale of {self.full_scale:g} (V, mA or %)"
+
+
+def full_scale(records: Sequence[Record]) -> float:
+    """The smallest usual full scale that holds all commands."""
+    largest = max(float(np.max(np.abs(r.commands))) for r in records)
+    return next((s for s in FULL_SCALES if largest <= 1.05 * s), largest)
+
+
+def slow(values: np.ndarray, sample_time: float) -> np.ndarray:
+    """What of a signal is slower than SLOW, without phase."""
+    return np.asarray(sosfiltfilt(butter(2, 2.0 * SLOW * sample_time, output="sos"), values))
+
+
+def null_shift(record: Record) -> float:
+    """Command at which the table stands still, with its sign turned [-]."""
+    u, v = (slow(x, record.sample_time)[record.start :] for x in (record.commands, record.velocity))
+    terms = np.column_stack([u, np.abs(u), np.ones_like(u)])
+    gain, _, constant = np.linalg.lstsq(terms, v, rcond=None)[0]
+    largest = float(np.max(np.abs(u)))
+    return float(np.clip(constant / gain, -0.2 * largest, 0.2 * largest)) if gain > 0.0 else 0.0
+
+
+def without_offsets(record: Record) -> tuple[Record, Nuisance]:
+    """A recording without its offsets, and these."""
+    shift, bias, acceleration = null_shift(record), None, record.acceleration
+    if acceleration is not None:
+        seconds = len(acceleration) * record.sample_time
+        bias = float(np.mean(acceleration) - (record.velocity[-1] - record.velocity[0]) / seconds)
+        acceleration = acceleration - bias
+    moved = replace(
+        record, commands=record.commands + shift, acceleration=acceleration, standing=record.standing + shift
+    )
+    return moved, Nuisance(record.name, shift, bias)
+
+
+def prepared(estimation: Sequence[Record], validation: Sequence[Record]) -> Prepared:
+    """Both sets of recordings with the command per unit and without offsets."""
+    both = [*estimation, *validation]
+    scale = full_scale(both)
+    scaled = [replace(r, commands=r.commands / scale, standing=r.standing / scale) for r in both]
+    delay, lag = delay_and_lag(scaled)
+    found = [without_offsets(timely(r, delay)) for r in scaled]
+    records = [r for r, _ in found]
+    count = len(estimation)
+    return Prepared(records[:count], records[count:], scale, tuple(n for _, n in found), delay, lag)
