@@ -100,6 +100,23 @@ class Recordings(Sequence[TableRecording]):
 
         return [line for r in self for line in finding_lines(r)]
 
+    @property
+    def doubts(self) -> list[str]:
+        """What speaks against them as recordings of one table, a line each: units, signs, swapped signals, too little.
+
+        Recordings without a valve command are not looked at, nor what no fit would take.
+        """
+        from shake_ros.core.identification.doubts import doubts
+        from shake_ros.data.fit_records import fit_records
+
+        found = []
+        for recording in self:
+            try:
+                found += fit_records(recording)
+            except ShakeError:
+                continue
+        return doubts(found) if found else []
+
     def between(self, start: float, stop: float) -> Recordings:
         """The samples from `start` to before `stop` [s] of each recording; segments stay apart."""
         return Recordings(r.between(start, stop) for r in self)

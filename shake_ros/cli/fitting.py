@@ -52,6 +52,9 @@ def inputs(given: argparse.Namespace) -> tuple[Model, Recordings, Recordings]:
     check_folder(given.out, given.force)
     declared = model(given.model, given.config, dict(map(change, given.set)))
     estimation, validation = read_data(given)
+    if declared.declared.driven_by == "valve_command":
+        for doubt in (estimation + validation).doubts:
+            print(doubt, file=sys.stderr)
     for note in declared.notes:
         print(note, file=sys.stderr)
     return declared, estimation, validation

@@ -1,0 +1,118 @@
+"""What speaks against recordings before anything is fitted to them: wrong units and signs, swapped signals, too little.
+
+Each doubt is a line with the numbers behind it. Nothing is changed: whoever recorded knows what it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from shake_ros.core.identification.nuisances import slow
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.sensor_delay import FEWEST, between_sensors
+
+GRAVITY = 9.80665  # [m/s²]
+PROMPT = 5.0  # a filter or lag of the accelerometer hardly acts up to here [Hz]
+NEAR = 1.25  # factor between what two sensors say of the same motion up to which they agree
+UNITS = {
+    1.0 / GRAVITY: "acceleration in g? import it with the scale 9.80665",
+    1e-3: "position in millimetres? import it with the scale 0.001",
+    1e-2: "position in centimetres? import it with the scale 0.01",
+    1e3: "acceleration in mm/s²? import it with the scale 0.001",
+    1e-3 / GRAVITY: "position in millimetres and acceleration in g?",
+}
+FOLLOWS = 0.6  # correlation of the slow velocity with the command from which a table follows its valve
+TWICE = 1.6  # factor between the velocity gains of two recordings from which these are of two tables
+SHORT = 10.0  # [s]
+ONE_LINE = 0.95  # share of the command's power within 5 % of its strongest frequency that makes it a sine
+
+
+def doubts(records: Sequence[Record]) -> list[str]:
+    """A line for each thing that speaks against these recordings of one table; drives are valve commands."""
+    found = [line for record in records for line in (*_acceleration(record), *_swapped(record))]
+    return found + _two_tables(records) + _too_little(records)
+
+
+def _acceleration(record: Record) -> list[str]:
+    """Whether the accelerometer tells the same motion as the position."""
+    omega, response, weight = between_sensors([record])
+    if len(omega) < FEWEST:
+        return []
+    low = omega < 2.0 * np.pi * PROMPT
+    low = low if np.count_nonzero(low) >= FEWEST else np.ones(len(omega), dtype=bool)
+    ratio = float(np.sum((weight * response.real)[low]) / np.sum(weight[low]))
+    size = abs(ratio)
+    said = f"{record.name}: the acceleration is {ratio:.3g} times the second derivative of the position"
+    if ratio < 0.0:
+        return [f"{said}: one of them points the other way; import the acceleration with the scale -1"]
+    hint = next((text for factor, text in UNITS.items() if 1.0 / NEAR < size / factor < NEAR), "another unit?")
+    return [] if 1.0 / NEAR < size < NEAR else [f"{said}: {hint}"]
+
+
+def correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Correlation coefficient [-]; 0 where one is constant."""
+    return float(np.corrcoef(a, b)[0, 1]) if np.ptp(a) > 0.0 and np.ptp(b) > 0.0 else 0.0
+
+
+def _swapped(record: Record) -> list[str]:
+    """Whether command and position look exchanged: a valve moves the table at a speed, not to a place."""
+    dt, span = record.sample_time, slice(record.start, None)
+    u, x, v = (slow(s, dt)[span] for s in (record.commands, record.position, record.velocity))
+    as_named, exchanged = correlation(u, v), correlation(np.gradient(u, dt), x)
+    if exchanged > FOLLOWS and exchanged > as_named + 0.3:
+        return [
+            f"{record.name}: the position follows the rate of the command (correlation {exchanged:.2f}), the velocity "
+            f"not the command ({as_named:.2f}): command and position swapped?"
+        ]
+    if as_named < -FOLLOWS:
+        return [f"{record.name}: the velocity goes against the command ({as_named:.2f}); import one with the scale -1"]
+    return []
+
+
+def _two_tables(records: Sequence[Record]) -> list[str]:
+    """Whether the velocity per command differs between recordings by more than friction explains."""
+    gains: dict[str, float] = {}
+    for record in records:
+        u, v = (slow(s, record.sample_time)[record.start :] for s in (record.commands, record.velocity))
+        u, v = u - u.mean(), v - v.mean()
+        if correlation(u, v) > FOLLOWS:
+            gains.setdefault(record.name, float(u @ v) / float(u @ u))
+    if len(gains) < 2:
+        return []
+    low, high = min(gains, key=lambda n: gains[n]), max(gains, key=lambda n: gains[n])
+    if gains[high] < TWICE * gains[low]:
+        return []
+    return [
+        f"{high} and {low}: {gains[high]:.3g} and {gains[low]:.3g} m/s per command: of two tables, "
+        "or of two supply pressures or command scales?"
+    ]
+
+
+def _too_little(records: Sequence[Record]) -> list[str]:
+    """Whether all recordings together are too short, or a single sine."""
+    seconds = sum(len(r.commands) * r.sample_time for r in records)
+    names = ", ".join(dict.fromkeys(r.name for r in records))
+    lines = []
+    if seconds < SHORT:
+        lines.append(f"{names}: {seconds:.1f} s in all: too little to tell many effects apart, 30 s or more would")
+    strongest = [_strongest(r) for r in records]
+    if all(share > ONE_LINE for share, _ in strongest):
+        low, high = min(f for _, f in strongest), max(f for _, f in strongest)
+        if high <= 1.1 * low:
+            lines.append(
+                f"{names}: the command is a sine of {low:.2g} Hz alone: it tells gain and phase there, not the dynamics; "
+                "record a sweep, a multi-sine or an earthquake as well"
+            )
+    return lines
+
+
+def _strongest(record: Record) -> tuple[float, float]:
+    """Share of the command's power within 5 % of its strongest frequency, or two lines, and that frequency [Hz]."""
+    u = (record.commands - record.commands.mean()) * np.hanning(len(record.commands))
+    power = np.abs(np.fft.rfft(u)) ** 2
+    frequency = np.fft.rfftfreq(len(u), record.sample_time)
+    peak = float(frequency[np.argmax(power)])
+    near = np.abs(frequency - peak) <= max(0.05 * peak, 2.5 * frequency[1])
+    return float(power[near].sum() / max(power.sum(), 1e-300)), peak

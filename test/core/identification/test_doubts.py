@@ -1,0 +1,62 @@
+"""Wrong or useless recordings are found before anything is fitted to them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hidden_table import SAMPLE_TIME, record
+
+from shake_ros.core.identification.doubts import doubts
+from shake_ros.core.identification.recordings import Record
+
+
+@cache
+def good(seed: int = 1, **own: float) -> Record:
+    made = record(seed, 12.0, **own)
+    return Record(f"run{seed}", SAMPLE_TIME, made.commands, made.position, made.acceleration)
+
+
+def said(*records: Record) -> str:
+    (line,) = doubts(records)
+    return line
+
+
+def test_good_recordings_raise_no_doubt() -> None:
+    assert doubts([good(1), good(2)]) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "hint"),
+    [
+        ({"position": 1e3}, "position in millimetres"),
+        ({"acceleration": 1.0 / 9.80665}, "acceleration in g"),
+        ({"acceleration": -1.0}, "points the other way"),
+        ({"commands": -1.0}, "goes against the command"),
+    ],
+)
+def test_wrong_unit_or_sign_is_said(change: dict[str, float], hint: str) -> None:
+    ((name, factor),) = change.items()
+    assert hint in said(replace(good(), **{name: factor * getattr(good(), name)}))
+
+
+def test_swapped_command_and_position_are_said() -> None:
+    swapped = replace(good(), commands=good().position, position=good().commands, acceleration=None)
+    assert "command and position swapped?" in said(swapped)
+
+
+def test_recordings_of_two_tables_are_said() -> None:
+    assert "of two tables" in said(good(1), good(2, flow=3.8e-7))
+
+
+def test_five_seconds_are_too_little() -> None:
+    made = record(3, 5.0)
+    assert "5.0 s in all" in said(Record("short", SAMPLE_TIME, made.commands, made.position, made.acceleration))
+
+
+def test_sine_alone_is_said() -> None:
+    time = np.arange(12000) * SAMPLE_TIME
+    sine = Record("sine", SAMPLE_TIME, 0.3 * np.sin(4.0 * np.pi * time), -0.015 * np.cos(4.0 * np.pi * time))
+    assert "a sine of 2 Hz alone" in said(sine)
