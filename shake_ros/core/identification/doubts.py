@@ -102,8 +102,8 @@ def _too_little(records: Sequence[Record]) -> list[str]:
         low, high = min(f for _, f in strongest), max(f for _, f in strongest)
         if high <= 1.1 * low:
             lines.append(
-                f"{names}: the command is a sine of {low:.2g} Hz alone: it tells gain and phase there, not the dynamics; "
-                "record a sweep, a multi-sine or an earthquake as well"
+                f"{names}: the command is a sine of {low:.2g} Hz alone: it tells gain and phase there, not the "
+                "dynamics; record a sweep, a multi-sine or an earthquake as well"
             )
     return lines
 
