@@ -47,6 +47,8 @@ PUBLIC = {  # name → module
     "Simulation": "shake_ros.api.simulate",
     "simulate": "shake_ros.api.simulate",
     "SimulatedTable": "shake_ros.api.simulated_table",
+    "TableFile": "shake_ros.api.table",
+    "table": "shake_ros.api.table",
     "thd": "shake_ros.api.thd",
     "TunedController": "shake_ros.api.tune",
     "TunedTable": "shake_ros.api.tune_table",
@@ -89,6 +91,8 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.simulate import Simulation as Simulation
     from shake_ros.api.simulate import simulate as simulate
     from shake_ros.api.simulated_table import SimulatedTable as SimulatedTable
+    from shake_ros.api.table import TableFile as TableFile
+    from shake_ros.api.table import table as table
     from shake_ros.api.thd import thd as thd
     from shake_ros.api.tune import TunedController as TunedController
     from shake_ros.api.tune import tune as tune

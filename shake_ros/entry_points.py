@@ -42,6 +42,7 @@ ENTRY_POINTS: dict[str, Entry] = {
     "demo": Entry("shake_ros.cli.demo", "the main job end to end: measured data, loop, missing effect, tracking"),
     "identify": Entry("shake_ros.cli.identify", "fit the declared model to recordings"),
     "close_loop": Entry("shake_ros.cli.close_loop", "find what the declared model lacks, add it, before and after"),
+    "table": Entry("shake_ros.cli.table", "a table's configuration from nameplates; says what it assumed"),
     "schedule": Entry("shake_ros.cli.schedule", "parameters by a neural network (thesis 6.3.5) beside the effect"),
     "import_csv": Entry("shake_ros.cli.import_csv", "a laboratory's table of columns becomes a recording"),
     "figures": Entry("shake_ros.cli.figures", "figures of the thesis drawn again: fluid, friction, valve, effects"),

@@ -8,14 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
+from shake_ros.api.read import Recordings
 from shake_ros.api.result_table import ResultTable
+from shake_ros.core.identification.contradictions import contradictions
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.nuisances import Prepared, prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.identification.stages import staged_start
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.identification.unknown_model import UnknownModel
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.declared import (
     declared_table,
@@ -74,6 +76,16 @@ class Model:
         if not isinstance(self.declared, UnknownModel):
             return self.start(estimation), Prepared(estimation, validation, 1.0, ())
         return staged_start(self.declared, free_parameters(self.declared), prepared(estimation, validation))
+
+    def contradictions(self, recordings: Recordings) -> list[str]:
+        """In which quantities the declared numbers and the recordings are far apart, a line each."""
+        declared = self.declared.table if isinstance(self.declared, UnknownModel) else self.table
+        if declared is None or declared.layout is not FULL_LAYOUT:
+            return []
+        records, unknown = recordings.records(), tuple[str, ...]()
+        if isinstance(self.declared, UnknownModel):
+            records, unknown = prepared(records, []).estimation, self.declared.unknown
+        return contradictions(declared, records, unknown)
 
     def simulate(self, record: Record) -> np.ndarray:
         """Free run of the table over a record from its command alone, shape (n, ≥ 3): position [m], velocity, …"""

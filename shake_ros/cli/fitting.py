@@ -53,8 +53,8 @@ def inputs(given: argparse.Namespace) -> tuple[Model, Recordings, Recordings]:
     declared = model(given.model, given.config, dict(map(change, given.set)))
     estimation, validation = read_data(given)
     if declared.declared.driven_by == "valve_command":
-        for doubt in (estimation + validation).doubts:
-            print(doubt, file=sys.stderr)
+        for line in [*(estimation + validation).doubts, *declared.contradictions(estimation)]:
+            print(line, file=sys.stderr)
     for note in declared.notes:
         print(note, file=sys.stderr)
     return declared, estimation, validation

@@ -36,12 +36,16 @@ PIECES = 15.0  # of the recordings that the grid is run over [s]
 
 @dataclass(frozen=True)
 class LinearTable:
-    """Velocity gain [m/s per command], delay [s], hydraulic frequency [rad/s], damping [-]."""
+    """Velocity gain [m/s per command], delay [s], hydraulic frequency [rad/s], damping [-].
+
+    seen_to : highest coherent frequency [rad/s]; a hydraulic frequency beyond it is only a guess.
+    """
 
     gain: float
     delay: float
     omega: float
     damping: float
+    seen_to: float
 
 
 def linear_table(records: Sequence[Record]) -> LinearTable:
@@ -83,7 +87,8 @@ def linear_table(records: Sequence[Record]) -> LinearTable:
         offset = float(np.sum(weight * size))
         cost = float(np.sum(weight * (np.abs(size - offset) + np.abs(phase) + 0.3 * abs(offset))))
         if cost < least:
-            best, least = LinearTable(gain * math.exp(offset), delay, w, z), cost
+            best = LinearTable(gain * math.exp(offset), delay, float(w), float(z), float(omega.max()))
+            least = cost
     assert best is not None
     return best
 
