@@ -178,18 +178,21 @@ class Discovery:
 
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, before and after; the first one validated."""
-        from shake_ros.report.figures_fit import free_runs, time_histories
+        from shake_ros.report.charts_fit import free_runs, history_chart
+        from shake_ros.report.static_figure import static_figure
 
         record = fitted.chosen_record([*self.validation, *self.estimation], recording)
         tables = self.closed.baseline.table, self.table
-        return time_histories(record, *free_runs(record, *tables, self.model.declared))
+        return static_figure(history_chart(record, free_runs(record, *tables, self.model.declared)))
 
-    def report(self, folder: str | Path, force: bool = False) -> Path:
+    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
         """Write report.json, diagnosis.json, report.html, table.yaml, and tracking.json where there is a tracking.
 
-        `force` replaces an existing folder.
+        `force` replaces an existing folder; `figures` adds static copies of the charts, as "pdf", "svg" or "png";
+        `command` is the line that the page names as its origin.
         """
         from shake_ros.report.close_loop_page import close_loop_page
+        from shake_ros.report.written import write_page
 
         names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
         content = close_loop_json(self.closed, *names, self.model.kind)
@@ -204,9 +207,10 @@ class Discovery:
                 write_json(out / "tracking.json", {"reference": self.tracking.reference, **self.tracking.errors()})
             comment = f"Fitted to {', '.join(names[0])} by close_loop: {added}.{fitted.command_comment(self.data)}"
             save_table(out / "table.yaml", self.table, comment)
-            records = list(self.estimation), list(self.validation)
-            page = close_loop_page(self.closed, *records, self.diagnosis, self.tracking, told, self.data.nuisances)
-            (out / "report.html").write_text(page, encoding="utf-8")
+            data = self.estimation, self.validation
+            unknown = told, self.data.nuisances
+            page = close_loop_page(self.closed, *data, self.diagnosis, self.tracking, command, *unknown)
+            write_page(page, out, figures)
 
         write_folder(Path(folder), fill, force=force)
         return Path(folder)

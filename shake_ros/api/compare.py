@@ -56,18 +56,20 @@ class Comparison:
 
     def plot(self) -> Figure:
         """Errors of each controller over the case that is drawn."""
-        from shake_ros.report.figures_comparison import error_figure
+        from shake_ros.report.charts_comparison import error_chart
+        from shake_ros.report.static_figure import static_figure
 
-        return error_figure(self.runs)
+        return static_figure(error_chart(self.runs, self.drawn))
 
-    def report(self, out: str | Path, force: bool = False) -> None:
-        """Write compare.json and report.html into a new folder."""
+    def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
+        """Write compare.json and report.html into a new folder; options as of `Discovery.report`."""
         from shake_ros.report.comparison_page import comparison_page
+        from shake_ros.report.written import write_page
 
         def fill(folder: Path) -> None:
             write_json(folder / "compare.json", comparison_json(self.outcomes, self.summaries, self.settings))
-            page = comparison_page(self.outcomes, self.runs, self.drawn, self.plant)
-            (folder / "report.html").write_text(page, encoding="utf-8")
+            page = comparison_page(self.outcomes, self.runs, self.drawn, self.plant, command)
+            write_page(page, folder, figures)
 
         write_folder(Path(out), fill, force=force)
 

@@ -42,7 +42,15 @@ class Demo:
         return (self.folder / "summary.txt").read_text(encoding="utf-8")
 
 
-def demo(out: str | Path = "out/demo", *, seed: int = 1, hidden: str | None = None, progress: Told = True) -> Demo:
+def demo(
+    out: str | Path = "out/demo",
+    *,
+    seed: int = 1,
+    hidden: str | None = None,
+    figures: str | None = None,
+    command: str = "",
+    progress: Told = True,
+) -> Demo:
     """The main job end to end; it needs ROS 2.
 
     The measured runs of the real table; a simulated table with a hidden effect recorded over DDS; the loop closed on
@@ -51,7 +59,8 @@ def demo(out: str | Path = "out/demo", *, seed: int = 1, hidden: str | None = No
     Parameters
     ----------
     out : result folder; an earlier demo's is replaced. seed : chooses the hidden effect and the table's own values.
-    hidden : hide this effect instead. progress : show it, or a function to tell.
+    hidden : hide this effect instead. figures, command : as of `Discovery.report`.
+    progress : show it, or a function to tell.
 
     Raises
     ------
@@ -73,8 +82,12 @@ def demo(out: str | Path = "out/demo", *, seed: int = 1, hidden: str | None = No
     started = time.monotonic()
     settings = read_yaml(find("demo", "demo"))
     table = hide(settings, seed, hidden)
+
+    def fill(work: Path) -> None:
+        _run(work, settings, table, bar, started, figures, command)
+
     with Progress("demo", progress) as bar:
-        write_folder(folder, lambda work: _run(work, settings, table, bar, started), force=True)
+        write_folder(folder, fill, force=True)
     return Demo(folder, json.loads((folder / "summary.json").read_text(encoding="utf-8")))
 
 
@@ -90,9 +103,18 @@ def measured_runs(bar: Progress) -> MeasuredRuns:
     return fit_runs(problem, table, [ALL], bar)
 
 
-def _run(folder: Path, settings: Mapping[str, Any], hidden: Hidden, bar: Progress, started: float) -> None:
+def _run(
+    folder: Path,
+    settings: Mapping[str, Any],
+    hidden: Hidden,
+    bar: Progress,
+    started: float,
+    figures: str | None,
+    command: str,
+) -> None:
     from shake_ros.report.demo_page import Tracking, demo_page, tracks_of
     from shake_ros.report.figures_demo import overview
+    from shake_ros.report.written import write_page
 
     bar.span(0.0, 0.25)
     runs = measured_runs(bar)
@@ -121,8 +143,7 @@ def _run(folder: Path, settings: Mapping[str, Any], hidden: Hidden, bar: Progres
     write_json(folder / "summary.json", summary)
     names = names_of(learn), names_of(hold)
     write_json(folder / "close_loop.json", close_loop_json(result, *names, "full"))
-    page = demo_page(runs, hidden.effect, result, learn, hold, tracks, summary)
-    (folder / "report.html").write_text(page, encoding="utf-8")
+    write_page(demo_page(runs, hidden.effect, result, learn, hold, tracks, summary, command), folder, figures)
     (folder / "overview.png").write_bytes(overview(runs, result, hold, tracks_of(tracks)))
     (folder / "summary.txt").write_text(lines(summary, tracks), encoding="utf-8")
 

@@ -22,6 +22,8 @@ from shake_ros.data.results import write_folder, write_json
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from shake_ros.report.chart import Chart
+
 SCHEMA = "shake_ros.frequency_response/1"
 INPUTS = {"valve_command": "-", "reference": "m", "force": "N"}
 OUTPUTS = {"position": "m", "acceleration": "m/s²"}
@@ -52,17 +54,23 @@ class RecordedResponse:
 
     def plot(self) -> Figure:
         """Gain with two standard deviations and delay on coherent lines, coherence on all."""
-        from shake_ros.report.figures_frequency import response_figure
+        from shake_ros.report.static_figure import static_figure
+
+        return static_figure(self._chart())
+
+    def _chart(self) -> Chart:
+        from shake_ros.report.frequency_page import response_chart
 
         highest = min(2.0 * max(row[0] for row in self.rows), float(self.found.frequency[-1]))
-        return response_figure(self.found, highest, self.unit)
+        return response_chart(self.found, highest, self.unit)
 
-    def report(self, out: str | Path, force: bool = False) -> None:
-        """Write report.json and report.html into a new folder."""
-        write_folder(Path(out), self._fill, force=force)
+    def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
+        """Write report.json and report.html into a new folder; options as of `Discovery.report`."""
+        write_folder(Path(out), lambda folder: self._fill(folder, figures, command), force=force)
 
-    def _fill(self, folder: Path) -> None:
-        from shake_ros.report.page import Page
+    def _fill(self, folder: Path, figures: str | None, command: str) -> None:
+        from shake_ros.report.frequency_page import response_page
+        from shake_ros.report.written import write_page
 
         lines = {
             "frequency_hz": self.found.frequency.tolist(),
@@ -74,11 +82,7 @@ class RecordedResponse:
         at = [dict(zip(("frequency_hz", "gain", "delay_s", "coherence"), row, strict=True)) for row in self.rows]
         content = {"schema": SCHEMA, "recording": self.name, "gain_unit": self.unit, "at": at, "lines": lines}
         write_json(folder / "report.json", content)
-        page = Page("Frequency response", f"{self.title}.")
-        head = ["frequency [Hz]", f"gain [{self.unit}]", "delay [ms]", "coherence"]
-        page.table(head, [[f"{f:g}", f"{g:.4g}", f"{1e3 * d:.2f}", f"{c:.4f}"] for f, g, d, c in self.rows])
-        page.figure(self.plot(), "Gain with two standard deviations and delay on coherent lines, coherence on all")
-        (folder / "report.html").write_text(page.render(), encoding="utf-8")
+        write_page(response_page(self.title, self.rows, self._chart(), self.unit, command), folder, figures)
 
     def __repr__(self) -> str:
         gain = f"gain [{self.unit}]"

@@ -95,15 +95,21 @@ class Identification:
 
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, as declared, as fitted; the first one validated."""
-        from shake_ros.report.figures_fit import free_runs, time_histories
+        from shake_ros.report.charts_fit import free_runs, history_chart
+        from shake_ros.report.static_figure import static_figure
 
         record = fitted.chosen_record([*self.validation, *self.estimation], recording)
         runs = free_runs(record, self.start, self.table, self.model.declared)
-        return time_histories(record, *runs, labels=("before the fit", "fitted"))
+        return static_figure(history_chart(record, runs, ("as declared", "fitted")))
 
-    def report(self, folder: str | Path, force: bool = False) -> Path:
-        """Write report.json, diagnosis.json, report.html and table.yaml; `force` replaces an existing folder."""
+    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
+        """Write report.json, diagnosis.json, report.html and table.yaml.
+
+        `force` replaces an existing folder; `figures` adds static copies of the charts, as "pdf", "svg" or "png";
+        `command` is the line that the page names as its origin.
+        """
         from shake_ros.report.close_loop_page import identify_page
+        from shake_ros.report.written import write_page
 
         names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
         content = {
@@ -120,8 +126,9 @@ class Identification:
         def fill(out: Path) -> None:
             write_json(out / "report.json", content)
             write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
-            page = identify_page(self.fit, self.diagnosis, *names, told, self.data.nuisances)
-            (out / "report.html").write_text(page, encoding="utf-8")
+            data, unknown = (self.estimation, self.validation), (told, self.data.nuisances)
+            page = identify_page(self.fit, self.start, self.model.declared, self.diagnosis, *data, command, *unknown)
+            write_page(page, out, figures)
             comment = f"Fitted to {', '.join(names[0])} by identify.{fitted.command_comment(self.data)}"
             save_table(out / "table.yaml", self.table, comment)
 

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.api.simulated_table import SimulatedTable
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import write_folder, write_json
 from shake_ros.settings import find, read_yaml, save_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from shake_ros.report.chart import Chart
 
 Array = NDArray[np.float64]
 PADDED = 2  # samples of rest that an earthquake reference gets at either end; left out of the file for them
@@ -57,18 +58,26 @@ class Iterated:
         return ResultTable(("run", "error"), list(zip(self.runs, self.missed, strict=True)), {"error": percent})
 
     def plot(self) -> Figure:
-        """Errors of the simulated runs, and response spectra of the best one."""
-        from shake_ros.report.figures_iteration import iteration_figure
+        """Errors of the runs in their order."""
+        from shake_ros.report.static_figure import static_figure
 
+        return static_figure(self._charts()[0])
+
+    def _charts(self) -> list[Chart]:
+        from shake_ros.report.iteration_page import error_chart, spectrum_chart
+
+        curves = [("measured, within the band", self.missed, "c0")]
         if self.simulated is None:
-            raise ShakeError("iterate: the true motion, which the figure shows, is known of simulated runs only")
-        return iteration_figure(self.simulated.errors, self.simulated.spectra, self.simulated.aim, self.best)
+            return [error_chart(self.runs, curves)]
+        curves.append(("true, all frequencies", tuple(self.simulated.errors), "c1"))
+        spectra = spectrum_chart(self.simulated.aim, self.simulated.spectra, self.best)
+        return [error_chart(self.runs, curves), spectra]
 
-    def report(self, folder: str | Path, force: bool = False) -> Path:
-        """Write drive.csv and drive.yaml, or model.yaml; iteration.json; of simulated runs iteration.png.
+    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
+        """Write drive.csv and drive.yaml, or model.yaml; iteration.json; report.html. Options as `Discovery.report`."""
+        from shake_ros.report.iteration_page import iteration_page
+        from shake_ros.report.written import write_page
 
-        `force` replaces an existing folder.
-        """
         out = Path(folder)
 
         def fill(work: Path) -> None:
@@ -77,8 +86,9 @@ class Iterated:
             if self.drive is not None:
                 _write_drive(work, out, self.drive, self.sample_time)
             write_json(work / "iteration.json", {"schema": "shake_ros.iterate/1", "error_in_band": list(self.missed)})
-            if self.simulated is not None:
-                self.plot().savefig(work / "iteration.png", dpi=120)
+            true = tuple(self.simulated.errors) if self.simulated else ()
+            page = iteration_page(self.runs, self.missed, self._charts(), true, self.reason, command)
+            write_page(page, work, figures)
 
         write_folder(out, fill, force=force)
         return out

@@ -68,24 +68,25 @@ class MeasuredComparison:
 
     def plot(self) -> Figure:
         """Measured and simulated harmonics of every run."""
-        from shake_ros.report.figures_measured import harmonics_figure
+        from shake_ros.report.charts_harmonics import harmonics_chart, shown
+        from shake_ros.report.static_figure import static_figure
 
-        return harmonics_figure(self.comparison)
+        models = [(m.name, m.account.amplitudes, colour) for m, colour in shown(self.comparison)]
+        return static_figure(harmonics_chart(self.comparison.problem, models))
 
-    def report(self, out: str | Path, force: bool = False) -> None:
-        """Write figures, tables and the fitted table into a new folder."""
-        write_folder(Path(out), self._fill, force=force)
+    def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
+        """Write report.html, tables and the fitted table into a new folder; options as of `Discovery.report`."""
+        write_folder(Path(out), lambda folder: self._fill(folder, figures, command), force=force)
 
-    def _fill(self, folder: Path) -> None:
-        from shake_ros.report.figures_measured import traces_figure
-        from shake_ros.report.style import png
+    def _fill(self, folder: Path, figures: str | None, command: str) -> None:
+        from shake_ros.report.measured_page import measured_page
+        from shake_ros.report.written import write_page
 
         found = self.comparison
+        write_page(measured_page(found, command), folder, figures)
         (folder / "measured_runs.txt").write_text(f"{self!r}\n", encoding="utf-8")
         write_json(folder / "measured_runs.json", comparison_json(found))
         (folder / "harmonics.csv").write_text(comparison_csv(found), encoding="utf-8")
-        (folder / "harmonics.png").write_bytes(png(self.plot()))
-        (folder / "traces.png").write_bytes(png(traces_figure(found)))
         save_table(
             folder / "fitted_table.yaml", self.table, f"{found.chosen.name} to the measured runs by measured_runs."
         )

@@ -29,10 +29,15 @@ from shake_ros.settings import find, load_table, read_yaml
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from shake_ros.report.page import Page
+    from shake_ros.report.record_page import Curve
+
 FILL = "fill"
 LARGEST_FACTOR = 1e4
 PERIODS = 80
 YAML = (".yaml", ".yml")
+READ = (("acceleration", "m/s²", 1.0), ("velocity", "mm/s", 1e3), ("displacement", "mm", 1e3))
+"""Quantities of a motion with the unit that a page gives them in, and its factor."""
 
 
 @dataclass(frozen=True)
@@ -80,15 +85,59 @@ class ScaledRecord:
         return response_spectrum(self.fitted.acceleration, self.scale.periods, damping, step)
 
     def plot(self) -> Figure:
-        """Histories and response spectra of the record and of the motion for the table."""
-        from shake_ros.report.record_figure import Curve, record_figure
+        """Histories of the record and of the motion for the table."""
+        from shake_ros.report.record_page import record_chart
+        from shake_ros.report.static_figure import static_figure
+
+        return static_figure(record_chart("motion", self._curves()))
+
+    def _curves(self) -> list[Curve]:
+        from shake_ros.report.record_page import Curve
 
         fitted, read = self.fitted, self.read
         pad = (fitted.acceleration.size - read.acceleration.size) / 2 * fitted.time_step
         before = Curve("as recorded", pad, read.time_step, read.acceleration)
-        after = Curve(f"for the table, factor {fitted.factor:.3g}", 0.0, fitted.time_step, fitted.acceleration)
-        title = f"{self.path.name}: {read.name}"
-        return record_figure(title, before, after, self.scale.periods, self.scale.spectrum_damping)
+        return [before, Curve(f"for the table, factor {fitted.factor:.3g}", 0.0, fitted.time_step, fitted.acceleration)]
+
+    def page(self, command: str = "") -> Page:
+        """What was changed, histories and response spectra; `command` is the line that the page names as its origin."""
+        from shake_ros.report.record_page import record_page
+
+        p = self.parameters
+        limits = (p.acceleration_limit, p.velocity_limit, p.position_limit)
+        rows = [
+            [f"{name} [{unit}]", *(f"{scale * v[0]:.4g}" for v in motion), f"{scale * limit:.4g}"]
+            for (name, unit, scale), motion, limit in zip(READ, zip(*self._motions(), strict=True), limits, strict=True)
+        ]
+        title, spectrum = f"{self.path.name}: {self.read.name}", (self.scale.periods, self.scale.spectrum_damping)
+        return record_page(title, self.changes, rows, self._curves(), *spectrum, command)
+
+    def _motions(self) -> tuple[list[tuple[float, float]], ...]:
+        """Peaks and ends as recorded, corrected and for the table, as of `_three`."""
+        read, fitted = self.read, self.fitted
+        unscaled = fitted.acceleration / fitted.factor if fitted.factor else fitted.acceleration
+        return (
+            _three(read.acceleration, read.time_step),
+            *(_three(a, fitted.time_step) for a in (unscaled, fitted.acceleration)),
+        )
+
+    @property
+    def changes(self) -> list[str]:
+        """What was done to the motion, a sentence each."""
+        (recorded, *_), (corrected, *_), (played, *_) = self._motions()
+        p, fitted = self.parameters, self.fitted
+        told = [
+            f"Filtered to {self.band} and baseline-corrected: the peak acceleration goes from {recorded[0]:.4g} to "
+            f"{corrected[0]:.4g} m/s².",
+            f"Scaled by {fitted.factor:.5g}: the peak acceleration is {played[0]:.4g} m/s²."
+            if fitted.factor != 1.0
+            else "Not scaled.",
+        ]
+        if fitted.limited_by:
+            told.append(f"The factor is what the table's {fitted.limited_by.split('_')[0]} allows.")
+        if p.time_scale != 1.0:
+            told.append(f"Time is stretched by {p.time_scale:g}.")
+        return told
 
     def write(self, out: str | Path) -> None:
         """Write columns (.csv) or a configuration of reference_generator (.yaml)."""
@@ -121,9 +170,7 @@ class ScaledRecord:
 
     def __repr__(self) -> str:
         read, fitted, p = self.read, self.fitted, self.parameters
-        before = _three(read.acceleration, read.time_step)
-        unscaled = fitted.acceleration / fitted.factor if fitted.factor else fitted.acceleration
-        corrected, after = (_three(a, fitted.time_step) for a in (unscaled, fitted.acceleration))
+        before, corrected, after = self._motions()
         limits = (p.acceleration_limit, p.velocity_limit, p.position_limit)
         lines = [
             f"{self.path}: {read.name}; outside the band {self.band} it is filtered out",

@@ -49,9 +49,11 @@ class ResponseSpectrum:
 
     def plot(self) -> Figure:
         """Absolute acceleration and relative displacement over the period."""
-        from shake_ros.report.record_figure import spectrum_figure
+        from shake_ros.report.record_page import spectrum_chart
+        from shake_ros.report.static_figure import static_figure
 
-        return spectrum_figure({self.name: (self.periods, self.displacement, self.acceleration)}, self.damping)
+        spectra = {self.name: (self.periods, self.displacement, self.acceleration)}
+        return static_figure(spectrum_chart("spectrum", spectra, self.damping))
 
 
 def response_spectrum(

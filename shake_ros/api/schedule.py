@@ -68,21 +68,24 @@ class ScheduleComparison:
 
     def plot(self, recording: int = 0) -> Figure:
         """Running error of the acceleration of all models over a recording, by its number."""
-        from shake_ros.report.schedule_page import running_error
+        from shake_ros.report.schedule_page import running_chart
+        from shake_ros.report.static_figure import static_figure
 
         chosen = self.compared[recording]
-        return running_error(chosen.record, chosen.runs, self.change if recording == 0 else None)
+        return static_figure(running_chart(chosen.record, chosen.runs, self.change if recording == 0 else None))
 
-    def report(self, folder: str | Path, force: bool = False) -> Path:
-        """Write report.json and report.html; `force` replaces an existing folder."""
+    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
+        """Write report.json and report.html; options as of `Discovery.report`."""
         from shake_ros.report.schedule_page import schedule_page
+        from shake_ros.report.written import write_page
 
         content = self.content
-        page = schedule_page(self.training, [(c.record, c.runs) for c in self.compared], content, self.change)
+        data = [(c.record, c.runs) for c in self.compared]
+        page = schedule_page(self.training, data, content, self.change, command)
 
         def fill(out: Path) -> None:
             write_json(out / "report.json", content)
-            (out / "report.html").write_text(page, encoding="utf-8")
+            write_page(page, out, figures)
 
         write_folder(Path(folder), fill, force=force)
         return Path(folder)

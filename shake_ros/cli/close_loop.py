@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from shake_ros.api.close_loop import close_loop
 from shake_ros.cli import fitting
+from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.report.text import close_loop_lines, diagnosis_lines, identified_lines, tracking_lines
 
 
@@ -14,9 +15,10 @@ def main(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     command = argparse.ArgumentParser(prog="close_loop", description=__doc__)
     fitting.add_arguments(command, validation_needed=True)
+    add_figures(command)
     given = command.parse_args(list(arguments))
     found = close_loop(*fitting.inputs(given))
-    found.report(given.out, given.force)
+    found.report(given.out, given.force, **reporting("close_loop", given, arguments))
     tracking = tracking_lines(found.tracking) if found.tracking else []
     told = identified_lines(found.told, found.data.nuisances)
     print("\n".join([*close_loop_lines(found.closed), *told, *tracking, *diagnosis_lines(found.diagnosis)]))

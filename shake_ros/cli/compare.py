@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shake_ros.api.compare import compare
+from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.data.results import refuse_existing
 
 
@@ -22,6 +23,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--only", nargs="+", metavar="LABEL", help="these controllers of the settings alone")
     p.add_argument("--force", action="store_true", help="replace DIR")
+    add_figures(p)
     return p
 
 
@@ -31,7 +33,7 @@ def main(arguments: Sequence[str]) -> int:
     refuse_existing(given.out, force=given.force)
     began, spent = time.monotonic(), time.process_time()
     found = compare(given.settings, quick=given.quick, records=given.record, only=given.only)
-    found.report(given.out, given.force)
+    found.report(given.out, given.force, **reporting("compare", given, arguments))
     wall, processor = time.monotonic() - began, time.process_time() - spent
     print(found)
     print(f"{len(found.outcomes)} loops in {wall:.0f} s, {processor:.0f} s of processor time")

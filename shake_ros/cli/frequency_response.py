@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shake_ros.api.frequency_response import INPUTS, OUTPUTS, WINDOW, frequency_response
+from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.data.results import refuse_existing
 
 
@@ -20,6 +21,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--at", type=float, nargs="+", metavar="HZ", help="frequencies of the table (default: 0.5 … 20 Hz)")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for report.json and report.html with the plot")
     p.add_argument("--force", action="store_true", help="replace an existing result folder")
+    add_figures(p)
     return p
 
 
@@ -30,7 +32,7 @@ def main(arguments: Sequence[str]) -> int:
         refuse_existing(given.out, force=given.force)
     found = frequency_response(given.bag, given.input, given.output, given.window, given.at)
     if given.out is not None:
-        found.report(given.out, given.force)
+        found.report(given.out, given.force, **reporting("frequency_response", given, arguments))
     print(found)
     if given.out is not None:
         print(f"report: {given.out / 'report.html'}")

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from shake_ros.api.identify import METHODS, identify
 from shake_ros.cli import fitting
+from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.report.text import diagnosis_lines, error_lines, identified_lines, parameter_lines
 
 
@@ -20,9 +21,10 @@ def main(arguments: Sequence[str]) -> int:
         default="free_run",
         help="what is fitted: the error of the free run, or (model axis) that of the force (default: free_run)",
     )
+    add_figures(command)
     given = command.parse_args(list(arguments))
     result = identify(*fitting.inputs(given), method=given.method)
-    result.report(given.out, given.force)
+    result.report(given.out, given.force, **reporting("identify", given, arguments))
     print("\n".join(parameter_lines(result.fit.parameters) + error_lines(result.fit)))
     print("\n".join([*identified_lines(result.told, result.data.nuisances), *diagnosis_lines(result.diagnosis)]))
     for name, error in result.position_error.items():

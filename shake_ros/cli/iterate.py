@@ -11,12 +11,14 @@ from shake_ros.api.iterate import iterate, iterate_simulated
 from shake_ros.api.iterated import Iterated
 from shake_ros.api.read import read
 from shake_ros.api.simulated_table import SimulatedTable
+from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.core.quantities import ShakeError
 
 METHOD = """\
 BAG… are runs of the same motion, oldest first, each recorded from the start of its reference, with imu and reference.
-DIR gets drive.csv (time and acceleration) and drive.yaml, a reference: -p reference:=DIR/drive.yaml plays it.
-With --simulate the runs are made on the closed loop of the core, and iteration.png shows the error against the run.
+DIR gets report.html, drive.csv (time and acceleration) and drive.yaml, a reference: -p reference:=DIR/drive.yaml
+plays it.
+With --simulate the runs are made on the closed loop of the core, and the response spectra are in the report.
 With --refit the motion stays as it is and the model of the feedforward is fitted to the last run, the parameters of
 config/identification/full.yaml and those of the named effects; DIR gets model.yaml, which the controller's and the
 observer's configurations name as their model for the next run."""
@@ -44,6 +46,7 @@ def parser() -> argparse.ArgumentParser:
         "--refit", nargs="*", metavar="EFFECT", help="fit --model, with these effects, instead of correcting the drive"
     )
     p.add_argument("--force", action="store_true", help="replace an existing DIR")
+    add_figures(p)
     return p
 
 
@@ -53,7 +56,7 @@ def main(arguments: Sequence[str]) -> int:
     if bool(given.bags) == (given.simulate is not None):
         raise ShakeError("give either recordings or --simulate N")
     result = _from_recordings(given) if given.simulate is None else _simulated(given)
-    result.report(given.out, given.force)
+    result.report(given.out, given.force, **reporting("iterate", given, arguments))
     if given.simulate is not None:
         return 0
     for path, error in zip(given.bags, result.missed, strict=True):

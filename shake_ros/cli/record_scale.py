@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
 
 from shake_ros.api.record_scale import YAML, ScaledRecord, band_of, record_scale, treatment
+from shake_ros.cli.reporting import Reporting, add_figures, reporting
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.accelerograms.accelerogram import UNITS
 from shake_ros.data.results import refuse_existing, writing
+from shake_ros.report.written import write_page
 
 METHOD = """\
 Baseline: the mean is removed, the ends are tapered, a Butterworth filter of order 4 is run forwards and backwards
@@ -46,33 +47,33 @@ def parser() -> argparse.ArgumentParser:
         "FILEs a folder of .csv",
     )
     p.add_argument("--force", action="store_true", help="overwrite")
+    add_figures(p)
     return p
 
 
 def main(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     given = parser().parse_args(list(arguments))
+    how = reporting("record_scale", given, arguments)
     options = vars(given).copy()
+    del options["figures"]
     files, out, force = options.pop("files"), options.pop("out"), options.pop("force")
     outputs = targets(files, out, force) if out else []
     done = [record_scale(file, **options) for file in files]
     for item in done:
         print(item)
     for item, path in zip(done if outputs else [], outputs, strict=True):
-        write(item, path)
+        write(item, path, how)
     return 0
 
 
-def write(item: ScaledRecord, path: Path) -> None:
-    """Write a result and its figure."""
+def write(item: ScaledRecord, path: Path, how: Reporting) -> None:
+    """Write a result and its page."""
     item.write(path)
     print(f"written: {path}")
-    if importlib.util.find_spec("matplotlib") is None:
-        print("no figure: matplotlib is not installed")
-        return
     with writing():
-        item.plot().savefig(path.with_suffix(".png"), dpi=110, format="png")
-    print(f"written: {path.with_suffix('.png')}")
+        write_page(item.page(how["command"]), path.parent, how["figures"], path.stem)
+    print(f"report: {path.with_suffix('.html')}")
 
 
 def targets(files: Sequence[Path], out: Path, force: bool) -> list[Path]:
@@ -85,7 +86,7 @@ def targets(files: Sequence[Path], out: Path, force: bool) -> list[Path]:
     paths = [out] if single else [out / f"{file.stem}.csv" for file in files]
     if len(set(paths)) < len(paths):
         raise ShakeError(f"--out {out}: two files have the same name")
-    for path in (p for result in paths for p in (result, result.with_suffix(".png"))):
+    for path in (p for result in paths for p in (result, result.with_suffix(".html"))):
         if path.is_dir():
             raise ShakeError(f"{path}: is a folder")
         if any(path.resolve() == file.resolve() for file in files):

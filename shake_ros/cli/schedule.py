@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from shake_ros.api.schedule import ScheduleComparison, schedule
 from shake_ros.cli import fitting
+from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import check_folder
 
@@ -16,13 +17,14 @@ def main(arguments: Sequence[str]) -> int:
     command = argparse.ArgumentParser(prog="schedule", description=__doc__)
     fitting.add_data(command)
     command.add_argument("--config", default="default", metavar="NAME", help="config/schedule/NAME.yaml or a file")
+    add_figures(command)
     given = command.parse_args(list(arguments))
     if bool(given.estimation) != bool(given.validation):
         raise ShakeError("--learn and --hold: both or neither (without them, data are simulated)")
     check_folder(given.out, given.force)
     data = fitting.read_data(given) if given.estimation else ()
     result = schedule(*data, settings=given.config)
-    result.report(given.out, given.force)
+    result.report(given.out, given.force, **reporting("schedule", given, arguments))
     print("\n".join(lines(result)))
     print(f"report: {given.out / 'report.html'}")
     return 0

@@ -1,129 +1,232 @@
-"""The pages of `identify` and `close_loop`: parameters, errors, added effects, residuals, what remains."""
+"""The pages of `identify` and `close_loop`, in the order of an engineer's questions."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
+from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Nuisance
-from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
-from shake_ros.report import figures_fit
-from shake_ros.report.page import Page
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.report import charts_fit
+from shake_ros.report.page import Bar, Page
+from shake_ros.report.readable import estimate_text, unit_of
 from shake_ros.report.sections import (
-    FREE_RUN,
     benefit_section,
-    diagnosis_section,
-    error_table,
+    errors_section,
+    histories_section,
+    hydraulic_table,
     identified_section,
+    known_section,
+    longest,
+    made_of,
     parameter_table,
+    remains_section,
 )
-from shake_ros.report.text import sentence
+from shake_ros.report.text import percent
+
+SIZE = (
+    "Effects are held against each other in one measure: the rms of what the refitted model leaves, every channel in "
+    "multiples of its sensor noise (never finer than 0.2 % of the channel's rms); estimation and validation data count "
+    "alike, by their geometric mean. Bars start at zero."
+)
+MODELS = ("declared model", "extended model")
 
 
 def identify_page(
     model: FittedModel,
+    start: TableParameters,
+    declared: DeclaredModel,
     diagnosis: Diagnosis,
-    learn: Sequence[str],
-    hold: Sequence[str],
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    command: str = "",
     told: Sequence[Estimate] = (),
     offsets: Sequence[Nuisance] = (),
-) -> str:
-    """The page of `identify` as HTML.
-
-    Parameters
-    ----------
-    learn, hold : names of the recordings. told, offsets : of a table without a data sheet.
-    """
-    checked = f"; validated on {', '.join(hold)}" if hold else ""
-    page = Page("The fitted model", f"Estimated from {', '.join(learn)}{checked}.")
-    identified_section(page, told, offsets)
-    page.heading("Parameters")
-    parameter_table(page, {"value": model.parameters})
-    page.heading("Error of the free run")
-    page.paragraph(FREE_RUN)
-    error_table(page, {"": model})
-    diagnosis_section(page, diagnosis)
-    return page.render()
-
-
-def step_section(page: Page, step: ForwardStep, baseline_hold: float) -> None:
-    """Which effect was added, why, and what else was tried."""
-    chosen, cost = step.chosen.candidate, step.chosen.result.validation_cost
-    page.heading(f"Added: {chosen.effect} ({chosen.place})")
-    page.paragraph((EFFECTS[chosen.effect].__doc__ or "").strip().splitlines()[0])
-    why = (
-        f"Of {len(step.ranking)} effects refitted after screening, this one leaves the smallest error on the "
-        f"validation data: a weighted mean square of {cost:.3g}, down from {baseline_hold:.3g}"
+) -> Page:
+    """The page of `identify`; told, offsets : of a table without a data sheet."""
+    learn, hold = (", ".join(dict.fromkeys(r.name for r in records)) for records in (estimation, validation))
+    checked = f"; validated on {hold}" if hold else "; no recording was left to validate it"
+    page = Page("The fitted model", f"Estimated from {learn}{checked}.", made_of(command, estimation, validation))
+    page.heading("What was found, and how sure")
+    resting = [p.name for p in model.parameters if p.std_error is None]
+    unknown = [p.name for p in model.parameters if p.std_error is not None and p.std_error > abs(p.value)]
+    page.cards(
+        [
+            (percent(mean_error(model.validation or model.estimation)), error_meaning(model)),
+            (
+                f"{len(model.parameters) - len(resting) - len(unknown)} of {len(model.parameters)}",
+                "parameters known to better than their own size",
+            ),
+            (str(len(resting)), f"at a bound or without effect{': ' * bool(resting)}{', '.join(resting)}"),
+        ]
     )
-    if len(step.ranking) > 1:
-        why += (
-            f"; the next best, {step.ranking[1].candidate.effect}, leaves {step.ranking[1].result.validation_cost:.3g}"
+    if unknown:
+        page.paragraph(f"Not known from these recordings: {', '.join(unknown)}.")
+    identified_section(page, told, offsets)
+    labels = ("as declared", "fitted")
+    bands = histories_section(page, estimation, validation, (start, model.table), declared, labels)
+    errors_section(page, {"fitted": model}, bands, labels)
+    remains_section(page, diagnosis)
+    _parameters(page, {"value": model})
+    known_section(page, diagnosis)
+    return page
+
+
+def _parameters(page: Page, models: Mapping[str, FittedModel]) -> None:
+    page.heading("Parameters")
+    parameter_table(page, models)
+    if all("dynamics.beta5" in m.table.fields and m.table.layout.name == "reduced" for m in models.values()):
+        page.subheading("The same as hydraulic frequency, damping and velocity gain")
+        hydraulic_table(page, models)
+
+
+def mean_error(errors: Mapping[str, Mapping[str, float]]) -> float:
+    """Mean acceleration error over recordings; of the velocity where there is no accelerometer."""
+    return float(np.mean([e.get("acceleration", e["velocity"]) for e in errors.values()]))
+
+
+def error_meaning(model: FittedModel) -> str:
+    """What `mean_error` is the mean of."""
+    errors = model.validation or model.estimation
+    channel = "acceleration" if all("acceleration" in e for e in errors.values()) else "velocity"
+    return f"error of the free run, {channel}, {'validation' if model.validation else 'estimation'} data"
+
+
+def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | None) -> None:
+    """What is missing, how sure that is, and what it is worth, as cards and a sentence each."""
+    page.heading("What was found, and how sure")
+    steps, rest = result.search.steps, result.remaining
+    named = ", ".join(s.chosen.candidate.effect for s in steps) or "nothing"
+    place = ", ".join(dict.fromkeys(s.chosen.candidate.place for s in steps))
+    before, after = (percent(mean_error(m.validation)) for m in (result.baseline, result.final))
+    cards = [
+        (named, f"missing from the declared model{f', place: {place}' if place else ''}"),
+        (f"{before} → {after}" if steps else before, error_meaning(result.final)),
+        (f"{rest.ratio:.2f} × noise", f"what remains: {'above' if rest.above_noise else 'not above'} the sensor noise"),
+    ]
+    if benefit:
+        errors = benefit.errors()
+        cards.append(
+            (
+                f"{percent(errors['before']['position'])} → {percent(errors['after']['position'])}",
+                "position error in the loop, with the declared and with the extended model",
+            )
         )
-    page.paragraph(why + ".")
-    if step.alternatives:
-        page.paragraph(f"These recordings cannot tell it from: {', '.join(step.alternatives)}.")
-    page.figure(figures_fit.ranking_figure(step.ranking, baseline_hold), "Candidates, refitted with all parameters")
+    page.cards(cards)
+    if not steps:
+        page.paragraph("No effect lowers the error on the validation data beyond chance.")
+    for step, model in zip(steps, result.models, strict=True):
+        page.paragraph(step_text(step, model))
+
+
+def step_text(step: ForwardStep, model: FittedModel) -> str:
+    """An added effect with its values, and how sure it is."""
+    chosen = step.chosen.candidate
+    own = {f.name for f in chosen.free}
+    values = [
+        f"{p.name.rpartition('.')[2]} {estimate_text(p)} {unit_of(p.unit)[1]}".rstrip()
+        for p in model.parameters
+        if p.name in own and chosen.effect != "unlisted"
+    ]
+    sure = (
+        f"These recordings cannot tell it from {', '.join(step.alternatives)}."
+        if step.alternatives
+        else f"The recordings tell it apart from the {len(step.ranking) - 1} other effects that were refitted."
+    )
+    shown = f": {', '.join(values)}" if values else ""
+    return f"{chosen.effect} ({chosen.place}){shown}. {sure}"
+
+
+def step_section(page: Page, step: ForwardStep, without: ScoredFit) -> None:
+    """Why this effect and not another."""
+    chosen = step.chosen.candidate
+    page.heading(f"Why {chosen.effect} and not another")
+    page.paragraph((EFFECTS[chosen.effect].__doc__ or "").strip().splitlines()[0])
+    sizes = [math.sqrt(r.score) for r in step.ranking]
+    why = f"It takes the residual from {math.sqrt(without.score):.3g} to {sizes[0]:.3g} times the noise"
+    if len(step.ranking) > 1:
+        least = min(range(1, len(sizes)), key=lambda k: sizes[k])
+        why += f"; {step.ranking[least].candidate.effect}, the next, leaves {sizes[least]:.3g}"
+        if sizes[least] < sizes[0]:
+            why += ", but " + (
+                "with values that are not seen on real tables" if not step.ranking[least].usual else "not beyond chance"
+            )
+    page.paragraph(f"{why}. {SIZE}")
+    widest = max(math.sqrt(without.score), *sizes)
+    rows: list[list[str | Bar]] = [["without", "", *_sizes(without, widest), ""]]
+    for r, size in zip(step.ranking, sizes, strict=True):
+        told = "added" if r is step.chosen else "fits worse" if size > sizes[0] else "fits as well"
+        if r.candidate.effect in step.alternatives:
+            told = "not told apart"
+        told += "" if r.usual else ", unusual values"
+        rows.append([r.candidate.effect, r.candidate.place, *_sizes(r.result, widest), told])
+    page.table(("effect", "place", "estimation", "validation", "both, × noise", "verdict"), rows, best=1, start=0)
     if chosen.effect == "unlisted":
         page.paragraph(
             f"No listed effect explains the residual. It acts at {chosen.place} "
             f"and depends on {', '.join(chosen.depends_on)}."
         )
-        page.figure(figures_fit.unlisted_figure(step.chosen.result.fit), "The unlisted function, as estimated")
+        page.chart(charts_fit.unlisted_chart(step.chosen.result.fit))
 
 
-def model_sections(page: Page, result: LoopClosure, hold: list[Record]) -> None:
-    """Steps, errors, parameters, figures on the validation data, what remains."""
-    before_hold = result.search.declared.validation_cost
-    for step in result.search.steps:
-        step_section(page, step, before_hold)
-        before_hold = step.chosen.result.validation_cost
-    models = {"declared model": result.baseline, "extended model": result.final}
-    page.heading("Error of the free run")
+def _sizes(fit: ScoredFit, widest: float) -> list[str | Bar]:
+    size = math.sqrt(fit.score)
+    both = [f"{math.sqrt(cost):.3g}" for cost in (fit.estimation_cost, fit.validation_cost)]
+    return [*both, Bar(size / widest, f"{size:.3g}")]
+
+
+def model_sections(page: Page, result: LoopClosure, learn: Sequence[Record], hold: Sequence[Record]) -> None:
+    """Measured against simulated, errors, why each effect was added."""
+    tables = result.baseline.table, result.final.table
+    bands = histories_section(page, learn, hold, tables, result.model)
     felt = f" and {result.noise['acceleration']:.2g} m/s²" if "acceleration" in result.noise else ""
-    page.paragraph(f"{FREE_RUN} Sensor noise alone: {result.noise['velocity']:.2g} m/s{felt}.")
-    error_table(page, models)
+    noise = f" Sensor noise alone: {result.noise['velocity']:.2g} m/s{felt}."
+    errors_section(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)), bands, MODELS, noise)
+    for step, without in zip(result.search.steps, result.search.models, strict=False):
+        step_section(page, step, without)
     depends = [d for s in result.search.steps for d in s.chosen.candidate.depends_on]
-    for record in {r.name: r for r in reversed(hold)}.values():
-        runs = figures_fit.free_runs(record, result.baseline.table, result.final.table, result.model)
-        title = f"{record.name} (validation)"
-        page.figure(figures_fit.time_histories(record, *runs), f"{title}: the two seconds of fastest motion")
-        if record.acceleration is not None:
-            page.figure(figures_fit.spectra(record, *runs), f"{title}: spectrum of the acceleration")
-        mass = result.model.moved_mass(result.final.table)
-        page.figure(
-            figures_fit.residual_figure(record, *runs, depends, mass, result.model),
-            f"{title}: residual against what the effect depends on",
-        )
-    page.heading("Parameters")
-    parameter_table(page, {name: model.parameters for name, model in models.items()})
-    page.heading("What remains")
-    page.paragraph(sentence(result.remaining.text))
+    page.subheading("The residual against what the effect depends on")
+    mass = result.model.moved_mass(result.final.table)
+    for record in longest(hold)[:1]:
+        runs = charts_fit.free_runs(record, *tables, result.model)
+        for chart in charts_fit.residual_charts(record, runs, depends, mass, result.model):
+            page.chart(chart)
 
 
 def close_loop_page(
     result: LoopClosure,
-    learn: list[Record],
-    hold: list[Record],
+    learn: Sequence[Record],
+    hold: Sequence[Record],
     diagnosis: Diagnosis | None = None,
     benefit: TrackingBenefit | None = None,
+    command: str = "",
     told: Sequence[Estimate] = (),
     offsets: Sequence[Nuisance] = (),
-) -> str:
-    """The page of `close_loop` as HTML; told, offsets : of a table without a data sheet."""
+) -> Page:
+    """The page of `close_loop`; told, offsets : of a table without a data sheet."""
     named = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing"
     estimation, validation = (", ".join(dict.fromkeys(r.name for r in records)) for records in (learn, hold))
     lead = f"Missing: {named}. Estimated from {estimation}; validated on {validation}."
-    page = Page("What the model is missing", lead)
+    page = Page("What the model is missing", lead, made_of(command, learn, hold))
+    found_section(page, result, benefit)
     identified_section(page, told, offsets)
-    model_sections(page, result, hold)
+    model_sections(page, result, learn, hold)
+    if diagnosis:
+        remains_section(page, diagnosis, result.remaining.text)
     if benefit:
         benefit_section(page, benefit)
+    _parameters(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)))
     if diagnosis:
-        diagnosis_section(page, diagnosis)
-    return page.render()
+        known_section(page, diagnosis)
+    return page

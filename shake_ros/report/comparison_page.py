@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.comparison import Outcome, Summary, summarise
-from shake_ros.report import figures_comparison
+from shake_ros.report.charts_comparison import error_chart, spectrum_chart
 from shake_ros.report.comparison_text import HEAD, load_rows, number, summary_rows, trouble
-from shake_ros.report.page import Page
+from shake_ros.report.page import Bar, Made, Page
 from shake_ros.report.style import COLOURS
 from shake_ros.report.text import percent
 
@@ -16,6 +17,8 @@ CASE_HEAD = (
     "controller", "load [kg]", "J1 [ms]", "position", "peak", "velocity", "peak", "acceleration", "spectrum",
     "its largest", "THD", "travel [1/s]", "at limit",
 )  # fmt: skip
+
+LONGEST = 5.0  # bar, in multiples of the shortest
 
 
 def case_rows(outcomes: Sequence[Outcome]) -> list[list[str]]:
@@ -46,8 +49,23 @@ def best_of(summaries: Sequence[Summary]) -> int | None:
     return min(sound, key=lambda i: summaries[i].worst.position_error) if sound else None
 
 
-def comparison_page(outcomes: Sequence[Outcome], runs: Mapping[str, ClosedLoop], figure_case: str, plant: str) -> str:
-    """The whole page as HTML.
+def worst_rows(summaries: Sequence[Summary]) -> list[list[str | Bar]]:
+    """The worst errors of every controller with bars from zero, drawn up to five times the least of a column."""
+    names = ("position_error", "velocity_error", "acceleration_error")
+    rows: list[list[str | Bar]] = [[s.entry] for s in summaries]
+    for name in names:
+        values = [float(getattr(s.worst, name)) for s in summaries]
+        widest = LONGEST * min((v for v in values if math.isfinite(v)), default=1.0)
+        for row, value in zip(rows, values, strict=True):
+            beyond = " ▸" * (value > widest)
+            row.append(Bar(value / widest if math.isfinite(value) else 0.0, f"{percent(value)}{beyond}"))
+    return rows
+
+
+def comparison_page(
+    outcomes: Sequence[Outcome], runs: Mapping[str, ClosedLoop], figure_case: str, plant: str, command: str = ""
+) -> Page:
+    """The whole page.
 
     Parameters
     ----------
@@ -55,7 +73,8 @@ def comparison_page(outcomes: Sequence[Outcome], runs: Mapping[str, ClosedLoop],
     """
     summaries = summarise(outcomes)
     best = best_of(summaries)
-    page = Page("Controllers side by side", f"One set of gains for every reference and load. {plant}")
+    page = Page("Controllers side by side", f"One set of gains for every reference and load. {plant}", Made(command))
+    page.heading("What was found")
     cards = [(str(len(outcomes)), "closed loops"), (str(len(trouble(outcomes))), "of them unstable or at an end stop")]
     if best is not None:
         cards.insert(
@@ -70,7 +89,9 @@ def comparison_page(outcomes: Sequence[Outcome], runs: Mapping[str, ClosedLoop],
         "position error on the perturbed tables."
     )
     page.table(HEAD, summary_rows(summaries), best=best)
-    page.figure(figures_comparison.error_bars(summaries), "Worst errors over references and loads")
+    page.subheading("Worst errors over references and loads")
+    page.paragraph(f"Bars start at zero; ▸ marks one that is longer than {LONGEST:g} times the shortest.", note=True)
+    page.table(("controller", "position", "velocity", "acceleration"), worst_rows(summaries), best=best)
     page.heading("By load")
     head, rows = load_rows(outcomes)
     page.table(head, rows)
@@ -78,8 +99,8 @@ def comparison_page(outcomes: Sequence[Outcome], runs: Mapping[str, ClosedLoop],
     groups = list(runs.items())
     for start in range(0, len(groups), len(COLOURS)):
         part = dict(groups[start : start + len(COLOURS)])
-        page.figure(figures_comparison.error_figure(part), f"Position and velocity error, {figure_case}")
-        page.figure(figures_comparison.spectrum_figure(part), f"Spectra of position and velocity, {figure_case}")
+        page.chart(error_chart(part, figure_case, start // len(COLOURS) + 1))
+        page.chart(spectrum_chart(part, figure_case, start // len(COLOURS) + 1))
     page.heading("Unstable runs and end stops")
     lines = trouble(outcomes)
     page.paragraph("None." if not lines else f"{len(lines)} runs:")
@@ -89,4 +110,4 @@ def comparison_page(outcomes: Sequence[Outcome], runs: Mapping[str, ClosedLoop],
     for reference in dict.fromkeys(o.reference for o in declared):
         page.heading(f"Reference {reference}")
         page.table(CASE_HEAD, case_rows([o for o in declared if o.reference == reference]))
-    return page.render()
+    return page

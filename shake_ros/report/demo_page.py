@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,11 +10,11 @@ from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.measured_harmonics.variants import MeasuredRuns
 from shake_ros.data.recordings import TableRecording
-from shake_ros.report import figures_demo
-from shake_ros.report.close_loop_page import model_sections
-from shake_ros.report.page import Page
-from shake_ros.report.sections import Track, tracking_section
-from shake_ros.report.text import percent
+from shake_ros.report.charts_harmonics import harmonics_chart
+from shake_ros.report.close_loop_page import MODELS, model_sections, step_text
+from shake_ros.report.page import Bar, Page
+from shake_ros.report.sections import Track, made_of, parameter_table, tracking_section
+from shake_ros.report.text import percent, sentence
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Tracking:
 
 
 def measured_section(page: Page, runs: MeasuredRuns) -> None:
-    """Step 1: the five measured runs."""
-    page.heading("1  Five measured runs of the real table")
+    """The five measured runs of the real table."""
+    page.heading("Five measured runs of the real table")
     page.paragraph(
         f"{len(runs.problem.measured)} harmonic amplitudes of the acceleration under open-loop sines. The declared "
         f"model (constant bulk modulus) misses them by {runs.declared.rms:.3f} m/s² rms; "
@@ -39,10 +39,17 @@ def measured_section(page: Page, runs: MeasuredRuns) -> None:
             else "no extension justifies its extra parameters."
         )
     )
-    page.figure(figures_demo.harmonics_figure(runs), "Measured and fitted amplitudes, logarithmic")
+    best = f"with {runs.best.name or 'nothing added'}"
+    drawn = [("declared model", runs.amplitudes(runs.declared), "before"), (best, runs.amplitudes(runs.best), "after")]
+    page.chart(harmonics_chart(runs.problem, drawn))
     models = [runs.declared, *runs.variants]
-    rows = [[v.name or "declared model", f"{v.rms:.3f}", str(len(v.fit.x)), f"{v.criterion:.1f}"] for v in models]
-    page.table(["model", "rms error [m/s²]", "parameters", "information criterion"], rows, best=models.index(runs.best))
+    widest = max(v.rms for v in models)
+    rows: list[list[str | Bar]] = [
+        [v.name or "declared model", Bar(v.rms / widest, f"{v.rms:.3f}"), str(len(v.fit.x)), f"{v.criterion:.1f}"]
+        for v in models
+    ]
+    head = ("model", "rms error [m/s²]", "parameters", "information criterion")
+    page.table(head, rows, best=models.index(runs.best), start=0)
 
 
 def tracks_of(tracking: Tracking) -> dict[str, Track]:
@@ -61,24 +68,23 @@ def demo_page(
     runs: MeasuredRuns,
     hidden: str,
     result: LoopClosure,
-    learn: list[Record],
-    hold: list[Record],
+    learn: Sequence[Record],
+    hold: Sequence[Record],
     tracks: Tracking,
     summary: Mapping[str, Any],
-) -> str:
-    """The whole page as HTML."""
+    command: str = "",
+) -> Page:
+    """The whole page."""
     named = summary["hidden"]["named"] or "nothing"
     page = Page(
         "Closing the loop with measured data",
-        "First the declared model against harmonics measured on the real table; then a simulated table with an effect "
-        "that the model is missing: recorded over DDS, found from the recording, added, and tracked again.",
+        "A simulated table with an effect that the model is missing: recorded over DDS, found from the recording, "
+        "added, and tracked again; and the declared model against harmonics measured on the real table.",
+        made_of(command, learn, hold),
     )
+    page.heading("What was found, and how sure")
     page.cards(
         [
-            (
-                f"{runs.declared.rms:.3f} → {runs.best.rms:.3f} m/s²",
-                f"error of the real table's harmonics, with {runs.best.name}",
-            ),
             (named, f"found from the recording; the hidden effect was {hidden}"),
             (
                 f"{percent(summary['hidden']['hold_before'])} → {percent(summary['hidden']['hold_after'])}",
@@ -88,22 +94,30 @@ def demo_page(
                 f"{percent(tracks.error_before['position'])} → {percent(tracks.error_after['position'])}",
                 "position error under the earthquake",
             ),
+            (
+                f"{runs.declared.rms:.3f} → {runs.best.rms:.3f} m/s²",
+                f"error of the real table's harmonics, with {runs.best.name}",
+            ),
         ]
     )
-    measured_section(page, runs)
-    page.heading("2  The loop over DDS")
+    for step, model in zip(result.search.steps, result.models, strict=True):
+        page.paragraph(step_text(step, model))
     page.paragraph(
         "Plant, reference generator, observer, controller and recorder ran in lock-step as separate processes: "
         f"{sum(len(r.commands) for r in learn)} samples of an excitation for estimation and "
         f"{len(tracks.before.time)} samples of the earthquake for validation."
     )
-    page.heading("3  Closing the loop")
-    model_sections(page, result, hold)
-    page.heading("4  The same earthquake, tracked with each model")
+    model_sections(page, result, learn, hold)
+    page.heading("What remains")
+    page.paragraph(sentence(result.remaining.text))
+    page.heading("The same earthquake, tracked with each model")
     page.paragraph(
         "Observer and controller carry a copy of the table's model: in the first run the declared model, in the second "
         "the model identified and extended from the recordings. Errors are those of the true motion against the "
         "reference."
     )
     tracking_section(page, tracks_of(tracks))
-    return page.render()
+    page.heading("Parameters")
+    parameter_table(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)))
+    measured_section(page, runs)
+    return page

@@ -1,4 +1,4 @@
-"""Figures of the demo: harmonic bars of the measured runs, tracking before and after, and the overview."""
+"""The demo in one picture: harmonics of a measured run, acceleration before and after, tracking before and after."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.measured_harmonics.variants import MeasuredRuns
-from shake_ros.report.figures_fit import fastest_stretch, free_runs
-from shake_ros.report.sections import Track, tracking_axes
+from shake_ros.report.charts_fit import fastest_stretch, free_runs
+from shake_ros.report.sections import Track
 from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, png, tidy
 
 
@@ -36,15 +35,12 @@ def harmonic_axes(axes: Axes, runs: MeasuredRuns, index: int) -> None:
     tidy(axes, "harmonic", "")
 
 
-def harmonics_figure(runs: MeasuredRuns) -> Figure:
-    """All measured runs side by side."""
-    figure = new_figure(12.5, 3.4)
-    row = figure.subplots(1, len(runs.problem.runs), sharey=True)
-    for i, axes in enumerate(row):
-        harmonic_axes(axes, runs, i)
-    row[0].set_ylabel("acceleration amplitude [m/s²]")
-    figure.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
-    return figure
+def tracking_axes(axes: Axes, tracks: Mapping[str, Track]) -> None:
+    """Position error of the true motion over time."""
+    for (label, track), colour in zip(tracks.items(), (BEFORE, AFTER), strict=True):
+        error = 1e3 * (track.motion[:, 0] - track.reference[:, 0])
+        axes.plot(track.time, error, color=colour, linewidth=1.0, label=label)
+    tidy(axes, "time [s]", "position error [mm]")
 
 
 def overview(runs: MeasuredRuns, result: LoopClosure, hold: list[Record], tracks: Mapping[str, Track]) -> bytes:

@@ -1,52 +1,90 @@
-"""One self-contained HTML page: sections of text, tables and figures, readable without a network."""
+"""One self-contained HTML page: contents, text, tables and charts, to read and to zoom without a network."""
 
 from __future__ import annotations
 
-import base64
 import html
-from collections.abc import Sequence
+import itertools
+import json
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from matplotlib.figure import Figure
+import numpy as np
 
-from shake_ros.report.style import png
+from shake_ros import __version__
+from shake_ros.report.chart import Chart, chart_json
 
-STYLE = """
-:root { color-scheme: light; }
-body { font: 16px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; max-width: 62rem; margin: 2rem auto;
-  padding: 0 1.25rem; color: #1d2733; background: #fff; }
-h1 { font-size: 1.8rem; line-height: 1.2; margin-bottom: .3rem; }
-h2 { margin-top: 2.6rem; font-size: 1.3rem; border-bottom: 2px solid #d7dee7; padding-bottom: .2rem; }
-p.lead { font-size: 1.1rem; color: #3c4a5a; margin-top: 0; }
-figure { margin: 1.2rem 0; }
-figcaption { color: #566474; font-size: .92rem; }
-img { max-width: 100%; height: auto; }
-table { border-collapse: collapse; margin: 1rem 0; font-size: .93rem; display: block; overflow-x: auto; }
-th, td { padding: .28rem .75rem; text-align: right; border-bottom: 1px solid #e3e8ee; vertical-align: bottom; }
-td { white-space: nowrap; font-variant-numeric: tabular-nums; }
-th:first-child, td:first-child { text-align: left; }
-thead th { border-bottom: 2px solid #b9c4d0; color: #3c4a5a; }
-tr.best td { background: #eaf4ec; }
-.cards { display: flex; flex-wrap: wrap; gap: .8rem; margin: 1.2rem 0; }
-.card { flex: 1 1 13rem; border: 1px solid #d7dee7; border-radius: .5rem; padding: .7rem .9rem; }
-.card b { display: block; font-size: 1.35rem; }
-.card span { color: #566474; font-size: .9rem; }
-"""
+WEB = Path(__file__).resolve().parent / "web"
+LARGEST = 5_500_000  # of a page's charts [byte]
+MANY = 8  # columns from which on a table is printed small
+NUMERIC = re.compile(r"[<>≈≤±−+-]?\s?[\d.]|–$|$")
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
+BUTTONS = (
+    ("view", "start", "the stretch shown at first"),
+    ("whole", "all", "the whole abscissa (double click)"),
+    ("in", "+", "zoom in (or drag over the chart)"),
+    ("out", "−", "zoom out"),
+    ("left", "◂", "earlier"),
+    ("right", "▸", "later"),
+    ("csv", "CSV", "download what is plotted, as a table"),
+)
+
+
+class Bar(NamedTuple):
+    """A cell with a bar from zero; share : of the widest bar, 0 … 1."""
+
+    share: float
+    text: str
+
+
+class Source(NamedTuple):
+    """A recording that a page was made from. use : what for. seconds : length [s]. rate : of its samples [Hz]."""
+
+    name: str
+    use: str
+    seconds: float
+    samples: int
+    rate: float
+
+
+@dataclass(frozen=True)
+class Made:
+    """Where a page comes from. command : line that made it, empty from Python. sources : recordings."""
+
+    command: str = ""
+    sources: tuple[Source, ...] = ()
 
 
 class Page:
     """Collects sections and renders the page."""
 
-    def __init__(self, title: str, lead: str) -> None:
-        self._title = title
-        self._parts = [f"<h1>{html.escape(title)}</h1><p class='lead'>{html.escape(lead)}</p>"]
+    def __init__(self, title: str, lead: str, made: Made | None = None) -> None:
+        self._title, self._lead = title, lead
+        self._made = made or Made()
+        self._parts: list[str | Chart] = []
+        self._contents: list[tuple[str, str]] = []
+
+    @property
+    def charts(self) -> list[Chart]:
+        """The charts in their order, for static copies."""
+        return [part for part in self._parts if isinstance(part, Chart)]
 
     def heading(self, text: str) -> None:
-        """A section's heading."""
-        self._parts.append(f"<h2>{html.escape(text)}</h2>")
+        """A section's heading, with its line in the contents."""
+        name = f"s{len(self._contents) + 1}"
+        self._contents.append((name, text))
+        self._parts.append(f"<h2 id='{name}'>{html.escape(text)}</h2>")
 
-    def paragraph(self, text: str) -> None:
-        """A paragraph of plain text."""
-        self._parts.append(f"<p>{html.escape(text)}</p>")
+    def subheading(self, text: str) -> None:
+        """A heading within a section."""
+        self._parts.append(f"<h3>{html.escape(text)}</h3>")
+
+    def paragraph(self, text: str, note: bool = False) -> None:
+        """A paragraph of plain text; a note is quieter."""
+        self._parts.append(f"<p{' class=note' if note else ''}>{html.escape(text)}</p>")
 
     def cards(self, entries: Sequence[tuple[str, str]]) -> None:
         """A row of (value, meaning) cards."""
@@ -55,29 +93,120 @@ class Page:
         )
         self._parts.append(f"<div class='cards'>{cells}</div>")
 
-    def table(self, head: Sequence[str], rows: Sequence[Sequence[str]], best: int | None = None) -> None:
-        """A table; row `best` is marked."""
-        top = "".join(f"<th>{html.escape(h)}</th>" for h in head)
-        body = "".join(
-            f"<tr{' class=best' if i == best else ''}>" + "".join(f"<td>{html.escape(c)}</td>" for c in row) + "</tr>"
-            for i, row in enumerate(rows)
+    def table(
+        self,
+        head: Sequence[str],
+        rows: Sequence[Sequence[str | Bar]],
+        best: int | None = None,
+        warn: Collection[int] = (),
+        start: int | None = None,
+    ) -> None:
+        """A table; row `best` is marked, rows `warn` want attention, `start` is what the others are compared with."""
+        texts = [[cell.text if isinstance(cell, Bar) else cell for cell in row] for row in rows]
+        left = [i == 0 or not all(NUMERIC.match(row[i]) for row in texts) for i in range(len(head))]
+        top = "".join(
+            f"<th{' class=text' if side else ''}>{html.escape(h)}</th>" for h, side in zip(head, left, strict=True)
         )
-        self._parts.append(f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>")
-
-    def figure(self, figure: Figure, caption: str) -> None:
-        """A figure with its caption."""
-        data = base64.b64encode(png(figure)).decode()
-        text = html.escape(caption)
+        body = []
+        for i, row in enumerate(rows):
+            kind = "best" if i == best else "warn" if i in warn else "start" if i == start else ""
+            cells = "".join(_cell(cell, side) for cell, side in zip(row, left, strict=True))
+            body.append(f"<tr{f' class={kind}' if kind else ''}>{cells}</tr>")
+        many = " many" if len(head) > MANY else ""
         self._parts.append(
-            f"<figure><img alt='{text}' src='data:image/png;base64,{data}'><figcaption>{text}</figcaption></figure>"
+            f"<div class='table'><table class='data{many}'><thead><tr>{top}</tr></thead>"
+            f"<tbody>{''.join(body)}</tbody></table></div>"
         )
 
-    def render(self) -> str:
-        """The whole page."""
+    def matrix(self, names: Sequence[str], values: np.ndarray) -> None:
+        """A square of numbers from −1 to 1, coloured by size and sign; blank where not finite."""
+        top = "".join(f"<th>{html.escape(name)}</th>" for name in names)
+        rows = []
+        for name, row in zip(names, values.tolist(), strict=True):
+            cells = "".join(
+                f"<td style='--tone:var(--{'after' if v < 0 else 'before'});--part:{85 * abs(v):.0f}%'>{v:.2f}</td>"
+                if np.isfinite(v)
+                else "<td></td>"
+                for v in row
+            )
+            rows.append(f"<tr><th>{html.escape(name)}</th>{cells}</tr>")
+        self._parts.append(
+            f"<div class='table'><table class='matrix'><thead><tr><th></th>{top}</tr></thead>"
+            f"<tbody>{''.join(rows)}</tbody></table></div>".replace("-0.00", "0.00").replace(">-", ">−")
+        )
+
+    def chart(self, chart: Chart) -> None:
+        """A chart with its caption; its name becomes one of its own that a file may have."""
+        name = re.sub(r"[^\w.-]+", "_", chart.name)
+        taken = {other.name for other in self.charts}
+        again = (f"{name}_{k}" for k in itertools.count(2))
+        while name in taken:
+            name = next(again)
+        self._parts.append(replace(chart, name=name))
+
+    def render(self, now: datetime | None = None) -> str:
+        """The whole page; `now` is the date on it, the clock's where not given."""
+        date = (now or datetime.now(timezone.utc)).strftime("%Y-%m-%d %H:%M UTC")
+        self._made_section(date)
+        contents = "".join(f"<li><a href='#{name}'>{html.escape(text)}</a></li>" for name, text in self._contents)
+        title, sources = html.escape(self._title), self._made.sources
+        total = sum(s.seconds for s in sources)
+        from_what = f" · {len(sources)} recording{'s' * (len(sources) > 1)}, {total:.1f} s" if sources else ""
         return (
             "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
+            f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
             "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-            f"<title>{html.escape(self._title)}</title><style>{STYLE}</style></head><body>"
-            + "\n".join(self._parts)
-            + "</body></html>\n"
+            f"<title>{title}</title><style>{_web('uPlot.min.css')}{_web('page.css')}</style></head><body>"
+            f"<nav><details open><summary>Contents</summary><ol>{contents}</ol></details>"
+            "<button id='theme' type='button'>light / dark</button></nav>"
+            f"<main><h1>{title}</h1><p class='lead'>{html.escape(self._lead)}</p>"
+            f"<p class='made'>{date} · shake_ros {__version__}{from_what}</p>"
+            "<noscript><p>The charts need JavaScript, which this browser has switched off; texts and tables do "
+            "without.</p></noscript>"
+            + "\n".join(self._drawn())
+            + f"</main><script>{_web('uPlot.iife.min.js')}</script><script>{_web('charts.js')}</script></body></html>\n"
         )
+
+    def _made_section(self, date: str) -> None:
+        self.heading("Where this comes from")
+        command = f"<code>{html.escape(self._made.command)}</code>" if self._made.command else "from Python"
+        self._parts.append(f"<p>Made {date} by shake_ros {__version__}: {command}</p>")
+        if self._made.sources:
+            rows = [
+                [s.name, s.use, f"{s.seconds:.2f} s", f"{s.samples}", f"{s.rate:.6g} Hz"] for s in self._made.sources
+            ]
+            self.table(("recording", "used for", "length", "samples", "rate"), rows)
+
+    def _drawn(self) -> list[str]:
+        """The parts as HTML, the charts thinned until the page is small enough."""
+        block = 1
+        while True:
+            charts = [chart if block == 1 else chart.thinned(block) for chart in self.charts]
+            parts = [_chart(chart) for chart in charts]
+            if sum(map(len, parts)) <= LARGEST or block > 1024:
+                break
+            block = 2 * block if block > 1 else 4
+        left = iter(parts)
+        return [next(left) if isinstance(part, Chart) else part for part in self._parts]
+
+
+def _web(name: str) -> str:
+    return (WEB / name).read_text(encoding="utf-8")
+
+
+def _cell(cell: str | Bar, left: bool) -> str:
+    if isinstance(cell, Bar):
+        return f"<td class='bar'><i style='width:{7.0 * min(cell.share, 1.0):.2f}rem'></i>{html.escape(cell.text)}</td>"
+    return f"<td{' class=text' if left else ''}>{html.escape(cell)}</td>"
+
+
+def _chart(chart: Chart) -> str:
+    content: Any = json.dumps(chart_json(chart), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    buttons = "".join(
+        f"<button type='button' data-do='{what}' title='{tip}'>{text}</button>" for what, text, tip in BUTTONS
+    )
+    return (
+        f"<figure class='chart' id='chart-{html.escape(chart.name)}'><div class='plots'></div>"
+        f"<figcaption><span>{html.escape(chart.caption)}</span>{buttons}</figcaption>"
+        f"<script type='application/json'>{content}</script></figure>"
+    )

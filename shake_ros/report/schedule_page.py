@@ -2,37 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.schedule import WINDOW, Training
+from shake_ros.report.chart import Chart, Panel, Series
 from shake_ros.report.page import Page
-from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
+from shake_ros.report.sections import made_of
 from shake_ros.report.text import percent
 
 SMOOTH = 0.5  # of the running error shown [s]
 
 
-def running_error(record: Record, runs: dict[str, np.ndarray], change: float | None) -> Figure:
+def running_chart(record: Record, runs: Mapping[str, np.ndarray], change: float | None) -> Chart:
     """Root mean square of the acceleration's error over SMOOTH, of each model; the blind window shaded."""
     assert record.acceleration is not None
     dt, n = record.sample_time, max(round(SMOOTH / record.sample_time), 1)
-    figure = new_figure(9.5, 3.4)
-    axes = figure.subplots()
-    time = np.arange(len(record.commands)) * dt
-    for (name, out), colour in zip(runs.items(), (MEASURED, BEFORE, AFTER), strict=False):
+    time = np.arange(record.start, len(record.commands)) * dt
+    series = []
+    for (name, out), colour in zip(runs.items(), ("measured", "before", "after"), strict=False):
         square = np.convolve((record.acceleration - out[:, 2]) ** 2, np.ones(n) / n, mode="same")
-        axes.plot(time[record.start :], np.sqrt(square[record.start :]), color=colour, linewidth=1.4, label=name)
-    spans = [0.0] if change is None else [0.0, change]
-    for first in spans:
-        axes.axvspan(first, first + WINDOW, color=BEFORE, alpha=0.08, linewidth=0.0)
-    tidy(axes, "time [s]", "error of the acceleration [m/s²]")
-    axes.legend(frameon=False, ncols=3)
-    return figure
+        series.append(Series(name, np.sqrt(np.maximum(square[record.start :], 0.0)), colour, width=1.5))
+    spans = tuple((first, first + WINDOW) for first in ([0.0] if change is None else [0.0, change]))
+    panel = Panel("error of the acceleration [m/s²]", time, tuple(series), height=230)
+    caption = f"{record.name}: rms error over {SMOOTH:g} s; shaded: the window does not yet cover the change"
+    return Chart(f"error_{record.name}", "time [s]", (panel,), caption, shaded=spans)
 
 
 def schedule_page(
@@ -40,9 +37,12 @@ def schedule_page(
     compared: Sequence[tuple[Record, dict[str, np.ndarray]]],
     content: dict[str, Any],
     change: float | None,
-) -> str:
-    """The whole page as HTML."""
-    page = Page("Scheduled parameters or a physical effect?", "Both estimated from the same windows of two seconds.")
+    command: str = "",
+) -> Page:
+    """The whole page."""
+    lead = "Both estimated from the same windows of two seconds."
+    made = made_of(command, (), [record for record, _ in compared])
+    page = Page("Scheduled parameters or a physical effect?", lead, made)
     page.paragraph(
         "The network gives θ_1 … θ_7 for the amplitude and the frequency of the command over the last two seconds; "
         "the other model has one effect more and a single set of parameters. "
@@ -62,6 +62,5 @@ def schedule_page(
     page.table(["recording", "model", "velocity", "acceleration"], table)
     for k, (record, runs) in enumerate(compared):
         if record.acceleration is not None:
-            caption = f"{record.name}: running rms error; shaded: the window does not yet cover the change"
-            page.figure(running_error(record, runs, change if k == 0 else None), caption)
-    return page.render()
+            page.chart(running_chart(record, runs, change if k == 0 else None))
+    return page

@@ -1,42 +1,105 @@
-"""Sections that several pages have: parameters, errors, tests of the residuals, identifiability, tracking."""
+"""Sections that several pages have: measured against simulated, errors, what remains, parameters, tracking."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.nuisances import Nuisance
+from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
-from shake_ros.report import figures_residual
-from shake_ros.report.page import Page
-from shake_ros.report.style import AFTER, BEFORE, MEASURED, new_figure, tidy
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.report import charts_fit
+from shake_ros.report.chart import Chart, Panel, Series
+from shake_ros.report.page import Made, Page, Source
+from shake_ros.report.readable import estimate_text, rounded, unit_of
 from shake_ros.report.text import percent, sentence
 
-FREE_RUN = "Simulated from the recorded command alone; rms(measured − simulated) / rms(measured − mean)."
-SHOWN = 2.0  # of the tracked motion, about the largest acceleration of the reference [s]
+ERROR = "Error of the free run: rms(measured − simulated) / rms(measured − mean), simulated from the command alone."
+DRAWN = 8  # recordings with charts of their own
+SHOWN = 2.0  # of the tracked motion at first, about the largest acceleration of the reference [s]
 
 
-def parameter_table(page: Page, models: Mapping[str, Sequence[Estimate]]) -> None:
-    """Parameters of models side by side with their standard errors; the last model's parameters make the rows."""
+def sources(estimation: Sequence[Record], validation: Sequence[Record]) -> tuple[Source, ...]:
+    """The recordings behind a page, each once with the length of its parts together."""
+    found = []
+    for use, records in (("estimation", estimation), ("validation", validation)):
+        for name in dict.fromkeys(r.name for r in records):
+            parts = [r for r in records if r.name == name]
+            samples = sum(len(r.commands) for r in parts)
+            dt = parts[0].sample_time
+            found.append(Source(name, use, samples * dt, samples, 1.0 / dt))
+    return tuple(found)
 
-    def cell(p: Estimate | None) -> str:
-        if p is None:
-            return "–"
-        return f"{p.value:.4g} " + ("(at bound)" if p.std_error is None else f"± {p.std_error:.2g}")
 
+def made_of(command: str, estimation: Sequence[Record], validation: Sequence[Record]) -> Made:
+    """Where the page of a fit comes from."""
+    return Made(command, sources(estimation, validation))
+
+
+def histories_section(
+    page: Page,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    tables: tuple[TableParameters, TableParameters],
+    model: DeclaredModel,
+    labels: Sequence[str] = charts_fit.BOTH,
+) -> list[list[str]]:
+    """Measured against simulated, recording by recording, those of validation first. Returns the errors by band."""
+    page.heading("Measured against simulated")
+    page.paragraph("Drag over a chart to zoom, double click for all of it; the panels of a recording move together.")
+    bands = []
+    drawn = [(r, "validation") for r in longest(validation)] + [(r, "estimation") for r in longest(estimation)]
+    for record, role in drawn[:DRAWN]:
+        runs = charts_fit.free_runs(record, *tables, model)
+        page.chart(charts_fit.history_chart(record, runs, labels, role=f" ({role})"))
+        if role == "validation" or not validation:
+            page.chart(charts_fit.spectrum_chart(record, runs, labels))
+        channel, rows = charts_fit.band_errors(record, runs)
+        bands += [[f"{record.name} ({role})", channel, band, *map(percent, errors)] for band, errors in rows]
+    if len(drawn) > DRAWN:
+        page.paragraph(f"The first {DRAWN} of {len(drawn)} recordings.", note=True)
+    return bands
+
+
+def longest(records: Sequence[Record]) -> list[Record]:
+    """The longest part of every recording."""
+    names = dict.fromkeys(r.name for r in records)
+    return [max((r for r in records if r.name == name), key=lambda r: len(r.commands)) for name in names]
+
+
+def parameter_table(page: Page, models: Mapping[str, FittedModel]) -> None:
+    """Parameters of models side by side; the last model's make the rows. At a bound: marked, and which."""
     *_, last = models.values()
-    found = [{p.name: p for p in parameters} for parameters in models.values()]
-    page.table(
-        ["parameter", *models, "unit"], [[p.name, *(cell(known.get(p.name)) for known in found), p.unit] for p in last]
-    )
+    known = [{p.name: p for p in model.parameters} for model in models.values()]
+    ends = [{f.name: (f.low, f.high) for f in model.fit.free.free} for model in models.values()]
+    rows, warn = [], []
+    for i, p in enumerate(last.parameters):
+        cells = [_parameter(found.get(p.name), limits.get(p.name)) for found, limits in zip(known, ends, strict=True)]
+        if "bound" in cells[-1] or "not known" in cells[-1]:
+            warn.append(i)
+        meaning = str(last.table.fields[p.name].metadata["meaning"]) if p.name in last.table.fields else ""
+        rows.append([p.name.removeprefix("effects."), *cells, unit_of(p.unit)[1], meaning])
+    page.table(["parameter", *models, "unit", "meaning"], rows, warn=warn)
+
+
+def _parameter(p: Estimate | None, limits: tuple[float, float] | None) -> str:
+    if p is None:
+        return "–"
+    text = estimate_text(p)
+    if p.std_error is not None or limits is None:
+        return text
+    low, high = limits
+    if abs(p.value - low) > 1e-3 * (high - low) and abs(high - p.value) > 1e-3 * (high - low):
+        return f"{text}, does not act"
+    return f"{text}, at its {'lower' if p.value - low < high - p.value else 'upper'} bound"
 
 
 def identified_section(page: Page, told: Sequence[Estimate], offsets: Sequence[Nuisance]) -> None:
@@ -45,78 +108,119 @@ def identified_section(page: Page, told: Sequence[Estimate], offsets: Sequence[N
         return
     page.heading("What the recordings tell of this table")
     page.paragraph("Whatever its area and supply pressure: these quantities do not depend on what was assumed of them.")
-    parameter_table(page, {"value": told})
+    rows = [[p.name, estimate_text(p), unit_of(p.unit)[1]] for p in told]
+    page.table(("quantity", "value", "unit"), rows)
     rows = [
         [n.recording, f"{n.null_shift:.5f}", "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"]
         for n in offsets
     ]
-    page.table(["taken out of the recording", "null shift of the valve [-]", "accelerometer bias [m/s²]"], rows)
+    page.table(("taken out of the recording", "null shift of the valve [-]", "accelerometer bias [m/s²]"), rows)
 
 
-def error_table(page: Page, models: Mapping[str, FittedModel]) -> None:
-    """Errors of the free run of models side by side, a row for each recording."""
+def hydraulic_table(page: Page, models: Mapping[str, FittedModel]) -> None:
+    """β_1 … β_5 of the reduced model as hydraulic frequency, damping and velocity gain, valve closed and half open."""
+    rows = []
+    for opening, text in ((0.0, "valve closed"), (0.5, "valve half open")):
+        for name, model in models.items():
+            beta = {p.name: p.value for p in model.parameters}
+            a = -(beta["dynamics.beta1"] + beta["dynamics.beta5"] * opening)
+            b = -(beta["dynamics.beta2"] + beta["dynamics.beta4"] * opening)
+            omega = math.sqrt(a)
+            gain = beta["dynamics.beta3"] / a
+            rows.append(
+                [text, name, f"{omega / (2.0 * math.pi):.2f} Hz", f"{b / (2.0 * omega):.3f}", f"{gain:.3f} m/s"]
+            )
+    page.table(("at", "model", "hydraulic frequency", "damping ratio", "velocity per full command"), rows)
+
+
+def errors_section(
+    page: Page,
+    models: Mapping[str, FittedModel],
+    bands: Sequence[Sequence[str]],
+    labels: Sequence[str],
+    noise: str = "",
+) -> None:
+    """Errors of the free run of models side by side, by recording and channel, then by band of frequency."""
+    page.heading("Errors")
+    page.paragraph(f"{ERROR}{noise}")
     first, *_ = models.values()
     rows = [
-        [
-            f"{name} ({role})",
-            *(percent(getattr(m, role)[name].get(c)) for c in ("velocity", "acceleration") for m in models.values()),
-        ]
-        for role in ("estimation", "validation")
-        for name in getattr(first, role)
+        [name, role, channel, *(percent(getattr(m, role)[name].get(channel)) for m in models.values())]
+        for role in ("validation", "estimation")
+        for name, errors in getattr(first, role).items()
+        for channel in errors
     ]
-    page.table(["recording", *(f"{c}{m and ', '}{m}" for c in ("velocity", "acceleration") for m in models)], rows)
-
-
-def _verdict(passed: bool, probability: float) -> str:
-    return f"{'yes' if passed else 'no'} (p = {probability:.2g})"
-
-
-def _judgement_row(judgement: Judgement) -> list[str]:
-    test, split = judgement.test, judgement.split
-    total = max(split.linear + split.nonlinear + split.noise, 1e-300)
-    unit = "m/s²" if judgement.channel == "acceleration" else "m/s"
-    return [
-        f"{judgement.name} ({'validation' if judgement.held_out else 'estimation'})",
-        judgement.channel,
-        _verdict(test.white, test.auto_p) if test else "too short",
-        _verdict(test.independent, test.cross_p) if test else "too short",
-        *(f"{100.0 * part / total:.0f} %" for part in (split.linear, split.nonlinear, split.noise)),
-        f"{judgement.noise:.2g} {unit} ({judgement.noise_from})",
-    ]
-
-
-def diagnosis_section(page: Page, diagnosis: Diagnosis) -> None:
-    """Whiteness, independence and split of the residuals; what the recordings identify and which one would help."""
-    page.heading("Is the residual noise?")
+    page.table(["recording", "used for", "channel", *models], rows)
+    page.subheading("The same by band of frequency")
     page.paragraph(
-        "Tests over ±25 lags at 99 %. A residual is white if its past does not predict it, and independent if the "
-        "drive does not. Its mean square is split into what a linear filter of the drive explains, the channel's noise "
-        "(from repeated periods where the command repeats, else from the band above the dynamics), and the rest, "
-        "which is nonlinear."
+        "The residual within the band over the whole measured signal: the squares of a recording's bands add up to the "
+        "square of its error.",
+        note=True,
     )
+    page.table(["recording", "channel", "band", *labels], bands)
+
+
+def verdict(judgement: Judgement) -> tuple[float, str]:
+    """The residual in multiples of the channel's noise, and what it is, in words that do not contradict each other."""
+    test, split = judgement.test, judgement.split
+    total = split.linear + split.nonlinear + split.noise
+    ratio = math.sqrt(total) / max(judgement.noise, 1e-300)
+    if test is None:
+        return ratio, "too short to be tested"
+    if test.white and test.independent:
+        return ratio, "noise: neither its own past nor the drive predicts it"
+    by = [text for passed, text in ((test.independent, "the drive"), (test.white, "its own past")) if not passed]
+    return ratio, f"{' and '.join(by)} predict{'s' * (len(by) == 1)} a part of it"
+
+
+def remains_section(page: Page, diagnosis: Diagnosis, text: str = "") -> None:
+    """How large the residual is beside the noise, what predicts it, and its correlations."""
+    page.heading("What remains")
+    if text:
+        page.paragraph(sentence(text))
+    page.paragraph(
+        "Size first, in multiples of the channel's noise; then what a test at 99 % over ±25 lags sees in its shape. "
+        "The test sees a trace far below the noise: what counts is the part of the mean square that a linear "
+        "filter of the drive explains, and what is left above the noise, which is nonlinear."
+    )
+    rows = []
+    for j in diagnosis.judgements:
+        ratio, told = verdict(j)
+        total = max(j.split.linear + j.split.nonlinear + j.split.noise, 1e-300)
+        unit = "m/s²" if j.channel == "acceleration" else "m/s"
+        parts = [f"{100.0 * part / total:.0f} %" for part in (j.split.linear, j.split.nonlinear, j.split.noise)]
+        size = f"{rounded(j.noise, 0.01 * j.noise)} {unit}, from the {j.noise_from}"
+        role = "validation" if j.held_out else "estimation"
+        rows.append([f"{j.name} ({role})", j.channel, f"{ratio:.2f} × noise", *parts, told, size])
     page.table(
-        (
-            "recording",
-            "residual of",
-            "white",
-            "independent of the drive",
-            "unmodelled linear",
-            "nonlinear",
-            "noise",
-            "noise (from)",
-        ),
-        [_judgement_row(j) for j in diagnosis.judgements],
+        ("recording", "residual of", "size", "linear in the drive", "nonlinear", "noise", "its shape", "noise is"), rows
     )
     if any(j.test for j in diagnosis.judgements):
-        page.figure(figures_residual.correlogram(diagnosis.judgements), "Correlation of the residual; band: 99 %")
+        page.chart(charts_fit.correlation_chart(diagnosis.judgements, True))
+        page.chart(charts_fit.correlation_chart(diagnosis.judgements, False))
+
+
+def known_section(page: Page, diagnosis: Diagnosis) -> None:
+    """What the recordings identify, as sentence and matrix; then what to record next."""
     known = diagnosis.identifiability
-    page.heading("What do these recordings identify?")
-    page.paragraph(f"{sentence(known.text)} {sentence(diagnosis.advice)}")
-    page.figure(figures_residual.correlation_figure(known), "Correlation of the estimates")
+    page.subheading("What these recordings identify")
+    page.paragraph(sentence(known.text))
+    page.paragraph("Correlation of the estimates; blank at a bound:", note=True)
+    page.matrix([name.removeprefix("effects.") for name in known.names], known.correlation)
+    page.heading("What to record next")
+    page.paragraph(sentence(diagnosis.advice))
     if diagnosis.benefits:
+        page.paragraph("Uncertainty of each parameter now, and with one recording more, in % of its value:", note=True)
         columns = [known.deviations, *(b.deviations for b in diagnosis.benefits)]
-        rows = [[name, *(f"± {100.0 * d[k]:.2g} %" for d in columns)] for k, name in enumerate(known.names)]
-        page.table(["parameter", "now", *(f"with {b.candidate.name}" for b in diagnosis.benefits)], rows)
+        rows = [
+            [name.removeprefix("effects."), *(_uncertainty(float(d[k])) for d in columns)]
+            for k, name in enumerate(known.names)
+        ]
+        page.table(["parameter", "now", *(b.candidate.name for b in diagnosis.benefits)], rows)
+
+
+def _uncertainty(deviation: float) -> str:
+    return f"± {100.0 * deviation:.2g} %" if deviation < 0.995 else "not known"
 
 
 class Track(NamedTuple):
@@ -128,36 +232,31 @@ class Track(NamedTuple):
     errors: Mapping[str, float]
 
 
-def tracking_axes(axes: Axes, tracks: Mapping[str, Track]) -> None:
-    """Position error of the true motion over time."""
-    for (label, track), colour in zip(tracks.items(), (BEFORE, AFTER), strict=True):
-        error = 1e3 * (track.motion[:, 0] - track.reference[:, 0])
-        axes.plot(track.time, error, color=colour, linewidth=1.0, label=label)
-    tidy(axes, "time [s]", "position error [mm]")
-
-
-def tracking_figure(tracks: Mapping[str, Track]) -> Figure:
-    """Acceleration wanted and reached about its peak, and the error of the position over the whole run."""
+def tracking_chart(tracks: Mapping[str, Track]) -> Chart:
+    """Acceleration wanted and reached, and the error of the position; at first about the largest acceleration."""
     first, *_ = tracks.values()
-    peak = first.time[np.nanargmax(np.abs(first.reference[:, 2]))]
-    figure = new_figure(9.5, 5.2)
-    upper, lower = figure.subplots(2, 1)
-    shown = np.abs(first.time - peak) <= 0.5 * SHOWN
-    upper.plot(first.time[shown], first.reference[shown, 2], color=MEASURED, linewidth=1.6, label="reference")
-    for (label, track), colour in zip(tracks.items(), (BEFORE, AFTER), strict=True):
-        shown = np.abs(track.time - peak) <= 0.5 * SHOWN
-        upper.plot(track.time[shown], track.motion[shown, 2], color=colour, linewidth=1.0, label=label)
-    tidy(upper, "time [s]", "acceleration [m/s²]")
-    tracking_axes(lower, tracks)
-    upper.legend(frameon=False, ncols=3)
-    return figure
+    n = min(len(track.time) for track in tracks.values())
+    time, wanted = first.time[:n], first.reference[:n]
+    peak = float(time[np.nanargmax(np.abs(wanted[:, 2]))])
+    felt = [Series("reference", wanted[:, 2], "measured", width=1.8)]
+    missed = []
+    for (label, track), colour in zip(tracks.items(), ("before", "after"), strict=True):
+        felt.append(Series(label, track.motion[:n, 2], colour))
+        missed.append(Series(label, 1e3 * (track.motion[:n, 0] - track.reference[:n, 0]), colour))
+    panels = (
+        Panel("acceleration [m/s²]", time, tuple(felt)),
+        Panel("position error [mm]", time, tuple(missed), height=140),
+    )
+    view = (max(peak - 0.5 * SHOWN, float(time[0])), min(peak + 0.5 * SHOWN, float(time[-1])))
+    caption = "Acceleration wanted and reached, and error of the position; at first about the largest acceleration"
+    return Chart("tracking", "time [s]", panels, caption, view=view)
 
 
 def tracking_section(page: Page, tracks: Mapping[str, Track]) -> None:
-    """Tracking errors of both models as a table and a figure."""
+    """Tracking errors of both models as a table and a chart."""
     names = ("position", "velocity", "acceleration")
     page.table(("tracking error", *names), [[m, *(percent(t.errors.get(n)) for n in names)] for m, t in tracks.items()])
-    page.figure(tracking_figure(tracks), "Acceleration about its peak; position error of the whole run")
+    page.chart(tracking_chart(tracks))
 
 
 def benefit_section(page: Page, benefit: TrackingBenefit) -> None:

@@ -12,6 +12,14 @@ COLOURS = ("#1d4e89", "#c8553d", "#2a7f62", "#b8860b", "#6a4c93", "#5b6770")
 """Of curves that are equals."""
 GREY = "#9aa5b1"
 GRID = "#e3e8ee"
+COLOUR = {
+    "measured": MEASURED,
+    "before": BEFORE,
+    "after": AFTER,
+    "grey": GREY,
+    **{f"c{k}": colour for k, colour in enumerate(COLOURS)},
+}
+"""Of the curves of a chart by name; the page has the same names in both themes (web/page.css)."""
 
 
 def new_figure(width: float, height: float) -> Figure:

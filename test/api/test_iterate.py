@@ -34,7 +34,7 @@ def test_second_simulated_run_misses_less_and_all_files_are_written(tmp_path: Pa
     assert [text.split(":")[0] for text in told] == ["run 1", "run 2"]
     assert found.error["run"] == ("run 1", "run 2")
     out = found.report(tmp_path / "out")
-    assert {p.name for p in out.iterdir()} == {"drive.csv", "drive.yaml", "iteration.json", "iteration.png"}
+    assert {p.name for p in out.iterdir()} == {"drive.csv", "drive.yaml", "iteration.json", "report.html"}
 
 
 def test_recording_without_reference_is_refused_by_topic() -> None:

@@ -9,6 +9,7 @@ from unittest import mock
 import pytest
 from closed_loops import bag
 from hidden_table import OWN
+from pages import read_page
 
 from shake_ros import __main__
 from shake_ros.api import identify as command
@@ -72,8 +73,10 @@ def test_residual_tests_and_what_the_recordings_identify_are_reported(out: Path)
     assert best["name"] in diagnosis["text"]
     assert max(best["relative_deviation"].values()) < max(diagnosis["relative_deviation"].values())
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert "What do these recordings identify?" in page
-    assert "independent of the drive" in page
+    read = read_page(page)
+    assert "What these recordings identify" in read.words
+    assert read.headings[1:4] == ["Measured against simulated", "Errors", "What remains"]
+    assert [c["name"] for c in read.charts][:2] == ["history_second", "spectrum_second"]
 
 
 def test_recordings_held_out_are_not_needed(

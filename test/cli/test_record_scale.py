@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pages import read_page
 
 from shake_ros import __main__ as shake_ros
 from shake_ros.data.accelerograms import read_accelerogram
@@ -74,19 +75,10 @@ def test_it_writes_a_reference_that_plays_the_same_motion(
 def test_it_draws_the_histories_and_the_response_spectrum(
     record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("matplotlib")
-    assert run(capsys, record, "--out", tmp_path / "scaled.csv")[0] == 0
-    assert (tmp_path / "scaled.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_without_matplotlib_it_says_so_and_writes_the_rest(
-    record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    code, out, _ = run(capsys, record, "--out", tmp_path / "scaled.csv")
-    assert code == 0
-    assert "no figure: matplotlib is not installed" in out
-    assert (tmp_path / "scaled.csv").exists()
+    assert run(capsys, record, "--out", tmp_path / "scaled.csv", "--figures", "svg")[0] == 0
+    page = read_page((tmp_path / "scaled.html").read_text(encoding="utf-8"))
+    assert [c["name"] for c in page.charts] == ["motion", "spectrum"]
+    assert {p.name for p in (tmp_path / "scaled_figures").iterdir()} == {"motion.svg", "spectrum.svg"}
 
 
 def test_several_files_go_to_a_folder(record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -164,6 +164,8 @@ def advice(known: Identifiability, found: Sequence[RecordingBenefit]) -> str:
     if not found:
         return "no recording of the catalogue can be simulated with this table"
     best, k = found[0], known.weakest
-    before, after = 100.0 * known.deviations[k], 100.0 * best.deviations[k]
-    change = f"{known.names[k]} from ± {before:.2g} % to ± {after:.2g} %"
+    before, after = (
+        f"± {100.0 * d[k]:.2g} %" if d[k] < 0.995 else "not known" for d in (known.deviations, best.deviations)
+    )
+    change = f"{known.names[k]} from {before} to {after}"
     return f"the most helpful further recording is {best.candidate.name}: {change}"

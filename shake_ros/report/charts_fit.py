@@ -1,0 +1,193 @@
+"""Charts of a fit: measured against simulated with the residuals, spectra, the residual against what may rule it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import welch
+
+from shake_ros.core.effects.unlisted import NODES
+from shake_ros.core.identification.diagnosis import Judgement
+from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, low_pass
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.report.chart import Array, Chart, Panel, Series
+
+LABELS = {
+    "position": "position [mm]",
+    "velocity": "velocity [m/s]",
+    "direction": "direction",
+    "load_pressure": "load pressure [MPa]",
+    "valve_opening": "valve opening [%]",
+    "flow": "valve opening · √pressure drop [% √MPa]",
+    "time": "time [s]",
+    "frequency": "frequency [Hz]",
+    "phase": "time within the period [s]",
+}
+SCALES = {"position": 1e3, "load_pressure": 1e-6, "valve_opening": 1e2, "flow": 0.1}
+FUNCTIONS = {  # kind of effects/unlisted.py → its quantity, label and scale
+    1: ("position", "force against +x [N]", 1.0),
+    2: ("position", "additional dry friction [N]", 1.0),
+    3: ("velocity", "additional force against motion [N]", 1.0),
+    4: ("valve_opening", "relative change of flow gain [-]", 1.0),
+    5: ("load_pressure", "additional leakage [cm³/s]", 1e6),
+    6: ("load_pressure", "relative change of stiffness [-]", 1.0),
+    7: ("time", "relative change of flow gain [-]", 1.0),
+    8: ("phase", "relative change of supply pressure [-]", 1.0),
+}
+SHOWN = 2.0  # of a recording at first [s]
+GROUPS = 30  # of the abscissa of a residual
+BANDS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, np.inf)  # [Hz]
+BOTH = ("declared model", "extended model")
+
+
+def free_runs(
+    record: Record, before: TableParameters, after: TableParameters, model: DeclaredModel = FULL
+) -> tuple[Array, Array]:
+    """Free runs of both tables over a recording, columns as the model gives them: position, velocity, acceleration …"""
+    return model.run(before, record), model.run(after, record)
+
+
+def fastest_stretch(record: Record, seconds: float) -> slice:
+    """The stretch of a recording with the largest mean square velocity."""
+    n = min(round(seconds / record.sample_time), len(record.commands) - record.start)
+    square = np.concatenate(([0.0], np.cumsum(record.velocity[record.start :] ** 2)))
+    first = record.start + int(np.argmax(square[n:] - square[:-n]))
+    return slice(first, first + n)
+
+
+def residuals(record: Record, runs: Sequence[Array]) -> list[tuple[str, Array, list[Array]]]:
+    """Channel with unit, what was measured, measured minus simulated of each run; from the first sample compared."""
+    span = slice(record.start, None)
+    filtered = [low_pass(run[:, 1], record.sample_time) for run in runs]
+    found = [("velocity [m/s]", record.velocity[span], [(record.velocity - v)[span] for v in filtered])]
+    if record.acceleration is not None:
+        felt = record.acceleration
+        found.append(("acceleration [m/s²]", felt[span], [(felt - run[:, 2])[span] for run in runs]))
+    return found
+
+
+def history_chart(
+    record: Record, runs: Sequence[Array], labels: Sequence[str] = BOTH, seconds: float = SHOWN, role: str = ""
+) -> Chart:
+    """The whole recording, measured and simulated before and after, each channel with its residual below."""
+    dt = record.sample_time
+    span = fastest_stretch(record, seconds)
+    time = np.arange(record.start, len(record.commands)) * dt + record.begin
+    panels = []
+    for label, measured, rests in residuals(record, runs):
+        unit = label.split(" ")[1]
+        looks = (("before", "line"), ("after", "dashed"))[-len(runs) :]
+        curves = [Series("measured", measured, "measured", width=1.8)]
+        curves += [
+            Series(text, measured, colour, minus=rest, kind=kind)
+            for text, rest, (colour, kind) in zip(labels, rests, looks, strict=True)
+        ]
+        left = [
+            Series(f"measured − {text}", rest, colour)
+            for text, rest, (colour, _) in zip(labels, rests, looks, strict=True)
+        ]
+        panels += [Panel(label, time, tuple(curves)), Panel(f"residual {unit}", time, tuple(left), height=120)]
+    view = (float(time[span.start - record.start]), float(time[span.stop - 1 - record.start]))
+    caption = f"{record.name}{role}: simulated from the recorded command alone; at first the {view[1] - view[0]:.1f} s "
+    return Chart(f"history_{record.name}", "time [s]", tuple(panels), caption + "of fastest motion", view=view)
+
+
+def spectrum_chart(record: Record, runs: Sequence[Array], labels: Sequence[str] = BOTH) -> Chart:
+    """Amplitude spectral densities of the measured acceleration, or velocity, and of the residuals."""
+    label, measured, rests = residuals(record, runs)[-1]
+    colours = ("before", "after")[-len(runs) :]
+    signals = [measured, *rests]
+    names = ["measured", *(f"measured − {text}" for text in labels)]
+    length = min(2048, max(len(measured) // 4, 64))
+    series = []
+    for name, signal, colour in zip(names, signals, ("measured", *colours), strict=True):
+        frequency, power = welch(signal, 1.0 / record.sample_time, nperseg=length)
+        series.append(Series(name, np.sqrt(power[1:]), colour, width=1.4))
+    panel = Panel(label.replace("]", "/√Hz]"), frequency[1:], tuple(series), log=True, height=230)
+    view = (0.4, 0.5 / record.sample_time)
+    caption = f"{record.name}: amplitude spectral density of what was measured and of what each model leaves"
+    return Chart(f"spectrum_{record.name}", "frequency [Hz]", (panel,), caption, log_x=True, view=view)
+
+
+def band_errors(record: Record, runs: Sequence[Array]) -> tuple[str, list[tuple[str, list[float]]]]:
+    """Rms of the residual by band of frequency over the measured rms, for the last channel of `residuals`.
+
+    The squares of a run's bands add up to the square of its error.
+    """
+    label, measured, rests = residuals(record, runs)[-1]
+    n = len(measured)
+    frequency = np.fft.rfftfreq(n, record.sample_time)
+    twice = np.where((frequency == 0.0) | ((n % 2 == 0) & (np.arange(len(frequency)) == n // 2)), 1.0, 2.0)
+    powers = [twice * np.abs(np.fft.rfft(rest)) ** 2 / n**2 for rest in rests]
+    rows = []
+    for low, high in zip(BANDS[:-1], BANDS[1:], strict=True):
+        inside = (frequency >= low) & (frequency < high)
+        if not inside.any():
+            continue
+        name = f"from {low:g} Hz" if np.isinf(high) else f"{low:g} … {high:g} Hz"
+        rows.append((name, [float(np.sqrt(p[inside].sum()) / np.std(measured)) for p in powers]))
+    return label.split(" ")[0], rows
+
+
+def residual_charts(
+    record: Record, runs: tuple[Array, Array], depends_on: Sequence[str], mass: float, model: DeclaredModel = FULL
+) -> list[Chart]:
+    """Mean residual against what the effect depends on, before and after, over groups of equal count.
+
+    The residual is the force M·(measured − simulated acceleration), or that of the velocity where no acceleration is.
+    """
+    known = [model.quantities(record, run) for run in runs]
+    wanted = [n for n in dict.fromkeys(depends_on) if n in known[0] and n not in ("direction", "time")]
+    names = wanted or [n for n in ("load_pressure", "valve_opening", "velocity") if n in known[0]][-2:]
+    label, _, rests = residuals(record, runs)[-1]
+    if record.acceleration is not None:
+        label = "force [N]" if mass != 1.0 else "force per mass [m/s²]"
+        rests = [mass * rest for rest in rests]
+    charts = []
+    for name in names:
+        after = SCALES.get(name, 1.0) * known[1][name][record.start :]
+        edges = np.unique(np.quantile(after, np.linspace(0.0, 1.0, GROUPS + 1)))
+        if len(edges) < 3:
+            continue
+        middle = 0.5 * (edges[:-1] + edges[1:])
+        series = []
+        for text, rest, quantities, colour in zip(BOTH, rests, known, ("before", "after"), strict=True):
+            at = SCALES.get(name, 1.0) * quantities[name][record.start :]
+            group = np.clip(np.searchsorted(edges, at, side="right") - 1, 0, len(middle) - 1)
+            count = np.maximum(np.bincount(group, minlength=len(middle)), 1)
+            mean = np.bincount(group, rest, minlength=len(middle)) / count
+            series.append(Series(text, mean, colour, width=2.0))
+        panel = Panel(f"residual {label}", middle, tuple(series), height=210)
+        caption = f"{record.name}: mean residual against {name.replace('_', ' ')}, {len(middle)} groups of equal count"
+        charts.append(Chart(f"residual_{name}_{record.name}", LABELS[name], (panel,), caption))
+    return charts
+
+
+def unlisted_chart(fit: Fit) -> Chart:
+    """The estimated function on its nodes."""
+    table = fit.free.table(fit.x)
+    low, high = (table.value(f"effects.unlisted.{end}") for end in ("low", "high"))
+    values = np.array([table.value(f"effects.unlisted.node_{i:02d}") for i in range(NODES)])
+    quantity, label, scale = FUNCTIONS[int(table.value("effects.unlisted.kind"))]
+    at = np.linspace(low, high, NODES) * SCALES.get(quantity, 1.0)
+    panel = Panel(label, at, (Series("estimated", scale * values, "after", width=1.8),), height=210)
+    return Chart("unlisted", LABELS[quantity], (panel,), "The function without a name, as estimated on its nodes")
+
+
+def correlation_chart(judgements: Sequence[Judgement], with_drive: bool) -> Chart:
+    """Correlation of every tested residual with its own past, or with the drive; grey: 99 % by chance at one lag."""
+    panels = []
+    for j in judgements:
+        if j.test is None:
+            continue
+        lags = len(j.test.autocorrelation) - 1
+        lag = np.arange(-lags if with_drive else 1, lags + 1, dtype=np.float64)
+        value = j.test.cross_correlation if with_drive else j.test.autocorrelation[1:]
+        bound = j.test.cross_bound if with_drive else j.test.auto_bound
+        series = (Series(f"{j.name} ({'validation' if j.held_out else 'estimation'})", value, "c0", kind="points"),)
+        panels.append(Panel("correlation", lag, series, height=100, shaded=(-bound, bound)))
+    name, text = ("drive", "the drive") if with_drive else ("past", "its own past")
+    caption = f"Correlation of the residual with {text}; grey: what chance gives at 99 %, lag by lag"
+    return Chart(f"correlation_{name}", "lag [samples]", tuple(panels), caption)
