@@ -8,6 +8,8 @@ Nothing needs it: each node runs by `ros2 run shake_ros NAME` as well.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition, UnlessCondition
 from launch.substitutions import LaunchConfiguration, PythonExpression
@@ -23,6 +25,7 @@ ARGUMENTS = {
     "observer": ("sliding_mode", "configuration of the observer"),
     "controller": ("super_twisting", "configuration of the controller"),
     "record": ("", "folder of a recording; empty: none"),
+    "view": ("false", "true: robot_state_publisher beside it, for RViz and Foxglove"),
 }
 
 
@@ -44,6 +47,19 @@ def empty(argument: str) -> PythonExpression:
     return PythonExpression(["'", LaunchConfiguration(argument), "' == ''"])
 
 
+def view() -> Node:
+    """What turns `joint_states` into transforms, where ROS 2 has it installed."""
+    description = Path(__file__).resolve().parents[1] / "config" / "description" / "shaking_table.urdf"
+    return Node(
+        package="robot_state_publisher",
+        executable="robot_state_publisher",
+        namespace=LaunchConfiguration("namespace"),
+        parameters=[{"robot_description": description.read_text(encoding="utf-8")}],
+        condition=IfCondition(LaunchConfiguration("view")),
+        output="screen",
+    )
+
+
 def generate_launch_description() -> LaunchDescription:
     """The graph."""
     arguments = [
@@ -60,5 +76,6 @@ def generate_launch_description() -> LaunchDescription:
             node("controller", {"controller": "controller"}),
             node("thd_analyzer", {}),
             node("recorder", {"output": "record"}, UnlessCondition(empty("record"))),
+            view(),
         ]
     )

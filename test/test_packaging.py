@@ -18,6 +18,7 @@ import pytest
 import yaml
 
 import shake_ros
+from docs.generators import changelog
 from shake_ros.entry_points import ENTRY_POINTS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -299,3 +300,25 @@ def test_the_entry_points_are_listed_by_the_bare_command() -> None:
     listed = subprocess.run([sys.executable, "-m", "shake_ros"], cwd=ROOT, capture_output=True, text=True, check=True)
     for name in ENTRY_POINTS:
         assert re.search(rf"^  {name}\b", listed.stdout, re.MULTILINE)
+
+
+def test_the_description_has_the_joint_and_the_frames_of_the_messages() -> None:
+    robot = ET.parse(ROOT / "config" / "description" / "shaking_table.urdf").getroot()
+    joints = {joint.get("name"): joint for joint in robot.findall("joint")}
+    table = joints["table"]
+    parent, child, axis, limit = (table.find(name) for name in ("parent", "child", "axis", "limit"))
+    assert parent is not None and child is not None and axis is not None and limit is not None
+    assert (parent.get("link"), child.get("link")) == ("ground", "table")
+    assert (table.get("type"), axis.get("xyz")) == ("prismatic", "1 0 0")
+    assert [name for name, joint in joints.items() if joint.get("type") != "fixed"] == ["table"]
+    links = {link.get("name") for link in robot.findall("link")}
+    assert links == {"ground", "table", "specimen"}
+    bergamo = yaml.safe_load((ROOT / "config" / "table" / "bergamo.yaml").read_text())
+    assert float(limit.get("upper", "")) == -float(limit.get("lower", "")) == bergamo["body"]["stroke"] / 2
+    force = float(bergamo["supply"]["supply_pressure"]) * float(bergamo["body"]["piston_area"])
+    assert float(limit.get("effort", "")) == pytest.approx(force, rel=1e-4)
+
+
+def test_the_changelog_of_bloom_is_made_of_the_released_versions() -> None:
+    assert (ROOT / "CHANGELOG.rst").read_text() == changelog.text(), "python -m docs.generators.changelog"
+    assert f"\n{shake_ros.__version__} (" in changelog.text()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,9 +10,11 @@ from pathlib import Path
 import pytest
 from machine_time import on_a_machine_that_keeps_time
 
+from benchmarks.realtime.up_and_down import again_and_again
+
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = ROOT / "test" / "scripts"
-TIMEOUT = 240.0
+TIMEOUT = 600.0
 
 
 def run(script: str, *arguments: str) -> str:
@@ -44,3 +47,15 @@ def test_closed_loop_in_real_time_keeps_its_books(ros_domain, scheduling) -> Non
 
 def test_table_answers_bad_commands(ros_domain) -> None:
     assert "every answer as it should be" in on_a_machine_that_keeps_time(lambda: run("bad_commands.py"))
+
+
+def test_real_ros2_program_does_what_a_user_does_with_it(ros_domain) -> None:
+    if shutil.which("ros2") is None:
+        pytest.skip("NOT TESTED: there is no `ros2` program here; source a ROS 2 installation")
+    assert "the real programs did all of it" in run("ros2_program.py")
+
+
+def test_graph_comes_up_and_goes_down_again_and_again(ros_domain) -> None:
+    """benchmarks.realtime.up_and_down does it 50 times; the fixture sees to it that no process is left."""
+    said = again_and_again(3, ros_domain)
+    assert len(said) == 3
