@@ -8,7 +8,11 @@ The names of PUBLIC are imported when they are first used; none of them needs RO
 from __future__ import annotations
 
 import importlib
+import os
 from typing import TYPE_CHECKING, Any
+
+# Fits run side by side on all cores; threads of BLAS beside them only spin. Read by numpy when it is first imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 __version__ = "1.0.0"
 

@@ -112,15 +112,18 @@ class SearchProblem:
             pieces.append(RecordingProblem(windows(list(records), settings.piece_seconds), model.simulator))
         return cls(whole[0], whole[-1], pieces[0], pieces[-1], model.late, settings, progress)
 
-    def fitted(self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float) -> ScoredFit:
-        """A fit to the estimation data from `start`, scored."""
-        return self.scored(fit(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance))
+    def fitted(
+        self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float, known: Fit | None = None
+    ) -> ScoredFit:
+        """A fit to the estimation data from `start`, scored. known : see `fit`."""
+        return self.scored(fit(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance, known=known))
 
     def fitted_to_pieces(
-        self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float
+        self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float, known: Fit | None = None
     ) -> ScoredFit:
         """A fit to pieces of the estimation data; its validation cost is that of whole recordings all the same."""
-        result = fit(self.estimation_pieces, free, start, evaluations=evaluations, tolerance=tolerance)
+        pieces = self.estimation_pieces
+        result = fit(pieces, free, start, evaluations=evaluations, tolerance=tolerance, known=known)
         return ScoredFit(result, mean_square(result.residuals), mean_square(self._validation_residuals(result)))
 
     def scored(self, result: Fit) -> ScoredFit:

@@ -65,15 +65,15 @@ def refit(
         problem.progress(f"refitted with {tried.candidate.effect}", 0.1 + 0.5 * len(short) / len(effects))
     refits = list(ranked(known, short))
     problem.progress(f"polish {refits[0].candidate.effect}", 0.6)
-    refits[0] = continued(problem, refits[0], most, tolerance)
+    refits[0] = continued(problem, refits[0], most, tolerance, screening.whole)
     near = [r for r in refits[1 : settings.most_continued] if r.score < settings.worth_continuing * refits[0].score]
-    for tried in side_by_side(lambda r: continued(problem, r, most, tolerance), near):
+    for tried in side_by_side(lambda r: continued(problem, r, most, tolerance, screening.whole), near):
         problem.progress(f"polished {tried.candidate.effect}", 0.8)
         refits = [tried if r.candidate is tried.candidate else r for r in refits]
     refits.sort(key=lambda r: r.score)
     for effect in passed_over(refits, screening):
         tried = refitted(problem, screening, effect, most, settings.resembling_tolerance)
-        refits.append(continued(problem, tried, most, tolerance))
+        refits.append(continued(problem, tried, most, tolerance, screening.whole))
     return ranked(refits)
 
 
@@ -94,7 +94,7 @@ def refitted(problem: SearchProblem, screening: Screening, effect: str, evaluati
     """One effect refitted on pieces of the estimation data, from its best start."""
     trials, multiples = screening.of(effect), problem.settings.start_multiples
     free, start = best_start(problem.estimation_pieces, screening.current, trials, multiples)
-    result = problem.fitted_to_pieces(free, start, evaluations, tolerance)
+    result = problem.fitted_to_pieces(free, start, evaluations, tolerance, screening.current)
     return Refit(trials[0].candidate, result, trials[0].gain)
 
 
@@ -118,7 +118,9 @@ def best_start(
     return free, rows[int(np.argmin(costs))]
 
 
-def continued(problem: SearchProblem, tried: Refit, evaluations: int, tolerance: float) -> Refit:
-    """A refit continued on the whole estimation data."""
+def continued(
+    problem: SearchProblem, tried: Refit, evaluations: int, tolerance: float, known: Fit | None = None
+) -> Refit:
+    """A refit continued on the whole estimation data. known : see `fit`; its own last Jacobian where not given."""
     start = tried.result.fit
-    return replace(tried, result=problem.fitted(start.free, start.x, evaluations, tolerance))
+    return replace(tried, result=problem.fitted(start.free, start.x, evaluations, tolerance, known or start))

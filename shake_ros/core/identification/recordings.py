@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, final
@@ -18,7 +19,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from shake_ros.core.identification.noise import periodic_deviation, resolution, white_deviation
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
-from shake_ros.core.plant.simulation import initial_state, run, run_batch
+from shake_ros.core.plant.simulation import initial_state, run, run_batch, workers
 from shake_ros.core.plant.states import CLOCK, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
@@ -268,9 +269,11 @@ class RecordingProblem:
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Weighted residuals of all recordings, shape (m, n)."""
+        with ThreadPoolExecutor(workers()) as pool:
+            runs = list(pool.map(lambda record: self.simulate(vectors, record), self.records))
         parts = []
-        for record, w_v, w_a in zip(self.records, self.velocity_weights, self.acceleration_weights, strict=True):
-            velocity, acceleration = self.simulate(vectors, record)
+        weights = zip(self.records, runs, self.velocity_weights, self.acceleration_weights, strict=True)
+        for record, (velocity, acceleration), w_v, w_a in weights:
             parts.append(w_v * (velocity - record.velocity)[:, record.start :])
             if record.acceleration is not None:
                 parts.append(w_a * (acceleration - record.acceleration)[:, record.start :])

@@ -9,7 +9,7 @@ from __future__ import annotations
 from shake_ros.core.bulk_modulus.constant import CODE as CONSTANT
 from shake_ros.core.bulk_modulus.ifas import mixture
 from shake_ros.core.bulk_modulus.selected import modulus
-from shake_ros.core.compiled import njit
+from shake_ros.core.compiled import kernel
 from shake_ros.core.effects.asymmetric_flow_gain import flow_factor
 from shake_ros.core.effects.soft_zone import factor as soft_zone_factor
 from shake_ros.core.effects.spool_deadband import effective_spool
@@ -36,7 +36,7 @@ from shake_ros.core.plant.states import (
 from shake_ros.core.valve.ports import opening, sroot
 
 
-@njit
+@kernel
 def port_flows(p, spool, clock, pressure_a, pressure_b, pressure_supply):
     """Flow into A, out of B, and drawn from the supply (3.17), (6.12) [m³/s] at a time of the recording [s]."""
     x_e = effective_spool(spool, p.spool_deadband_width)
@@ -53,19 +53,19 @@ def port_flows(p, spool, clock, pressure_a, pressure_b, pressure_supply):
     return a_from_supply - a_to_tank, b_to_tank - b_from_supply, a_from_supply + b_from_supply
 
 
-@njit
+@kernel
 def chamber_pressure(p, liquid_pressure):
     """Pressure that acts in a chamber, from the state [Pa]."""
     return acting_pressure(liquid_pressure, p.cavitation_pressure, p.cavitation_width)
 
 
-@njit
+@kernel
 def oil_modulus(p, pressure):
     """E of the table's law, without effects [Pa]."""
     return p.bulk_modulus_modulus if p.bulk_modulus_kind == CONSTANT else modulus(p, pressure)
 
 
-@njit
+@kernel
 def chamber_moduli(p, p_a, p_b):
     """E that acts in chambers A and B: the law's, with pressure, air and soft zone of the effects on top [Pa].
 
@@ -85,7 +85,7 @@ def chamber_moduli(p, p_a, p_b):
     return e_a, e_b
 
 
-@njit
+@kernel
 def pipeline_flows(p, y, clock, p_a, p_b, p_s, rates):
     """Flow into A, out of B and drawn from the supply [m³/s] with pipelines; their rates into `rates`."""
     length, diameter, rho, eta = p.pipelines_length, p.pipelines_diameter, p.pipelines_density, p.pipelines_viscosity
@@ -100,7 +100,7 @@ def pipeline_flows(p, y, clock, p_a, p_b, p_s, rates):
     return q_a, q_b, q_s
 
 
-@njit
+@kernel
 def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
     """Ṗ_A and Ṗ_B (6.5), (6.6), (6.11) into `rates`; returns the flow drawn from the supply [m³/s]."""
     p_s = y[PRESSURE_SUPPLY] if p.supply_droop_resistance != 0.0 else p.supply_supply_pressure

@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from shake_ros.core.compiled import njit
+from shake_ros.core.compiled import kernel, njit
 from shake_ros.core.effects.presliding_friction import deflection
 from shake_ros.core.effects.unlisted import follows_clock
 from shake_ros.core.friction.armstrong import CODE as ARMSTRONG
@@ -61,7 +61,7 @@ WHOLE = 0.24  # part of the wanted step from which a step's error tells of the n
 OUTPUTS = 7  # columns of `simulate`: position, velocity, acceleration, P_A, P_B, P_s, spool
 
 
-@njit
+@kernel
 def spool_command(p, y, u):
     """Wanted spool position: gain and null shift, and with the detailed valve the play of the hysteresis.
 
@@ -76,13 +76,13 @@ def spool_command(p, y, u):
     return wanted
 
 
-@njit
+@kernel
 def has_contact(p):
     """Whether friction has a state of its own that follows the displacement since the step's start."""
     return p.presliding_friction_distance > 0.0 or is_dynamic(p)
 
 
-@njit
+@kernel
 def settle_contact(p, y, end, duration, n):
     """Contact states of the friction at the end of an accepted step, in place; `y` still is the step's start."""
     if has_contact(p):
@@ -103,7 +103,7 @@ def settle_contact(p, y, end, duration, n):
                 )
 
 
-@njit
+@kernel
 def integrate(p, y, wanted, force, duration, n, work, known, tolerance):
     """Integrate y in place over `duration` in steps of about equal length; returns the last acceleration [m/s²].
 
@@ -172,7 +172,7 @@ def hold_detailed(p, y, u, force, duration, n, work, known, tolerance):
     return acceleration
 
 
-@njit
+@kernel
 def hold(p, y, u, force, duration, n, work, known, tolerance):
     """Integrate y in place over `duration` under a held command; returns the acceleration at its end [m/s²]."""
     if p.valve_kind == DETAILED:
@@ -181,20 +181,20 @@ def hold(p, y, u, force, duration, n, work, known, tolerance):
     return integrate(p, y, wanted, force, duration, n, work, known, tolerance)
 
 
-@njit
+@kernel
 def accelerometer(p, y, acceleration):
     """What the accelerometer's output is before noise: lag, scale, bias [m/s²]."""
     a = y[LAGGED_ACCELERATION] if p.accelerometer_lag_time_constant > 0.0 else acceleration
     return (1.0 + p.accelerometer_scale_error) * a + p.accelerometer_bias_bias
 
 
-@njit
+@kernel
 def position_sensor(p, y):
     """What the position transducer's output is before noise [m]."""
     return y[LAGGED_POSITION] if p.position_sensor_lag_time_constant > 0.0 else y[POSITION]
 
 
-@njit
+@kernel
 def delayed(commands, k, delay_samples, standing):
     """Commands that act at the start and at the end of sample k, and the fraction of the sample for the first.
 
@@ -207,7 +207,7 @@ def delayed(commands, k, delay_samples, standing):
     return late, timely, fraction
 
 
-@njit
+@kernel
 def advance_sample(p, y, late, timely, fraction, force, dt, work, known, tolerance):
     """Integrate one sample in place: `late` acts for its first `fraction`, `timely` for the rest.
 
@@ -225,14 +225,14 @@ def advance_sample(p, y, late, timely, fraction, force, dt, work, known, toleran
     return acceleration
 
 
-@njit
+@kernel
 def sensed_velocity(p, y):
     """Rate of what the position transducer shows [m/s]."""
     tau = p.position_sensor_lag_time_constant
     return (y[POSITION] - y[LAGGED_POSITION]) / tau if tau > 0.0 else y[VELOCITY]
 
 
-@njit
+@kernel
 def outputs(p, y, acceleration, row):
     """Measured channels and inner states of one instant into `row`, shape (OUTPUTS,)."""
     row[0] = position_sensor(p, y)
@@ -244,7 +244,7 @@ def outputs(p, y, acceleration, row):
     row[6] = y[SPOOL]
 
 
-@njit
+@kernel
 def acceleration_now(p, y, rates):
     """Absolute acceleration of the table at state y without external force [m/s²]."""
     return right_hand_side(p, y, y, y[HELD_COMMAND], 0.0, active_states(p), rates)

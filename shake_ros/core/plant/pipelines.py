@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from shake_ros.core.compiled import njit
+from shake_ros.core.compiled import kernel
 from shake_ros.core.fluid.pipe_flow import pressure_drop
 from shake_ros.core.quantities import Parameters, quantity
 
@@ -27,14 +27,14 @@ class Pipelines(Parameters):
     viscosity: float = quantity("Pa*s", "dynamic viscosity η of the oil", low=1e-4, high=10.0, default=0.028)
 
 
-@njit
+@kernel
 def flow_rate(flow, pressure_in, pressure_out, length, diameter, density, viscosity):
     """Q̇ of a line [m³/s²]."""
     inertance = density * length / (0.25 * math.pi * diameter * diameter)
     return (pressure_in - pressure_out - pressure_drop(flow, length, diameter, viscosity, density)) / inertance
 
 
-@njit
+@kernel
 def half_volume(length, diameter):
     """Half the oil volume of a line [m³]."""
     return 0.125 * math.pi * diameter * diameter * length

@@ -6,7 +6,7 @@ compiled function with other numbers. `p` is one record of plant/parameters.py.
 
 from __future__ import annotations
 
-from shake_ros.core.compiled import njit
+from shake_ros.core.compiled import kernel
 from shake_ros.core.effects.base_flexibility import base_acceleration
 from shake_ros.core.effects.coupling_backlash import contact_force, has_play
 from shake_ros.core.effects.film_friction import film_rate
@@ -66,7 +66,7 @@ from shake_ros.core.valve.detailed import CODE as DETAILED
 from shake_ros.core.valve.simplified import spool_acceleration
 
 
-@njit
+@kernel
 def active_states(p):
     """Number of leading states that these parameters set in motion."""
     if p.frame_storeys > 0.0:
@@ -87,14 +87,14 @@ def active_states(p):
     return DECLARED
 
 
-@njit
+@kernel
 def contact_end(p, start, displacement, velocity_start, velocity, memory):
     """Contact state z of a friction law [m] after a displacement of the piston one way from the state `start`."""
     z, rise = start[DEFLECTION], start[FRICTION_RISE]
     return contact_deflection(p, z, displacement, velocity_start, velocity, start[FRICTION_MEMORY], memory, rise)
 
 
-@njit
+@kernel
 def dry_friction(p, velocity, displacement, start, velocity_start, memory):
     """Dry level [N], signed share of it that acts [-] and damping of the bristles [N], for any law but Tustin's."""
     if is_dynamic(p):
@@ -105,7 +105,7 @@ def dry_friction(p, velocity, displacement, start, velocity_start, memory):
     return curve_level(p, velocity), curve_direction(p, velocity), 0.0
 
 
-@njit
+@kernel
 def friction_force(p, velocity, position, displacement, start, velocity_start, memory, film):
     """Friction on the piston: the table's law with the effects on its dry part [N].
 
@@ -132,7 +132,7 @@ def friction_force(p, velocity, position, displacement, start, velocity_start, m
     )
 
 
-@njit
+@kernel
 def end_stop_force(p, position, velocity):
     """Force of the end stops at ±stroke/2; they push only [N]."""
     over = abs(position) - 0.5 * p.body_stroke
@@ -143,7 +143,7 @@ def end_stop_force(p, position, velocity):
     return -push if position > 0.0 else push
 
 
-@njit
+@kernel
 def right_hand_side(p, y, start, wanted, external_force, n, rates):
     """Rates of the first `n` states, into `rates`.
 
@@ -169,7 +169,7 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
     return table_rates(p, y, start, external_force, n, rates)
 
 
-@njit
+@kernel
 def table_rates(p, y, start, external_force, n, rates):
     """`right_hand_side` without the spool, whose motion does not depend on the table: its two rates are left alone.
 
@@ -214,7 +214,7 @@ def table_rates(p, y, start, external_force, n, rates):
     return extended_rates(p, y, q_s, on_rod, on_table, mass, split, piston_velocity, rates)
 
 
-@njit
+@kernel
 def extended_rates(p, y, q_s, on_rod, on_table, mass, split, piston_velocity, rates):
     """Rates of the velocity and of the states that only effects have; returns the absolute acceleration [m/s²]."""
     base_acc = 0.0

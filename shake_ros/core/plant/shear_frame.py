@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.compiled import njit
+from shake_ros.core.compiled import kernel
 from shake_ros.core.quantities import Parameters, quantity
 
 LARGEST_STOREYS = 10
@@ -42,13 +42,13 @@ def natural_frequencies(frame: ShearFrame) -> NDArray[np.float64]:
     return 2.0 * np.sqrt(frame.stiffness / frame.mass) * np.sin((2 * j - 1) * np.pi / (4 * frame.storeys + 2))
 
 
-@njit
+@kernel
 def foot_force(y, first, stiffness, damping):
     """Force of the frame on the table; `first` is the index of the first storey's displacement in `y` [N]."""
     return stiffness * y[first] + damping * y[first + 1]
 
 
-@njit
+@kernel
 def storey_rates(y, first, storeys, mass, stiffness, damping, acceleration, rates):
     """Rates of the storeys' displacements and velocities into `rates`, under the table's acceleration [m/s²]."""
     below = stiffness * y[first] + damping * y[first + 1]

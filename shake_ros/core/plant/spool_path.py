@@ -12,7 +12,7 @@ Verified against the closed form, against the limits integrated in very small st
 
 from __future__ import annotations
 
-from shake_ros.core.compiled import njit
+from shake_ros.core.compiled import kernel
 from shake_ros.core.plant.states import SPOOL, SPOOL_RATE
 from shake_ros.core.valve.detailed import CODE as DETAILED
 from shake_ros.core.valve.simplified import halt, limited_motion, motion_weights, rest_position
@@ -26,7 +26,7 @@ LENGTH = 24  # of the work array `path`
 BISECTIONS = 40
 
 
-@njit
+@kernel
 def free_motion(path, spool, rate, wanted, omega_v, damping, h):
     """Closed form at the nodes of a step `h` into `path`; the weights are kept for the next step of the same size."""
     if path[USED_FOR] != h or path[USED_FOR + 1] != omega_v or path[USED_FOR + 2] != damping:
@@ -41,7 +41,7 @@ def free_motion(path, spool, rate, wanted, omega_v, damping, h):
     path[END_RATE] = path[last + 2] * rate - omega_v * omega_v * path[last + 1] * d
 
 
-@njit
+@kernel
 def limited_path(path, spool, rate, wanted, friction, omega_v, damping, limit, h):
     """The same with |ẋ_s*| ≤ limit, |x_s*| ≤ 1 and dry friction, (3.19)–(3.21)."""
     before = 0.0
@@ -52,7 +52,7 @@ def limited_path(path, spool, rate, wanted, friction, omega_v, damping, limit, h
     path[END_RATE] = rate
 
 
-@njit
+@kernel
 def arrival(spool, rate, wanted, omega_v, damping, low, high):
     """Instant between `low` and `high` [s] at which the free motion passes the end of the stroke, (3.20)."""
     for _ in range(BISECTIONS):
@@ -65,7 +65,7 @@ def arrival(spool, rate, wanted, omega_v, damping, low, high):
     return high
 
 
-@njit
+@kernel
 def spool_path(p, y, wanted, h, path):
     """Spool at the nodes of a step from the state `y` into `path`, shape (LENGTH,); returns the step's length [s].
 
