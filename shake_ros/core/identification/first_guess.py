@@ -27,6 +27,7 @@ from shake_ros.core.quantities import ShakeError
 WINDOW = 4.0  # of the response [s]
 LOWEST, HIGHEST = 0.7, 60.0  # lines that are looked at [Hz]
 COHERENT = 0.5  # lines below are left out
+MOST = 0.7  # share of the lines up to a frequency that is seen
 DAMPINGS = np.geomspace(0.02, 1.0, 14)
 RESERVES = (1.2, 1.7, 3.0)  # acceleration at full pressure, in parts of the largest measured one
 FRICTIONS = (0.05, 0.3, 1.0)  # dry friction per mass [m/s²]
@@ -38,7 +39,7 @@ PIECES = 15.0  # of the recordings that the grid is run over [s]
 class LinearTable:
     """Velocity gain [m/s per command], delay [s], hydraulic frequency [rad/s], damping [-].
 
-    seen_to : highest coherent frequency [rad/s]; a hydraulic frequency beyond it is only a guess.
+    seen_to : frequency up to which most lines are coherent [rad/s]; a hydraulic frequency beyond it is only a guess.
     """
 
     gain: float
@@ -55,13 +56,15 @@ def linear_table(records: Sequence[Record]) -> LinearTable:
     ------
     ShakeError : the motion does not follow the command, or goes against it.
     """
-    lines, values, weights = [], [], []
+    lines, values, weights, looked = [], [], [], []
     for record in records:
         seconds = len(record.commands) * record.sample_time
         window = max(min(WINDOW, 0.4 * seconds), SHORTEST * record.sample_time)
         found = frequency_response(record.commands, record.position, record.sample_time, window)
         f = found.frequency
-        use = (f >= LOWEST) & (f <= min(HIGHEST, 0.35 / record.sample_time)) & (found.coherence > COHERENT)
+        within = (f >= LOWEST) & (f <= min(HIGHEST, 0.35 / record.sample_time))
+        use = within & (found.coherence > COHERENT)
+        looked.append(np.column_stack([2.0 * math.pi * f[within], use[within]]))
         lines.append(2.0 * math.pi * f[use])
         values.append(2j * math.pi * f[use] * found.response[use])
         weights.append(found.coherence[use] / (1.05 - found.coherence[use]))
@@ -70,6 +73,7 @@ def linear_table(records: Sequence[Record]) -> LinearTable:
     if len(omega) < 5:
         raise ShakeError(f"{names}: the position does not follow the command (no coherent frequency)")
     weight = weight / np.sum(weight)
+    seen = _seen_to(np.concatenate(looked))
     gain = slow_gain(records)
     if gain <= 0.0:
         raise ShakeError(f"{names}: the velocity goes against the command; import one of them with the scale -1")
@@ -87,10 +91,18 @@ def linear_table(records: Sequence[Record]) -> LinearTable:
         offset = float(np.sum(weight * size))
         cost = float(np.sum(weight * (np.abs(size - offset) + np.abs(phase) + 0.3 * abs(offset))))
         if cost < least:
-            best = LinearTable(gain * math.exp(offset), delay, float(w), float(z), float(omega.max()))
+            best = LinearTable(gain * math.exp(offset), delay, float(w), float(z), seen)
             least = cost
     assert best is not None
     return best
+
+
+def _seen_to(lines: np.ndarray) -> float:
+    """Frequency up to which most lines are coherent; lines : (frequency, whether coherent), shape (m, 2)."""
+    order = np.argsort(lines[:, 0])
+    share = np.cumsum(lines[order, 1]) / np.arange(1, len(order) + 1)
+    most = np.flatnonzero(share >= MOST)
+    return float(lines[order[most[-1]], 0]) if len(most) else 0.0
 
 
 def slow_gain(records: Sequence[Record]) -> float:
