@@ -115,6 +115,22 @@ def test_command_per_unit_keeps_its_scale() -> None:
     assert null_shift(data.estimation[0]) == pytest.approx(0.0, abs=2e-5)
 
 
+def test_recording_at_ten_kilohertz_is_thinned_to_one() -> None:
+    time = np.arange(20000) / 1e4
+    x, u = 1e-3 * np.sin(10.0 * pi * time), np.round(np.sin(6.0 * pi * time), 2)
+    (found,) = prepared([Record("fast", 1e-4, u, x, np.gradient(np.gradient(x, 1e-4), 1e-4))], []).estimation
+    assert found.sample_time == pytest.approx(1e-3)
+    assert np.max(np.abs(found.position - x[::10])) < 1e-5
+    assert len(found.commands) == 2000
+
+
+def test_recordings_without_acceleration_have_no_bias_and_no_delay() -> None:
+    made = record(6, 3.0)
+    data = prepared([Record("blind", SAMPLE_TIME, made.commands, made.position)], [])
+    assert data.nuisances[0].acceleration_bias is None
+    assert (data.accelerometer_delay, data.accelerometer_lag) == (0.0, 0.0)
+
+
 def written(tmp_path: Path, **changes: object) -> str:
     """A configuration with some sections' entries changed, as `section__name`."""
     content = yaml.safe_load((Path(__file__).parents[2] / "config/table/unknown.yaml").read_text(encoding="utf-8"))

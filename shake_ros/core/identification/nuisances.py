@@ -13,11 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, decimate, sosfiltfilt
 
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_delay import delay_and_lag, timely
 
+FASTEST = 1000.0  # rate of a recording that a fit takes [Hz]
 SLOW = 2.0  # the table follows its valve up to here, whatever its dynamics [Hz]
 FULL_SCALES = (1.0, 10.0, 20.0, 100.0)  # of a command: per unit, volts, milliamperes, per cent
 
@@ -64,6 +65,31 @@ def slow(values: np.ndarray, sample_time: float) -> np.ndarray:
     return np.asarray(sosfiltfilt(butter(2, 2.0 * SLOW * sample_time, output="sos"), values))
 
 
+def thinned(record: Record) -> Record:
+    """A recording at no more than about FASTEST: mean of the command over each longer sample, the rest filtered.
+
+    A hydraulic table moves far below; what a free run costs grows with the rate.
+    """
+    factor = int(1.05 / (FASTEST * record.sample_time))
+    if factor < 2:
+        return record
+    count = len(record.commands) // factor
+    commands = record.commands[: count * factor].reshape(count, factor).mean(axis=1)
+
+    def fewer(values: np.ndarray) -> np.ndarray:
+        return np.asarray(decimate(values, factor, ftype="fir", zero_phase=True)[:count])
+
+    return Record(
+        record.name,
+        factor * record.sample_time,
+        commands,
+        fewer(record.position),
+        None if record.acceleration is None else fewer(record.acceleration),
+        record.begin,
+        record.standing,
+    )
+
+
 def null_shift(record: Record) -> float:
     """Command at which the table stands still, with its sign turned [-]."""
     u, v = (slow(x, record.sample_time)[record.start :] for x in (record.commands, record.velocity))
@@ -87,8 +113,8 @@ def without_offsets(record: Record) -> tuple[Record, Nuisance]:
 
 
 def prepared(estimation: Sequence[Record], validation: Sequence[Record]) -> Prepared:
-    """Both sets of recordings with the command per unit and without offsets."""
-    both = [*estimation, *validation]
+    """Both sets of recordings at a rate that a fit takes, with the command per unit and without offsets."""
+    both = [thinned(r) for r in (*estimation, *validation)]
     scale = full_scale(both)
     scaled = [replace(r, commands=r.commands / scale, standing=r.standing / scale) for r in both]
     delay, lag = delay_and_lag(scaled)
