@@ -161,7 +161,7 @@ def safety(user: User) -> None:
         command = ("topic", "pub", "-r", "50", "/cmd/valve", "sensor_msgs/msg/JointState")
         stamped = "{header: auto, name: [servo_valve], position: [0.01]}"
         with user.terminal(*command, stamped, ends=0), user.terminal(*command, stamped, ends=0):
-            plant.waits_for("2 publishers on /cmd/valve")
+            plant.waits_for("two_commanders: ")
         assert "success=True" in user.ros2("service", "call", "/rig/stop", "std_srvs/srv/Trigger")
         plant.waits_for("waits for reset")
         request = ("service", "call", "/rig/enable", "std_srvs/srv/SetBool", "{data: true}")
