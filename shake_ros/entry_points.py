@@ -34,6 +34,7 @@ ENTRY_POINTS: dict[str, Entry] = {
     "faults": Entry(
         "shake_ros.ros.faults_node", "between two nodes: delays, drops, doubles, freezes, falsifies samples"
     ),
+    "page": Entry("shake_ros.ros.page_node", "the live page: curves, controls, recordings, in a browser"),
     "lab": Entry("shake_ros.ros.lab", "all nodes and the live page with one command; Ctrl-C ends them in order"),
     "ros2": Entry("shake_ros.ros.ros2", "topic list, echo, hz; param list, get, set, dump; service list, call"),
     "target_emulator": Entry(

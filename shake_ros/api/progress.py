@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from types import TracebackType
@@ -12,6 +13,7 @@ from tqdm.auto import tqdm
 Told = bool | Callable[[str, float], None]  # whether progress is shown, or who is told what is done and which part
 
 TERMINAL = "{desc:<44.44}|{bar:24}| {percentage:3.0f} % {elapsed}"
+PARTS = os.environ.get("SHAKE_ROS_PROGRESS") == "parts"  # who follows a process wants every part, in a form to read
 NOTEBOOK = "{desc}{bar} {percentage:3.0f} % {elapsed}"
 
 
@@ -47,6 +49,9 @@ class Progress:
             self._bar.set_description_str(f"{self._title}: {text}")
         elif callable(self._told):
             self._told(text, whole)
+        elif self._told and PARTS:
+            sys.stderr.write(f"{whole:.4f}\t{self._title}: {text}\n")
+            sys.stderr.flush()
         elif self._told and text != self._text:
             sys.stderr.write(f"{self._title}: {text}\n")
             sys.stderr.flush()

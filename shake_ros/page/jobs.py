@@ -52,6 +52,7 @@ class Job:
             "part": self.part, "left": self.left(), "seconds": (self.ended or time.time()) - self.started,
             "out": self.out.name, "lines": self.lines[-60:], "kind": self.arguments[0],
             "report": (self.out / "report.html").is_file(), "table": (self.out / "table.yaml").is_file(),
+            "table_path": str(self.out / "table.yaml"),
         }  # fmt: skip
 
 

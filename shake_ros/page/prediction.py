@@ -1,7 +1,7 @@
 """What the declared model makes of the measured command: velocity and acceleration, sample by sample.
 
 The free run of `identify` and `close_loop`: from the command alone, volumes and friction at the measured position. It
-begins at rest wherever a sample is missing.
+goes on under the last command where a few samples are missing, and begins at rest behind a longer gap.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from shake_ros.core.quantities import ShakeError
 
 Row = npt.NDArray[np.float32]
 FASTEST = 20.0  # a model that runs away is begun again [m/s]
+SETTLING = 0.3  # after a beginning at rest, while the table may move, the model says nothing [s]
+LONGEST_GAP = 50  # samples that may be missing
 
 
 class Prediction:
@@ -31,6 +33,7 @@ class Prediction:
     def __init__(self, sample_time: float, model: TableParameters | None) -> None:
         self._sample_time = sample_time
         self._state: np.ndarray | None = None
+        self._command, self._missing, self._settled = 0.0, 0, 0.0
         self.use(model)
 
     def use(self, model: TableParameters | None) -> None:
@@ -52,21 +55,25 @@ class Prediction:
         if table is None:
             return velocity, acceleration
         for k, (u, x, pressure) in enumerate(zip(commands.tolist(), positions.tolist(), supply.tolist(), strict=True)):
-            if not (math.isfinite(u) and math.isfinite(x)):
+            here = math.isfinite(u) and math.isfinite(x)
+            self._missing = 0 if here else self._missing + 1
+            if self._missing > LONGEST_GAP or (state is None and not here):
                 state = None
                 continue
+            if state is None:
+                state, self._settled = table.initial_state(x), 0.0
+            if here:
+                state[POSITION], self._command = x, u
             if math.isfinite(pressure):
                 table.set_supply_pressure(pressure)
-            if state is None:
-                state = table.initial_state(x)
-            state[POSITION] = x
-            velocity[k], acceleration[k] = state[VELOCITY], table.measure(state, 0).truth_acceleration
+            if self._settled > SETTLING:
+                velocity[k], acceleration[k] = state[VELOCITY], table.measure(state, 0).truth_acceleration
+            self._settled += self._sample_time
             try:
-                state = table.advance(state, u)
+                state = table.advance(state, self._command)
             except ShakeError:
                 state = None
-                continue
-            if abs(state[VELOCITY]) > FASTEST:
+            if state is not None and abs(state[VELOCITY]) > FASTEST:
                 state = None
         if table is self._table:
             self._state = state

@@ -104,7 +104,7 @@ class SampleStore:
             if self._origin < 0 or stamps[-1] < newest - RESTART * 1e9 or stamps[-1] > newest + RESTART * 1e9:
                 self._begin(int(stamps[0]))
             indices = self._indices(topic, stamps)
-            fresh = (indices >= self.settled) & (indices < self._newest + self._size // 2)
+            fresh = (indices > self._newest - self._size // 2) & (indices >= 0)
             indices, values = indices[fresh], values[fresh]
             if not len(indices):
                 return

@@ -164,7 +164,7 @@ def main(arguments: Sequence[str]) -> int:
     with tempfile.TemporaryDirectory(prefix="shake_ros-lab-") as folder, ros_context([], domain_id=domain) as context:
         exchange = Exchange(Path(folder))
         watch = LabWatch(context, NAMESPACE, given.lockstep)
-        watch.refuse_a_second_graph()
+        watch.refuse_a_second_graph(domain)
         graph = Graph(nodes(given, exchange.path), domain_id=domain, lockstep=given.lockstep)
         supervisor = Supervisor(graph, watch, exchange, given.folder.absolute() / "recordings")
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

@@ -10,11 +10,10 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.stages import OFF, STAGES
+from shake_ros.ros.claims import Claims
 from shake_ros.ros.interface import DIAGNOSTICS, ENABLE, ESTIMATE, JOINT_STATES, REFERENCE, VALVE_COMMAND
 
-LOOKING = 1.5  # for another graph on our topics [s]
 TABLES = ("plant", "hardware_bridge")
 LOOP_TOPICS = (JOINT_STATES, REFERENCE, ESTIMATE, VALVE_COMMAND)
 
@@ -55,18 +54,14 @@ class LabWatch:
             if time.monotonic() >= end:
                 return
 
-    def refuse_a_second_graph(self) -> None:
-        """Raise ShakeError where somebody already writes on a topic of the loop."""
-        deadline = time.monotonic() + LOOKING
-        while time.monotonic() < deadline:
-            self.spin(0.05)
+    def refuse_a_second_graph(self, domain: int) -> None:
+        """Raise ShakeError where a running node of this machine has a topic of the loop."""
+        claims = Claims(domain)
+        try:
             for topic in LOOP_TOPICS:
-                full = self.node.resolve_topic_name(topic.name)
-                for info in self.node.get_publishers_info_by_topic(full):
-                    writer = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-                    raise ShakeError(
-                        f"another graph is running: {writer} writes {full}; end it, or take another ROS_DOMAIN_ID"
-                    )
+                claims.take("topic", str(self.node.resolve_topic_name(topic.name)))
+        finally:
+            claims.give_up()
 
     def stop_in_order(self, patience: float) -> bool:
         """A hold, then the pressure off; whether the table said so within `patience` [s]."""

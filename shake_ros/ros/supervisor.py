@@ -101,7 +101,8 @@ class Supervisor:
 
     def _tell(self) -> None:
         """The page hears what has changed."""
-        states = {one.called: self._dead.get(one.called, "") for one in self.graph.nodes}
+        there = [one.called for one in self.graph.nodes if self._runs(one.called) or one.called in self._dead]
+        states = {name: self._dead.get(name, "") for name in there}
         now = {"processes": states, "recording": self._recorder()}
         if now != self._told:
             self._told = now

@@ -54,7 +54,7 @@ def test_one_command_runs_the_table_refuses_a_second_and_ends_in_order(ros_domai
         [*LAB, "--headless", "--folder", str(tmp_path)], capture_output=True, text=True, cwd=ROOT, check=False
     )
     assert second.returncode == 2
-    assert "another graph is running: /shake/" in second.stderr
+    assert "topic /shake/joint_states is published already" in second.stderr
     assert started.end() == 0, started.lines
     assert started.lines[-3:] == [
         "lab: ending: hold, pressure off",

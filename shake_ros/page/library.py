@@ -1,0 +1,98 @@
+"""The recordings of this laboratory: length, what was played, peaks, how it was tracked, findings.
+
+Beside a recording NAME stands NAME.json: its note and what ran, written when it is closed, and the summary of what it
+holds, computed when it is first looked at.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.fit_records import finding_lines
+from shake_ros.data.recordings import read_table_recording
+
+NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,79}")
+SUMMARY = "summary"
+
+
+def checked_name(name: str) -> str:
+    """A name that may become a file's: letters, digits, _ . -, no path; ShakeError for any other.
+
+    >>> checked_name("run_1")
+    'run_1'
+    """
+    if not NAME.fullmatch(name) or ".." in name:
+        raise ShakeError(
+            f"name {name[:60]!r}: letters, digits, '_', '-' and '.' alone, beginning with a letter or digit"
+        )
+    return name
+
+
+def _rms(values: npt.NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def summary(path: Path) -> dict[str, Any]:
+    """What a recording holds; its reason where it cannot be read."""
+    try:
+        found = read_table_recording(path)
+    except ShakeError as error:
+        return {"error": str(error)}
+    told: dict[str, Any] = {
+        "seconds": len(found) * found.sample_time,
+        "samples": len(found),
+        "rate": 1.0 / found.sample_time,
+        "peak_position": float(np.nanmax(np.abs(found.position))),
+        "findings": list(finding_lines(found))[:20],
+    }
+    if found.acceleration is not None:
+        told["peak_acceleration"] = float(np.nanmax(np.abs(found.acceleration)))
+    if found.reference is not None:
+        told["peak_velocity"] = float(np.nanmax(np.abs(found.reference[:, 1])))
+        told["error_rms"] = _rms(found.reference[:, 0] - found.position)
+    return told
+
+
+class Library:
+    """The folder `recordings` below the laboratory's folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._guard = threading.Lock()
+
+    def path(self, name: str) -> Path:
+        """A recording by its name; ShakeError where there is none."""
+        found = self.folder / checked_name(name)
+        if not found.is_dir():
+            raise ShakeError(f"no recording {name}")
+        return found
+
+    def note(self, name: str, words: Mapping[str, Any]) -> None:
+        """Write down what ran."""
+        (self.folder / f"{checked_name(name)}.json").write_text(json.dumps(dict(words), indent=1), encoding="utf-8")
+
+    def entries(self, running: str = "") -> list[dict[str, Any]]:
+        """All recordings but the one that is being made, the newest first."""
+        with self._guard:
+            found = [self._entry(path) for path in self.folder.glob("*/") if path.name != running]
+        return sorted(found, key=lambda one: -float(one["made"]))
+
+    def _entry(self, path: Path) -> dict[str, Any]:
+        beside = path.parent / f"{path.name}.json"
+        try:
+            words = json.loads(beside.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            words = {}
+        if SUMMARY not in words:
+            words[SUMMARY] = summary(path)
+            beside.write_text(json.dumps(words, indent=1), encoding="utf-8")
+        return {"name": path.name, "made": path.stat().st_mtime, **words}

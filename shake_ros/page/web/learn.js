@@ -1,0 +1,90 @@
+// The library of recordings, fits as jobs, and what their tables are used for.
+import { ask, fetched, on } from './socket.js'
+import { text } from './state.js'
+import { act, choices, refresh as refreshControls, show, toast } from './run.js'
+
+const element = id => document.getElementById(id)
+const marked = { learn: new Set(), hold: new Set() }
+let shown = '', jobsShown = '', entries = [], openReport = ''
+const number = (value, factor = 1, digits = 3) => value == null ? '–' : (value * factor).toPrecision(digits)
+
+async function refresh() {
+  try { entries = await fetched('/api/recordings') } catch (error) { return }
+  const signature = JSON.stringify(entries)
+  if (signature === shown) return
+  shown = signature
+  const rows = entries.map(one => {
+    const s = one.summary || {}
+    const box = kind => `<td><input type="checkbox" data-mark="${kind}" data-run="${text(one.name)}" aria-label="${kind === 'learn' ? 'estimation' : 'validation'}: ${text(one.name)}"${marked[kind].has(one.name) ? ' checked' : ''}${s.error ? ' disabled' : ''}></td>`
+    const findings = s.error ? `<span class="wrong">${text(s.error)}</span>` : (s.findings || []).length ? `<details><summary>${s.findings.length}</summary>${s.findings.map(text).join('<br>')}</details>` : 'none'
+    return `<tr>${box('learn')}${box('hold')}<td><b>${text(one.name)}</b>${one.note ? `<br><span class="quiet">${text(one.note)}</span>` : ''}</td><td class="n">${number(s.seconds)}</td><td>${text((one.reference || '–').split('/').pop())}</td><td>${text((one.table || '–').split('/').slice(-2).join('/'))}</td><td class="n">${number(s.peak_position, 1e3)}</td><td class="n">${number(s.peak_velocity)}</td><td class="n">${number(s.peak_acceleration)}</td><td class="n">${number(s.error_rms, 1e3)}</td><td>${findings}</td></tr>`
+  })
+  element('library').innerHTML = `<h2>Recordings</h2><div class="wide"><table><tr><th>estimation</th><th>validation</th><th>name</th><th class="n">s</th><th>played</th><th>table</th><th class="n">peak mm</th><th class="n">m/s</th><th class="n">m/s²</th><th class="n">error rms, mm</th><th>findings</th></tr>${rows.join('')}</table></div>` + (rows.length ? '' : '<p class="quiet">none yet: record a run under Run</p>') +
+    `<div class="row"><label>declared table <select id="declared"></select></label><button id="identify" data-operator>Identify</button><button id="close-loop" class="go" data-operator>Close the loop</button><span class="quiet">Identify fits the declared model; Close the loop also looks for what it lacks. Mark one recording or more for estimation and others for validation.</span></div>`
+  element('declared').innerHTML = (choices.table || ['bergamo']).map(one => `<option value="${text(one)}">${text(one.includes('/') ? one.split('/').slice(-2).join('/') : one)}</option>`).join('')
+  element('library').querySelectorAll('[data-mark]').forEach(box => {
+    box.onchange = () => {
+      const other = box.dataset.mark === 'learn' ? 'hold' : 'learn'
+      marked[box.dataset.mark][box.checked ? 'add' : 'delete'](box.dataset.run)
+      if (box.checked) {
+        marked[other].delete(box.dataset.run)
+        element('library').querySelector(`[data-mark="${other}"][data-run="${CSS.escape(box.dataset.run)}"]`).checked = false
+      }
+    }
+  })
+  for (const [id, kind] of [['identify', 'identify'], ['close-loop', 'close_loop']]) {
+    element(id).disabled = document.body.dataset.role !== 'operator'
+    element(id).onclick = () => act('job', { kind, learn: [...marked.learn], hold: [...marked.hold], table: element('declared').value })
+  }
+}
+
+const span = seconds => seconds == null ? '' : seconds > 90 ? `about ${Math.round(seconds / 60)} min left` : `about ${Math.round(seconds)} s left`
+
+function jobs(status) {
+  const signature = JSON.stringify(status.jobs.map(job => ({ ...job, seconds: Math.round(job.seconds), left: Math.round(job.left || 0) }))) + status.role
+  if (signature === jobsShown) return
+  jobsShown = signature
+  const operator = status.role === 'operator'
+  element('work').innerHTML = '<h2>Work</h2>' + (status.jobs.length ? '' : '<p class="quiet">nothing has been started</p>') + [...status.jobs].reverse().map(job => `
+    <div class="job" data-job="${job.number}" data-state="${job.state}">
+    <div class="row"><b>${text(job.kind)}</b> <span>${text(job.state)}</span> <span class="quiet">${Math.round(job.seconds)} s ${span(job.left)}</span>
+    ${job.state === 'running' ? '<button data-cancel>Cancel</button>' : ''}${job.report ? `<button data-report="${text(job.out)}">Report</button>` : ''}</div>
+    <progress max="1" value="${job.part}" aria-label="progress"></progress><div class="quiet">${text(job.doing)}</div>
+    <code>${text(job.command)}</code>
+    ${job.lines.length ? `<details${job.state === 'failed' ? ' open' : ''}><summary>What it says</summary><pre>${job.lines.map(text).join('\n')}</pre></details>` : ''}
+    ${job.table ? `<div class="row use"><b>Use this table</b> <label><input type="checkbox" data-for="observer" checked> observer</label><label><input type="checkbox" data-for="controller" checked> controller</label>${status.nodes.plant ? '<label><input type="checkbox" data-for="plant"> simulated table (stops it first)</label>' : ''}<button data-use="${text(job.table_path)}" ${operator ? '' : 'disabled'}>Load</button><span class="quiet">then play the same reference again: Runs shows the tracking before and after</span></div>` : ''}</div>`).join('')
+  element('work').querySelectorAll('[data-cancel]').forEach(button => { button.onclick = () => act('cancel') })
+  element('work').querySelectorAll('[data-report]').forEach(button => { button.onclick = () => openIt(button.dataset.report) })
+  element('work').querySelectorAll('[data-use]').forEach(button => {
+    button.onclick = async () => {
+      const how = { path: button.dataset.use }
+      button.closest('.use').querySelectorAll('[data-for]').forEach(box => { how[box.dataset.for] = box.checked })
+      button.disabled = true
+      await act('table', how)
+      button.disabled = false
+      refreshControls()
+    }
+  })
+  const done = status.jobs.at(-1)
+  if (done && done.report && done.state === 'done' && openReport === '') openIt(done.out)
+  if (done) show(done.command)
+}
+
+function openIt(out) {
+  openReport = out
+  const frame = element('report')
+  frame.hidden = false
+  frame.src = `/results/${encodeURIComponent(out)}/report.html`
+}
+
+export function opened() { refreshControls().then(refresh) }
+
+export function begin() {
+  let recording = ''
+  on('status', status => {
+    if (document.querySelector('main').dataset.tab === 'learn') jobs(status)
+    if (recording && !status.recording) { shown = ''; setTimeout(refresh, 500) }
+    recording = status.recording
+  })
+  setInterval(() => { if (document.querySelector('main').dataset.tab === 'learn') refresh() }, 3000)
+}

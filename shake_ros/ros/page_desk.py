@@ -1,0 +1,293 @@
+"""The desk of the page: requests of the server's thread carried out in the node's, and the state of the graph."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray
+from std_msgs.msg import Float64MultiArray
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.page.desk import Answer
+from shake_ros.page.lab_link import Line
+from shake_ros.page.library import Library
+from shake_ros.page.runs import RunMeter, amplitude_spectrum
+from shake_ros.page.samples import SampleStore
+from shake_ros.ros import interface
+from shake_ros.ros.diagnostics import LEVELS
+from shake_ros.ros.frame import Frame
+from shake_ros.ros.lab_watch import TABLES
+from shake_ros.ros.remote_parameters import RemoteParameters
+from shake_ros.settings import find, load_table, read_yaml
+
+SILENT = 3.0  # a node that has not reported for so long is lost [s]
+TRIPS = 60
+SPECTRUM = 8.192  # stretch of the live spectrum [s]
+SPECTRUM_EVERY = 0.5  # [s]
+ERROR_OVER = 2.0  # stretch of the live comparison with the model [s]
+MOVES = {"acceleration": 0.3, "velocity": 0.005}  # below [m/s^2], [m/s] rms the noise decides, not the model
+GUARDED = ("interlock.", "faults.")  # of the table: the first but for the span, the second only where it is simulated
+ALLOWED = ("interlock.span",)
+STATES = (  # beginning of the interlock's words → state
+    ("hydraulic interlock", "tripped"),
+    ("program stop", "tripped"),
+    ("stopped", "stopped"),
+    ("safe hold", "hold"),
+)
+
+
+def state_of(stage: str, message: str) -> str:
+    """The table's state in a word, from what it says on /diagnostics.
+
+    >>> state_of("run", "running"), state_of("off", "hydraulic interlock: position"), state_of("low pressure", "…")
+    ('run', 'tripped', 'low pressure')
+    """
+    return next((state for words, state in STATES if message.startswith(words)), stage or "unknown")
+
+
+class PageDesk:
+    """See `shake_ros.page.desk.Desk`."""
+
+    def __init__(self, frame: Frame, store: SampleStore, library: Library, lab: Line | None) -> None:
+        self._frame, self._store, self._library, self._lab = frame, store, library, lab
+        self.remote = RemoteParameters(frame.node)
+        self.runs = RunMeter(store)
+        self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._answers: dict[int, Future[Answer]] = {}
+        self._space = frame.node.get_namespace().strip("/")
+        self._nodes: dict[str, dict[str, Any]] = {}
+        self._trips: deque[dict[str, Any]] = deque(maxlen=TRIPS)
+        self._thd: dict[str, Any] = {}
+        self._harmonics: list[list[float]] = []
+        self._spectrum: dict[str, list[float]] = {}
+        self._spectrum_at = 0.0
+        self._processes: dict[str, str] = {}
+        self._recording, self._recording_since, self._note = "", 0.0, ""
+        self.model = ""
+        node = frame.node
+        for topic, heard in (
+            (interface.DIAGNOSTICS, self._on_diagnostics),
+            (interface.THD, self._on_thd),
+            (interface.HARMONICS, self._on_harmonics),
+        ):
+            node.create_subscription(topic.type, topic.name, heard, topic.qos(frame.lockstep))
+        self._services: dict[str, Any] = {
+            service.name: node.create_client(service.type, service.name) for service in interface.SERVICES.values()
+        }
+
+    # in the node's thread
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            node, _, part = status.name.partition(": ")
+            space, _, name = node.rpartition("/")
+            if space != self._space:
+                continue
+            values = {one.key: one.value for one in status.values}
+            if part == "interlock":
+                self._trips.append({"at": time.time(), "text": status.message, **values})
+                continue
+            if part == "fault":
+                self._trips.append({"at": time.time(), "text": f"fault on purpose: {status.message}", "cause": "fault"})
+                continue
+            if name not in self._nodes or time.monotonic() - self._nodes[name]["heard"] > SILENT:
+                self.remote.know(name)
+            level = LEVELS.index(status.level)
+            self._nodes[name] = {
+                "level": level, "message": status.message, "heard": time.monotonic(), "values": values, "part": part,
+            }  # fmt: skip
+
+    def _on_thd(self, message: DiagnosticArray) -> None:
+        self._thd = {one.key: one.value for one in message.status[0].values} | {"heard": time.monotonic()}
+
+    def _on_harmonics(self, message: Float64MultiArray) -> None:
+        self._harmonics = np.asarray(message.data).reshape(-1, 4).tolist()
+
+    def serve(self) -> None:
+        """Carry out what has been asked for; hear what the lab says."""
+        while not self._requests.empty():
+            self._requests.get()()
+        self.remote.serve()
+        for message in self._lab.take() if self._lab else ():
+            if message["event"] == "processes":
+                self._processes = message["processes"]
+                self._recorded(message["recording"])
+            elif (future := self._answers.pop(message.get("id") or 0, None)) and not future.done():
+                future.set_result(Answer(message["ok"], message["text"]))
+        self.runs.look(self._words())
+        self._look_at_spectrum()
+
+    def _recorded(self, recording: str) -> None:
+        if self._recording and not recording:
+            words = {"note": self._note, **self._words()}
+            if Path(self._recording).parent == self._library.folder:
+                self._library.note(Path(self._recording).name, words)
+            self._note = ""
+        if recording != self._recording:
+            self._recording_since = time.time()
+        self._recording = recording
+
+    def _look_at_spectrum(self) -> None:
+        now = time.monotonic()
+        if now - self._spectrum_at < SPECTRUM_EVERY:
+            return
+        self._spectrum_at = now
+        step = self._store.sample_time
+        for name in ("acceleration", "reference_acceleration"):
+            frequency, amplitude = amplitude_spectrum(self._store.newest(name, SPECTRUM), step)
+            self._spectrum[name] = [float(f"{value:.4g}") for value in amplitude]
+        self._spectrum["frequency"] = [float(f"{value:.5g}") for value in frequency]
+
+    # for the server
+
+    def _words(self) -> dict[str, str]:
+        """What runs: by the nodes' own parameters."""
+        asked = {"reference": "reference_generator", "controller": "controller", "observer": "observer"}
+        found = {name: self.remote.value(node, name) for name, node in asked.items()}
+        found["table"] = self.remote.value("plant", "table") or self.remote.value("hardware_bridge", "bridge")
+        return {name: str(value) for name, value in found.items() if value is not None}
+
+    def _model_error(self) -> dict[str, float]:
+        """Measured against predicted over the last seconds, relative to the measured: rms of the difference."""
+        found = {}
+        for name, measured in (("acceleration", "acceleration"), ("velocity", "estimated_velocity")):
+            is_, said = (self._store.newest(one, ERROR_OVER) for one in (measured, f"predicted_{name}"))
+            both = np.isfinite(is_) & np.isfinite(said)
+            spread = float(np.std(is_[both])) if both.sum() > 100 else 0.0
+            if spread > MOVES[name]:
+                found[name] = float(np.sqrt(np.mean((is_[both] - said[both]) ** 2)) / spread)
+        return found
+
+    def status(self) -> dict[str, Any]:
+        """See `Desk`."""
+        now = time.monotonic()
+        nodes = {}
+        for name, one in sorted(self._nodes.items()):
+            if name == "recorder" and self._lab and not self._recording and name not in self._processes:
+                continue
+            nodes[name] = {**one, "age": now - one["heard"], "lost": now - one["heard"] > SILENT}
+        table = next((nodes[name] for name in TABLES if name in nodes), None)
+        stage = table["values"].get("stage", "") if table else ""
+        state = "lost" if table is None or table["lost"] else state_of(stage, table["message"])
+        died = {name: why for name, why in self._processes.items() if why}
+        thd = self._thd if self._thd and now - self._thd["heard"] < SILENT else {}
+        runs = [{k: v for k, v in run.items() if k not in ("spectrum", "wanted", "periods")} for run in self.runs.runs]
+        return {
+            "epoch": self._store.epoch, "time": self._store.time(), "sample_time": self._store.sample_time,
+            "nodes": nodes, "state": state, "stage": stage, "message": table["message"] if table else "no table",
+            "level": table["level"] if table else 2, "span": table["values"].get("span", "") if table else "",
+            "trips": list(self._trips), "thd": thd, "harmonics": self._harmonics if thd else [],
+            "spectrum": self._spectrum, "runs": runs, "last_run": self.runs.runs[-1] if runs else None,
+            "model_error": self._model_error(), "model": self.model, "words": self._words(), "died": died,
+            "processes": list(self._processes), "recording": self._recording, "lab": self._lab is not None,
+            "recording_for": time.time() - self._recording_since if self._recording else 0.0,
+            "play": self.remote.value("reference_generator", "play"),
+            "repeat": self.remote.value("reference_generator", "repeat"), "lockstep": self._frame.lockstep,
+        }  # fmt: skip
+
+    def parameters(self) -> dict[str, list[dict[str, Any]]]:
+        """See `Desk`."""
+        return {
+            node: [{**one, "live": one["live"] and not self._guarded(node, one["name"])} for one in found]
+            for node, found in self.remote.nodes.items()
+        }
+
+    def _guarded(self, node: str, name: str) -> bool:
+        """Whether a parameter is out of the page's reach: what the interlock watches is not loosened by a click."""
+        simulated = node == "plant" and name.startswith("faults.")
+        return node in TABLES and name.startswith(GUARDED) and name not in ALLOWED and not simulated
+
+    def ask(self, what: str, **how: Any) -> Future[Answer]:
+        """See `Desk`."""
+        future: Future[Answer] = Future()
+        if what in ("table", "model"):
+            threading.Thread(target=self._long, args=(future, what, how), daemon=True).start()
+        else:
+            self._requests.put(lambda: self._do(future, what, how))
+        return future
+
+    def _do(self, future: Future[Answer], what: str, how: dict[str, Any]) -> None:
+        try:
+            if what in self._services:
+                self._call(future, what, how)
+            elif what == "set":
+                if self._guarded(str(how["node"]), str(how["name"])):
+                    raise ShakeError(f"{how['name']} belongs to the interlock: it is changed by who starts the table")
+                self.remote.set(str(how["node"]), str(how["name"]), how["value"], future)
+            elif what == "record":
+                self._note = how["note"]
+                self._ask_lab(future, what, {"name": how["name"]})
+            elif what in ("restart", "stop_recording", "replace"):
+                self._ask_lab(future, {"replace": "table"}.get(what, what), {"name": str(how.get("name", ""))})
+            else:
+                raise ShakeError(f"{what}: unknown")
+        except (ShakeError, KeyError) as error:
+            future.set_result(Answer(False, str(error)))
+
+    def _call(self, future: Future[Answer], what: str, how: dict[str, Any]) -> None:
+        client = self._services[what]
+        if not client.service_is_ready():
+            raise ShakeError(f"{what}: the table does not answer")
+        request = client.srv_type.Request()
+        if what == "enable":
+            request.data = bool(how["on"])
+
+        def answered(done: Any) -> None:
+            if not future.done():
+                future.set_result(Answer(bool(done.result().success), str(done.result().message)))
+
+        client.call_async(request).add_done_callback(answered)
+
+    def _ask_lab(self, future: Future[Answer], what: str, how: dict[str, Any]) -> None:
+        if self._lab is None or not self._lab.open:
+            raise ShakeError(f"{what}: only where ./shake lab has started the page")
+        number = len(self._answers) + time.monotonic_ns() % 10**9
+        self._answers[number] = future
+        self._lab.send({"do": what, "id": number, **how})
+
+    def _long(self, future: Future[Answer], what: str, how: dict[str, Any]) -> None:
+        """Use a table: predict with it, and give it to observer, controller and simulated plant."""
+        try:
+            path = str(how["path"])
+            self._store.prediction.use(load_table(path))
+            self.model = path
+            done = ["prediction"]
+            if what == "table":
+                done += [name for name in ("observer", "controller") if how.get(name) and self._hand_over(name, path)]
+                if how.get("plant"):
+                    answer = self.ask("replace", name=path).result(60.0)
+                    if not answer.done:
+                        raise ShakeError(answer.text)
+                    done.append("simulated table")
+            future.set_result(Answer(True, f"{path} is used by {', '.join(done)}"))
+        except (ShakeError, KeyError, OSError) as error:
+            future.set_result(Answer(False, str(error)))
+        except TimeoutError:
+            future.set_result(Answer(False, f"{what}: no answer"))
+
+    def _hand_over(self, kind: str, path: str) -> bool:
+        """Observer or controller with another table: as `--tune` made it beside the table, else the present one."""
+        tuned = Path(path).with_name(f"{kind}.yaml")
+        if not tuned.is_file():
+            content = read_yaml(find(kind, str(self.remote.value(kind, kind))))
+            if kind == "observer" and "model" not in content:
+                content = read_yaml(find(kind, "model"))
+            tuned = Path(path).with_name(f"{kind}_{content['kind']}.yaml") if "/" in path else Path(path)
+            if "/" not in path:
+                folder = self._library.folder.parent / "uploads"
+                folder.mkdir(parents=True, exist_ok=True)
+                tuned = folder / f"{kind}_{content['kind']}_{path}.yaml"
+            tuned.write_text(yaml.safe_dump({**content, "model": path}, sort_keys=False), encoding="utf-8")
+        answer = self.ask("set", node=kind, name=kind, value=str(tuned)).result(30.0)
+        if not answer.done:
+            raise ShakeError(f"{kind}: {answer.text}")
+        return True

@@ -1,0 +1,90 @@
+"""Node `page`: curves, state and controls of the graph in a browser; the web part is shake_ros/page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
+from shake_ros.page.jobs import Jobs
+from shake_ros.page.lab_link import call_lab
+from shake_ros.page.library import Library
+from shake_ros.page.prediction import Prediction
+from shake_ros.page.samples import SampleStore
+from shake_ros.page.server import Server, Site
+from shake_ros.ros.diagnostics import OK
+from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.page_desk import PageDesk
+from shake_ros.ros.sample_tap import SampleTap
+from shake_ros.settings import load_table
+
+FRAME = 1.0 / 30.0  # between two looks at the topics [s]
+ANSWER = 0.01  # between two looks at what the page asks for [s]
+LOCAL = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class PageParameters(Parameters):
+    """The node's own settings."""
+
+    address: str = choice("to listen on; others than 127.0.0.1 need a certificate and its key")
+    port: int = quantity("-", "0: any that is free", low=0, high=65535)
+    certificate: str = choice("of TLS, a PEM file")
+    key: str = choice("of the certificate, a PEM file")
+    host: str = choice("name of this machine in the page's address, with TLS")
+    folder: str = choice("of recordings, uploads and results")
+    model: str = choice("table that the page predicts with: of config/table, or a YAML file; empty: none")
+    operator_required: bool = quantity("", "tell the table that the operator's page is there; it holds when that stops")
+    lab: str = choice("socket of the lab that started the page; empty: none")
+
+
+class PageNode(Behaviour):
+    """Takes the samples at 30 Hz, settles them, and serves what the page asks for."""
+
+    def __init__(self, frame: Frame) -> None:
+        super().__init__(frame)
+        own = frame.settings(PageParameters).value
+        if own.address != LOCAL and not (own.certificate and own.key):
+            raise ShakeError(f"address {own.address}: beyond {LOCAL} only with certificate and key (TLS)")
+        folder = Path(own.folder).absolute()
+        (folder / "recordings").mkdir(parents=True, exist_ok=True)
+        model = load_table(own.model) if own.model else None
+        self.store = SampleStore(frame.period, Prediction(frame.sample_time, model))
+        library, self.jobs = Library(folder / "recordings"), Jobs(folder / "results")
+        self._lab = call_lab(own.lab) if own.lab else None
+        self.desk = PageDesk(frame, self.store, library, self._lab)
+        self.desk.model = own.model
+        self._tap = SampleTap(frame.node.context, frame.node.get_namespace(), self.store)
+        site = Site(
+            self.desk, self.store, library, self.jobs, folder, own.address, own.port, own.certificate, own.key, own.host
+        )
+        self.server = Server(site)
+        frame.every(FRAME, self._take)
+        frame.every(ANSWER, self.desk.serve)
+        frame.diagnostics.condition = lambda: (OK, f"{self.server.pages} pages open")
+        frame.diagnostics.values["pages"] = lambda: self.server.pages
+
+    def start(self) -> None:
+        """Open the door."""
+        self.server.start()
+        self.frame.say(OK, f"serving {self.server.url.partition('?')[0]}")
+        if self._lab:
+            self._lab.send({"do": "address", "url": self.server.url})
+        else:
+            print(f"open {self.server.url}", flush=True)
+
+    def _take(self) -> None:
+        self._tap.take()
+        self.store.settle()
+        self.frame.diagnostics.cycles += 1
+
+    def finish(self) -> None:
+        """Hang up; nothing stays behind."""
+        self.server.close()
+        self.jobs.close()
+        self._tap.close()
+        if self._lab:
+            self._lab.close()
+
+
+build = PageNode
