@@ -14,7 +14,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, Header
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
@@ -107,6 +107,7 @@ ESTIMATE = Topic("estimate", JointTrajectory)
 TRUTH = Topic("truth", JointTrajectory)
 THD = Topic("thd", DiagnosticArray, sampled=False)
 HARMONICS = Topic("harmonics", Float64MultiArray, sampled=False)
+OPERATOR = Topic("operator", Header, sampled=False)
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, sampled=False)
 CLOCK = Topic("/clock", Clock, sampled=False)
 
@@ -124,6 +125,7 @@ TOPICS: dict[str, Topic] = {
         TRUTH,
         THD,
         HARMONICS,
+        OPERATOR,
         DIAGNOSTICS,
         CLOCK,
     )

@@ -25,6 +25,7 @@ from shake_ros.settings import load_interlock
 LOOKING = 0.1  # from one look for a second commander to the next [s]
 FILLED = 0.2  # of commands' flow, before the share that is lost says anything [s]
 NEAR = 3  # periods between a sample and the reference that it is compared with
+OPERATED = "operator_gone"
 REFERENCED = ("tracking_error", "stale_reference")  # causes that read the reference
 NOT_FINITE = "command_not_finite"
 TWO_COMMANDERS = "two_commanders"
@@ -61,10 +62,13 @@ class NodeInterlock:
         self._live = frame.parameters.declare(load_interlock(chosen.configuration), "interlock.")
         self._reference, self._reference_stamp = math.nan, -1
         self._references = self._open_reference()
+        self._operator_at = 0.0  # of the newest sign of the operator's page, on the monotonic clock [s]
+        self._operated = self._open_operator()
         self._live.accept = self._accept
         core = self.core = Interlock(self._live.take(), enabled)
         self.act, self.watch, self.report, self.clear = core.act, core.compare, core.report, core.clear
         self._announced = self._until_look = 0
+        self._told_stage = core.stage
         self._missed, self._asked, self._answered = LastSecond(), LastSecond(), LastSecond()
         self._clock_offset = time.time_ns() - time.monotonic_ns()
         for service, answer in zip(interface.SERVICES.values(), (self._enable, self._stop, self._reset), strict=True):
@@ -95,7 +99,18 @@ class NodeInterlock:
             )
         return self._frame.reader(interface.REFERENCE, self._on_reference) if wanted else None
 
+    def _open_operator(self) -> bool:
+        """Whether somebody at the page is asked for; then his signs are heard, by the machine's own clock."""
+        if not self._live.value.response(OPERATED).active:
+            return False
+        topic = interface.OPERATOR
+        self._frame.subscription(topic, lambda _: setattr(self, "_operator_at", time.monotonic()))
+        return True
+
     def _accept(self, parameters: InterlockParameters) -> None:
+        response = parameters.response(OPERATED)
+        if response.active != self._operated:
+            raise ShakeError(f"causes.{OPERATED}.action = '{response.action}': settled when the node starts")
         for name in REFERENCED:
             response = parameters.response(name)
             if response.active and self._references is None:
@@ -150,6 +165,9 @@ class NodeInterlock:
         self.core.observe(stamp, position, acceleration, supply_pressure, reference)
         if self._reference_stamp >= 0 and self.stage == RUN:
             self.watch(stamp, "stale_reference", age * 1e-9)
+        if self._operated:
+            silent = time.monotonic() - self._operator_at if self.stage == RUN else 0.0
+            self.watch(stamp, OPERATED, min(silent, CAUSES[OPERATED].high))
         if not self._frame.lockstep:
             self.watch(stamp, "link_loss", max(loss, self._unanswered(stamp)))
 
@@ -182,6 +200,9 @@ class NodeInterlock:
             self._look_for_two()
         if self._live.changed:
             self.core.apply(self._live.take())
+        if self.core.stage != self._told_stage:  # a page shows it at once
+            self._told_stage = self.core.stage
+            self._frame.diagnostics.publish()
         ledger = self.core.ledger
         if ledger.trip_count != self._announced:
             for trip in self.core.trips[self._announced - ledger.trip_count :]:

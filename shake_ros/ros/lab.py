@@ -91,6 +91,8 @@ def changes(given: Sequence[str]) -> dict[str, dict[str, Value]]:
 def table_node(given: argparse.Namespace) -> NodeSpec:
     """The simulated table, or the bridge to a real one."""
     own: dict[str, Value] = {"enabled": given.enabled, "interlock.configuration": given.interlock}
+    if given.operator_required:
+        own["interlock.causes.operator_gone.action"] = "program_hold"
     if given.bridge:
         return NodeSpec("hardware_bridge", {**own, "bridge": given.bridge})
     if given.lockstep:
@@ -148,6 +150,8 @@ def prepare(given: argparse.Namespace) -> None:
         raise ShakeError(f"{recording}: exists already; name another recording with --record")
     if given.bridge and given.lockstep:
         raise ShakeError("--bridge: a real table keeps real time; leave --lockstep away")
+    if given.operator_required and given.headless:
+        raise ShakeError("--operator-required: needs the page; leave --headless away")
     if given.bridge and given.duration:
         raise ShakeError("--duration: only the simulated table ends by itself")
     if not given.headless and given.address != "127.0.0.1" and not (given.certificate and given.key):

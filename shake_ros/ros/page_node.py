@@ -12,14 +12,17 @@ from shake_ros.page.library import Library
 from shake_ros.page.prediction import Prediction
 from shake_ros.page.samples import SampleStore
 from shake_ros.page.server import Server, Site
+from shake_ros.ros.conversions import time_message
 from shake_ros.ros.diagnostics import OK
 from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.interface import OPERATOR
 from shake_ros.ros.page_desk import PageDesk
 from shake_ros.ros.sample_tap import SampleTap
 from shake_ros.settings import load_table
 
 FRAME = 1.0 / 30.0  # between two looks at the topics [s]
 ANSWER = 0.01  # between two looks at what the page asks for [s]
+SIGN = 0.1  # between two signs of the operator's page [s]
 LOCAL = "127.0.0.1"
 
 
@@ -61,6 +64,9 @@ class PageNode(Behaviour):
         self.server = Server(site)
         frame.every(FRAME, self._take)
         frame.every(ANSWER, self.desk.serve)
+        if own.operator_required:
+            self._operator = frame.publisher(OPERATOR)
+            frame.every(SIGN, self._sign)
         frame.diagnostics.condition = lambda: (OK, f"{self.server.pages} pages open")
         frame.diagnostics.values["pages"] = lambda: self.server.pages
 
@@ -77,6 +83,11 @@ class PageNode(Behaviour):
         self._tap.take()
         self.store.settle()
         self.frame.diagnostics.cycles += 1
+
+    def _sign(self) -> None:
+        """The operator's page is there."""
+        if self.server.seat.occupied:
+            self._operator.publish(OPERATOR.type(stamp=time_message(self.frame.now())))
 
     def finish(self) -> None:
         """Hang up; nothing stays behind."""

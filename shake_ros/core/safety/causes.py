@@ -67,7 +67,11 @@ CAUSES: dict[str, Cause] = {
     "valve_implausible": Cause("m/s", "speed against that of the valve's opening", 100.0),
     "supply_pressure_low": Cause("Pa", "supply pressure at the stage `run`", 1e8, below=True),
     "sensor_missing": Cause("s", "time without a finite reading of position and acceleration", 10.0),
+    # last, since the numbers on the wire are in this order
+    "operator_gone": Cause("s", "age of the newest sign of the operator's page, at the stage run", 600.0),
 }
+# causes that are younger than 1.0: an interlock that was written before does without
+LATER: dict[str, dict[str, Any]] = {"operator_gone": {"threshold": 1.0, "action": NONE, "latch": True}}
 NUMBERS: dict[str, int] = {name: number for number, name in enumerate(CAUSES, 1)}  # on the wire; 0 is none
 SENSED: tuple[str, ...] = (
     "position_soft",
@@ -163,7 +167,7 @@ class InterlockParameters(Parameters):
         """Build from a YAML mapping; `causes` maps every cause to its threshold, action and latch."""
         if not isinstance(mapping, Mapping) or not isinstance(mapping.get("causes"), Mapping):
             raise ShakeError(f"{where}: expected names, and under 'causes' a mapping of {', '.join(CAUSES)}")
-        given = strict_keys(mapping["causes"], CAUSES, where, CAUSES, kind="cause")
+        given = strict_keys({**LATER, **mapping["causes"]}, CAUSES, where, CAUSES, kind="cause")
         causes = {name: RESPONSES[name].from_mapping(given[name], f"{where}: causes.{name}") for name in CAUSES}
         names = [f.name for f in dataclasses.fields(cls)]
         strict_keys(mapping, names, where, names)

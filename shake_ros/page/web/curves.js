@@ -14,7 +14,7 @@ const PANELS = [
   { title: 'Pressure', unit: 'MPa', factor: 1e-6, height: 110, least: 1, curves: [['A', 11, BLUE], ['B', 12, GREEN], ['supply', 13, GREY]] },
 ]
 const WINDOWS = [1, 2, 5, 10, 20, 30, 60, 120]
-let plots = [], span = 10, paused = false, zoom = null, epoch = -1, sampleTime = 0.001, dirty = false
+let rested = 0, plots = [], span = 10, paused = false, zoom = null, epoch = -1, sampleTime = 0.001, dirty = false
 let time = [], values = NAMES.map(() => []), zoomed = null, newest = 0
 const element = id => document.getElementById(id)
 const dark = () => document.documentElement.dataset.theme === 'dark' ? 1 : 0
@@ -48,23 +48,29 @@ function onFrame(frame) {
 
 function clear(now) { epoch = now; time = []; values = NAMES.map(() => []); if (!paused) zoom = zoomed = null }
 
+// At most 30 times a second, and on a slow machine no more than a third of its time, so that the page always answers.
 function draw() {
   if (dirty) return
   dirty = true
-  requestAnimationFrame(() => {
-    dirty = false
-    const main = document.querySelector('main').dataset.tab
-    if (main === 'learn' || document.hidden) return
-    stats.draws++
-    const data = zoomed && zoom ? zoomed : { time, values }
-    const range = zoom || [newest - span, newest]
-    let from = 0, to = data.time.length
-    while (from < to && data.time[from] < range[0]) from++
-    while (to > from && data.time[to - 1] > range[1]) to--
-    from = Math.max(0, from - 1)
-    const x = data.time.slice(from, to + 1)
-    plots.forEach(one => one.show(x, data.values, from, to + 1, range))
-  })
+  setTimeout(() => requestAnimationFrame(paint), Math.max(0, rested - performance.now()))
+}
+
+function paint() {
+  const begun = performance.now()
+  dirty = false
+  const main = document.querySelector('main').dataset.tab
+  if (main === 'learn' || document.hidden) return
+  stats.draws++
+  const data = zoomed && zoom ? zoomed : { time, values }
+  const range = zoom || [newest - span, newest]
+  let from = 0, to = data.time.length
+  while (from < to && data.time[from] < range[0]) from++
+  while (to > from && data.time[to - 1] > range[1]) to--
+  from = Math.max(0, from - 1)
+  const x = data.time.slice(from, to + 1)
+  plots.forEach(one => one.show(x, data.values, from, to + 1, range))
+  stats.cost = performance.now() - begun
+  rested = begun + Math.max(30, 3 * stats.cost)
 }
 
 function panel(what) {
