@@ -20,7 +20,7 @@ def main(arguments: Sequence[str]) -> int:
     found = close_loop(*fitting.inputs(given))
     found.report(given.out, given.force, **reporting("close_loop", given, arguments))
     tracking = tracking_lines(found.tracking) if found.tracking else []
-    told = identified_lines(found.told, found.data.nuisances)
+    told = identified_lines(found.told, found.data)
     print("\n".join([*close_loop_lines(found.closed), *told, *tracking, *diagnosis_lines(found.diagnosis)]))
     for name, (before, after) in found.position_error.items():
         print(f"position of the free run, {name}: {1e3 * before:.3f} → {1e3 * after:.3f} mm rms")

@@ -26,7 +26,7 @@ def main(arguments: Sequence[str]) -> int:
     result = identify(*fitting.inputs(given), method=given.method)
     result.report(given.out, given.force, **reporting("identify", given, arguments))
     print("\n".join(parameter_lines(result.fit.parameters) + error_lines(result.fit)))
-    print("\n".join([*identified_lines(result.told, result.data.nuisances), *diagnosis_lines(result.diagnosis)]))
+    print("\n".join([*identified_lines(result.told, result.data), *diagnosis_lines(result.diagnosis)]))
     for name, error in result.position_error.items():
         print(f"position of the free run, {name}: {1e3 * error:.3f} mm rms")
     print(f"report: {given.out / 'report.html'}")

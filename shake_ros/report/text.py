@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis
-from shake_ros.core.identification.nuisances import Nuisance
+from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
 
@@ -36,16 +36,18 @@ def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
     return lines
 
 
-def identified_lines(told: Sequence[Estimate], offsets: Sequence[Nuisance]) -> list[str]:
-    """What recordings tell of a table without a data sheet, and the offsets taken out of them; nothing for others."""
+def identified_lines(told: Sequence[Estimate], data: Prepared) -> list[str]:
+    """What recordings tell of a table without a data sheet, and what was taken out of them; nothing for others."""
     if not told:
         return []
     lines = ["", "what the recordings tell, whatever area and pressure are:", *parameter_lines(told), ""]
     lines.append(f"{'taken out of the recording':<36}{'null shift':>12}{'bias [m/s²]':>14}")
-    for n in offsets:
+    for n in data.nuisances:
         bias = "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"
         lines.append(f"{n.recording:<36}{n.null_shift:>12.5f}{bias:>14}")
-    return lines
+    if data.accelerometer_delay:
+        lines.append(f"accelerometer later than the position by {1e3 * data.accelerometer_delay:.2f} ms (its filter)")
+    return [*lines, *([data.note()] if data.note() else [])]
 
 
 def error_lines(model: FittedModel, title: str = "error of the free run") -> list[str]:
