@@ -20,7 +20,7 @@ ROS_PACKAGES = {
     "diagnostic_msgs", "trajectory_msgs",
 }  # fmt: skip
 RECORDING_PACKAGES = {"rosbags", "mcap", "zstandard", "lz4"}
-DISTRIBUTIONS = {"yaml": "pyyaml"}  # where the name to install is another
+DISTRIBUTIONS = {"yaml": "pyyaml", "foxglove": "foxglove-sdk"}  # where the name to install is another
 
 
 def overview() -> str:

@@ -36,6 +36,7 @@ ENTRY_POINTS: dict[str, Entry] = {
     ),
     "page": Entry("shake_ros.ros.page_node", "the live page: curves, controls, recordings, in a browser"),
     "lab": Entry("shake_ros.ros.lab", "all nodes and the live page with one command; Ctrl-C ends them in order"),
+    "foxglove": Entry("shake_ros.ros.foxglove_node", "a thinned copy of the topics for Foxglove, on this machine"),
     "ros2": Entry("shake_ros.ros.ros2", "topic list, echo, hz; param list, get, set, dump; service list, call"),
     "target_emulator": Entry(
         "shake_ros.cli.target_emulator", "a target computer without ROS: the table behind the bridge's datagrams"
