@@ -24,7 +24,7 @@ from shake_ros.report.chart import Chart, Panel, Series, chart_json
 from shake_ros.report.page import Page
 
 SAMPLES, RATE = 60_000, 1000.0
-ZOOMS = 20
+ZOOMS = 5
 
 
 def recording(number: int) -> Chart:
