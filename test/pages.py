@@ -14,7 +14,7 @@ REFERENCE = re.compile(r"(?:src|srcset|action)\s*=|url\(|@import|fetch\(|XMLHttp
 class Reader(html.parser.HTMLParser):
     """Collects links, headings, tables, charts and unclosed tags of a page."""
 
-    VOID = frozenset({"meta", "img", "br", "link", "hr", "input"})
+    VOID = frozenset({"meta", "img", "br", "link", "hr", "input", "wbr"})
 
     def __init__(self, page: str) -> None:
         super().__init__()

@@ -88,9 +88,7 @@ class Page:
 
     def cards(self, entries: Sequence[tuple[str, str]]) -> None:
         """A row of (value, meaning) cards."""
-        cells = "".join(
-            f"<div class='card'><b>{html.escape(v)}</b><span>{html.escape(m)}</span></div>" for v, m in entries
-        )
+        cells = "".join(f"<div class='card'><b>{_breaking(v)}</b><span>{_breaking(m)}</span></div>" for v, m in entries)
         self._parts.append(f"<div class='cards'>{cells}</div>")
 
     def table(
@@ -192,6 +190,11 @@ class Page:
 
 def _web(name: str) -> str:
     return (WEB / name).read_text(encoding="utf-8")
+
+
+def _breaking(text: str) -> str:
+    """Text that may break behind an underscore of a name, and not between a number and its unit."""
+    return html.escape(text).replace("_", "_<wbr>").replace(" %", "\u00a0%").replace(" m/s²", "\u00a0m/s²")
 
 
 def _cell(cell: str | Bar, left: bool) -> str:
