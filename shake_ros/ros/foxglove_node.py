@@ -10,6 +10,7 @@ import ipaddress
 from dataclasses import dataclass
 
 import foxglove
+from foxglove.websocket import WebSocketServer
 
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.data.recordings.writer import definition_of
@@ -61,7 +62,7 @@ class FoxgloveServer(Behaviour):
         if not _local(self._own.host):
             raise ShakeError(f"parameter host: {self._own.host} is not this machine alone; from afar use ssh -L")
         self._context = foxglove.Context()
-        self._server: foxglove.WebSocketServer | None = None
+        self._server: WebSocketServer | None = None
         period = round(SECOND / self._own.passed_rate)
         self.topics = [Thinned(frame, topic, period, self._context) for topic in interface.TOPICS.values()]
         frame.diagnostics.condition = lambda: (OK, f"{sum(t.passed for t in self.topics)} messages passed")
