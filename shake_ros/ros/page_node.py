@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,8 +52,8 @@ class PageNode(Behaviour):
             raise ShakeError(f"address {own.address}: beyond {LOCAL} only with certificate and key (TLS)")
         folder = Path(own.folder).absolute()
         (folder / "recordings").mkdir(parents=True, exist_ok=True)
-        model = load_table(own.model) if own.model else None
-        self.store = SampleStore(frame.period, Prediction(frame.sample_time, model))
+        self._model = load_table(own.model) if own.model else None
+        self.store = SampleStore(frame.period, Prediction(frame.sample_time, None))
         library, self.jobs = Library(folder / "recordings"), Jobs(folder / "results")
         self._lab = call_lab(own.lab) if own.lab else None
         self.desk = PageDesk(frame, self.store, library, self._lab)
@@ -71,8 +72,9 @@ class PageNode(Behaviour):
         frame.diagnostics.values["pages"] = lambda: self.server.pages
 
     def start(self) -> None:
-        """Open the door."""
+        """Open the door; the model follows once it is compiled."""
         self.server.start()
+        threading.Thread(target=self.store.prediction.use, args=(self._model,), daemon=True).start()
         self.frame.say(OK, f"serving {self.server.url.partition('?')[0]}")
         if self._lab:
             self._lab.send({"do": "address", "url": self.server.url})

@@ -141,6 +141,13 @@ export function begin() {
   element('enable').onclick = () => act('enable', { on: !(current.status && current.status.stage !== 'off' && current.status.stage) })
   element('reset').onclick = () => act('reset')
   element('stop').onclick = stop
+  element('spectators').onclick = async () => {
+    try {
+      const found = await fetched('/api/spectators')
+      show(found.url)
+      toast('the spectators’ address stands at the foot of the page; copy it')
+    } catch (error) { toast(error.message, true) }
+  }
   let known = ''
   on('status', status => {
     recording(status)
