@@ -42,6 +42,8 @@ PUBLIC = {  # name → module
     "ScaledRecord": "shake_ros.api.record_scale",
     "accelerogram": "shake_ros.api.record_scale",
     "record_scale": "shake_ros.api.record_scale",
+    "Reproduction": "shake_ros.api.reproduce",
+    "reproduce": "shake_ros.api.reproduce",
     "ResponseSpectrum": "shake_ros.api.response_spectrum",
     "response_spectrum": "shake_ros.api.response_spectrum",
     "ResultTable": "shake_ros.api.result_table",
@@ -86,6 +88,8 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.record_scale import ScaledRecord as ScaledRecord
     from shake_ros.api.record_scale import accelerogram as accelerogram
     from shake_ros.api.record_scale import record_scale as record_scale
+    from shake_ros.api.reproduce import Reproduction as Reproduction
+    from shake_ros.api.reproduce import reproduce as reproduce
     from shake_ros.api.response_spectrum import ResponseSpectrum as ResponseSpectrum
     from shake_ros.api.response_spectrum import response_spectrum as response_spectrum
     from shake_ros.api.result_table import ResultTable as ResultTable

@@ -49,6 +49,7 @@ ENTRY_POINTS: dict[str, Entry] = {
     "import_csv": Entry("shake_ros.cli.import_csv", "a laboratory's table of columns becomes a recording"),
     "figures": Entry("shake_ros.cli.figures", "figures of the thesis drawn again: fluid, friction, valve, effects"),
     "sensitivity": Entry("shake_ros.cli.sensitivity", "what each parameter does to the motion (thesis 6.3.4)"),
+    "reproduce": Entry("shake_ros.cli.reproduce", "chapter 6 of the thesis run again: claim by claim, holds or not"),
     "frequency_response": Entry(
         "shake_ros.cli.frequency_response", "gain, delay and coherence in a recording, plotted"
     ),

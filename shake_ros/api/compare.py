@@ -85,6 +85,7 @@ def compare(
     quick: bool = False,
     records: Sequence[str | Path] = (),
     only: Sequence[str] | None = None,
+    changes: Mapping[str, Any] | None = None,
     progress: Told = True,
 ) -> Comparison:
     """Run every controller of a comparison on its references, loads and perturbed tables.
@@ -93,6 +94,7 @@ def compare(
     ----------
     settings : config/compare/NAME.yaml or a file. quick : two references, one load, four perturbed tables.
     records : accelerograms in place of the synthetic earthquakes. only : these controllers of the settings alone.
+    changes : of keys of the settings, `{"table": "bergamo"}` for another plant.
     progress : whether it is shown, or who is told.
 
     Raises
@@ -108,7 +110,7 @@ def compare(
         ...
     shake_ros.core.quantities.UnknownName: ...
     """
-    setup = load_setup(str(settings))
+    setup = load_setup(str(settings), changes)
     chosen = _chosen(setup, only)
     with Progress("compare", progress) as tell:
         tracks = _courses(setup, quick, records)

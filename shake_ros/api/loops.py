@@ -147,10 +147,10 @@ KEYS = (
 )  # fmt: skip
 
 
-def load_setup(name: str) -> Setup:
-    """The plant of config/compare/<name>.yaml, or of a YAML file."""
+def load_setup(name: str, changes: Mapping[str, Any] | None = None) -> Setup:
+    """The plant of config/compare/<name>.yaml, or of a YAML file, with `changes` of its keys."""
     path = find("compare", name)
-    return Setup(strict(read_yaml(path), KEYS, str(path)), str(path))
+    return Setup(strict({**read_yaml(path), **(changes or {})}, KEYS, str(path)), str(path))
 
 
 def combinations(setup: Setup) -> list[Combination]:

@@ -20,7 +20,10 @@ from shake_ros.settings import find, load_table, read_yaml
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KEYS = ("table", "amplitude", "frequency", "periods", "sample_time", "base", "theta_5", "theta_6", "theta_7")
+KEYS = (
+    "table", "flow_coefficient", "amplitude", "frequency", "periods", "sample_time", "base",
+    "theta_5", "theta_6", "theta_7",
+)  # fmt: skip
 NUMBERS = {"theta_5": ("6_19", "6_20"), "theta_6": ("6_21", "6_22"), "theta_7": ("6_23", "6_24")}
 CHANNELS = ("position", "velocity", "acceleration")
 STEADY_PERIODS = 6
@@ -88,13 +91,13 @@ def check_free(folder: Path, force: bool) -> None:
     refuse_existing(*(folder / name for name in (*names, "sensitivity.json")), force=force)
 
 
-def values_of(table: TableParameters, thetas: Mapping[str, float]) -> dict[str, float]:
-    """θ_5, θ_6, θ_7 of (6.15) as values of a table."""
+def values_of(table: TableParameters, flow_coefficient: float, thetas: Mapping[str, float]) -> dict[str, float]:
+    """θ_5, θ_6, θ_7 of (6.15) as values of a table; θ_7 multiplies the printed flow coefficient [m³/(s·√Pa)]."""
     return {
         "bulk_modulus.modulus": thetas["theta_5"] * 0.5 * table.body.cylinder_volume,  # E = θ_5 V_t/2
         "leakage.internal": 0.0,
         "leakage.external": thetas["theta_6"],
-        "valve.flow_coefficient": thetas["theta_7"] * table.value("valve.flow_coefficient"),
+        "valve.flow_coefficient": thetas["theta_7"] * flow_coefficient,
     }
 
 
@@ -115,9 +118,9 @@ def sensitivity(study: str = "thesis", table: str | TableParameters | None = Non
     >>> import shake_ros as sr
     >>> print(sr.sensitivity())
     spread of the motion between the least and the greatest value, relative to its size
-      theta_5: position   1.9%  velocity   2.2%  acceleration   6.3%
-      theta_6: position  13.5%  velocity  13.5%  acceleration  14.3%
-      theta_7: position  36.5%  velocity  36.6%  acceleration  37.1%
+      theta_5: position   1.9%  velocity   2.0%  acceleration   4.8%
+      theta_6: position  14.1%  velocity  14.1%  acceleration  15.5%
+      theta_7: position  37.0%  velocity  37.1%  acceleration  37.4%
     """
     path = find("sensitivity", study)
     settings = strict(read_yaml(path), KEYS, str(path))
@@ -128,6 +131,7 @@ def sensitivity(study: str = "thesis", table: str | TableParameters | None = Non
     commands = settings["amplitude"] * np.sin(2.0 * np.pi * frequency * np.arange(length) * dt)
     studies = {}
     for name in NUMBERS:
-        changes = [values_of(table, settings["base"] | {name: value}) for value in settings[name]]
+        thetas = [settings["base"] | {name: value} for value in settings[name]]
+        changes = [values_of(table, settings["flow_coefficient"], changed) for changed in thetas]
         studies[name] = parameter_study.study(table, name, np.array(settings[name], dtype=float), changes, commands, dt)
     return Sensitivity(studies, frequency, round(STEADY_PERIODS / frequency / dt))

@@ -1,0 +1,19 @@
+"""Experiments of the thesis's chapter 6: name → what runs it, `module:function`, and what it is in a line."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Entry(NamedTuple):
+    """The function that runs an experiment and gives an `Experiment`, and a line about it."""
+
+    run_by: str
+    line: str
+
+
+EXPERIMENTS: dict[str, Entry] = {
+    "sensitivity": Entry("shake_ros.api.experiments.sensitivity:run", "6.3.4, what θ_5, θ_6 and θ_7 do"),
+    "reduced_model": Entry("shake_ros.api.experiments.reduced_model:run", "6.3.7, 6.4.1, (6.36) over frequency"),
+    "controllers": Entry("shake_ros.api.experiments.controllers:run", "6.4.2–6.4.5, the three controllers"),
+}

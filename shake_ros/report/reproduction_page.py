@@ -1,0 +1,67 @@
+"""The pages of `reproduce`: one for each experiment, and the table of all claims."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from shake_ros.report.experiment import Claim, Experiment
+from shake_ros.report.page import Page
+
+HEAD = ("section", "the thesis says", "printed", "here", "verdict")
+
+
+def claim_rows(claims: Sequence[Claim]) -> list[list[str]]:
+    """A row for each claim."""
+    return [[c.source, c.statement, c.printed, c.found, c.verdict] for c in claims]
+
+
+def experiment_page(experiment: Experiment) -> str:
+    """The page of one experiment as HTML."""
+    page = Page(experiment.title, experiment.lead)
+    page.heading("What the thesis says")
+    page.table(HEAD, claim_rows(experiment.claims))
+    for claim in experiment.claims:
+        if claim.remark:
+            page.paragraph(f"{claim.statement}: {claim.remark}")
+    if experiment.remarks:
+        page.heading("Assumptions and remarks")
+    for remark in experiment.remarks:
+        page.paragraph(remark)
+    for title, head, rows in experiment.tables:
+        page.heading(title)
+        page.table(head, rows)
+    if experiment.figures:
+        page.heading("Figures")
+    for figure, caption in experiment.figures:
+        page.figure(figure, caption)
+    return page.render()
+
+
+def index_page(experiments: Mapping[str, Experiment]) -> str:
+    """The page of all claims, by experiment."""
+    page = Page("Chapter 6 of the thesis, run again", count_of(experiments))
+    for name, experiment in experiments.items():
+        page.heading(f"{experiment.title} ({name}.html)")
+        page.table(HEAD, claim_rows(experiment.claims))
+    return page.render()
+
+
+def count_of(experiments: Mapping[str, Experiment]) -> str:
+    """How many claims hold, in a sentence."""
+    verdicts = [c.holds for e in experiments.values() for c in e.claims]
+    counts = [verdicts.count(v) for v in (True, False, None)]
+    return f"{len(verdicts)} claims: {counts[0]} hold, {counts[1]} do not, {counts[2]} cannot be told."
+
+
+def _left(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of text, every column to the left."""
+    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
+    return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in [head, *rows])
+
+
+def claims_text(experiments: Mapping[str, Experiment]) -> str:
+    """All claims, aligned for a terminal."""
+    parts = [count_of(experiments)]
+    for name, experiment in experiments.items():
+        parts += ["", f"{experiment.title} ({name})", _left(HEAD, claim_rows(experiment.claims))]
+    return "\n".join(parts)

@@ -1,0 +1,73 @@
+"""reproduce: the claims of the thesis's chapter 6, the pages, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from shake_ros import __main__ as shake_ros
+from shake_ros.api.experiments import EXPERIMENTS, controllers
+from shake_ros.api.measured_runs import PRINTED, printed_tables
+from shake_ros.api.progress import Progress
+from shake_ros.settings import find, load_table, read_yaml
+
+
+def main(arguments: list[str]) -> int:
+    return shake_ros.main(["reproduce", *arguments])
+
+
+def test_the_table_of_table_6_9_holds_the_printed_parameters() -> None:
+    printed = printed_tables(load_table("bergamo"))[PRINTED["with_soft_zone"]]
+    assert load_table("bergamo_table_6_9").vector() == pytest.approx(printed.vector(), rel=1e-12)
+
+
+def test_an_experiment_gives_its_page_the_claims_and_their_count(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["sensitivity", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert {p.name for p in out.iterdir()} == {"index.html", "sensitivity.html", "claims.txt", "claims.json"}
+    claims = json.loads((out / "claims.json").read_text())["claims"]["sensitivity"]
+    assert said.startswith(f"{len(claims)} claims: ")
+    assert [c["holds"] for c in claims] == [False, False, True, True, True, True]  # table 6.8, then table 6.9
+    assert (out / "sensitivity.html").read_text().count("<img") == 12
+    assert main(["sensitivity", "--out", str(out)]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_an_unknown_experiment_is_one_line_and_exit_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["controler", "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "unknown experiment 'controler'" in said
+    assert all(name in said for name in EXPERIMENTS)
+
+
+def test_every_controller_of_the_thesis_is_judged_in_every_loop(tmp_path: Path) -> None:
+    sine = read_yaml(find("reference", "sine_20mm_2hz"))
+    sine["duration"] = 1.0
+    sine["shaping"]["soft_start"] = sine["shaping"]["soft_stop"] = 0.25
+    (tmp_path / "short.yaml").write_text(yaml.safe_dump(sine), encoding="utf-8")
+    loops = read_yaml(find("compare", "thesis"))
+    loops |= {"references": [str(tmp_path / "short.yaml")], "figure_reference": "short", "rest": 0.2}
+    (tmp_path / "loops.yaml").write_text(yaml.safe_dump(loops), encoding="utf-8")
+    words: dict[str, object] = {
+        "settings": str(tmp_path / "loops.yaml"),
+        "other_plant": {"table": "bergamo"},
+        "sines": ["short"],
+        "tracks_within": 0.1,
+        "same_within": 10.0,
+    }
+    (tmp_path / "words.yaml").write_text(yaml.safe_dump(words), encoding="utf-8")
+    with Progress("test", lambda text, part: None) as tell:
+        found = controllers.run(tell, str(tmp_path / "words.yaml"))
+    assert len(found.claims) == 12 * (len(controllers.LOOPS) + 1)
+    same = [c for c in found.claims if "the same with 500 kg" in c.statement]
+    assert all(c.holds for c in same)  # an error that may grow tenfold
+    position = next(c for c in found.claims if c.statement.startswith("position error least"))
+    shares = {law: float(position.found.split(law)[1].split("%")[0]) for law in controllers.LAWS}
+    assert position.holds is (min(shares, key=shares.__getitem__) == "super-twisting")
