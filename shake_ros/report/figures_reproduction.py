@@ -29,7 +29,7 @@ def motions(time: Array, runs: Mapping[str, tuple[Array, Array]]) -> Figure:
             axes.plot(time, run[k], color=colour, linewidth=wide, label=name)
         tidy(axes, "time [s]" if k else "", f"{channel} [{UNITS[channel]}]")
         if not k:
-            axes.legend(frameon=False, fontsize=9, ncols=len(runs), loc="upper right")
+            axes.legend(frameon=False, fontsize=9, ncols=len(runs), loc="lower right", bbox_to_anchor=(1.0, 1.0))
     return figure
 
 

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from shake_ros import __main__ as shake_ros
-from shake_ros.api.experiments import EXPERIMENTS, controllers
+from shake_ros.api.experiments import EXPERIMENTS, controllers, reduced_model
 from shake_ros.api.measured_runs import PRINTED, printed_tables
 from shake_ros.api.progress import Progress
 from shake_ros.settings import find, load_table, read_yaml
@@ -71,3 +71,15 @@ def test_every_controller_of_the_thesis_is_judged_in_every_loop(tmp_path: Path) 
     position = next(c for c in found.claims if c.statement.startswith("position error least"))
     shares = {law: float(position.found.split(law)[1].split("%")[0]) for law in controllers.LAWS}
     assert position.holds is (min(shares, key=shares.__getitem__) == "super-twisting")
+
+
+def test_the_reduced_model_fits_the_full_one_better_than_the_printed_coefficients(tmp_path: Path) -> None:
+    asked = read_yaml(find("reproduce", "reduced_model"))
+    asked |= {"fitted_to": ["u6"], "seconds": 2.0, "frequencies": [3.0], "shown": {"6.37": asked["shown"]["6.37"]}}
+    (tmp_path / "short.yaml").write_text(yaml.safe_dump(asked), encoding="utf-8")
+    with Progress("test", lambda text, part: None) as tell:
+        found = reduced_model.run(tell, str(tmp_path / "short.yaml"))
+    errors = {row[0]: row for row in found.tables[1].rows}["3"]
+    printed, fitted = (float(errors[k].split()[0]) for k in (1, 3))
+    assert fitted < printed < 30.0
+    assert [row[1] for row in found.tables[0].rows] == ["-1.091e+04", "-3.062", "6991", "-0.3291", "-141.3"]

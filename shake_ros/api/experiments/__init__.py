@@ -15,5 +15,6 @@ class Entry(NamedTuple):
 EXPERIMENTS: dict[str, Entry] = {
     "sensitivity": Entry("shake_ros.api.experiments.sensitivity:run", "6.3.4, what θ_5, θ_6 and θ_7 do"),
     "reduced_model": Entry("shake_ros.api.experiments.reduced_model:run", "6.3.7, 6.4.1, (6.36) over frequency"),
+    "parameters": Entry("shake_ros.api.experiments.parameters:run", "6.3.3, 6.3.4, tables 6.5 to 6.8"),
     "controllers": Entry("shake_ros.api.experiments.controllers:run", "6.4.2–6.4.5, the three controllers"),
 }

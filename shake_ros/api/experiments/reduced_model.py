@@ -100,12 +100,23 @@ def run(tell: Progress, settings: str = "reduced_model") -> Experiment:
         (
             f"β is fitted to velocity and acceleration under {', '.join(asked['fitted_to'])}, as in the thesis, but to "
             "runs of the full model where the thesis had its table; the specimen is 200 kg.",
-            "Friction, which (6.36) leaves out of β, is the larger part of what even the best β misses at small "
-            "amplitudes, and the soft zone, which moves the oil column, at all.",
+            _range(asked, curves),
             "The input of figures 6.39 to 6.41 is a picture only; the observer is shown under the sines of figures "
             "6.37 and 6.38.",
         ),
     )
+
+
+def _range(asked: Mapping[str, Any], curves: Mapping[str, Sequence[Errors]]) -> str:
+    """Up to which frequency each β is adequate in velocity, and how near it comes in acceleration."""
+    parts = []
+    for name, errors in curves.items():
+        bad = [f for f, e in zip(asked["frequencies"], errors, strict=True) if e.velocity > asked["adequate_within"]]
+        below = [f for f in asked["frequencies"] if not bad or f < bad[0]]
+        reach = f"up to {below[-1]:g} Hz" if below else "nowhere"
+        least = min(e.acceleration for e in errors)
+        parts.append(f"with the β {name} {reach}, acceleration not nearer than {100.0 * least:.0f} % at any frequency")
+    return f"Velocity stays within {100.0 * asked['adequate_within']:g} %: {'; '.join(parts)}."
 
 
 def _beta_rows(models: Mapping[str, TableParameters]) -> Rows:
