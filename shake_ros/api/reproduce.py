@@ -32,16 +32,17 @@ class Reproduction:
         rows = [(name, *c[:4], c.verdict) for name, e in self.experiments.items() for c in e.claims]
         return ResultTable(("experiment", "section", "statement", "printed", "found", "verdict"), rows)
 
-    def report(self, out: str | Path, force: bool = False) -> None:
-        """Write index.html, a page for each experiment, claims.txt and claims.json into a new folder."""
-        write_folder(Path(out), self._fill, force=force)
+    def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
+        """Write index.html, a page for each experiment, claims.txt and claims.json; options as of Discovery.report."""
+        write_folder(Path(out), lambda folder: self._fill(folder, figures, command), force=force)
 
-    def _fill(self, folder: Path) -> None:
+    def _fill(self, folder: Path, figures: str | None, command: str) -> None:
         from shake_ros.report.reproduction_page import experiment_page, index_page
+        from shake_ros.report.written import write_page
 
-        (folder / "index.html").write_text(index_page(self.experiments), encoding="utf-8")
+        write_page(index_page(self.experiments, command), folder, name="index")
         for name, experiment in self.experiments.items():
-            (folder / f"{name}.html").write_text(experiment_page(experiment), encoding="utf-8")
+            write_page(experiment_page(experiment, command), folder, figures, name)
         (folder / "claims.txt").write_text(f"{self!r}\n", encoding="utf-8")
         content = {name: [c._asdict() for c in e.claims] for name, e in self.experiments.items()}
         write_json(folder / "claims.json", {"schema": "shake_ros.reproduce/1", "claims": content})

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from shake_ros.api.experiments import EXPERIMENTS
 from shake_ros.api.reproduce import ALL, known_experiments, reproduce
+from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.data.results import check_folder
 
 
@@ -22,6 +23,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("names", nargs="*", default=[ALL], metavar="NAME", help="experiments, or all (default)")
     p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for index.html, pages and claims")
     p.add_argument("--force", action="store_true", help="replace DIR")
+    add_figures(p)
     return p
 
 
@@ -31,7 +33,7 @@ def main(arguments: Sequence[str]) -> int:
     names = known_experiments(given.names)
     check_folder(given.out, given.force)
     found = reproduce(*names)
-    found.report(given.out, given.force)
+    found.report(given.out, given.force, **reporting("reproduce", given, arguments))
     print(found)
     print(f"report: {given.out / 'index.html'}")
     return 0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from matplotlib.figure import Figure
+from shake_ros.report.chart import Chart
 
 
 class Claim(NamedTuple):
@@ -37,20 +37,13 @@ class Rows(NamedTuple):
     rows: Sequence[Sequence[str]]
 
 
-class Drawn(NamedTuple):
-    """A figure with its caption."""
-
-    figure: Figure
-    caption: str
-
-
 @dataclass(frozen=True)
 class Experiment:
     """One page of the reproduction.
 
     Attributes
     ----------
-    title : of the page. lead : in a sentence. claims : of the thesis. tables, figures : of this run.
+    title : of the page. lead : in a sentence. claims : of the thesis. tables, charts : of this run.
     remarks : what was assumed and what explains a difference.
     """
 
@@ -58,7 +51,7 @@ class Experiment:
     lead: str
     claims: Sequence[Claim]
     tables: Sequence[Rows] = ()
-    figures: Sequence[Drawn] = ()
+    charts: Sequence[Chart] = ()
     remarks: Sequence[str] = field(default=())
 
 

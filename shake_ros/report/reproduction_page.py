@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from shake_ros.report.experiment import Claim, Experiment
-from shake_ros.report.page import Page
+from shake_ros.report.page import Made, Page
 
 HEAD = ("section", "the thesis says", "printed", "here", "verdict")
 
@@ -15,9 +15,9 @@ def claim_rows(claims: Sequence[Claim]) -> list[list[str]]:
     return [[c.source, c.statement, c.printed, c.found, c.verdict] for c in claims]
 
 
-def experiment_page(experiment: Experiment) -> str:
-    """The page of one experiment as HTML."""
-    page = Page(experiment.title, experiment.lead)
+def experiment_page(experiment: Experiment, command: str = "") -> Page:
+    """The page of one experiment."""
+    page = Page(experiment.title, experiment.lead, Made(command))
     page.heading("What the thesis says")
     page.table(HEAD, claim_rows(experiment.claims))
     for claim in experiment.claims:
@@ -30,20 +30,20 @@ def experiment_page(experiment: Experiment) -> str:
     for title, head, rows in experiment.tables:
         page.heading(title)
         page.table(head, rows)
-    if experiment.figures:
+    if experiment.charts:
         page.heading("Figures")
-    for figure, caption in experiment.figures:
-        page.figure(figure, caption)
-    return page.render()
+    for chart in experiment.charts:
+        page.chart(chart)
+    return page
 
 
-def index_page(experiments: Mapping[str, Experiment]) -> str:
+def index_page(experiments: Mapping[str, Experiment], command: str = "") -> Page:
     """The page of all claims, by experiment."""
-    page = Page("Chapter 6 of the thesis, run again", count_of(experiments))
+    page = Page("Chapter 6 of the thesis, run again", count_of(experiments), Made(command))
     for name, experiment in experiments.items():
         page.heading(f"{experiment.title} ({name}.html)")
         page.table(HEAD, claim_rows(experiment.claims))
-    return page.render()
+    return page
 
 
 def count_of(experiments: Mapping[str, Experiment]) -> str:

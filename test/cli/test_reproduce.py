@@ -34,7 +34,7 @@ def test_an_experiment_gives_its_page_the_claims_and_their_count(
     claims = json.loads((out / "claims.json").read_text())["claims"]["sensitivity"]
     assert said.startswith(f"{len(claims)} claims: ")
     assert [c["holds"] for c in claims] == [False, False, True, True, True, True]  # table 6.8, then table 6.9
-    assert (out / "sensitivity.html").read_text().count("<img") == 12
+    assert (out / "sensitivity.html").read_text().count("<figure class='chart'") == 12
     assert main(["sensitivity", "--out", str(out)]) == 2
     assert "exists already" in capsys.readouterr().err
 

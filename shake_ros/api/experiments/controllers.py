@@ -12,9 +12,9 @@ from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
 from shake_ros.core.loop.comparison import Outcome, mean, over
 from shake_ros.core.loop.metrics import Metrics
+from shake_ros.report.charts_comparison import amplitudes, error_chart, spectrum_chart
 from shake_ros.report.comparison_text import number
-from shake_ros.report.experiment import Claim, Drawn, Experiment, Rows
-from shake_ros.report.figures_comparison import amplitudes, error_figure, spectrum_figure
+from shake_ros.report.experiment import Claim, Experiment, Rows
 from shake_ros.settings import find, read_yaml
 
 LAWS = ("feedforward PI", "sliding mode", "super-twisting")
@@ -34,8 +34,8 @@ def run(tell: Progress, settings: str = "controllers") -> Experiment:
     drawn = []
     for loop in LOOPS:
         runs = {law: found.runs[f"{law}, {loop}"] for law in LAWS}
-        drawn.append(Drawn(error_figure(runs), f"Figure 6.61, {loop}: {found.drawn}"))
-        drawn.append(Drawn(spectrum_figure(runs), f"Figure 6.62, {loop}: {found.drawn}"))
+        drawn.append(error_chart(runs, f"figure 6.61, {loop}, {found.drawn}"))
+        drawn.append(spectrum_chart(runs, f"figure 6.62, {loop}, {found.drawn}"))
     return Experiment(
         "The three controllers compared",
         f"Thesis 6.4.2 to 6.4.5. {found.plant}",

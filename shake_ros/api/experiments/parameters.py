@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from shake_ros.api.experiments.inputs import inputs, recorded, sine, words
 from shake_ros.api.loops import strict
@@ -17,8 +16,9 @@ from shake_ros.core.identification.free_parameters import FreeParameter, FreePar
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.declared import free_parameters
-from shake_ros.report.experiment import Claim, Drawn, Experiment, Rows, difference
-from shake_ros.report.figures_reproduction import motions
+from shake_ros.report.chart import Chart
+from shake_ros.report.charts_reproduction import motions
+from shake_ros.report.experiment import Claim, Experiment, Rows, difference
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 KEYS = ("sample_time", "seed", "friction", "linear")
@@ -86,7 +86,7 @@ def printed_plant(law: str, asked: Mapping[str, Any]) -> TableParameters:
     return table.with_values({"bulk_modulus.modulus": asked["theta_5"] * 0.5 * table.body.cylinder_volume})
 
 
-def _law(number: str, law: str, asked: Mapping[str, Any], common: Mapping[str, Any]) -> tuple[Rows, Drawn, Claim]:
+def _law(number: str, law: str, asked: Mapping[str, Any], common: Mapping[str, Any]) -> tuple[Rows, Chart, Claim]:
     plant, dt = printed_plant(law, asked), common["sample_time"]
     rng = np.random.default_rng(common["seed"])
     clean = [recorded(words(wave), plant, sine(wave, asked["seconds"], dt), dt) for wave in asked["inputs"]]
@@ -125,7 +125,7 @@ def _law(number: str, law: str, asked: Mapping[str, Any], common: Mapping[str, A
     caption = f"As figures 6.12 to 6.15: the law of table {number} under u = {last.name}"
     return (
         Rows(f"Table {number}", ("parameter", "printed", "here", "difference"), rows),
-        Drawn(motions(time[span], runs), caption),
+        motions(f"table_{number}", time[span], runs, caption),
         claim,
     )
 
@@ -156,7 +156,7 @@ def _of_thetas(table: TableParameters, printed: list[float], flow_coefficient: f
     return table.with_values(dict(zip(THETA, values, strict=True)) | {"leakage.internal": 0.0})
 
 
-def _thetas(asked: Mapping[str, Any], dt: float) -> tuple[Rows, list[Drawn], list[Claim]]:
+def _thetas(asked: Mapping[str, Any], dt: float) -> tuple[Rows, list[Chart], list[Claim]]:
     plant, base, waves = load_table(asked["plant"]), load_table("bergamo"), inputs()
     known = {f.name: f for f in free_parameters()}
     found, drawn, claims = {}, [], []
@@ -172,7 +172,7 @@ def _thetas(asked: Mapping[str, Any], dt: float) -> tuple[Rows, list[Drawn], lis
         text = f"(6.15) with θ fitted to {name} alone follows the table under it"
         holds = errors["acceleration"] <= asked["good_within"]
         claims.append(Claim(f"6.3.4, 6.{number}", text, "figure only", shown, holds))
-        drawn.append(Drawn(_theta_figure(record, start, table), f"As figure 6.{number}: {words(waves[name])}"))
+        drawn.append(_theta_chart(f"6.{number}", words(waves[name]), record, start, table))
     spread = [1.0 - min(v) / max(v) if max(v) > 0.0 else 0.0 for v in zip(*found.values(), strict=True)]
     claims.append(
         Claim(
@@ -192,7 +192,7 @@ def _thetas(asked: Mapping[str, Any], dt: float) -> tuple[Rows, list[Drawn], lis
     return Rows("Table 6.8", head, rows), drawn, claims
 
 
-def _theta_figure(record: Record, printed: TableParameters, table: TableParameters) -> Figure:
+def _theta_chart(number: str, wave: str, record: Record, printed: TableParameters, table: TableParameters) -> Chart:
     dt, span = record.sample_time, slice(-round(SHOWN / 2.0 / record.sample_time), None)
     assert record.acceleration is not None
     runs = {"plant of table 6.9": (record.velocity[span], record.acceleration[span])}
@@ -200,4 +200,5 @@ def _theta_figure(record: Record, printed: TableParameters, table: TableParamete
         own = recorded("", t, record.commands, dt)
         assert own.acceleration is not None
         runs[name] = (own.velocity[span], own.acceleration[span])
-    return motions(np.arange(len(record.commands), dtype=np.float64)[span] * dt, runs)
+    time = np.arange(len(record.commands), dtype=np.float64)[span] * dt
+    return motions(f"figure_{number}", time, runs, f"As figure {number}: {wave}")

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from shake_ros.api.experiments.inputs import inputs, recorded, sine, words
 from shake_ros.api.loops import strict
@@ -20,8 +19,9 @@ from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.declared import free_parameters
-from shake_ros.report.experiment import Claim, Drawn, Experiment, Rows, difference
-from shake_ros.report.figures_reproduction import motions, over_frequency
+from shake_ros.report.chart import Chart
+from shake_ros.report.charts_reproduction import motions, over_frequency
+from shake_ros.report.experiment import Claim, Experiment, Rows, difference
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 KEYS = (
@@ -89,7 +89,7 @@ def run(tell: Progress, settings: str = "reduced_model") -> Experiment:
     claims, drawn = [], [_frequency_figure(asked, curves)]
     for number, r in shown.items():
         claims += _claims(asked, number, r, models)
-        drawn.append(Drawn(_motion_figure(r, models), f"Figure {number}: full model and (6.36) under {r.name}"))
+        drawn.append(_motion_chart(number, r, models))
     rows, figures = _observer(asked["printed"], shown, models)
     return Experiment(
         "The reduced model",
@@ -134,13 +134,13 @@ def _frequency_rows(asked: Mapping[str, Any], curves: Mapping[str, Sequence[Erro
     return Rows(f"Error of the free run, amplitude {asked['amplitude']:g}", head, rows)
 
 
-def _frequency_figure(asked: Mapping[str, Any], curves: Mapping[str, Sequence[Errors]]) -> Drawn:
+def _frequency_figure(asked: Mapping[str, Any], curves: Mapping[str, Sequence[Errors]]) -> Chart:
     errors = {name: {c: [getattr(e, c) for e in found] for c in Errors._fields} for name, found in curves.items()}
     caption = f"Error of (6.36) against the full model, sines of amplitude {asked['amplitude']:g}"
-    return Drawn(over_frequency(asked["frequencies"], errors), caption)
+    return over_frequency("over_frequency", asked["frequencies"], errors, caption)
 
 
-def _motion_figure(record: Record, models: Mapping[str, TableParameters]) -> Figure:
+def _motion_chart(number: str, record: Record, models: Mapping[str, TableParameters]) -> Chart:
     dt, span = record.sample_time, slice(-round(SHOWN / record.sample_time), None)
     time = np.arange(len(record.commands), dtype=np.float64) * dt
     assert record.acceleration is not None
@@ -148,7 +148,8 @@ def _motion_figure(record: Record, models: Mapping[str, TableParameters]) -> Fig
     for name, table in models.items():
         out = REDUCED.run(table, record)
         runs[f"(6.36), {name}"] = (out[span, 1], out[span, 2])
-    return motions(time[span], runs)
+    caption = f"Figure {number}: full model and (6.36) under {record.name}"
+    return motions(f"figure_{number}", time[span], runs, caption)
 
 
 def _claims(
@@ -170,7 +171,7 @@ def _claims(
 
 def _observer(
     name: str, shown: Mapping[str, Record], models: Mapping[str, TableParameters]
-) -> tuple[Rows, list[Drawn]]:
+) -> tuple[Rows, list[Chart]]:
     rows, drawn = [], []
     for record in shown.values():
         span = slice(-round(SHOWN / record.sample_time), None)
@@ -181,6 +182,8 @@ def _observer(
             errors, estimate = observed(name, table, record)
             rows.append([record.name, label, *(f"{100.0 * e:.1f} %" for e in errors)])
             runs[f"observer, {label}"] = (estimate[span, 1], estimate[span, 2])
-        drawn.append(Drawn(motions(time[span], runs), f"As figure 6.40: sliding-mode observer under {record.name}"))
+        drawn.append(
+            motions("observer", time[span], runs, f"As figure 6.40: sliding-mode observer under {record.name}")
+        )
     head = ("input", "β of the observer", "velocity", "acceleration")
     return Rows("Error of the sliding-mode observer, λ of table 6.12, open loop without noise", head, rows), drawn

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from shake_ros.api.progress import Progress
-from shake_ros.api.sensitivity import Sensitivity, sensitivity
-from shake_ros.report.experiment import Claim, Drawn, Experiment, Rows
+from shake_ros.api.sensitivity import NUMBERS, Sensitivity, sensitivity
+from shake_ros.report.chart import Chart
+from shake_ros.report.charts_reproduction import study_motion, study_spectrum
+from shake_ros.report.experiment import Claim, Experiment, Rows
 
 STUDIES = {"thesis": "table 6.8", "table_6_9": "table 6.9"}
 NAMES = {"theta_5": "θ_5", "theta_6": "θ_6", "theta_7": "θ_7"}
@@ -24,6 +26,16 @@ def size(study: Sensitivity, name: str) -> list[float]:
     """Root mean square of the velocity for each value over that of the first [-]."""
     found = np.std(study.studies[name].motion[:, -study.samples :, 1], axis=1)
     return [float(v) for v in found / found[0]]
+
+
+def charts(title: str, study: Sensitivity, name: str) -> list[Chart]:
+    """The two figures of a parameter."""
+    of, (motion, spectrum) = study.studies[name], NUMBERS[name]
+    words = {n: f"Figure {n.replace('_', '.')}, plant of {title}" for n in (motion, spectrum)}
+    return [
+        study_motion(f"figure_{motion}", of, study.frequency, words[motion]),
+        study_spectrum(f"figure_{spectrum}", of, study.frequency, study.samples, words[spectrum]),
+    ]
 
 
 def spreads(study: Sensitivity, name: str) -> list[str]:
@@ -44,11 +56,7 @@ def run(tell: Progress) -> Experiment:
         for name in NAMES
     ]
     head = ("plant", "parameter", "position", "velocity", "acceleration", "dominant harmonic [Hz], by value")
-    drawn = [
-        Drawn(figure, f"Figure {number.replace('_', '.')}, plant of {title}")
-        for title, study in found.items()
-        for number, figure in study.plot().items()
-    ]
+    drawn = [chart for title, study in found.items() for name in NAMES for chart in charts(title, study, name)]
     return Experiment(
         "Sensitivity to θ_5, θ_6 and θ_7",
         "u = 0.5 sin(2π·3t), one parameter at a time; thesis 6.3.4, figures 6.19 to 6.24.",
