@@ -59,6 +59,9 @@ SHORT_LISTS = {
 _folder = tempfile.TemporaryDirectory(prefix="shake_ros-closed-")
 
 
+TUNED = "spool_deadband"  # the case whose command also makes gains
+
+
 class Named(NamedTuple):
     """A search with what it was done on."""
 
@@ -129,6 +132,7 @@ def command(case: str) -> Command:
 
     output, out = io.StringIO(), folder / "out"
     given = ["close_loop", "--learn", str(learn), "--hold", str(hold), "--out", str(out)]
+    given += ["--tune"] if case == TUNED else []
     with (
         mock.patch.object(closing, "close_loop", kept),
         mock.patch.object(close_loop_verb, "load_search", return_value=LEAN),

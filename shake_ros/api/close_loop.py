@@ -13,6 +13,7 @@ from shake_ros.api.model import Model
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable
 from shake_ros.api.tracking import tracking
+from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tune_table
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.remaining import Remaining
@@ -20,11 +21,19 @@ from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.uncertainty import Estimate
+from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.uncertainty import Estimate, known_covariance
 from shake_ros.core.loop.benefit import TrackingBenefit
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.data.results import close_loop_json, diagnosis_json, unknown_json, write_folder, write_json
+from shake_ros.core.loop.robust import Uncertainty
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.data.results import (
+    close_loop_json,
+    diagnosis_json,
+    tracking_json,
+    unknown_json,
+    write_folder,
+    write_json,
+)
 from shake_ros.declared import model_structure, recordings_to_make
 from shake_ros.settings import load_search, save_table
 
@@ -105,6 +114,7 @@ class Discovery:
     recordings identify, and which one would help. tracking : the found table in closed loop under the model before
     and the model after; None where nothing was added, or where the model has no valve to control.
     data : the recordings as they were fitted, with the offsets that were taken out of them.
+    tuned : observer and controller for the found table, where they were asked for.
     """
 
     model: Model
@@ -114,6 +124,7 @@ class Discovery:
     diagnosis: Diagnosis
     tracking: TrackingBenefit | None
     data: Prepared
+    tuned: TunedTable | None = None
 
     @property
     def table(self) -> TableParameters:
@@ -172,6 +183,11 @@ class Discovery:
         return fitted.nuisance_frame(self.data)
 
     @property
+    def uncertainty(self) -> Uncertainty:
+        """Fitted parameters that the recordings determine, and their covariance."""
+        return _uncertainty(self.closed, self.estimation)
+
+    @property
     def remaining(self) -> Remaining:
         """Whether a residual stands above the noise, where it acts and on what it depends."""
         return self.closed.remaining
@@ -186,10 +202,14 @@ class Discovery:
         return static_figure(history_chart(record, free_runs(record, *tables, self.model.declared)))
 
     def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
-        """Write report.json, diagnosis.json, report.html, table.yaml, and tracking.json where there is a tracking.
+        """Write report.json, diagnosis.json, report.html, and table.yaml with uncertainty.json beside it.
 
-        `force` replaces an existing folder; `figures` adds static copies of the charts, as "pdf", "svg" or "png";
+        Also tracking.json where there is a tracking; and controller.yaml, observer.yaml and tune.json where gains were
+        made for the table, unless they ring somewhere and `force` is not given.
+
+        `force` also replaces an existing folder; `figures` adds static copies of the charts, as "pdf", "svg" or "png";
         `command` is the line that the page names as its origin.
+
         """
         from shake_ros.report.close_loop_page import close_loop_page
         from shake_ros.report.written import write_page
@@ -204,9 +224,14 @@ class Discovery:
             write_json(out / "report.json", content)
             write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
             if self.tracking:
-                write_json(out / "tracking.json", {"reference": self.tracking.reference, **self.tracking.errors()})
+                write_json(out / "tracking.json", tracking_json(self.tracking))
             comment = f"Fitted to {', '.join(names[0])} by close_loop: {added}.{fitted.command_comment(self.data)}"
             save_table(out / "table.yaml", self.table, comment)
+            if self.table.layout is FULL_LAYOUT:
+                known, covariance = self.uncertainty
+                write_json(out / UNCERTAINTY, {"names": list(known), "covariance": covariance.tolist()})
+            if self.tuned and (self.tuned.sound or force):
+                self.tuned.write(out, force)
             data = self.estimation, self.validation
             unknown = told, self.data.nuisances
             page = close_loop_page(self.closed, *data, self.diagnosis, self.tracking, command, *unknown)
@@ -233,6 +258,7 @@ def close_loop(
     validation: fitted.Data,
     *,
     settings: SearchSettings | None = None,
+    tune: bool = False,
     progress: Told = True,
 ) -> Discovery:
     """Find what a declared model is missing, and add it.
@@ -242,6 +268,7 @@ def close_loop(
     model : from `sr.model`.
     estimation : recordings to fit. validation : recordings that decide whether an effect is added.
     settings : thresholds of the search, where not those of config/discovery/search.yaml.
+    tune : design observer and controller for the found table as well, see `sr.tune`; of the full model.
     progress : show it, or a function to tell what is being done and which part is done.
 
     Raises
@@ -279,8 +306,15 @@ def close_loop(
     structure = model_structure(table, declared)
     with Progress("close_loop", progress) as bar:
         found = closing.close_loop(structure, first, second, settings or load_search(), bar)
+        known = _uncertainty(found, first)
+        tuned = tune_table(found.final.table, uncertainty=known, progress=bar) if tune else None
         bar("tracking with the model before and after", 1.0)
-        benefit = tracking(found)
+        benefit = tracking(found, known, tuned)
         bar("residuals and what would help", 1.0)
         told = diagnose(found.final.fit, first, second, recordings_to_make(), declared)
-    return Discovery(model, found, first, second, told, benefit, data)
+    return Discovery(model, found, first, second, told, benefit, data, tuned)
+
+
+def _uncertainty(found: LoopClosure, estimation: Sequence[Record]) -> Uncertainty:
+    problem = RecordingProblem(list(estimation), found.model)
+    return Uncertainty(*known_covariance(found.final.fit, problem.blocks()))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from shake_ros.api.tune_table import TunedTable, load_robust
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.loop.benefit import TrackingBenefit, benefit
+from shake_ros.core.loop.robust import Uncertainty, neighbours, uncertainty_of
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
@@ -27,13 +29,20 @@ class TrackingSettings(Parameters):
     delay: int = quantity("-", "samples by which a command reaches the valve late", low=0, high=100)
 
 
-def tracking(result: LoopClosure) -> TrackingBenefit | None:
+def tracking(
+    result: LoopClosure, known: Uncertainty | None = None, tuned: TunedTable | None = None
+) -> TrackingBenefit | None:
     """The identified table under the declared model and under the final one; None where nothing was added.
 
     None also for declared models that have no valve to control.
+
+    Parameters
+    ----------
+    known : of the final table's parameters; the loop is looked at on neighbours within it as well.
+    tuned : observer and gains made for the final table, which run beside.
     """
     table, declared = result.final.table, result.baseline.table
-    if result.model.layout is not FULL_LAYOUT or not result.search.steps:
+    if result.model.layout is not FULL_LAYOUT or not (result.search.steps or tuned):
         return None
     path = find("identification", "tracking")
     settings = TrackingSettings.from_mapping(read_yaml(path), str(path))
@@ -44,6 +53,16 @@ def tracking(result: LoopClosure) -> TrackingBenefit | None:
         return observer, law
 
     program = build_program(settings.reference, settings.sample_time)
+    content, s = load_robust("default")
+    around = neighbours(table, known or uncertainty_of(table, s), content["loads"], s)
     return benefit(
-        table, declared, table, loops, program.samples(0, program.length), settings.reference, delay=settings.delay
+        table,
+        declared,
+        table,
+        loops,
+        program.samples(0, program.length),
+        settings.reference,
+        delay=settings.delay,
+        tuned=(tuned.loop(settings.sample_time), tuned.margins) if tuned else None,
+        neighbours=around,
     )

@@ -37,6 +37,11 @@ FULL = 0.97  # command, and share of the stroke, that a smaller reference should
 SCALES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
 
 
+def finite(value: float) -> float | None:
+    """A number as JSON can hold it."""
+    return float(value) if math.isfinite(value) else None
+
+
 @dataclass(frozen=True, repr=False)
 class TunedTable:
     """A table with the observer and the controller for it.
@@ -118,7 +123,6 @@ class TunedTable:
 
     def content(self) -> dict[str, Any]:
         """All figures, for JSON."""
-        finite = lambda x: float(x) if math.isfinite(x) else None  # noqa: E731
         laws = [
             {
                 "law": law.kind,
@@ -150,11 +154,7 @@ class TunedTable:
         }
 
     def _margin_lines(self) -> list[str]:
-        m = self.margins
-        return [
-            f"margins where least robust: gain {m.gain:.2f}, phase {math.degrees(m.phase):.0f} deg, "
-            f"delay {1e3 * m.delay:.1f} ms, disk {m.disk:.2f}, sensitivity {m.sensitivity:.2f}"
-        ]
+        return [f"margins where least robust: {self.margins.text}"]
 
     def __repr__(self) -> str:
         return "\n".join([f"{self.frame!r}", f"recommended: {self.best.kind}", *self._margin_lines(), *self.findings])
@@ -193,9 +193,7 @@ def tune_table(
     for law in laws:
         if law not in LAWS:
             raise unknown_name("law", law, LAWS)
-    path = find("robust_tuning", str(settings))
-    content = dict(strict_keys(read_yaml(path), KEYS, str(path), KEYS, kind="key"))
-    s = RobustSettings.from_mapping(content["numbers"], f"{path}: numbers")
+    content, s = load_robust(str(settings))
     if not isinstance(table, TableParameters):
         beside = find("table", str(table)).with_name(UNCERTAINTY)
         table = load_table(str(table))
@@ -221,16 +219,30 @@ def tune_table(
         trials = Trials(search, reference, fields)
         found = try_laws(trials, laws, tell)
         if not found:
-            raise ShakeError("tune: no gains hold on the neighbours of this table; a smaller uncertainty or load would")
+            raise ShakeError(f"tune: none of {', '.join(laws)} can be made for this table; try feedforward_pi")
         best = found[0]
-        told = findings(trials, best, reference)
+        margins = search.margins(best.design)
+        told = findings(trials, best, reference, margins)
         observer = trials.observer_parameters(best.design.observer)
-        return TunedTable(table, tuple(found), observer, search.margins(best.design), told, content)
+        return TunedTable(table, tuple(found), observer, margins, told, content)
 
 
-def findings(trials: Trials, law: TriedLaw, reference: NDArray[np.float64]) -> tuple[str, ...]:
+def load_robust(name: str) -> tuple[dict[str, Any], RobustSettings]:
+    """The content of config/robust_tuning/<name>.yaml, or of a YAML file given by path, and its numbers."""
+    path = find("robust_tuning", name)
+    content = dict(strict_keys(read_yaml(path), KEYS, str(path), KEYS, kind="key"))
+    return content, RobustSettings.from_mapping(content["numbers"], f"{path}: numbers")
+
+
+def findings(trials: Trials, law: TriedLaw, reference: NDArray[np.float64], margins: Margins) -> tuple[str, ...]:
     """What rings, saturates or touches a stop, and the number that would cure it."""
     found = []
+    if not margins.stable or margins.sensitivity > 1.05 * trials.s.sensitivity:
+        found.append(
+            f"margins are less than wanted even at {law.design.bandwidth:.1f} rad/s: a sensitivity of "
+            f"{margins.sensitivity:.2f}, wanted {trials.s.sensitivity:.2f}; recordings that tell more of the table, or "
+            "fewer loads and less further delay in config/robust_tuning, would give more"
+        )
     if law.rings > 1.0:
         worst = int(np.argmax([t.ringing / trials.allowed(i) for i, t in enumerate(law.trials)]))
         further = worst % (trials.s.further_delay + 1)

@@ -8,6 +8,9 @@ from collections.abc import Sequence
 from shake_ros.api.close_loop import close_loop
 from shake_ros.cli import fitting
 from shake_ros.cli.reporting import add_figures, reporting
+from shake_ros.core.identification.models import MODELS
+from shake_ros.core.plant.parameters import FULL_LAYOUT
+from shake_ros.core.quantities import ShakeError
 from shake_ros.report.text import close_loop_lines, diagnosis_lines, identified_lines, tracking_lines
 
 
@@ -16,11 +19,20 @@ def main(arguments: Sequence[str]) -> int:
     command = argparse.ArgumentParser(prog="close_loop", description=__doc__)
     fitting.add_arguments(command, validation_needed=True)
     add_figures(command)
+    command.add_argument(
+        "--tune", action="store_true", help="make controller.yaml and observer.yaml for the found table"
+    )
     given = command.parse_args(list(arguments))
-    found = close_loop(*fitting.inputs(given))
+    if given.tune and MODELS[given.model].layout is not FULL_LAYOUT:
+        raise ShakeError(f"--tune: needs a valve and hydraulics, which the model {given.model} does not have")
+    found = close_loop(*fitting.inputs(given), tune=given.tune)
     found.report(given.out, given.force, **reporting("close_loop", given, arguments))
     tracking = tracking_lines(found.tracking) if found.tracking else []
     told = identified_lines(found.told, found.data)
+    if found.tuned:
+        print(found.tuned)
+        if not found.tuned.sound and not given.force:
+            print("controller.yaml and observer.yaml are not written: the loop rings (--force writes them)")
     print("\n".join([*close_loop_lines(found.closed), *told, *tracking, *diagnosis_lines(found.diagnosis)]))
     for name, (before, after) in found.position_error.items():
         print(f"position of the free run, {name}: {1e3 * before:.3f} → {1e3 * after:.3f} mm rms")

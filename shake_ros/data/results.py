@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.uncertainty import Estimate
+from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.quantities import ShakeError
 
 CLOSE_LOOP_SCHEMA = "shake_ros.close_loop/1"
@@ -139,6 +142,18 @@ def close_loop_json(result: LoopClosure, learn: Sequence[str], hold: Sequence[st
             "text": text,
         },
     }
+
+
+def tracking_json(benefit: TrackingBenefit) -> dict[str, Any]:
+    """`tracking.json`: errors and ringing of each run, null where it was lost; the margins of tuned gains."""
+
+    def known(values: Mapping[str, float]) -> dict[str, float | None]:
+        return {name: value if math.isfinite(value) else None for name, value in values.items()}
+
+    margins = {} if benefit.margins is None else {"margins": known(asdict(benefit.margins))}
+    errors = {when: known(values) for when, values in benefit.errors().items()}
+    told = {"ringing": known(benefit.ringing), "warnings": benefit.warnings()}
+    return {"reference": benefit.reference, **errors, **told, **margins}
 
 
 def refuse_existing(*paths: Path, force: bool) -> None:

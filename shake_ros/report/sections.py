@@ -240,7 +240,7 @@ def tracking_chart(tracks: Mapping[str, Track]) -> Chart:
     peak = float(time[np.nanargmax(np.abs(wanted[:, 2]))])
     felt = [Series("reference", wanted[:, 2], "measured", width=1.8)]
     missed = []
-    for (label, track), colour in zip(tracks.items(), ("before", "after"), strict=True):
+    for (label, track), colour in zip(tracks.items(), ("before", "after", "c3"), strict=False):
         felt.append(Series(label, track.motion[:n, 2], colour))
         missed.append(Series(label, 1e3 * (track.motion[:n, 0] - track.reference[:n, 0]), colour))
     panels = (
@@ -269,7 +269,12 @@ def benefit_section(page: Page, benefit: TrackingBenefit) -> None:
     )
     errors = benefit.errors()
     tracks = {}
-    for name, run, when in (("declared model", benefit.before, "before"), ("extended model", benefit.after, "after")):
+    labels = {"before": "declared model", "after": "extended model", "tuned": "extended model, gains made for it"}
+    for when, run in benefit.runs.items():
         time = np.arange(len(run.reference), dtype=np.float64) * run.sample_time
-        tracks[name] = Track(time, run.reference, run.truth, errors[when])
+        tracks[labels[when]] = Track(time, run.reference, run.truth, errors[when])
+    for warning in benefit.warnings():
+        page.paragraph(sentence(warning))
     tracking_section(page, tracks)
+    if benefit.margins:
+        page.paragraph(f"The loop with the gains made for the table, where it is least robust: {benefit.margins.text}.")

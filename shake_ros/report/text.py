@@ -86,6 +86,7 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
 
 def tracking_lines(benefit: TrackingBenefit) -> list[str]:
     """Tracking errors in the loop under the model before and the model after."""
-    before, after = benefit.errors().values()
-    parts = [f"{name} {100.0 * before[name]:.2f} → {100.0 * after[name]:.2f} %" for name in before]
-    return [f"tracking error ({benefit.reference}), declared → extended model: {', '.join(parts)}"]
+    errors = benefit.errors()
+    parts = [f"{name} {' → '.join(f'{100.0 * e[name]:.2f}' for e in errors.values())} %" for name in errors["before"]]
+    models = "declared → extended model" + (" → with gains for it" if benefit.tuned else "")
+    return [f"tracking error ({benefit.reference}), {models}: {', '.join(parts)}", *map(sentence, benefit.warnings())]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -14,6 +15,7 @@ from closed_loops import bag, command, recording
 
 from shake_ros import __main__
 from shake_ros.api.model import model
+from shake_ros.api.tune_table import read_uncertainty
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import ShakeError
@@ -78,11 +80,25 @@ def test_command_says_that_nothing_is_missing() -> None:
 @pytest.mark.parametrize("case", ["spool_deadband", "nothing"])
 def test_result_folder_holds_report_diagnosis_page_and_table_and_nothing_else(case: str) -> None:
     done = command(case)
-    wanted = {"diagnosis.json", "report.html", "report.json", "table.yaml"}
+    wanted = {"diagnosis.json", "report.html", "report.json", "table.yaml", "uncertainty.json"}
     if case != "nothing":
-        wanted.add("tracking.json")
+        wanted |= {"tracking.json", "controller.yaml", "observer.yaml", "tune.json"}
     assert {p.name for p in done.out.iterdir()} == wanted
     assert sorted(p.name for p in done.out.parent.iterdir()) == ["hold", "learn", "out"]
+
+
+def test_gains_made_for_the_found_table_stand_beside_before_and_after() -> None:
+    done = command("spool_deadband")
+    content = json.loads((done.out / "tracking.json").read_text(encoding="utf-8"))
+    assert content["tuned"]["acceleration"] < content["before"]["acceleration"]
+    assert content["tuned"]["position"] < 0.01
+    assert content["ringing"]["tuned"] <= 1.0
+    assert content["margins"]["sensitivity"] < 1.8
+    assert "declared → extended model → with gains for it" in done.printed
+    page = (done.out / "report.html").read_text(encoding="utf-8")
+    assert "extended model, gains made for it" in page
+    assert "where it is least robust: gain" in page
+    assert "effects.spool_deadband.width" in read_uncertainty(done.out / "uncertainty.json").names
 
 
 def test_extended_table_loads_again_and_moves_as_the_fitted_one() -> None:

@@ -32,6 +32,7 @@ class Controller:
     ----------
     law : what `selected.step_controller` takes, an array of one record.
     law_size : length of the state without the virtual table's.
+    model : the table that it carries, with the loop's delay, None without one.
     virtual : the virtual table of the model, None without one.
 
     Raises
@@ -51,16 +52,16 @@ class Controller:
         self.kind = kind
         self.parameters = parameters
         self.sample_time = float(sample_time)
-        self._model = model and delayed_by(model, parameters.loop_delay)
+        self.model = model and delayed_by(model, parameters.loop_delay)
         if parameters.model and model is None:
             raise ShakeError(f"controller '{kind}': the table '{parameters.model}' of its model was not handed over")
         if parameters.predict and model is None:
             raise ShakeError(f"controller '{kind}': predict needs a model")
         self.virtual: VirtualTable | None = None
-        if self._model is not None:
+        if self.model is not None:
             p = parameters
             settings = p.model_bandwidth, p.model_horizon, p.limit, p.predict
-            self.virtual = VirtualTable(self._model, self.sample_time, *settings)
+            self.virtual = VirtualTable(self.model, self.sample_time, *settings)
         self.law = records(CONTROLLERS, parameters.under_model() if self.virtual else parameters)
         self.law_size = HEAD + parameters.states
 
@@ -69,7 +70,7 @@ class Controller:
         p, q = self.parameters, other.parameters
         fields = ("model_bandwidth", "model_horizon", "limit", "predict")
         same = all(getattr(p, name) == getattr(q, name) for name in fields)
-        return self.virtual is not None and self._model == other._model and same
+        return self.virtual is not None and self.model == other.model and same
 
     def initial_state(self, command: float = 0.0, start_time: float | None = None) -> NDArray[np.float64]:
         """Not started, all integrals zero.

@@ -52,6 +52,15 @@ def covariance(result: Fit, blocks: np.ndarray) -> np.ndarray:
     return full
 
 
+def known_covariance(result: Fit, blocks: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names of the table's parameters that the residuals determine, and their covariance, shape (p, p)."""
+    scale = result.free.scale
+    whole = covariance(result, blocks) * scale * scale[:, None]
+    of_table = np.array([name in result.free.base.fields for name in result.free.names])
+    known = np.flatnonzero(np.isfinite(np.diag(whole)) & of_table)
+    return tuple(result.free.names[i] for i in known), whole[np.ix_(known, known)]
+
+
 def estimates(result: Fit, blocks: np.ndarray) -> list[Estimate]:
     """Fitted parameters with their standard errors."""
     deviation = np.sqrt(np.diag(covariance(result, blocks))) * result.free.scale

@@ -1,38 +1,87 @@
-"""What a better model is worth: the identified table in closed loop, controlled by one model of it and by another."""
+"""What a better model is worth: the identified table in closed loop, controlled by one model of it and by another.
+
+The loop may come out worse for the better model: its gains were made for another table. So it also runs on the table's
+neighbours, and what rings there is said.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.runner import Controller
-from shake_ros.core.loop.compiled import Loop, simulate
+from shake_ros.core.loop.compiled import Loop, run_batch, simulate
+from shake_ros.core.loop.linear_loop import Margins
+from shake_ros.core.loop.metrics import ringing
+from shake_ros.core.loop.trials import allowed_ringing
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError
 
-Loops = Callable[[TableParameters], tuple[Observer, Controller]]
+Pair = tuple[Observer, Controller]
+Loops = Callable[[TableParameters], Pair]
 
 
 @dataclass(frozen=True)
 class TrackingBenefit:
-    """Runs on one table under the model before and the model after. reference : what they follow, by name."""
+    """Runs on one table under the model before and the model after.
+
+    Attributes
+    ----------
+    reference : what they follow, by name. tuned : the run with observer and gains made for the table, and `margins`.
+    ringing : of each loop on the table and its neighbours over what is allowed there, the worst; above 1 it rings.
+    """
 
     reference: str
     before: ClosedLoop
     after: ClosedLoop
+    tuned: ClosedLoop | None = None
+    margins: Margins | None = None
+    ringing: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def runs(self) -> dict[str, ClosedLoop]:
+        """The runs by name."""
+        runs = {"before": self.before, "after": self.after}
+        return runs if self.tuned is None else runs | {"tuned": self.tuned}
 
     def errors(self) -> dict[str, dict[str, float]]:
-        """Relative tracking error of position, velocity and acceleration under each model."""
+        """Relative tracking error of position, velocity and acceleration of each run; NaN where it was lost."""
         names = ("position", "velocity", "acceleration")
         return {
             when: dict(zip(names, (float(e) for e in run.tracking_error()), strict=True))
-            for when, run in (("before", self.before), ("after", self.after))
+            for when, run in self.runs.items()
         }
+
+    def warnings(self) -> list[str]:
+        """What a laboratory would hear, and what cures it."""
+        shaken, found = self.ringing.get("after", 0.0), []
+        errors = self.errors()
+        if shaken > 1.0:
+            found.append(
+                "with the extended model and the present gains the loop rings on the found table or a neighbour: its "
+                f"acceleration beyond 15 Hz is {shaken:.2g} times what is allowed"
+            )
+        elif not errors["after"]["acceleration"] <= 1.05 * errors["before"]["acceleration"]:
+            found.append("with the present gains the extended model does not follow better than the declared one")
+        if found and self.tuned is None:
+            found[0] += "; close_loop --tune, or tune --table, makes observer and gains for this table"
+        if self.ringing.get("tuned", 0.0) > 1.0:
+            found.append("the gains made for this table ring as well on a neighbour: do not use them")
+        return found
+
+
+def worst_ringing(pair: Pair, tables: Sequence[TableParameters], reference: NDArray[np.float64], delay: int) -> float:
+    """The largest ringing of a loop on several tables over what is allowed there [-]; infinite where it was lost."""
+    observer, controller = pair
+    feedforward = controller.virtual.follow(reference) if controller.virtual else None
+    loops = [Loop(table, observer, controller, reference, feedforward, delay=delay) for table in tables]
+    shaken = run_batch(loops, lambda _, run: ringing(run))
+    allowed = allowed_ringing(controller, tables, reference, feedforward, delay)
+    return max((found / bound for found, bound in zip(shaken, allowed, strict=True)), default=0.0)
 
 
 def benefit(
@@ -44,6 +93,9 @@ def benefit(
     name: str,
     *,
     delay: int,
+    tuned: tuple[Pair, Margins] | None = None,
+    neighbours: Sequence[TableParameters] = (),
+    seconds: float = 4.5,
 ) -> TrackingBenefit:
     """Run the same loop twice on one table, with one model in observer and controller and with the other.
 
@@ -52,16 +104,14 @@ def benefit(
     table : the plant. before, after : models. loops : observer and controller that carry a model.
     reference : (n, 3) position [m], velocity [m/s], acceleration [m/s²]. name : of the reference.
     delay : samples by which a command reaches the valve late.
-
-    Raises
-    ------
-    ShakeError : a loop left the finite numbers.
+    tuned : observer and controller made for the table, with their margins; they run as well.
+    neighbours : tables on which the loops are looked at for `seconds` of the reference [s].
     """
-    runs = []
-    for model in (before, after):
-        observer, controller = loops(model)
-        run, finite = simulate(Loop(table, observer, controller, reference, delay=delay))
-        if finite < len(reference):
-            raise ShakeError(f"{name}: the loop was lost after {finite * controller.sample_time:g} s")
-        runs.append(run)
-    return TrackingBenefit(name, *runs)
+    pairs = {"before": loops(before), "after": loops(after)}
+    if tuned:
+        pairs["tuned"] = tuned[0]
+    runs = {when: simulate(Loop(table, *pair, reference, delay=delay))[0] for when, pair in pairs.items()}
+    part = reference[: round(seconds / pairs["after"][1].sample_time)]
+    shaken = {when: worst_ringing(pairs[when], [table, *neighbours], part, delay) for when in pairs if when != "before"}
+    margins = tuned[1] if tuned else None
+    return TrackingBenefit(name, runs["before"], runs["after"], runs.get("tuned"), margins, shaken)

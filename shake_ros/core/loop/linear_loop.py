@@ -52,6 +52,14 @@ class Margins:
     disk: float
     sensitivity: float
 
+    @property
+    def text(self) -> str:
+        """In a line."""
+        return (
+            f"gain {self.gain:.2f}, phase {math.degrees(self.phase):.0f} deg, delay {1e3 * self.delay:.1f} ms, "
+            f"disk {self.disk:.2f}, sensitivity {self.sensitivity:.2f}"
+        )
+
 
 class Held(NamedTuple):
     """A linear model sampled: x⁺ = a x + b_late u(k − whole − 1) + b u(k − whole); motion = c x (d is none)."""

@@ -41,6 +41,7 @@ JERKS = (0.1, 0.3, 1.0, 3.0)  # [m/s^2.5] white jerk of the observers that are t
 WANDER = 60.0  # [1/s] density of the disturbance over that of the jerk
 DAMPINGS = (0.0, 0.15, 0.3, 0.6)  # damping ratios that the acceleration adds to the oil column, of those that are tried
 INTEGRAL = 8.0  # the integral acts below the bandwidth over this
+SLOWEST = 0.02  # of the largest bandwidth: the smallest that is tried
 HALVINGS = 6  # of the bandwidth's interval
 HARDEST = 10  # linear models on which a bandwidth is sought; it is then held against all
 OSCILLATING = 0.5  # damping ratio below which a pair of poles counts as the oil column
@@ -191,6 +192,7 @@ class Search:
         self.cases = cases(tables, s)
         mass = tables[0].moved_mass + tables[0].value("effects.payload_error.mass")
         self._per_acceleration = 0.5 * mass / tables[0].body.piston_area
+        self.slowest = SLOWEST * s.fastest
         self._omega = grid(s.sample_time, 120)
 
     def feedback(self, bandwidth: float, damping: float) -> Feedback:
@@ -221,7 +223,7 @@ class Search:
 
     def fastest(self, damping: float, jerk: float, hardest: Sequence[Case]) -> Design | None:
         """The design of the largest bandwidth that holds on these linear models; None where none does."""
-        low, high = 0.02 * self.s.fastest, self.s.fastest
+        low, high = self.slowest, self.s.fastest
 
         def holds(bandwidth: float) -> bool:
             return max(self.worst(self.design(bandwidth, damping, jerk), hardest)) <= self.s.sensitivity
@@ -241,7 +243,7 @@ class Search:
         tried = (self.fastest(damping, jerk, hardest) for damping in dampings for jerk in JERKS)
         found = sorted((d for d in tried if d), key=lambda d: -d.bandwidth)
         for design in found[:2]:
-            while design.bandwidth > 0.02 * self.s.fastest:
+            while design.bandwidth > self.slowest:
                 if max(self.worst(design, self.cases)) <= self.s.sensitivity:
                     return design
                 design = self.design(0.8 * design.bandwidth, design.damping, design.jerk)

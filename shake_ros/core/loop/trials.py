@@ -23,16 +23,18 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.loop.law_design import LAWS, WITHOUT_ACCELERATION, Common, near_surface
 from shake_ros.core.loop.metrics import AT_LIMIT, ringing
-from shake_ros.core.loop.robust import DAMPINGS, Design, Search
+from shake_ros.core.loop.robust import DAMPINGS, JERKS, Design, Search
 from shake_ros.core.observer.linear import LinearObserver
 from shake_ros.core.observer.model import ModelObserver
 from shake_ros.core.observer.runner import Observer
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import Parameters
 
 Array = NDArray[np.float64]
 P = TypeVar("P", bound=Parameters)
 WANTED = np.array([0.005, 0.03, 0.15])  # errors of position, velocity and acceleration that count alike [-]
 OVER_FEEDFORWARD = 1.3  # times the ringing of the feedforward alone, which a loop may have
+RINGING = 0.5  # rms of the acceleration's error above 15 Hz over the reference's
 SLOWER = 0.65  # of a bandwidth that rang
 SLOWEST = 4  # times a design is slowed down
 
@@ -94,6 +96,33 @@ def trial(run: ClosedLoop, limit: float, stroke: float) -> Trial:
     return Trial(run.tracking_error(), ringing(run), at_limit, largest)
 
 
+def allowed_ringing(
+    controller: Controller,
+    tables: Sequence[TableParameters],
+    reference: Array,
+    feedforward: tuple[Array, Array] | None,
+    delay: int,
+    further: int = 0,
+    bound: float = RINGING,
+) -> list[float]:
+    """Ringing up to which a loop is sound on each table: a bound, or more than the feedforward alone makes there.
+
+    Parameters
+    ----------
+    controller : whose feedforward it is. delay : samples by which a command acts late; each table's is longer than the
+    last one's by one, from none to `further` in turn.
+    """
+    if feedforward is None:
+        return [bound] * len(tables)
+    own = {f.name: getattr(controller.parameters, f.name) for f in dataclasses.fields(Hold)}
+    law = Controller("none", Hold(**own), controller.sample_time, controller.model)
+    loops = [
+        Loop(table, None, law, reference, feedforward, seed=i, delay=delay + i % (further + 1))
+        for i, table in enumerate(tables)
+    ]
+    return [max(bound, OVER_FEEDFORWARD * r) for r in run_batch(loops, lambda _, run: ringing(run))]
+
+
 class Trials:
     """Laws on the neighbours of a table under its own model; `fields` are those that all laws share."""
 
@@ -102,7 +131,11 @@ class Trials:
         self.s, self.table = search.s, search.tables[0]
         self._reference = np.ascontiguousarray(reference)
         self._feedforward = self.feedforward(self._reference)
-        self._alone = [t.ringing for t in self.run(Hold(**fields), "none", None)]  # type: ignore[arg-type]
+        law = Controller("none", Hold(**fields), self.s.sample_time, self.table)  # type: ignore[arg-type]
+        late = round(self.s.loop_delay / self.s.sample_time)
+        self._allowed = allowed_ringing(
+            law, search.tables, self._reference, self._feedforward, late, self.s.further_delay, self.s.ringing
+        )
 
     def feedforward(self, reference: Array) -> tuple[Array, Array]:
         """Commands and motion of the virtual table along a reference."""
@@ -120,10 +153,10 @@ class Trials:
         model = str(self.fields["model"])
         return rounded(ModelObserver(**own, model=model, loop_delay=self.s.loop_delay, predict=True))
 
-    def run(self, parameters: LawParameters, kind: str, design: Design | None) -> list[Trial]:
+    def run(self, parameters: LawParameters, kind: str, design: Design) -> list[Trial]:
         """A law on the table and its neighbours, each later than the last by up to the further dead time."""
         law = Controller(kind, parameters, self.s.sample_time, self.table)
-        seer = None if design is None else self.observer(design.observer)
+        seer = self.observer(design.observer)
         late = round(self.s.loop_delay / self.s.sample_time)
         loops = [
             Loop(
@@ -141,7 +174,7 @@ class Trials:
 
     def allowed(self, i: int) -> float:
         """Ringing up to which a loop is sound on a table."""
-        return max(self.s.ringing, OVER_FEEDFORWARD * self._alone[i])
+        return self._allowed[i]
 
     def tried(self, kind: str, design: Design) -> TriedLaw | None:
         """A law, slowed down until it does not ring; None where the law cannot be made of the design."""
@@ -165,17 +198,20 @@ class Trials:
 def try_laws(
     trials: Trials, laws: Sequence[str], tell: Callable[[str, float], None] = lambda *_: None
 ) -> list[TriedLaw]:
-    """Each law on the fastest design that is sound for it, best first; those that cannot be made are left out."""
+    """Each law on the fastest design that is sound for it, else the slowest; best first.
+
+    A law that cannot be made of its design is left out.
+    """
     search, found = trials.search, list[TriedLaw]()
     tell("bandwidths on the linear models", 0.1)
     designs = {
         True: search.best([d for d in DAMPINGS if d > 0.0]) if set(laws) - set(WITHOUT_ACCELERATION) else None,
         False: search.best([0.0]) if set(laws) & set(WITHOUT_ACCELERATION) else None,
     }
+    slowest = search.design(search.slowest, 0.0, JERKS[-1])
     for k, kind in enumerate(laws):
         tell(f"{kind} on {len(search.tables)} tables", 0.3 + 0.7 * k / len(laws))
-        design = designs[kind not in WITHOUT_ACCELERATION]
-        law = trials.tried(kind, design) if design else None
+        law = trials.tried(kind, designs[kind not in WITHOUT_ACCELERATION] or slowest)
         if law:
             found.append(law)
     return sorted(found, key=lambda law: law.score)

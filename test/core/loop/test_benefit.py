@@ -41,6 +41,17 @@ def test_model_with_the_dead_band_of_the_table_follows_better_than_one_without()
     assert found["after"]["acceleration"] < 0.5 * found["before"]["acceleration"]
 
 
+def test_loop_that_rings_under_the_extended_model_is_told_with_the_cure() -> None:
+    # 12 ms of dead time and one of the loop, known: the present loop waits for them, at gains made for one
+    late = DECLARED.with_values({"effects.command_delay.delay": 0.012})
+    model = DECLARED.with_values({"effects.command_delay.delay": 0.013})
+    found = benefit(late, DECLARED, model, loops, sine(1.5), "sine", delay=1, neighbours=[late], seconds=1.5)
+    assert found.ringing["after"] > 1.0
+    (warning,) = found.warnings()
+    assert "rings" in warning
+    assert "close_loop --tune" in warning
+
+
 def test_same_model_before_and_after_gives_the_same_run() -> None:
     found = benefit(DECLARED, DECLARED, DECLARED, loops, sine(0.5), "sine", delay=1)
     np.testing.assert_array_equal(found.before.truth, found.after.truth)
