@@ -190,9 +190,11 @@ def simulate(
         raise ShakeError(
             f"a closed loop needs a table with a valve and hydraulics, not one of the model {plant.layout.name}"
         )
-    law = controller if isinstance(controller, Controller) else _controller(str(controller), sample_time, model)
+    law = controller if isinstance(controller, Controller) else controller_of(str(controller), sample_time, model)
     if observer is not None and not isinstance(observer, Observer):
-        observer = _observer(str(observer), sample_time, model)
+        observer = observer_of(str(observer), sample_time, model)
+    if observer is not None and getattr(observer.parameters, "predict", False) != law.parameters.predict:
+        raise ShakeError("observer and controller must both predict, or neither: they stand at different instants")
     run, finite = run_loop(Loop(plant, observer, law, given, seed=seed, delay=delay, start=start))
     if finite < len(given):
         raise ShakeError(f"{name}: the loop was lost after {finite * sample_time:g} s")
@@ -221,13 +223,15 @@ def _carried(parameters: Parameters, model: TableParameters | None) -> TablePara
     return model if model is not None or not named else load_table(named)
 
 
-def _controller(name: str, sample_time: float, model: TableParameters | None) -> Controller:
+def controller_of(name: str, sample_time: float, model: TableParameters | None) -> Controller:
+    """The controller of a configuration, with a model in place of the one that it names where one is given."""
     parameters: LawParameters
     kind, parameters = load_variant("controller", name, CONTROLLERS)
     return Controller(kind, parameters, sample_time, _carried(parameters, model))
 
 
-def _observer(name: str, sample_time: float, model: TableParameters | None) -> Observer:
+def observer_of(name: str, sample_time: float, model: TableParameters | None) -> Observer:
+    """The observer of a configuration, with a model in place of the one that it names where one is given."""
     parameters: ObserverParameters
     kind, parameters = load_variant("observer", name, OBSERVERS)
     return Observer(kind, parameters, sample_time, _carried(parameters, model))

@@ -8,17 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.progress import Progress, Told
-from shake_ros.core.control import CONTROLLERS
+from shake_ros.api.simulate import controller_of, observer_of
 from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.runner import Controller
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.loop.metrics import spectrum_of
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
-from shake_ros.settings import load_table, load_variant
+from shake_ros.settings import load_table
 
 Array = NDArray[np.float64]
 
@@ -60,8 +57,7 @@ class SimulatedTable:
         """
         dt = self.sample_time
         plant = load_table(self.table) if isinstance(self.table, str) else self.table
-        observer = Observer(*load_variant("observer", self.observer, OBSERVERS), dt, model)
-        controller = Controller(*load_variant("controller", self.controller, CONTROLLERS), dt, model)
+        observer, controller = observer_of(self.observer, dt, model), controller_of(self.controller, dt, model)
         run, finite = simulate(Loop(plant, observer, controller, reference, seed=number, delay=self.delay))
         if finite < len(reference):
             raise ShakeError(f"run {number + 1} left the finite numbers after {finite * dt:.3f} s")

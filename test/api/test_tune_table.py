@@ -52,6 +52,12 @@ def test_loop_with_the_gains_of_a_soft_and_late_table_tracks_where_the_default_g
     assert before[2] > 2.0 * errors[2]
 
 
+def test_loop_of_which_only_one_part_predicts_is_refused(tuned: TunedTable, soft: TableParameters) -> None:
+    _, controller = tuned.loop()
+    with pytest.raises(ShakeError, match="must both predict"):
+        sr.simulate(soft, "earthquake", controller=controller, observer="linear_bergamo")
+
+
 def test_no_law_that_is_recommended_rings_on_a_neighbour(tuned: TunedTable) -> None:
     assert tuned.sound
     assert tuned.margins.stable
