@@ -84,9 +84,13 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
     return [*lines, sentence(diagnosis.identifiability.text), sentence(diagnosis.advice)]
 
 
+def _hundredths(share: float) -> str:
+    return f"{100.0 * share:.2f}" if math.isfinite(share) else "lost"
+
+
 def tracking_lines(benefit: TrackingBenefit) -> list[str]:
     """Tracking errors in the loop under the model before and the model after."""
     errors = benefit.errors()
-    parts = [f"{name} {' → '.join(f'{100.0 * e[name]:.2f}' for e in errors.values())} %" for name in errors["before"]]
+    parts = [f"{name} {' → '.join(_hundredths(e[name]) for e in errors.values())} %" for name in errors["before"]]
     models = "declared → extended model" + (" → with gains for it" if benefit.tuned else "")
     return [f"tracking error ({benefit.reference}), {models}: {', '.join(parts)}", *map(sentence, benefit.warnings())]

@@ -62,8 +62,12 @@ class TrackingBenefit:
         errors = self.errors()
         if shaken > 1.0:
             found.append(
-                "with the extended model and the present gains the loop rings on the found table or a neighbour: its "
-                f"acceleration beyond 15 Hz is {shaken:.2g} times what is allowed"
+                "with the extended model and the present gains the loop rings on the found table or a neighbour: "
+                + (
+                    f"its acceleration beyond 15 Hz is {shaken:.2g} times what is allowed"
+                    if shaken < 1e6
+                    else "it is lost"
+                )
             )
         elif not errors["after"]["acceleration"] <= 1.05 * errors["before"]["acceleration"]:
             found.append("with the present gains the extended model does not follow better than the declared one")
