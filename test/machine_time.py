@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import subprocess
 import sys
 from collections.abc import Callable
-from typing import TypeVar
+from typing import ParamSpec
 
 import pytest
 
@@ -16,14 +17,14 @@ PROGRAM = ROOT / "benchmarks" / "realtime" / "bare_timer.py"
 ATTEMPTS = 3
 LONGEST = 10.0  # the machine keeps time while no tick of the timer is later [ms] …
 MISSED = 0.01  # … and no more of its periods are missed
-Result = TypeVar("Result")
+P = ParamSpec("P")
 
 
 class BareTimer:
     """A process beside the block that does nothing but tick at 1 kHz; `lateness` then says what it did not keep."""
 
-    def __init__(self, priority: int = 0) -> None:
-        command = [sys.executable, "-I", "-S", str(PROGRAM), "--priority", str(priority)]
+    def __init__(self) -> None:
+        command = [sys.executable, "-I", "-S", str(PROGRAM)]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.lateness = ""
 
@@ -40,20 +41,25 @@ class BareTimer:
             )
 
 
-def on_a_machine_that_keeps_time(attempt: Callable[[], Result], priority: int = 0) -> Result:
-    """What `attempt` returns. It may fail only while a bare timer of the same priority keeps time beside it.
+def on_a_machine_that_keeps_time(test: Callable[P, None]) -> Callable[P, None]:
+    """The decorated test may fail only while a bare timer keeps time beside it.
 
-    A failure while the machine did not keep time is void, and the attempt is made again; after ATTEMPTS void ones the
-    test is skipped, with the timer's rate as the reason.
+    A failure while the machine did not keep time is void, and the test is made again; after ATTEMPTS void ones it is
+    skipped, with the timer's rate as the reason.
     """
-    reasons = []
-    for _ in range(ATTEMPTS):
-        timer = BareTimer(priority)
-        try:
-            with timer:
-                return attempt()
-        except Exception:
-            if not timer.lateness:
-                raise
-            reasons.append(timer.lateness)
-    pytest.skip(f"the machine kept no time in {ATTEMPTS} attempts: {'; '.join(reasons)}")
+
+    @functools.wraps(test)
+    def judged(*arguments: P.args, **named: P.kwargs) -> None:
+        reasons = []
+        for _ in range(ATTEMPTS):
+            timer = BareTimer()
+            try:
+                with timer:
+                    return test(*arguments, **named)
+            except Exception:
+                if not timer.lateness:
+                    raise
+                reasons.append(timer.lateness)
+        pytest.skip(f"the machine kept no time in {ATTEMPTS} attempts: {'; '.join(reasons)}")
+
+    return judged

@@ -24,7 +24,7 @@ def measure(period: int) -> tuple[array[int], int]:
     """Lateness of each tick [ns] and the number of missed periods [ns], until standard input ends."""
     late: array[int] = array("q")
     missed, deadline = 0, time.monotonic_ns() + period
-    while len(late) % 64 or not select.select([sys.stdin], [], [], 0)[0]:
+    while not late or len(late) % 64 or not select.select([sys.stdin], [], [], 0)[0]:
         time.sleep(max(0, deadline - time.monotonic_ns()) * 1e-9)
         late.append(time.monotonic_ns() - deadline)
         skipped = max(0, late[-1] // period)

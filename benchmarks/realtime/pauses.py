@@ -1,6 +1,6 @@
 """Where the pauses of the loop come from: each that is longer than 2 ms, node by node, with what its thread did then.
 
-    python -m benchmarks.realtime.pauses [--seconds 20] [--graph plant|bridge] [--fifo] [--load N] [--joining] [--save]
+    python -m benchmarks.realtime.pauses [--seconds 20] [--graph plant|bridge] [--fifo] [--alike] [--load N] [--joining]
 
 The graph of timing.py as processes that note their own pauses (traced.py), beside the bare timer of bare_timer.c with
 the same scheduling, which is the machine's limit. `--load N`: N processes beside it that never wait, at the usual
@@ -29,6 +29,7 @@ from benchmarks.realtime.graphs import PRIORITY, Case, Reports, emulator, nodes
 from benchmarks.realtime.listener import Listener
 from benchmarks.realtime.timing import begin
 from benchmarks.realtime.traced import LIMIT, SETTLING
+from shake_ros.realtime import ANY, RealtimeParameters, ask_for
 from shake_ros.ros.graph import Graph
 from shake_ros.ros.interface import DIAGNOSTICS
 
@@ -62,7 +63,7 @@ def stolen() -> float:
     return int(Path("/proc/stat").read_text().split("\n", 1)[0].split()[8]) / os.sysconf("SC_CLK_TCK")
 
 
-def run(case: Case, seconds: float, domain: int) -> tuple[dict[str, Any], list[str]]:
+def run(case: Case, seconds: float, domain: int, alike: bool) -> tuple[dict[str, Any], list[str]]:
     """What each node noted, and the bare timer's line, over a run."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
@@ -79,6 +80,8 @@ def run(case: Case, seconds: float, domain: int) -> tuple[dict[str, Any], list[s
         if driver:
             driver.node.destroy_publisher(driver.publisher)
         begin(case, running, reports, driver)
+        if alike:
+            ask_for(RealtimeParameters(True, PRIORITY, ANY, False, False))
         time.sleep(SETTLING / 1e9)
         priority = [str(PRIORITY)] if case.fifo else []
         limit = subprocess.run([timer, str(seconds), *priority], capture_output=True, text=True, check=True).stdout
@@ -114,6 +117,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=20.0, help="of the run [s]")
     parser.add_argument("--graph", choices=("plant", "bridge"), default="plant")
     parser.add_argument("--fifo", action="store_true", help="with SCHED_FIFO")
+    parser.add_argument("--alike", action="store_true", help="with the priority for this program too, which listens")
     parser.add_argument("--load", type=int, default=0, help="processes that never wait, beside it")
     parser.add_argument("--joining", action="store_true", help="a node comes and goes all the time, beside it")
     parser.add_argument("--domain", type=int, default=int(os.environ.get("ROS_DOMAIN_ID", "0")))
@@ -124,10 +128,11 @@ def main() -> int:
     case = Case(bridge=given.graph == "bridge", fifo=given.fifo)
     before = throttled(), stolen()
     with beside("while True: pass", given.load), beside(JOINING, int(given.joining)):
-        found, limit = run(case, given.seconds, given.domain)
+        found, limit = run(case, given.seconds, given.domain, given.alike)
         load = os.getloadavg()[0]
     heading = [
-        f"{given.graph}, {'SCHED_FIFO' if given.fifo else 'usual scheduling'}, {given.load} busy processes beside"
+        f"{given.graph}, {'SCHED_FIFO' if given.fifo else 'usual scheduling'}"
+        f"{', who listens too' if given.alike else ''}, {given.load} busy processes beside"
         f"{', a node joins and leaves' if given.joining else ''}{'; ' if given.note else ''}{given.note}",
         f"  {given.seconds:g} s, pauses beyond {LIMIT / 1e6:g} ms; load {load:.1f}, stopped by a quota "
         f"{throttled() - before[0]} times, {stolen() - before[1]:.1f} s stolen by the hypervisor",

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
+from machine_time import on_a_machine_that_keeps_time
 
 from benchmarks.realtime.driver import Driver
 from benchmarks.realtime.emulated_target import emulated_target
@@ -91,6 +92,7 @@ class Scene:
 
 
 @pytest.mark.parametrize("link", ["plant", "bridge"])
+@on_a_machine_that_keeps_time
 def test_fault_of_a_sensor_and_of_the_command_end_as_configured_and_are_over_after_reset(
     ros_domain, tmp_path, link
 ) -> None:

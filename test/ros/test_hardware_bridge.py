@@ -51,12 +51,10 @@ def wait_for(driver: Driver, service: str, **request: object) -> None:
         time.sleep(0.1)
 
 
+@on_a_machine_that_keeps_time
 def test_loop_runs_over_the_bridge_as_over_the_plant_once_it_is_enabled(ros_domain, tmp_path) -> None:
-    def attempt() -> None:
-        with bridge(tmp_path) as path:
-            run_over(path, ros_domain)
-
-    on_a_machine_that_keeps_time(attempt)
+    with bridge(tmp_path) as path:
+        run_over(path, ros_domain)
 
 
 def run_over(bridge: str, ros_domain: int) -> None:

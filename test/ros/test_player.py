@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from machine_time import on_a_machine_that_keeps_time
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 
@@ -50,6 +51,7 @@ def play(node, bag, until, **options):
             assert player.wait(20) == 0
 
 
+@on_a_machine_that_keeps_time
 def test_every_message_comes_again_in_its_rhythm(ros_domain, bag):
     with own_node(ros_domain) as node:
         ear = Ear(node, JointState, "joint_states")
@@ -60,6 +62,7 @@ def test_every_message_comes_again_in_its_rhythm(ros_domain, bag):
     assert 0.85 < ear.times[-1] - ear.times[0] < 1.5
 
 
+@on_a_machine_that_keeps_time
 def test_speed_offset_topic_and_clock_are_options(ros_domain, bag):
     with own_node(ros_domain) as node:
         imu, state = Ear(node, Imu, "imu"), Ear(node, JointState, "joint_states")

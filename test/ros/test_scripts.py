@@ -40,13 +40,14 @@ def test_every_controller_in_lockstep_has_the_numbers_of_the_compiled_loop(ros_d
 
 
 @pytest.mark.parametrize("scheduling", [(), ("--fifo",)], ids=["usual scheduling", "SCHED_FIFO"])
+@on_a_machine_that_keeps_time
 def test_closed_loop_in_real_time_keeps_its_books(ros_domain, scheduling) -> None:
-    said = on_a_machine_that_keeps_time(lambda: run("real_time.py", "--seconds", "3.0", *scheduling))
-    assert "missed deadlines counted" in said
+    assert "missed deadlines counted" in run("real_time.py", "--seconds", "3.0", *scheduling)
 
 
+@on_a_machine_that_keeps_time
 def test_table_answers_bad_commands(ros_domain) -> None:
-    assert "every answer as it should be" in on_a_machine_that_keeps_time(lambda: run("bad_commands.py"))
+    assert "every answer as it should be" in run("bad_commands.py")
 
 
 def test_real_ros2_program_does_what_a_user_does_with_it(ros_domain) -> None:
@@ -55,6 +56,7 @@ def test_real_ros2_program_does_what_a_user_does_with_it(ros_domain) -> None:
     assert "the real programs did all of it" in run("ros2_program.py")
 
 
+@on_a_machine_that_keeps_time
 def test_graph_comes_up_and_goes_down_again_and_again(ros_domain) -> None:
     """benchmarks.realtime.up_and_down does it 50 times; the fixture sees to it that no process is left."""
     said = again_and_again(3, ros_domain)

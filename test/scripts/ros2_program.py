@@ -27,6 +27,7 @@ import yaml
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE = 300.0  # for what a node is to say; the first start compiles [s]
 NONE = 3  # exit status without the program
+TOLD = 2  # that of `ros2 topic` after Ctrl-C
 NODES = ("plant", "hardware_bridge", "reference_generator", "observer", "controller", "thd_analyzer", "recorder")
 
 
@@ -160,7 +161,7 @@ def safety(user: User) -> None:
         plant.waits_for("no stamp (header.stamp is 0)")
         command = ("topic", "pub", "-r", "50", "/cmd/valve", "sensor_msgs/msg/JointState")
         stamped = "{header: auto, name: [servo_valve], position: [0.01]}"
-        with user.terminal(*command, stamped, ends=0), user.terminal(*command, stamped, ends=0):
+        with user.terminal(*command, stamped, ends=TOLD), user.terminal(*command, stamped, ends=TOLD):
             plant.waits_for("two_commanders: ")
         assert "success=True" in user.ros2("service", "call", "/rig/stop", "std_srvs/srv/Trigger")
         plant.waits_for("waits for reset")
@@ -215,7 +216,7 @@ def messages(user: User) -> None:
         assert float(re.findall(r"[\d.e-]+", variance)[0]) > 0.0, variance
         assert "table" in user.ros2("topic", "echo", "--once", "/shake/joint_states", "--field", "name")
         user.tries("THD", "topic", "echo", "--once", "/shake/thd")
-        with user.terminal("topic", "hz", "/shake/joint_states", ends=0) as rate:
+        with user.terminal("topic", "hz", "/shake/joint_states", ends=TOLD) as rate:
             rate.waits_for("average rate")
 
 
