@@ -36,6 +36,9 @@ PUBLIC = {  # name → module
     "Model": "shake_ros.api.model",
     "model": "shake_ros.api.model",
     "multisine_split": "shake_ros.api.multisine_split",
+    "Qualification": "shake_ros.api.qualification",
+    "certified": "shake_ros.api.qualification",
+    "qualify": "shake_ros.api.qualify",
     "Recordings": "shake_ros.api.read",
     "read": "shake_ros.api.read",
     "recording": "shake_ros.api.read",
@@ -82,6 +85,9 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.model import Model as Model
     from shake_ros.api.model import model as model
     from shake_ros.api.multisine_split import multisine_split as multisine_split
+    from shake_ros.api.qualification import Qualification as Qualification
+    from shake_ros.api.qualification import certified as certified
+    from shake_ros.api.qualify import qualify as qualify
     from shake_ros.api.read import Recordings as Recordings
     from shake_ros.api.read import read as read
     from shake_ros.api.read import recording as recording

@@ -65,6 +65,7 @@ ENTRY_POINTS: dict[str, Entry] = {
         "shake_ros.cli.measured_runs", "the real table's harmonics against printed and fitted models"
     ),
     "iterate": Entry("shake_ros.cli.iterate", "the drive of the next run from what the last one missed"),
+    "qualify": Entry("shake_ros.cli.qualify", "a required response spectrum becomes a motion, a test, a certificate"),
     "record_scale": Entry("shake_ros.cli.record_scale", "read, correct and scale an accelerogram into the envelope"),
 }
 NODES = {name: entry for name, entry in ENTRY_POINTS.items() if entry.is_node}

@@ -28,6 +28,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("core.identification",),
     ("core.discovery", "core.measured_harmonics"),
     ("core.iteration",),  # a model that each run corrects has the effects of core.discovery
+    ("core.qualification",),  # a test's runs are an iteration
     ("settings", "realtime"),
     ("declared",),
     ("data", "bridge"),

@@ -70,7 +70,7 @@ def iterate(
     found = recordings(runs)
     if not found:
         raise ShakeError("iterate: no recording of a run")
-    learn, before = _learning(model, refit)
+    learn, before = learning(model, refit)
     sample_time = round(found[0].sample_time, 7)
     target = build_program(str(wanted), sample_time).states[:, 2]
     made = [_run(recording, len(target), sample_time) for recording in found]
@@ -103,7 +103,7 @@ def iterate_simulated(
         A run left the finite numbers.
     """
     parameters = load_iteration(settings) if runs is None else load_iteration(settings).replace(runs=runs)
-    learn, before = _learning(model, refit)
+    learn, before = learning(model, refit)
     played = SimulatedTable(table) if isinstance(table, str) else table
     carried = load_table(model) if isinstance(model, str) else model
     first = np.array(build_program(str(wanted), played.sample_time).states)
@@ -128,7 +128,7 @@ def load_iteration(settings: str | Iteration) -> Iteration:
     return Iteration.from_mapping(read_yaml(path), str(path))
 
 
-def _learning(
+def learning(
     model: str | TableParameters | None, effects: Sequence[str] | None
 ) -> tuple[Learn, TableParameters | None]:
     """`refit` of the declared parameters and those of named effects, and the model of the first run where wanted."""

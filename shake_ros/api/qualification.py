@@ -1,0 +1,199 @@
+"""The result of `qualify`: runs, verdicts, certificate; and the same again from its recordings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from shake_ros.api.qualification_files import checksums, judgement_json, required_json
+from shake_ros.api.result_table import ResultTable
+from shake_ros.core.qualification.judge import Judgement, Rules, judge, measured_motion
+from shake_ros.core.qualification.required import RequiredSpectrum
+from shake_ros.core.qualification.resonance import Resonance
+from shake_ros.core.qualification.run import Tested
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
+from shake_ros.data.results import write_folder, write_json, writing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SCHEMA = "shake_ros.qualify/1"
+SIGNALS = ("pressure_a", "pressure_b", "pressure_supply", "reference")
+
+
+@dataclass(frozen=True, repr=False)
+class Qualification:
+    """A test with its verdicts.
+
+    Attributes
+    ----------
+    required, rules : the spectrum and the code. runs : oldest first. reason : why it did not pass; empty where it did.
+    sample_time : [s]. about : specimen, table, instruments, date, … recordings : of searches and runs, in turn.
+    before, after : resonance searches; None where there was none. shift : of a resonance, from which it counts [-].
+    """
+
+    required: RequiredSpectrum
+    rules: Rules
+    runs: tuple[Tested, ...]
+    reason: str
+    sample_time: float
+    about: dict[str, str]
+    recordings: tuple[TableRecording, ...] = ()
+    before: Resonance | None = None
+    after: Resonance | None = None
+    shift: float = 0.1
+
+    @property
+    def judgement(self) -> Judgement:
+        """Of the last run."""
+        return self.runs[-1].judgement
+
+    @property
+    def moved(self) -> str:
+        """What the searches say of the specimen; empty where its resonance did not move."""
+        a, b = self.before, self.after
+        if a is None or b is None or not a.found:
+            return ""
+        change = b.frequency / a.frequency - 1.0 if b.found else -1.0
+        return "" if abs(change) < self.shift else f"the specimen's frequency moved by {100.0 * change:+.1f} %"
+
+    @property
+    def passed(self) -> bool:
+        """Whether every rule holds and the specimen's resonance did not move."""
+        return not self.reason and self.judgement.passed and not self.moved
+
+    @property
+    def error(self) -> ResultTable:
+        """The runs: spectrum missed, lowest and largest TRS/RRS."""
+        rows = [
+            (
+                k + 1,
+                100.0 * run.error,
+                float(run.judgement.ratio.min()),
+                float(run.judgement.ratio.max()),
+                run.judgement.passed,
+            )
+            for k, run in enumerate(self.runs)
+        ]
+        return ResultTable(("run", "spectrum missed [%]", "lowest TRS/RRS", "largest TRS/RRS", "passed"), rows)
+
+    @property
+    def verdicts(self) -> ResultTable:
+        """The rules of the last run."""
+        word = {True: "pass", False: "FAIL", None: "told"}
+        rows = [(v.rule, v.asked, v.measured, word[v.passed]) for v in self.judgement.verdicts]
+        return ResultTable(("rule", "asked", "measured", ""), rows)
+
+    def __repr__(self) -> str:
+        end = "PASSED" if self.passed else f"NOT PASSED: {self.reason or self.moved or 'a rule does not hold'}"
+        return f"{self.required.name}, {self.rules.name}: {end}\n{self.verdicts!r}\n{self.error!r}"
+
+    def plot(self) -> Figure:
+        """Required and test response spectrum, motion and convergence."""
+        from shake_ros.report.figures_qualification import qualification_figure
+
+        return qualification_figure(
+            self.judgement, self.runs[-1].motion, self.sample_time, [r.error for r in self.runs]
+        )
+
+    def content(self, sums: dict[str, str]) -> dict[str, Any]:
+        """certificate.json."""
+        found = {n: None if r is None else asdict(r) for n, r in (("before", self.before), ("after", self.after))}
+        return {
+            "schema": SCHEMA,
+            "passed": self.passed,
+            "reason": self.reason or self.moved,
+            "about": self.about,
+            "required": required_json(self.required),
+            "rules": asdict(self.rules),
+            "runs": [{"error": run.error, **judgement_json(run.judgement)} for run in self.runs],
+            "resonance": found,
+            "sha256": sums,
+        }
+
+    def report(self, folder: str | Path, force: bool = False) -> Path:
+        """Write certificate.html, .pdf and .json and the recordings; `force` replaces an existing folder."""
+        out = Path(folder)
+
+        def fill(work: Path) -> None:
+            for run in self.recordings:
+                signals: Any = {name: getattr(run, name) for name in SIGNALS}
+                write_table_recording(
+                    work / "recordings" / run.name,
+                    run.time,
+                    run.valve_command,
+                    run.position,
+                    run.acceleration,
+                    **signals,
+                )
+            self.certify(work, checksums(work / "recordings"))
+
+        write_folder(out, fill, force=force)
+        return out
+
+    def certify(self, folder: Path, sums: dict[str, str]) -> None:
+        """Write the certificate alone."""
+        from shake_ros.report.certificate import certificate_pages
+
+        with writing():
+            write_json(folder / "certificate.json", self.content(sums))
+            certificate_pages(self.content(sums), self.runs[-1].motion, self.sample_time, folder)
+
+
+def certified(folder: str | Path) -> tuple[Qualification, tuple[str, ...]]:
+    """The certificate of a folder made again from its recordings.
+
+    Returns
+    -------
+    (qualification, differences) : what the recordings say now, and every figure or file that differs from the
+        certificate that lies there; empty where it is reproduced.
+
+    Raises
+    ------
+    ShakeError
+        No certificate, or a recording that is absent.
+    """
+    top = Path(folder)
+    path = top / "certificate.json"
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        raise ShakeError(f"{path}: is no certificate of ./shake qualify") from None
+    if told.get("schema") != SCHEMA:
+        raise ShakeError(f"{path}: schema {told.get('schema')!r} is not {SCHEMA}")
+    asked = dict(told["required"])
+    f, levels = np.array(asked.pop("frequencies")), np.array(asked.pop("levels"))
+    required, rules = (
+        RequiredSpectrum(frequencies=f, levels=levels, **asked),
+        Rules.from_mapping(told["rules"], str(path)),
+    )
+    runs, step = [], 0.0
+    for k, run in enumerate(told["runs"]):
+        found = read_table_recording(top / "recordings" / f"run_{k + 1}")
+        if found.acceleration is None:
+            raise ShakeError(f"{top / 'recordings' / found.name}: no topic imu")
+        step = round(found.sample_time, 9)
+        motion = measured_motion(found.acceleration, step, rules)
+        drive = np.zeros((0, 3)) if found.reference is None else found.reference
+        runs.append(Tested(drive, motion, judge(motion, step, required, rules), float(run["error"])))
+    searches = {n: None if r is None else Resonance(**r) for n, r in told["resonance"].items()}
+    again = Qualification(
+        required, rules, tuple(runs), told["reason"], step, told["about"], (), searches["before"], searches["after"]
+    )
+    return again, _differences(told, again, checksums(top / "recordings"))
+
+
+def _differences(told: dict[str, Any], again: Qualification, sums: dict[str, str]) -> tuple[str, ...]:
+    """Files and verdicts that differ."""
+    lines = [f"recordings/{n}: is not the file that was certified" for n in sums if sums[n] != told["sha256"].get(n)]
+    lines += [f"recordings/{n}: is absent" for n in told["sha256"] if n not in sums]
+    for k, (before, run) in enumerate(zip(told["runs"], again.runs, strict=True)):
+        for old, new in zip(before["rules"], judgement_json(run.judgement)["rules"], strict=True):
+            if old != new:
+                lines.append(f"run {k + 1}: {new['rule']}: {new['measured']}, the certificate says {old['measured']}")
+    return tuple(lines)

@@ -1,0 +1,103 @@
+"""qualify: from a required response spectrum to the certificate."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from shake_ros.api.qualification import certified
+from shake_ros.api.qualify import qualify
+from shake_ros.cli.fitting import change
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.results import check_folder
+
+METHOD = """\
+RRS is a name of config/required_spectra or a YAML file: a code's formula, or points at any damping; its key `rules`
+names the code that judges (config/qualification_rules). A motion with a strong part of 20 s is synthesised and matched
+to it, refused where it does not fit the table, run on the simulated table and corrected until the test response
+spectrum passes. DIR gets certificate.html, certificate.pdf (A4), certificate.json and the recordings with their
+SHA-256. Exit code 1 where the test did not pass, with the reason on the last line."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = argparse.ArgumentParser(
+        prog="qualify",
+        description="Qualify a specimen on the shaking table against a required response spectrum.",
+        epilog=METHOD,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    p.add_argument("required", nargs="?", metavar="RRS", help="required spectrum: a known name or a YAML file")
+    p.add_argument("--table", default="bergamo", help="the simulated table (default: bergamo)")
+    p.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="change a value of it")
+    p.add_argument("--model", help="identified table of the feedforward (default: --table as it is declared)")
+    p.add_argument("--out", type=Path, metavar="DIR", help="folder for the certificate and the recordings")
+    p.add_argument("--scale", type=float, default=1.0, help="factor on the required levels (default: 1)")
+    p.add_argument("--rules", help="code that judges, in place of the one that RRS names")
+    p.add_argument("--record", metavar="FILE", help="accelerogram to start from, in place of random phases")
+    p.add_argument("--refit", nargs="*", metavar="EFFECT", help="fit --model, with these effects, between the runs")
+    p.add_argument("--runs", type=int, help="most runs (default: of config/qualification)")
+    p.add_argument("--seed", type=int, default=0, help="of phases and sensor noise (default: 0)")
+    p.add_argument("--delay", type=int, default=0, help="samples by which a command acts late (default: 0)")
+    p.add_argument("--specimen", default="", help="what is tested, for the certificate")
+    p.add_argument("--config", default="default", help="config/qualification/NAME.yaml or a file (default: default)")
+    p.add_argument(
+        "--from", dest="source", type=Path, metavar="DIR", help="judge the recordings of a certificate again"
+    )
+    p.add_argument("--force", action="store_true", help="replace an existing DIR")
+    return p
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    given = parser().parse_args(list(arguments))
+    if (given.required is None) == (given.source is None):
+        raise ShakeError("give either a required spectrum or --from DIR")
+    if given.source is not None:
+        return _again(given.source)
+    if given.out is None:
+        raise ShakeError("give --out DIR, the folder for the certificate")
+    check_folder(given.out, given.force)
+    result = qualify(
+        given.required,
+        given.table,
+        model=given.model,
+        rules=given.rules,
+        scale=given.scale,
+        set=dict(map(change, given.set)),
+        settings=given.config,
+        record=given.record,
+        refit=given.refit,
+        runs=given.runs,
+        seed=given.seed,
+        delay=given.delay,
+        specimen=given.specimen,
+        progress=lambda text, _: print(text),
+    )
+    result.report(given.out, given.force)
+    print(result.verdicts)
+    for when, found in (("before", result.before), ("after", result.after)):
+        if found is not None:
+            print(f"resonance {when} the test: {found}")
+    print(f"certificate: {given.out / 'certificate.html'}, {given.out / 'certificate.pdf'}")
+    if result.passed:
+        print(f"passed in {len(result.runs)} {'run' if len(result.runs) == 1 else 'runs'}")
+        return 0
+    print(f"not passed: {result.reason or result.moved or 'a rule does not hold'}", file=sys.stderr)
+    if given.refit is None:
+        print("the drive was corrected; --refit EFFECT … fits the model to the runs instead", file=sys.stderr)
+    return 1
+
+
+def _again(source: Path) -> int:
+    """The verdicts of a certificate's recordings, and whether they are those that it tells."""
+    result, differences = certified(source)
+    print(result.verdicts)
+    for line in differences:
+        print(line, file=sys.stderr)
+    if differences:
+        return 1
+    print(f"reproduced: {len(result.runs)} runs, every file and every verdict as certified")
+    return 0

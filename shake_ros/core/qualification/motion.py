@@ -1,0 +1,242 @@
+"""The motion of a test: seeded random phases, or a record, under an envelope, matched to a required spectrum.
+
+Rise, strong part and decay as of multi-frequency tests (IEEE 344, IEC 60068-2-57, AC156: 30 s with a strong part of
+20 s); of several seeds the one is taken that fits the table and has the lowest peak. The result ends at
+rest and is given with its exact velocity and displacement.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.analysis.oscillators import acceleration_spectrum, resampled
+from shake_ros.core.iteration.drive import integrate
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.qualification.matching import correct, scale_amplitudes
+from shake_ros.core.qualification.required import RequiredSpectrum
+from shake_ros.core.quantities import Parameters, ShakeError, quantity
+from shake_ros.core.reference.baseline import end_at_rest, filtered
+from shake_ros.core.reference.envelope import envelope
+from shake_ros.core.reference.motion import smooth_step
+
+Array = NDArray[np.float64]
+COARSE = 0.004  # [s], about the time step at which a motion is matched
+ABOVE = 1.5  # times the last frequency, to which the motion is kept at the last level
+REST = 1.0  # [s] of rest at either end
+WAVELETS, PASSES, AMPLITUDES = 12, 3, 6  # rounds of a pass, passes, rounds
+FINE = 0.5  # frequencies of an octave times the damping, at least: below, the spectrum dips between them
+RIGID = (1.2, ABOVE)  # times the last frequency, kept at the last level
+
+
+@dataclass(frozen=True)
+class MotionParameters(Parameters):
+    """How a motion is made, and what of the table it may use."""
+
+    rise: float = quantity("s", "from rest to the strong part", low=0.1, high=60.0)
+    strong: float = quantity("s", "length of the strong part", low=1.0, high=600.0)
+    decay: float = quantity("s", "from the strong part to rest", low=0.1, high=60.0)
+    aim: float = quantity("-", "level aimed at over the required one", low=1.0, high=2.0)
+    seeds: int = quantity(
+        "-", "random phases tried; of those that fit, the one of the lowest peak is kept", low=1, high=100
+    )
+    high_pass: float = quantity("-", "lower end of the motion over the first required frequency", low=0.1, high=1.0)
+    per_octave: int = quantity("-", "frequencies of an octave at which it is matched", low=3, high=48)
+    position_share: float = quantity("-", "usable share of half the stroke", low=0.01, high=1.0)
+    velocity_share: float = quantity("-", "usable share of the velocity left at each acceleration", low=0.01, high=1.0)
+    force_share: float = quantity("-", "usable share of the largest force", low=0.01, high=1.0)
+
+
+class Demand(NamedTuple):
+    """What a motion uses of a table, each over what it may use [-]; above 1 does not fit."""
+
+    position: float
+    velocity: float
+    force: float
+
+
+def demand(states: Array, table: TableParameters, parameters: MotionParameters) -> Demand:
+    """Shares of the envelope that a motion (n, 3) uses.
+
+    The velocity that is left at an acceleration a is v √(1 − |a|/a_max), that of the valve fully open (3.17).
+    """
+    p, most = parameters, envelope(table)
+    x, v, a = np.abs(states).T
+    pressure = np.sqrt(np.maximum(1.0 - np.minimum(a / most.acceleration, 1.0), 1e-12))
+    return Demand(
+        float(x.max()) / (p.position_share * most.position),
+        float(np.max(v / pressure)) / (p.velocity_share * most.velocity),
+        float(a.max()) / (p.force_share * most.acceleration),
+    )
+
+
+def frequencies_to_match(required: RequiredSpectrum, per_octave: int) -> tuple[Array, Array]:
+    """Frequencies and levels from the first required one to ABOVE the last."""
+    dense = max(per_octave, math.ceil(FINE / required.damping))
+    f = np.concatenate([required.grid(dense), required.frequencies[-1] * np.array(RIGID)])
+    return f, required.at(f)
+
+
+def shape(time: Array, parameters: MotionParameters) -> Array:
+    """The envelope: REST, a smooth rise, one, a smooth decay, REST."""
+    p, t = parameters, time - REST
+    fall = (p.rise + p.strong + p.decay - t) / p.decay
+    return np.asarray(smooth_step(t / p.rise)[0] * smooth_step(fall)[0])
+
+
+def _step(sample_time: float) -> tuple[int, float]:
+    factor = max(1, round(COARSE / sample_time))
+    return factor, factor * sample_time
+
+
+def random_phases(required: RequiredSpectrum, parameters: MotionParameters, time_step: float, seed: int) -> Array:
+    """Noise under the envelope, its Fourier amplitudes roughly those of the spectrum (n,) [m/s²]."""
+    p = parameters
+    count = round((2.0 * REST + p.rise + p.strong + p.decay) / time_step) + 1
+    f = np.fft.rfftfreq(count, time_step)
+    low, high = p.high_pass * required.frequencies[0], ABOVE * required.frequencies[-1]
+    level = np.where((f >= low) & (f <= high), required.at(np.maximum(f, low)) / np.sqrt(np.maximum(f, low)), 0.0)
+    phases = np.random.RandomState(seed).uniform(0.0, 2.0 * np.pi, f.size)
+    time: Array = np.arange(count, dtype=np.float64) * time_step
+    noise: Array = np.fft.irfft(level * np.exp(1j * phases), count)
+    return np.asarray(noise * shape(time, p))
+
+
+def at_rest(record: Array, time_step: float, required: RequiredSpectrum, parameters: MotionParameters) -> Array:
+    """The record within its band, still at both ends, velocity and displacement ending at zero."""
+    low = parameters.high_pass * required.frequencies[0]
+    pad = round(3.0 / (low * time_step))
+    kept = filtered(np.pad(record, pad), time_step, low, 0.0)[pad:-pad]
+    still = round(0.5 * REST / time_step)
+    place = np.arange(kept.size)
+    kept = kept * smooth_step(np.minimum(place, place[::-1]) / still)[0]
+    return end_at_rest(kept, time_step)
+
+
+def matched(
+    record: Array,
+    time_step: float,
+    required: RequiredSpectrum,
+    parameters: MotionParameters,
+    target: Array | None = None,
+) -> Array:
+    """The record with a response spectrum of `target`, the required one times `aim` where None (n,) [m/s²].
+
+    `target` belongs to `frequencies_to_match`.
+    """
+    f, levels = frequencies_to_match(required, parameters.per_octave)
+    wanted = parameters.aim * levels if target is None else target
+    keep = f * time_step < 0.4
+    for _ in range(PASSES):
+        record = correct(record, time_step, f[keep], wanted[keep], required.damping, WAVELETS)
+        record = at_rest(record, time_step, required, parameters)
+    return record
+
+
+def rough(record: Array, time_step: float, required: RequiredSpectrum, parameters: MotionParameters) -> Array:
+    """The record with amplitudes scaled until its spectrum is about the required one times `aim`."""
+    f, levels = frequencies_to_match(required, parameters.per_octave)
+    keep = f * time_step < 0.4
+    for _ in range(AMPLITUDES):
+        record = scale_amplitudes(record, time_step, f[keep], parameters.aim * levels[keep], required.damping)
+        record = at_rest(record, time_step, required, parameters)
+    return record
+
+
+def synthesise(
+    required: RequiredSpectrum,
+    table: TableParameters,
+    parameters: MotionParameters,
+    sample_time: float,
+    seed: int = 0,
+    record: Array | None = None,
+) -> Array:
+    """Acceleration of a motion that meets a spectrum, at `sample_time`.
+
+    Parameters
+    ----------
+    record : (n,) acceleration at `sample_time` to start from, in place of random phases [m/s²].
+
+    Returns
+    -------
+    (n,) [m/s²]; whether the table can make it is what `demand` tells.
+    """
+    factor, step = _step(sample_time)
+    if record is not None:
+        starts = [np.pad(filtered(record, sample_time, 0.0, 0.4 / step)[::factor], round(REST / step))]
+    else:
+        starts = [random_phases(required, parameters, step, 1000 * seed + k) for k in range(parameters.seeds)]
+    rows = [rough(start, step, required, parameters) for start in starts]
+    used = [
+        (max(1.0, *demand(integrate(row, step), table, parameters)), float(np.max(np.abs(row)))) for row in rows
+    ]  # those that fit first, of them the one of the lowest peak
+    best = matched(rows[used.index(min(used))], step, required, parameters)
+    return fine(best, factor, sample_time)
+
+
+def fine(record: Array, factor: int, sample_time: float) -> Array:
+    """A record at the loop's sample time, at rest in the end."""
+    return end_at_rest(resampled(record, factor, straight=False), sample_time) if factor > 1 else record
+
+
+def corrected_drive(
+    drive: Array,
+    found: Array,
+    required: RequiredSpectrum,
+    parameters: MotionParameters,
+    sample_time: float,
+    gain: float,
+) -> Array:
+    """The next drive (n,) from the last one and the spectrum that it made at `frequencies_to_match` [m/s²].
+
+    The drive's own spectrum is raised by (aimed/found)^gain, frequency by frequency.
+    """
+    factor, step = _step(sample_time)
+    coarse = drive[::factor]
+    f, levels = frequencies_to_match(required, parameters.per_octave)
+    keep = f * step < 0.4
+    own = np.ones_like(f)
+    own[keep] = acceleration_spectrum(coarse, step, f[keep], required.damping)
+    target = own * (parameters.aim * levels / found) ** gain
+    return fine(matched(coarse, step, required, parameters, target), factor, sample_time)[: drive.size]
+
+
+def refusal(states: Array, table: TableParameters, parameters: MotionParameters) -> str:
+    """Why a motion does not fit a table: the limit, by how much, and what would fit; empty where it fits."""
+    used = demand(states, table, parameters)
+    name, largest = max(zip(used._fields, used, strict=True), key=lambda item: item[1])
+    if largest <= 1.0:
+        return ""
+    low, high = 0.0, 1.0  # the level that fits: velocity depends on it twice
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if max(demand(middle * states, table, parameters)) <= 1.0 else (low, middle)
+    text = f"the motion needs {largest:.2f} times the {name} that the table may use; the same RRS scaled by "
+    text += f"{math.floor(100.0 * low) / 100.0:g} fits"
+    lighter = _payload(states, table, parameters)
+    mass = table.value("body.specimen_mass")
+    return text + (f", or a specimen of at most {lighter:.0f} kg in place of {mass:.0f} kg" if lighter >= 0.0 else "")
+
+
+def _payload(states: Array, table: TableParameters, parameters: MotionParameters) -> float:
+    """Largest specimen under which the motion fits, in whole kg; −1 where none is light enough."""
+    low, high = -1, int(table.value("body.specimen_mass"))
+    while low < high:
+        middle = (low + high + 1) // 2
+        lighter = table.with_values({"body.specimen_mass": float(middle)})
+        low, high = (middle, high) if max(demand(states, lighter, parameters)) <= 1.0 else (low, middle - 1)
+    return float(low)
+
+
+def check_sampling(required: RequiredSpectrum, sample_time: float) -> None:
+    """ShakeError where the sampling rate is too low for the last required frequency."""
+    last = ABOVE * float(required.frequencies[-1])
+    if last * sample_time > 0.4:
+        raise ShakeError(
+            f"{required.name}: asked to {last / ABOVE:g} Hz, which needs at least {last / 0.4:.0f} samples per second; "
+            f"there are {1.0 / sample_time:g}"
+        )

@@ -1,0 +1,202 @@
+"""The certificate of a qualification: an HTML page, and a PDF on A4 of the same content, from certificate.json."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from shake_ros.report.figures_qualification import convergence_axes, motion_axes, spectra_axes
+from shake_ros.report.page import Page
+from shake_ros.report.style import AFTER, BEFORE, GREY, new_figure
+
+Array = NDArray[np.float64]
+A4 = 8.27, 11.69  # [inch]
+WORDS = {True: "pass", False: "FAIL", None: "told"}
+TEXT_CELLS = "td { white-space: normal; overflow-wrap: anywhere } th, td { text-align: left }"
+MARGIN, LINE = 0.09, 0.0145  # of the page
+
+
+def certificate_pages(content: Mapping[str, Any], motion: Array, sample_time: float, folder: Path) -> None:
+    """Write certificate.html and certificate.pdf."""
+    (folder / "certificate.html").write_text(_html(content, motion, sample_time), encoding="utf-8")
+    made = content["about"]["date"]
+    with PdfPages(folder / "certificate.pdf", metadata={"Title": _title(content), "CreationDate": None}) as pdf:
+        figures = [_first(content), _spectra(content), _motion(content, motion, sample_time), *_files(content)]
+        for number, figure in enumerate(figures, start=1):
+            foot = f"{content['required']['name']} · {made} · page {number} of {len(figures)}"
+            figure.text(0.5, 0.03, foot, ha="center", fontsize=7, color="#566474")
+            pdf.savefig(figure)
+
+
+def _title(content: Mapping[str, Any]) -> str:
+    return "Seismic qualification test: passed" if content["passed"] else "Seismic qualification test: not passed"
+
+
+def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What was tested, where, with what, against what."""
+    required, rules = content["required"], content["rules"]
+    about = [(key.capitalize(), text) for key, text in content["about"].items()]
+    return [
+        *about,
+        ("Required spectrum", f"{required['name']}, {100.0 * required['damping']:g} % damping"),
+        ("Its source", required["source"]),
+        ("Rules", rules["name"]),
+        ("Their source", rules["source"]),
+        (
+            "Measured acceleration",
+            f"low-passed at {rules['low_pass']:g} Hz without phase shift, mean at rest taken off",
+        ),
+        *([("Not passed because", content["reason"])] if content["reason"] else []),
+    ]
+
+
+def _verdicts(content: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    rows = content["runs"][-1]["rules"]
+    return [(r["rule"], r["asked"], r["measured"], WORDS[r["passed"]]) for r in rows]
+
+
+def _resonances(content: Mapping[str, Any]) -> list[tuple[str, str, str, str, str]]:
+    rows = []
+    for when, found in content["resonance"].items():
+        if found is not None:
+            none = found["mass"] <= 0.03 * found["rigid_mass"]
+            cells = ("none", "–", "–") if none else (
+                f"{found['frequency']:.2f} Hz", f"{100.0 * found['damping']:.1f} %", f"{found['mass']:.0f} kg"
+            )  # fmt: skip
+            rows.append((f"{when} the test", *cells, f"{found['coherence']:.2f}"))
+    return rows
+
+
+def _history(content: Mapping[str, Any]) -> list[tuple[str, str, str, str, str]]:
+    rows = []
+    for number, run in enumerate(content["runs"], start=1):
+        ratio = np.array(run["found"]) / np.array(run["required"])
+        share = f"{100.0 * run['error']:.1f} %", f"{ratio.min():.3f}", f"{ratio.max():.3f}"
+        rows.append((str(number), *share, "passed" if run["passed"] else "not passed"))
+    return rows
+
+
+def _drift(content: Mapping[str, Any]) -> float:
+    """Below which a measured motion is drift [Hz]."""
+    return 0.4 * float(content["required"]["frequencies"][0])
+
+
+VERDICTS = ("rule", "asked", "measured", "")
+RESONANCES = ("resonance search", "frequency", "damping", "moving mass", "coherence")
+HISTORY = ("run", "spectrum missed", "lowest TRS/RRS", "largest TRS/RRS", "")
+
+
+def _draw(content: Mapping[str, Any], figure: Figure) -> Figure:
+    last = content["runs"][-1]
+    f, required, found = (np.array(last[key]) for key in ("frequencies", "required", "found"))
+    spectra_axes(figure.subplots(), f, required, found)
+    return figure
+
+
+def _html(content: Mapping[str, Any], motion: Array, sample_time: float) -> str:
+    page = Page(_title(content), f"{content['required']['name']}, judged by {content['rules']['name']}")
+    page.table(("", ""), _facts(content))
+    page.heading("Rules")
+    page.table(VERDICTS, _verdicts(content))
+    page.heading("Required and test response spectrum")
+    page.figure(_draw(content, new_figure(9.0, 4.6)), "The last run on the code's own grid.")
+    page.heading("Motion")
+    figure = new_figure(9.0, 5.4)
+    motion_axes(figure.subplots(3, 1, sharex=True), motion, sample_time, _drift(content))
+    page.figure(
+        figure,
+        "Measured acceleration of the last run; velocity and displacement from it, high-passed"
+        f" at {_drift(content):.2g} Hz.",
+    )
+    page.heading("Runs")
+    page.table(HISTORY, _history(content))
+    if len(content["runs"]) > 1:
+        figure = new_figure(5.0, 3.0)
+        convergence_axes(figure.subplots(), [run["error"] for run in content["runs"]])
+        page.figure(figure, "Error of the spectrum, run by run.")
+    if _resonances(content):
+        page.heading("Resonance searches")
+        page.table(RESONANCES, _resonances(content))
+        page.paragraph("From the force of the cylinder over the table's acceleration under low random motion.")
+    page.heading("Recordings")
+    page.table(("file", "SHA-256"), list(content["sha256"].items()))
+    page.paragraph("./shake qualify --from THIS_FOLDER checks these sums and judges the recordings again.")
+    return page.render().replace("</style>", f"{TEXT_CELLS}</style>", 1)
+
+
+def _sheet(title: str) -> Figure:
+    figure = Figure(figsize=A4)
+    figure.text(MARGIN, 0.945, title, fontsize=13, weight="bold")
+    return figure
+
+
+def _rows(figure: Figure, top: float, rows: Sequence[Sequence[str]], widths: Sequence[int], size: float = 7.5) -> float:
+    """Rows of wrapped text from `top` down; widths in characters. Returns where they end."""
+    whole = sum(widths)
+    starts = [MARGIN + (1.0 - 2.0 * MARGIN) * sum(widths[:k]) / whole for k in range(len(widths))]
+    for number, row in enumerate(rows):
+        cells = [textwrap.wrap(str(text), width) or [""] for text, width in zip(row, widths, strict=True)]
+        for x, lines in zip(starts, cells, strict=True):
+            word = lines[0] if len(lines) == 1 else ""
+            colour = {"pass": AFTER, "FAIL": BEFORE}.get(word, "#1d2733")
+            weight = "bold" if (number == 0 and len(rows) > 1 and len(widths) > 2) or word == "FAIL" else "normal"
+            figure.text(
+                x, top, "\n".join(lines), fontsize=size, va="top", color=colour, weight=weight, linespacing=1.25
+            )
+        top -= LINE * max(map(len, cells)) + 0.006
+        figure.add_artist(_line(top + 0.004))
+    return top - 0.015
+
+
+def _line(y: float) -> Any:
+    from matplotlib.lines import Line2D
+
+    return Line2D([MARGIN, 1.0 - MARGIN], [y, y], color=GREY, linewidth=0.4)
+
+
+def _first(content: Mapping[str, Any]) -> Figure:
+    figure = _sheet(_title(content))
+    top = _rows(figure, 0.92, _facts(content), (24, 86))
+    figure.text(MARGIN, top, "Rules", fontsize=11, weight="bold", va="top")
+    _rows(figure, top - 0.025, [VERDICTS, *_verdicts(content)], (50, 28, 34, 8))
+    for x, who in ((MARGIN, "Tested by"), (0.52, "Witnessed by")):
+        figure.text(x, 0.075, f"{who}:  ______________________________", fontsize=8)
+    return figure
+
+
+def _spectra(content: Mapping[str, Any]) -> Figure:
+    figure = _sheet("Required and test response spectrum")
+    last = content["runs"][-1]
+    f, required, found = (np.array(last[key]) for key in ("frequencies", "required", "found"))
+    spectra_axes(figure.add_axes((0.13, 0.55, 0.76, 0.36)), f, required, found)
+    top = _rows(figure, 0.49, [HISTORY, *_history(content)], (8, 24, 24, 24, 20))
+    if _resonances(content):
+        top = _rows(figure, top, [RESONANCES, *_resonances(content)], (26, 20, 18, 20, 16))
+    if len(content["runs"]) > 1:
+        place = figure.add_axes((0.13, 0.08, 0.4, min(0.2, top - 0.12)))
+        convergence_axes(place, [run["error"] for run in content["runs"]])
+    return figure
+
+
+def _motion(content: Mapping[str, Any], motion: Array, sample_time: float) -> Figure:
+    figure = _sheet("Motion of the last run")
+    places = [figure.add_axes((0.13, y, 0.76, 0.24)) for y in (0.68, 0.39, 0.10)]
+    motion_axes(places, motion, sample_time, _drift(content))
+    return figure
+
+
+def _files(content: Mapping[str, Any]) -> list[Figure]:
+    """The recordings with their sums, as many pages as they need."""
+    rows, pages = list(content["sha256"].items()), []
+    for first in range(0, len(rows), 34):
+        figure = _sheet("Recordings")
+        _rows(figure, 0.92, [("file", "SHA-256"), *rows[first : first + 34]], (40, 68), 7.0)
+        pages.append(figure)
+    return pages

@@ -1,0 +1,115 @@
+"""Required spectra: a code's own control points, a user's refusals; the judge's counts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shake_ros.api.qualification_files import load_required, load_rules, load_settings, required_from
+from shake_ros.core.analysis.oscillators import acceleration_spectrum
+from shake_ros.core.iteration.drive import integrate
+from shake_ros.core.qualification.judge import arias_times, coherence, judge, longest_run, strong_part
+from shake_ros.core.qualification.motion import check_sampling, demand, refusal, synthesise
+from shake_ros.core.qualification.required import GRAVITY, Ac156
+from shake_ros.core.qualification.resonance import search
+from shake_ros.core.quantities import ShakeError
+from shake_ros.settings import load_table
+
+STEP = 0.001
+USER: dict[str, Any] = {
+    "kind": "points", "name": "floor", "source": "none", "rules": "ieee_344", "damping": 0.02, "zero_period": None,
+    "points": [[1.0, 2.0], [4.0, 8.0]],
+}  # fmt: skip
+
+
+def test_ac156_has_its_plateau_and_its_rigid_end() -> None:
+    required, rules = load_required("ac156")
+    assert rules == "ac156"
+    np.testing.assert_allclose(required.at(np.array([1.3, 5.0, 8.3, 33.3])), GRAVITY * np.array([1, 1, 1, 0.4]))
+    roof = Ac156("asce_7_16", "horizontal", 1.0, 1.0, 0.0, 1.0, "", "").required()
+    np.testing.assert_allclose(roof.levels, GRAVITY * np.array([1.6, 1.6, 1.2]))
+
+
+def test_rg_1_60_at_five_percent_has_the_factors_of_its_table() -> None:
+    required, _ = load_required("rg_1_60")
+    np.testing.assert_allclose(required.at(np.array([2.5, 9.0, 33.0])), 0.1 * GRAVITY * np.array([3.13, 2.61, 1.0]))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"points": [[4.0, 2.0], [1.0, 8.0]]}, "1 Hz comes after 4 Hz; sort them"),
+        ({"points": [[1.0, 2.0], [4.0, float("nan")]]}, "pair 2"),
+        ({"damping": 0.0}, "damping = 0.0 is not within"),
+        ({"points": [[1.0, 2.0]]}, "at least two pairs"),
+        ({"kind": "ac157"}, "kind 'ac157' is not known"),
+    ],
+)
+def test_a_spectrum_that_is_none_is_refused_with_its_line(change: dict[str, Any], said: str) -> None:
+    with pytest.raises(ShakeError, match=r"floor\.yaml") as told:
+        required_from(USER | change, "floor.yaml")
+    assert said in str(told.value)
+
+
+def test_a_sampling_rate_too_low_is_refused() -> None:
+    with pytest.raises(ShakeError, match="needs at least 125 samples per second; there are 50"):
+        check_sampling(load_required("ac156")[0], 0.02)
+
+
+def test_a_synthesised_motion_passes_its_own_rules_and_ends_at_rest() -> None:
+    required, name = load_required("ac156")
+    table, rules, settings = load_table("bergamo"), load_rules(name), load_settings("default")
+    parameters = settings.motion_for(rules).replace(seeds=1)
+    motion = synthesise(required, table, parameters, STEP, seed=1)
+    states = integrate(motion, STEP)
+    assert judge(motion, STEP, required, rules).passed
+    assert np.abs(states[-1]).max() < 1e-6
+    assert refusal(states, table, parameters) == ""
+    told = refusal(3.0 * states, table, parameters)
+    assert "times the velocity that the table may use; the same RRS scaled by 0." in told
+    fits = float(told.split("scaled by ")[1].split()[0])
+    assert max(demand(3.0 * fits * states, table, parameters)) <= 1.0
+
+
+def test_points_below_are_counted_and_so_are_their_neighbours() -> None:
+    required, _ = load_required("ac156")
+    rules = load_rules("ac156")
+    t = np.arange(20_000) * STEP
+    still = 1e-3 * np.sin(2.0 * np.pi * 3.0 * t) * np.sin(np.pi * t / t[-1]) ** 2
+    verdicts = {v.rule.split(" (")[0]: v for v in judge(still, STEP, required, rules).verdicts}
+    assert verdicts["points of the TRS below the RRS"].measured == "30"
+    assert verdicts["points below next to one another"].passed is False
+    assert longest_run(np.array([True, True, False, True])) == 2
+
+
+def test_strong_part_and_arias_duration_of_a_plateau() -> None:
+    t = np.arange(30_000) * STEP
+    a = np.where((t >= 5.0) & (t < 25.0), np.sin(2.0 * np.pi * 5.0 * t), 0.0)
+    first, last = strong_part(a, 0.25)
+    assert (last - first) * STEP == pytest.approx(20.0, abs=0.1)
+    five, much = arias_times(a, STEP)
+    assert much - five == pytest.approx(14.0, abs=0.1)
+
+
+def test_two_axes_of_different_seeds_are_neither_correlated_nor_the_same() -> None:
+    a, b = (np.random.RandomState(seed).standard_normal(30_000) for seed in (1, 2))
+    assert coherence(a, a, STEP, 1.0, 30.0) == pytest.approx((1.0, 1.0))
+    correlation, most = coherence(a, b, STEP, 1.0, 30.0)
+    assert correlation < 0.1
+    assert most < 0.7
+
+
+def test_resonance_is_found_in_force_and_acceleration() -> None:
+    n = 30_000
+    f = np.fft.rfftfreq(n, STEP)
+    phases = np.random.RandomState(4).uniform(0.0, 2.0 * np.pi, f.size)
+    spectrum = np.where((f > 0.5) & (f < 40.0), np.exp(1j * phases), 0.0)
+    w, w0 = 2.0 * np.pi * f, 2.0 * np.pi * 6.0
+    mass = 500.0 + 150.0 * (w0**2 + 2j * 0.05 * w0 * w) / (w0**2 - w**2 + 2j * 0.05 * w0 * w)
+    found = search(np.fft.irfft(mass * spectrum, n), np.fft.irfft(spectrum, n), STEP, 1.0, 30.0)
+    assert found.frequency == pytest.approx(6.0, rel=0.01)
+    assert found.damping == pytest.approx(0.05, rel=0.2)
+    assert found.mass == pytest.approx(150.0, rel=0.1)
+    assert acceleration_spectrum(np.zeros(100), STEP, np.array([5.0]), 0.05)[0] == 0.0
