@@ -12,14 +12,15 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from shake_ros.report.figures_qualification import convergence_axes, motion_axes, spectra_axes
+from shake_ros.report.chart import Chart, Panel, Series
+from shake_ros.report.figures_qualification import BAND, convergence_axes, motion_axes, motions, spectra_axes
 from shake_ros.report.page import Page
-from shake_ros.report.style import AFTER, BEFORE, GREY, new_figure
+from shake_ros.report.style import AFTER, BEFORE, GREY
 
 Array = NDArray[np.float64]
 A4 = 8.27, 11.69  # [inch]
 WORDS = {True: "pass", False: "FAIL", None: "told"}
-TEXT_CELLS = "td { white-space: normal; overflow-wrap: anywhere } th, td { text-align: left }"
+TEXT_CELLS = "table.data td { white-space: normal; overflow-wrap: anywhere }"
 MARGIN, LINE = 0.09, 0.0145  # of the page
 
 
@@ -93,34 +94,43 @@ RESONANCES = ("resonance search", "frequency", "damping", "moving mass", "cohere
 HISTORY = ("run", "spectrum missed", "lowest TRS/RRS", "largest TRS/RRS", "")
 
 
-def _draw(content: Mapping[str, Any], figure: Figure) -> Figure:
+def _charts(content: Mapping[str, Any], motion: Array, sample_time: float) -> tuple[Chart, Chart]:
+    """Spectra and motion, to zoom on the page."""
     last = content["runs"][-1]
     f, required, found = (np.array(last[key]) for key in ("frequencies", "required", "found"))
-    spectra_axes(figure.subplots(), f, required, found)
-    return figure
+    band = [Series(f"{share:g} RRS", share * required, "grey", kind="dashed") for share in BAND]
+    curves = (
+        *band,
+        Series("required, RRS", required, "before", width=2.4),
+        Series("test, TRS", found, "c0", width=1.8),
+    )
+    spectra = Panel("absolute acceleration [m/s²]", f, curves, log=True, height=320)
+    caption = "Required and test response spectrum of the last run on the code's own grid"
+    time = np.arange(len(motion)) * sample_time
+    panels = tuple(
+        Panel(label, time, (Series(label, values, "c0"),))
+        for label, values in motions(motion, sample_time, _drift(content))
+    )
+    drift = f"{_drift(content):.2g} Hz"
+    told = f"Measured acceleration of the last run; velocity and displacement from it, high-passed at {drift}"
+    return Chart("spectra", "frequency [Hz]", (spectra,), caption, log_x=True), Chart(
+        "motion", "time [s]", panels, told
+    )
 
 
 def _html(content: Mapping[str, Any], motion: Array, sample_time: float) -> str:
+    spectra, history = _charts(content, motion, sample_time)
     page = Page(_title(content), f"{content['required']['name']}, judged by {content['rules']['name']}")
+    page.heading("What was tested")
     page.table(("", ""), _facts(content))
     page.heading("Rules")
     page.table(VERDICTS, _verdicts(content))
     page.heading("Required and test response spectrum")
-    page.figure(_draw(content, new_figure(9.0, 4.6)), "The last run on the code's own grid.")
+    page.chart(spectra)
     page.heading("Motion")
-    figure = new_figure(9.0, 5.4)
-    motion_axes(figure.subplots(3, 1, sharex=True), motion, sample_time, _drift(content))
-    page.figure(
-        figure,
-        "Measured acceleration of the last run; velocity and displacement from it, high-passed"
-        f" at {_drift(content):.2g} Hz.",
-    )
+    page.chart(history)
     page.heading("Runs")
     page.table(HISTORY, _history(content))
-    if len(content["runs"]) > 1:
-        figure = new_figure(5.0, 3.0)
-        convergence_axes(figure.subplots(), [run["error"] for run in content["runs"]])
-        page.figure(figure, "Error of the spectrum, run by run.")
     if _resonances(content):
         page.heading("Resonance searches")
         page.table(RESONANCES, _resonances(content))

@@ -36,18 +36,22 @@ def spectra_axes(axes: Axes, f: Array, required: Array, found: Array) -> None:
     axes.legend(frameon=False)
 
 
-def motion_axes(axes: Sequence[Axes], motion: Array, sample_time: float, drift: float) -> None:
-    """Measured acceleration, and its velocity and displacement above the frequency of its drift [Hz]."""
+def motions(motion: Array, sample_time: float, drift: float) -> list[tuple[str, Array]]:
+    """Measured acceleration, and its velocity and displacement above the frequency of its drift [Hz], with labels."""
     states = integrate(filtered(motion, sample_time, drift, 0.0), sample_time)
+    return [
+        ("acceleration [m/s²]", motion),
+        ("velocity [m/s]", states[:, 1]),
+        ("displacement [mm]", 1e3 * states[:, 0]),
+    ]
+
+
+def motion_axes(axes: Sequence[Axes], motion: Array, sample_time: float, drift: float) -> None:
+    """As many of `motions` as there are axes."""
     time = np.arange(len(motion)) * sample_time
-    rows = (
-        (motion, "acceleration [m/s²]"),
-        (states[:, 1], "velocity [m/s]"),
-        (1e3 * states[:, 0], "displacement [mm]"),
-    )
-    for place, (signal, label) in zip(axes, rows, strict=False):
+    for place, (label, signal) in zip(axes, motions(motion, sample_time, drift), strict=False):
         place.plot(time, signal, color=COLOURS[0], linewidth=0.6)
-        tidy(place, "time [s]" if label.startswith("disp") or len(axes) == 1 else "", label)
+        tidy(place, "time [s]" if place is axes[-1] else "", label)
 
 
 def convergence_axes(axes: Axes, errors: Sequence[float]) -> None:
