@@ -10,9 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 from numpy.typing import NDArray
 
-from shake_ros.core.iteration.drive import integrate
 from shake_ros.core.qualification.judge import Judgement
-from shake_ros.core.reference.baseline import filtered
 from shake_ros.report.style import COLOURS, GREY, new_figure, tidy
 
 Array = NDArray[np.float64]
@@ -38,11 +36,14 @@ def spectra_axes(axes: Axes, f: Array, required: Array, found: Array) -> None:
 
 def motions(motion: Array, sample_time: float, drift: float) -> list[tuple[str, Array]]:
     """Measured acceleration, and its velocity and displacement above the frequency of its drift [Hz], with labels."""
-    states = integrate(filtered(motion, sample_time, drift, 0.0), sample_time)
+    f = np.fft.rfftfreq(motion.size, sample_time)
+    slope = np.where(f >= drift, 1.0 / (2j * np.pi * np.maximum(f, drift)), 0.0)
+    spectrum = np.fft.rfft(motion)
+    velocity, displacement = (np.fft.irfft(spectrum * slope**order, motion.size) for order in (1, 2))
     return [
         ("acceleration [m/s²]", motion),
-        ("velocity [m/s]", states[:, 1]),
-        ("displacement [mm]", 1e3 * states[:, 0]),
+        ("velocity [m/s]", velocity),
+        ("displacement [mm]", 1e3 * displacement),
     ]
 
 
