@@ -34,7 +34,10 @@ FIGURES: dict[str, Drawing] = {
     "3.10": Drawing("shake_ros.report.figures_friction:stick_slip", "stick-slip at 1 mm/s"),
     "break_away": Drawing("shake_ros.report.figures_friction:break_away", "break-away force against force rate"),
     "6.10": Drawing("shake_ros.report.figures_valve:steps", "steps of the detailed and the simplified valve"),
-    "6.11": Drawing("shake_ros.report.figures_valve:frequency_response", "frequency response of both valves"),
+    "6.11": Drawing("shake_ros.report.figures_valve:second_order_step", "full step of the valve of table 6.4"),
+    "valve_frequency": Drawing(
+        "shake_ros.report.figures_valve:frequency_response", "frequency response of both valves"
+    ),
     **{
         name: Drawing("shake_ros.report.figures_effects:effect_figure", f"what {name} does to a 2 Hz and a 5 Hz sine")
         for name in EFFECTS

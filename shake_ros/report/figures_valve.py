@@ -1,4 +1,4 @@
-"""Figures 6.10 and 6.11: the two-stage valve and the second-order model by themselves, in steps and over frequency."""
+"""Figures 6.10 and 6.11: steps of the two-stage valve and the second-order model by themselves; both over frequency."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def settings() -> tuple[dict[str, Any], dict[str, Parameters], float, float]:
 
 
 def steps() -> Figure:
-    """Figures 6.10, 6.11: spool after steps of the command, two-stage valve and second-order model."""
+    """Figure 6.10: spool after steps of the command, two-stage valve and second-order model."""
     content, valves, supply, tank = settings()
     dt = content["sample_time"]
     t = np.arange(round(content["seconds"] / dt)) * dt
@@ -40,6 +40,19 @@ def steps() -> Figure:
             axes.plot(1e3 * t, 100.0 * spool, style, color=colour, linewidth=1.5, label=name if i == 0 else None)
     axes.legend(frameon=False, fontsize=9, loc="lower right")
     tidy(axes, "time [ms]", "spool position [%]")
+    return figure
+
+
+def second_order_step() -> Figure:
+    """Figure 6.11: spool of (6.7), (6.8) with the parameters of table 6.4 after a step of the command from 0 to 1."""
+    content, valves, supply, tank = settings()
+    dt = content["sample_time"]
+    t = np.arange(round(content["seconds"] / dt)) * dt
+    figure = new_figure(8.0, 4.0)
+    axes = figure.subplots()
+    spool = valve_response(valves["second order"], np.ones(len(t)), dt, supply, tank)
+    axes.plot(1e3 * t, spool, color=COLOURS[0], linewidth=1.5)
+    tidy(axes, "time [ms]", "spool position [-]")
     return figure
 
 

@@ -43,3 +43,12 @@ def test_an_effect_changes_what_its_figure_shows(name):
         _, before, after = figures_effects.responses(name, frequency)
         assert np.std(after - before) > 0.01 * np.std(before)
     assert len(figures_effects.effect_figure(name).axes) == 4
+
+
+def test_figure_6_11_is_the_full_step_of_a_valve_of_150_hz() -> None:
+    (axes,) = figures_valve.second_order_step().axes
+    time, spool = axes.lines[0].get_data()
+    assert abs(spool[-1] - 1.0) < 2e-3  # k_v = 1, within the hysteresis of table 6.4
+    # (3.19): an overshoot of exp(−π D/√(1 − D²)) = 3.3 % after π/(ω √(1 − D²)) = 2.9 ms, but the spool stops at 1
+    assert spool.max() <= 1.0 + 1e-9
+    assert 1.0 < time[int(np.argmax(spool >= 0.9))] < 2.9

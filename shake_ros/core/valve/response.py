@@ -1,6 +1,6 @@
 """A valve by itself: the spool under a given command, both models, for their step and frequency responses.
 
-Source: thesis figures 6.10, 6.11. Verified against the closed form of (3.19) and against each other.
+Source: thesis figures 6.10, 6.11 (steps). Verified against the closed form of (3.19) and against each other.
 """
 
 from __future__ import annotations
