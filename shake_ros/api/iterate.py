@@ -13,7 +13,7 @@ from shake_ros.api.fitted import Data, recordings
 from shake_ros.api.iterated import Iterated
 from shake_ros.api.simulated_table import SimulatedTable
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.iteration.drive import Iteration, Run, error_in_band, next_drive
+from shake_ros.core.iteration.drive import Iteration, Run, error_in_band, next_drive, verdict
 from shake_ros.core.iteration.drive import iterate as corrected
 from shake_ros.core.iteration.model import iterate_model, refit
 from shake_ros.core.plant.parameters import TableParameters
@@ -76,9 +76,10 @@ def iterate(
     made = [_run(recording, len(target), sample_time) for recording in found]
     missed = tuple(error_in_band(target, run.achieved, sample_time, parameters) for run in made)
     if before is not None:
-        return Iterated(found.names, missed, sample_time, model=learn(before, found[-1:].records()))
+        fitted = learn(before, found[-1:].records())
+        return Iterated(found.names, missed, sample_time, model=fitted, wrong=_growth(missed, parameters))
     drive, factor = next_drive(target, made, sample_time, parameters)
-    return Iterated(found.names, missed, sample_time, drive, factor)
+    return Iterated(found.names, missed, sample_time, drive, factor, wrong=_growth(missed, parameters))
 
 
 def iterate_simulated(
@@ -107,7 +108,7 @@ def iterate_simulated(
     played = SimulatedTable(table) if isinstance(table, str) else table
     carried = load_table(model) if isinstance(model, str) else model
     first = np.array(build_program(str(wanted), played.sample_time).states)
-    played.begin(first)
+    played.begin(first, parameters)
     dt = played.sample_time
     if before is not None:
         models, missed, reason = iterate_model(first[:, 2], before, played.record, learn, parameters)
@@ -116,8 +117,16 @@ def iterate_simulated(
         references, missed, reason = corrected(first[:, 2], first, play, dt, parameters)
     names, best = tuple(f"run {k + 1}" for k in range(len(missed))), int(np.argmin(missed))
     if before is not None:
-        return Iterated(names, tuple(missed), dt, model=models[best], simulated=played, reason=reason)
-    return Iterated(names, tuple(missed), dt, references[best], simulated=played, reason=reason)
+        wrong = verdict(missed, parameters)
+        return Iterated(names, tuple(missed), dt, model=models[best], simulated=played, reason=reason, wrong=wrong)
+    wrong = verdict(missed, parameters)
+    return Iterated(names, tuple(missed), dt, references[best], simulated=played, reason=reason, wrong=wrong)
+
+
+def _growth(missed: Sequence[float], parameters: Iteration) -> str:
+    """That the runs given so far diverge; empty where they do not, or where a single one tells nothing."""
+    text = verdict(missed, parameters) if len(missed) > 1 else ""
+    return text if text.startswith("diverges") else ""
 
 
 def load_iteration(settings: str | Iteration) -> Iteration:

@@ -36,6 +36,7 @@ class Iterated:
     fitted. sample_time : [s]. factor : by which the drive was scaled to stay within its limits [-].
     model : fitted to the last run; None where the drive is corrected.
     simulated : the simulated table, where the runs were made on it. reason : why its runs ended.
+    wrong : that the runs diverge or have not converged; empty where nothing is wrong.
     """
 
     runs: tuple[str, ...]
@@ -46,6 +47,7 @@ class Iterated:
     model: TableParameters | None = None
     simulated: SimulatedTable | None = None
     reason: str = ""
+    wrong: str = ""
 
     @property
     def best(self) -> int:

@@ -11,6 +11,7 @@ from shake_ros.api.progress import Progress, Told
 from shake_ros.api.simulate import controller_of, observer_of
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.iteration.drive import Iteration, error_in_band
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.loop.metrics import spectrum_of
 from shake_ros.core.plant.parameters import TableParameters
@@ -42,9 +43,11 @@ class SimulatedTable:
     aim: Array = field(default_factory=lambda: np.zeros(0), init=False)
     errors: list[float] = field(default_factory=list, init=False)
     spectra: list[Array] = field(default_factory=list, init=False)
+    judged_by: Iteration | None = field(default=None, init=False)
 
-    def begin(self, wanted: Array) -> None:
-        """Forget earlier runs; `wanted` is the motion of the next ones, shape (n, 3)."""
+    def begin(self, wanted: Array, judged_by: Iteration | None = None) -> None:
+        """Forget earlier runs; `wanted` is the motion of the next ones, shape (n, 3), `judged_by` has their band."""
+        self.judged_by = judged_by
         self.wanted, self.aim = wanted, spectrum_of(wanted[:, 2], self.sample_time)
         self.errors, self.spectra = [], []
 
@@ -65,7 +68,11 @@ class SimulatedTable:
         self.errors.append(float(np.sqrt(np.mean((true - wanted) ** 2)) / np.std(wanted)))
         self.spectra.append(spectrum_of(true, dt))
         off = float(np.max(np.abs(self.spectra[-1] / self.aim - 1.0)))
-        text = f"run {number + 1}: acceleration {100.0 * self.errors[-1]:.2f} %, response spectrum {100.0 * off:.2f} %"
+        text = f"acceleration {100.0 * self.errors[-1]:.2f} %, response spectrum {100.0 * off:.2f} %"
+        if self.judged_by is not None:
+            missed = error_in_band(wanted, run.measured[:, 1], dt, self.judged_by)
+            text = f"missed {100.0 * missed:.2f} % within the band (true {text})"
+        text = f"run {number + 1}: {text}"
         with Progress("iterate", self.progress) as bar:
             bar(text, 1.0)
         return run

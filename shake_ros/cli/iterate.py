@@ -19,6 +19,7 @@ BAG… are runs of the same motion, oldest first, each recorded from the start o
 DIR gets report.html, drive.csv (time and acceleration) and drive.yaml, a reference: -p reference:=DIR/drive.yaml
 plays it.
 With --simulate the runs are made on the closed loop of the core, and the response spectra are in the report.
+Runs are ranked by what they missed within the band; exit code 1 where they diverge or have not converged.
 With --refit the motion stays as it is and the model of the feedforward is fitted to the last run, the parameters of
 config/identification/full.yaml and those of the named effects; DIR gets model.yaml, which the controller's and the
 observer's configurations name as their model for the next run."""
@@ -58,7 +59,7 @@ def main(arguments: Sequence[str]) -> int:
     result = _from_recordings(given) if given.simulate is None else _simulated(given)
     result.report(given.out, given.force, **reporting("iterate", given, arguments))
     if given.simulate is not None:
-        return 0
+        return _told(result, given.refit is not None)
     for path, error in zip(given.bags, result.missed, strict=True):
         print(f"{path}: acceleration missed by {100.0 * error:.2f} % within the band")
     if result.factor < 1.0:
@@ -67,7 +68,19 @@ def main(arguments: Sequence[str]) -> int:
         print(f"next drive: {given.out / 'drive.yaml'}")
     else:
         print(f"model of the next run: {given.out / 'model.yaml'}")
-    return 0
+    return _told(result, given.refit is not None)
+
+
+def _told(result: Iterated, fitted: bool) -> int:
+    """What is wrong, why, and what to do, on standard error; the exit code."""
+    if not result.wrong:
+        return 0
+    print(f"the iteration {result.wrong}", file=sys.stderr)
+    why = "the model lacks an effect: close_loop on the recordings of the runs names it, --refit EFFECT … fits it"
+    if not fitted:
+        why = "the table does not answer in proportion to its drive: --model TABLE --refit EFFECT … corrects the model"
+    print(why, file=sys.stderr)
+    return 1
 
 
 def _from_recordings(given: argparse.Namespace) -> Iterated:
@@ -84,5 +97,6 @@ def _simulated(given: argparse.Namespace) -> Iterated:
     )
     more = {"settings": given.config, "model": given.model, "refit": given.refit}
     result = iterate_simulated(given.wanted, table, runs=given.simulate, **more)
-    print(f"{result.reason}; the best run is {result.best + 1}")
+    best = f"run {result.best + 1}, which missed {100.0 * result.missed[result.best]:.2f} % within the band"
+    print(f"{result.reason}; the best is {best}")
     return result

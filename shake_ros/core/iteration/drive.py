@@ -44,6 +44,7 @@ class Iteration(Parameters):
     good_enough: float = quantity("-", "normalised error at which the iteration stops", low=0.0)
     least_gain: float = quantity("-", "relative fall of the error in two runs below which it stops", low=0.0, high=1.0)
     runs: int = quantity("-", "most runs", low=1, high=100)
+    accepted: float = quantity("-", "error of the best run up to which an iteration has converged", low=0.0)
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,7 @@ def converged(errors: Sequence[float], parameters: Iteration) -> str:
 
     >>> settings = Iteration(learning_gain=0.8, lowest_frequency=0.2, highest_frequency=20.0, smoothing=0.5,
     ...     regularisation=0.01, position_limit=0.1, velocity_limit=0.6, acceleration_limit=9.0, good_enough=0.05,
-    ...     least_gain=0.05, runs=8)
+    ...     least_gain=0.05, runs=8, accepted=0.1)
     >>> converged([0.5, 0.2], settings), converged([0.5, 0.04], settings), converged([0.5, 0.2, 0.2, 0.21], settings)
     ('', 'good enough', 'no longer falls')
     """
@@ -174,6 +175,30 @@ def converged(errors: Sequence[float], parameters: Iteration) -> str:
     if len(errors) > 3 and min(errors[-2:]) > (1.0 - parameters.least_gain) * min(errors[:-2]):
         return "no longer falls"
     return "most runs" if len(errors) >= parameters.runs else ""
+
+
+def verdict(errors: Sequence[float], parameters: Iteration) -> str:
+    """What is wrong with an iteration that ended; empty where it converged.
+
+    >>> settings = Iteration(learning_gain=0.8, lowest_frequency=0.2, highest_frequency=20.0, smoothing=0.5,
+    ...     regularisation=0.01, position_limit=0.1, velocity_limit=0.6, acceleration_limit=9.0, good_enough=0.05,
+    ...     least_gain=0.05, runs=8, accepted=0.1)
+    >>> verdict([0.5, 0.08], settings)
+    ''
+    >>> verdict([2.58, 2.60, 2.48], settings)
+    'has not converged: the best of 3 runs misses 248.0 %, accepted are 10.0 %'
+    >>> verdict([0.2, 0.3, 0.4], settings)
+    'diverges: run 1 missed 20.0 %, the runs after it at least 30.0 %'
+    """
+    best = min(errors)
+    if best <= parameters.accepted:
+        return ""
+    if len(errors) > 1 and best == errors[0]:
+        return (
+            f"diverges: run 1 missed {100.0 * best:.1f} %, the runs after it at least {100.0 * min(errors[1:]):.1f} %"
+        )
+    text = f"has not converged: the best of {len(errors)} runs misses {100.0 * best:.1f} %"
+    return f"{text}, accepted are {100.0 * parameters.accepted:.1f} %"
 
 
 def iterate(

@@ -156,3 +156,9 @@ def test_a_window_that_is_far_worse_brings_the_best_harmonics_back() -> None:
         settled = window(0.3, 2.0)
     assert not settled
     assert state[harmonic_cancellation.TRUST] == pytest.approx(1.0)
+
+
+def test_an_iteration_that_ended_says_whether_it_diverges_or_has_not_converged() -> None:
+    assert iteration.verdict([0.22, 0.05], settings(accepted=0.1)) == ""
+    assert "has not converged: the best of 3 runs misses 248.0 %" in iteration.verdict([2.58, 2.60, 2.48], settings())
+    assert iteration.verdict([0.2, 0.3, 0.4], settings()).startswith("diverges: run 1 missed 20.0 %")
