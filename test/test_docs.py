@@ -44,7 +44,13 @@ INLINE = re.compile(r"`((?:\./shake|python -m|PYTHONPATH=)[^`]*)`")
 PATHS = re.compile(r"`((?:shake_ros|config|test|benchmarks|docs|examples|msg_docs)/[\w./-]+)`")
 PLACEHOLDERS = {"NAME", "DIR", "FILE", "BAG", "PATH", "PYTHON", "CONTROLLER", "REFERENCE"}
 RUN = {"import_csv", "figures"}  # cheap enough to run, beside being parsed
-MADE = {"out/loop/table.yaml", "my_table.yaml", "drive.yaml"}  # files of the reader's own
+MADE = {
+    "out/loop/table.yaml",
+    "my_table.yaml",
+    "drive.yaml",
+    "out/loop/controller.yaml",
+    "out/loop/observer.yaml",
+}  # files of the reader's own
 CONFIGURED = {"table", "reference", "observer", "controller", "bridge", "interlock", "model"}
 OTHERS = {"pip", "pre-commit", "ss", "export", "echo", "colcon", "bash"}  # programs of the system, taken as they are
 

@@ -77,7 +77,7 @@ class Uncertainty(NamedTuple):
     covariance: Array
 
 
-class Case(NamedTuple):
+class LinearCase(NamedTuple):
     """A linear model of a neighbour, and the one that the observer carries there."""
 
     plant: Held
@@ -165,7 +165,7 @@ def softest(table: TableParameters, states: Sequence[Array]) -> ReducedParameter
     )
 
 
-def cases(tables: Sequence[TableParameters], s: RobustSettings) -> list[Case]:
+def cases(tables: Sequence[TableParameters], s: RobustSettings) -> list[LinearCase]:
     """Linear models of the neighbours with further dead time; the first table is the one that is carried."""
     carried = [linear_at(tables[0], y, s.loop_delay, s.sample_time) for y in points(tables[0], s)]
     found = []
@@ -173,7 +173,7 @@ def cases(tables: Sequence[TableParameters], s: RobustSettings) -> list[Case]:
         for further in range(s.further_delay + 1):
             late = s.loop_delay + further * s.sample_time
             plants = [linear_at(table, y, late, s.sample_time) for y in points(table, s)]
-            found += [Case(plant, model) for plant, model in zip(plants, carried, strict=False)]
+            found += [LinearCase(plant, model) for plant, model in zip(plants, carried, strict=False)]
     return found
 
 
@@ -203,7 +203,7 @@ class Search:
             position * bandwidth / INTEGRAL, position, 0.0, 2.0 * damping * math.sqrt(-b.beta1) / b.beta3
         )  # fmt: skip
 
-    def worst(self, design: Design, chosen: Sequence[Case]) -> list[float]:
+    def worst(self, design: Design, chosen: Sequence[LinearCase]) -> list[float]:
         """The sensitivity on each linear model."""
         gains = kalman_gain(design.observer, self.s.sample_time)
         return [sensitivity(self._loop(design, case, gains), self._omega) for case in chosen]
@@ -213,7 +213,7 @@ class Search:
         at = int(np.argmax(self.worst(design, self.cases)))
         return margins(self._loop(design, self.cases[at], kalman_gain(design.observer, self.s.sample_time)))
 
-    def _loop(self, design: Design, case: Case, gains: Array) -> OpenLoop:
+    def _loop(self, design: Design, case: LinearCase, gains: Array) -> OpenLoop:
         return open_loop(case.plant, case.model, gains, self._per_acceleration, design.feedback, self.s.sample_time)
 
     def design(self, bandwidth: float, damping: float, jerk: float) -> Design:
@@ -221,7 +221,7 @@ class Search:
         observer = observer_of(self.beta, jerk, self.s)
         return Design(self.feedback(bandwidth, damping), observer, bandwidth, damping, jerk)
 
-    def fastest(self, damping: float, jerk: float, hardest: Sequence[Case]) -> Design | None:
+    def fastest(self, damping: float, jerk: float, hardest: Sequence[LinearCase]) -> Design | None:
         """The design of the largest bandwidth that holds on these linear models; None where none does."""
         low, high = self.slowest, self.s.fastest
 
