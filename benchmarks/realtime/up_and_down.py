@@ -3,7 +3,7 @@
     python -m benchmarks.realtime.up_and_down [--times 50] [--domain 0] [--save]
 
 Each time every node reports on /diagnostics, then SIGINT ends all of them with exit code 0, the recorder last. Says how
-long that took and how many segments of shared memory are left. The last figures are in the .txt.
+long that took and how many segments of shared memory are left; --save writes it to up_and_down.txt.
 """
 
 from __future__ import annotations
