@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
 from shake_ros.core.discovery.forward_selection import Selection, forward_selection
-from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, patiently
+from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem
 from shake_ros.core.discovery.remaining import Remaining, remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.discovery.standing import Standing, judged
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 
 
 @dataclass(frozen=True)
 class LoopClosure:
-    """Result of closing the loop: models before and after, the steps between them, what remains.
-
-    standings : how sure each step's effect is. candidates : effects that helped and are not established.
-    function : the one without a name, where it was needed.
-    """
+    """Result of closing the loop: models before and after, the steps between them, what remains."""
 
     baseline: FittedModel
     models: tuple[FittedModel, ...]
@@ -30,9 +24,6 @@ class LoopClosure:
     remaining: Remaining
     noise: dict[str, float]
     model: DeclaredModel = FULL
-    standings: tuple[Standing, ...] = ()
-    candidates: tuple[Standing, ...] = ()
-    function: LearntFunction | None = None
 
     @property
     def final(self) -> FittedModel:
@@ -53,15 +44,12 @@ def close_loop(
     ----------
     model : declared model with its free parameters and the effects that it may lack.
     estimation, validation : recordings that are fitted, and others that judge what is added.
-    settings : thresholds of the search. progress : called with a text and the part done, 0 … 1; where it
-        raises `Stopped`, the search ends with what it has.
+    settings : thresholds of the search. progress : called with a text and the part done, 0 … 1.
     """
-    patient = SearchProblem.of(model, estimation, validation, settings, patiently(progress))
-    declared = fit_declared(patient, FreeParameters(model.table, model.free))
-    selection = forward_selection(replace(patient, progress=progress), declared, model.candidates)
-    found, standings, doubtful = judged(patient, selection)
-    patient.progress("errors and what remains", 0.9)
-    models = tuple(fitted_model(m.fit, patient.estimation, patient.validation) for m in found.models)
-    rest = remaining(patient, found)
-    function, noise = learnt_function(patient, found.final), patient.estimation.noise()
-    return LoopClosure(models[0], models[1:], found, rest, noise, model.simulator, standings, doubtful, function)
+    problem = SearchProblem.of(model, estimation, validation, settings, progress)
+    declared = fit_declared(problem, FreeParameters(model.table, model.free))
+    found = forward_selection(problem, declared, model.candidates)
+    progress("errors and what remains", 0.9)
+    models = tuple(fitted_model(m.fit, problem.estimation, problem.validation) for m in found.models)
+    rest = remaining(problem, found)
+    return LoopClosure(models[0], models[1:], found, rest, problem.estimation.noise(), model.simulator)

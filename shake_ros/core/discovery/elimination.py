@@ -13,7 +13,7 @@ def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect
     settings, result, names = problem.settings, current.fit, {f.name for f in dropped.free}
     keep = [i for i, f in enumerate(result.free.free) if f.name not in names]
     free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])
-    return problem.fitted(free, result.x[keep], settings.continued_evaluations, settings.converged, result)
+    return problem.fitted(free, result.x[keep], settings.continued_evaluations, settings.converged)
 
 
 def eliminate(

@@ -2,24 +2,20 @@
 
 Each step screens all effects, refits the promising ones and brings the best to convergence. An effect is added when it
 lowers the weighted error of the validation data by more than chance and model floor explain, and that of the estimation
-data as well. Effects that these recordings cannot distinguish from it are named with it as alternatives. Where no
-single effect helps, two are tried at once; beside each new effect rivals of the earlier ones are tried in their place.
-At the end earlier effects are tried for removal.
+data as well. Effects that these recordings cannot distinguish from it are named with it as alternatives. At the end
+earlier effects are tried for removal.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.convergence import converge, reconverged, refined
 from shake_ros.core.discovery.decision import ForwardStep, decide, improves
 from shake_ros.core.discovery.elimination import eliminate
-from shake_ros.core.discovery.exchange import exchanged
 from shake_ros.core.discovery.late_parameters import with_late_parameters
-from shake_ros.core.discovery.pairs import best_pair
-from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, Stopped
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.discovery.refit import Refit, ranked, refit, rounds
 from shake_ros.core.discovery.screening import screen
 from shake_ros.core.discovery.unlisted_functions import UNLISTED, FunctionSearch, or_function
@@ -31,7 +27,7 @@ class Selection:
     """Fit of the declared model, steps, final fit.
 
     removed : effects taken out again. rejected : ranking of the last step, which nothing passed. functions : what was
-    tried in it for something that no listed effect explains. stopped : whether the search ended before it was done.
+    tried in it for something that no listed effect explains.
     """
 
     declared: ScoredFit
@@ -40,7 +36,6 @@ class Selection:
     removed: tuple[str, ...] = ()
     rejected: tuple[Refit, ...] = ()
     functions: FunctionSearch | None = None
-    stopped: bool = False
 
     @property
     def models(self) -> tuple[ScoredFit, ...]:
@@ -74,50 +69,23 @@ def forward_selection(problem: SearchProblem, declared: Fit, candidates: tuple[C
     declared : fit of the declared model to the estimation data. candidates : effects that it may lack.
     """
     current = with_late_parameters(problem, problem.scored(declared))
-    found = Selection(current, (), current)
-    try:
-        for grown in stages(problem, found, candidates):
-            found = grown
-    except Stopped:
-        return replace(found, stopped=True)
-    steps, final, removed = eliminate(problem, found.steps, found.final)
-    return replace(found, steps=steps, final=final, removed=(*found.removed, *removed))
-
-
-def stages(problem: SearchProblem, found: Selection, candidates: tuple[CandidateEffect, ...]) -> Iterator[Selection]:
-    """The selection as it grows, each stage a whole answer."""
-    while len(found.steps) < problem.settings.most_effects and not problem.at_noise(found.final):
-        present = {step.chosen.candidate.effect for step in found.steps}
-        left = tuple(c for c in candidates if c.effect not in present)
-        if not left:
-            break
+    found, left = Selection(current, (), current), candidates
+    while left and len(found.steps) < problem.settings.most_effects and not problem.at_noise(found.final):
         step, ranking, current = forward_step(problem, found.final, left)
         improved = current is not found.final
         found = replace(found.with_better_fit(current) if improved else found, rejected=ranking)
-        yield found
         if improved and step is None:
             continue  # the model without a further effect had not converged: look again at what it leaves now
         step, functions = or_function(problem, current, step, ranking)
         found = replace(found, functions=functions)
-        added = (step,) if step else best_pair(problem, current, left, ranking)
-        for each in added or ():
-            found = found.with_step(each)
-        yield found
-        if not added:
+        if step is None:
             break
-        if found.steps[-1].chosen.candidate.effect == UNLISTED:
+        found = found.with_step(step)
+        left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)
+        if step.chosen.candidate.effect == UNLISTED:
             break
-        found = with_exchange(problem, found)
-        yield found
-
-
-def with_exchange(problem: SearchProblem, found: Selection) -> Selection:
-    """The selection, or a better one in which a rival stands in the place of an earlier effect."""
-    better = None if problem.at_noise(found.final) else exchanged(problem, found.steps, found.final)
-    if better is None:
-        return found
-    steps, final, gone = better
-    return replace(found, steps=steps, final=final, removed=(*found.removed, gone))
+    steps, final, removed = eliminate(problem, found.steps, found.final)
+    return replace(found, steps=steps, final=final, removed=removed)
 
 
 def forward_step(

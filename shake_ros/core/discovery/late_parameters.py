@@ -22,8 +22,7 @@ def promise(problem: SearchProblem, current: ScoredFit, parameter: FreeParameter
     vectors[:, column] = np.clip(vectors[:, column] * settings.late_multiples, parameter.low, parameter.high)
     moved = np.nan_to_num(problem.estimation.residuals(vectors), nan=1e3, posinf=1e3, neginf=-1e3)
     r, largest = result.residuals, settings.largest_multiple
-    q, _ = np.linalg.qr(result.jacobian)
-    return max(score_test(r, q, m - r, True, largest)[0] for m in moved) * current.estimation_cost
+    return max(score_test(r, result.jacobian, m - r, True, largest)[0] for m in moved) * current.estimation_cost
 
 
 def with_late_parameters(problem: SearchProblem, current: ScoredFit) -> ScoredFit:
@@ -40,7 +39,7 @@ def with_late_parameters(problem: SearchProblem, current: ScoredFit) -> ScoredFi
             continue
         free = current.fit.free.extended([parameter])
         start = np.append(current.fit.x, free.start()[-1])
-        tried = problem.fitted(free, start, settings.converging_evaluations, settings.converged, current.fit)
+        tried = problem.fitted(free, start, settings.converging_evaluations, settings.converged)
         helps = current.estimation_cost - tried.estimation_cost > settings.late_gain * above
         if helps and tried.validation_cost < current.validation_cost:
             current = tried

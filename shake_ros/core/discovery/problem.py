@@ -5,7 +5,6 @@ Estimation data are fitted, validation data judge. Pieces of both are a cheaper 
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -43,20 +42,6 @@ class ModelStructure:
     late: tuple[FreeParameter, ...] = ()
     candidates: tuple[CandidateEffect, ...] = ()
     simulator: DeclaredModel = FULL
-
-
-class Stopped(Exception):
-    """A search is to end with what it has found; whoever is told of its progress may raise it."""
-
-
-def patiently(progress: Progress) -> Progress:
-    """Progress of what is done to its end even where the search is to stop."""
-
-    def tell(text: str, part: float) -> None:
-        with contextlib.suppress(Stopped):
-            progress(text, part)
-
-    return tell
 
 
 def side_by_side(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
@@ -127,18 +112,15 @@ class SearchProblem:
             pieces.append(RecordingProblem(windows(list(records), settings.piece_seconds), model.simulator))
         return cls(whole[0], whole[-1], pieces[0], pieces[-1], model.late, settings, progress)
 
-    def fitted(
-        self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float, known: Fit | None = None
-    ) -> ScoredFit:
-        """A fit to the estimation data from `start`, scored. known : see `fit`."""
-        return self.scored(fit(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance, known=known))
+    def fitted(self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float) -> ScoredFit:
+        """A fit to the estimation data from `start`, scored."""
+        return self.scored(fit(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance))
 
     def fitted_to_pieces(
-        self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float, known: Fit | None = None
+        self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float
     ) -> ScoredFit:
         """A fit to pieces of the estimation data; its validation cost is that of whole recordings all the same."""
-        pieces = self.estimation_pieces
-        result = fit(pieces, free, start, evaluations=evaluations, tolerance=tolerance, known=known)
+        result = fit(self.estimation_pieces, free, start, evaluations=evaluations, tolerance=tolerance)
         return ScoredFit(result, mean_square(result.residuals), mean_square(self._validation_residuals(result)))
 
     def scored(self, result: Fit) -> ScoredFit:

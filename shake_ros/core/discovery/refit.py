@@ -65,15 +65,15 @@ def refit(
         problem.progress(f"refitted with {tried.candidate.effect}", 0.1 + 0.5 * len(short) / len(effects))
     refits = list(ranked(known, short))
     problem.progress(f"polish {refits[0].candidate.effect}", 0.6)
-    refits[0] = continued(problem, refits[0], most, tolerance, screening.whole)
+    refits[0] = continued(problem, refits[0], most, tolerance)
     near = [r for r in refits[1 : settings.most_continued] if r.score < settings.worth_continuing * refits[0].score]
-    for tried in side_by_side(lambda r: continued(problem, r, most, tolerance, screening.whole), near):
+    for tried in side_by_side(lambda r: continued(problem, r, most, tolerance), near):
         problem.progress(f"polished {tried.candidate.effect}", 0.8)
         refits = [tried if r.candidate is tried.candidate else r for r in refits]
     refits.sort(key=lambda r: r.score)
     for effect in passed_over(refits, screening):
         tried = refitted(problem, screening, effect, most, settings.resembling_tolerance)
-        refits.append(continued(problem, tried, most, tolerance, screening.whole))
+        refits.append(continued(problem, tried, most, tolerance))
     return ranked(refits)
 
 
@@ -92,44 +92,10 @@ def short_refit(problem: SearchProblem, screening: Screening, effect: str) -> Re
 
 def refitted(problem: SearchProblem, screening: Screening, effect: str, evaluations: int, tolerance: float) -> Refit:
     """One effect refitted on pieces of the estimation data, from its best start."""
-    settings, trials = problem.settings, screening.of(effect)
-    best = trials[: settings.most_trials]
-    free, start = best_start(problem.estimation_pieces, screening.current, best, settings.start_multiples)
-    result = problem.fitted_to_pieces(free, start, evaluations, tolerance, screening.current)
-    candidate = trials[0].candidate
-    for _ in range(settings.most_hops):
-        there = other_strength(problem, result.fit, candidate)
-        if there is None:
-            break
-        again = problem.fitted_to_pieces(free, there, evaluations, tolerance, result.fit)
-        if again.fit.cost >= result.fit.cost:
-            break
-        result = again
-    return Refit(candidate, result, trials[0].gain)
-
-
-def other_strength(problem: SearchProblem, result: Fit, candidate: CandidateEffect) -> np.ndarray | None:
-    """Start at another strength of an effect where the others, adjusted to first order, would leave clearly less.
-
-    A gap or a threshold makes narrow valleys: events come or stay away as a whole, and no gradient leads from one
-    valley to the next.
-    """
-    settings, names = problem.settings, result.free.names
-    i, scale = names.index(candidate.strength.name), result.free.scale
-    rows = np.repeat(result.x[None, :], len(settings.hop_multiples), axis=0)
-    neutral = candidate.neutral / scale[i]
-    rows[:, i] = neutral + np.array(settings.hop_multiples) * (rows[:, i] - neutral)
-    rows = np.clip(rows, result.free.low, result.free.high)
-    moved = np.nan_to_num(problem.estimation_pieces.residuals(result.free.vectors(rows)), nan=1e3)
-    others = [k for k in range(len(names)) if k != i]
-    q, triangle = np.linalg.qr(result.jacobian[:, others])
-    left = moved - (moved @ q) @ q.T
-    best = int(np.argmin(np.einsum("ij,ij->i", left, left)))
-    if float(left[best] @ left[best]) > settings.hop_promise * 2.0 * result.cost:
-        return None
-    change = np.linalg.lstsq(triangle, -q.T @ moved[best], rcond=1e-10)[0]
-    rows[best, others] += np.clip(change, -settings.largest_shift, settings.largest_shift)
-    return np.asarray(np.clip(rows[best], result.free.low, result.free.high))
+    trials, multiples = screening.of(effect), problem.settings.start_multiples
+    free, start = best_start(problem.estimation_pieces, screening.current, trials, multiples)
+    result = problem.fitted_to_pieces(free, start, evaluations, tolerance)
+    return Refit(trials[0].candidate, result, trials[0].gain)
 
 
 def best_start(
@@ -152,9 +118,7 @@ def best_start(
     return free, rows[int(np.argmin(costs))]
 
 
-def continued(
-    problem: SearchProblem, tried: Refit, evaluations: int, tolerance: float, known: Fit | None = None
-) -> Refit:
-    """A refit continued on the whole estimation data. known : see `fit`; its own last Jacobian where not given."""
+def continued(problem: SearchProblem, tried: Refit, evaluations: int, tolerance: float) -> Refit:
+    """A refit continued on the whole estimation data."""
     start = tried.result.fit
-    return replace(tried, result=problem.fitted(start.free, start.x, evaluations, tolerance, known or start))
+    return replace(tried, result=problem.fitted(start.free, start.x, evaluations, tolerance))

@@ -31,12 +31,10 @@ class ScreenedTrial:
 class Screening:
     """Every trial of every candidate that promises anything, the most promising first.
 
-    current : the model that was screened, on the pieces of the estimation data. whole : the same on all of them.
-    candidates : all that were tried.
+    current : the model that was screened, on the pieces of the estimation data. candidates : all that were tried.
     """
 
     current: Fit
-    whole: Fit
     candidates: tuple[CandidateEffect, ...]
     trials: tuple[ScreenedTrial, ...]
 
@@ -65,12 +63,10 @@ class JointProblem:
 
 
 def score_test(
-    r: np.ndarray, q: np.ndarray, direction: np.ndarray, signed: bool, largest: float
+    r: np.ndarray, jacobian: np.ndarray, direction: np.ndarray, signed: bool, largest: float
 ) -> tuple[float, float]:
-    """Relative fall of the cost by r + J δ + s d, and the best s within ±largest (from 0 where it has no sign).
-
-    q : orthonormal basis of the columns of J, shape (n, p).
-    """
+    """Relative fall of the cost by r + J δ + s d, and the best s within ±largest (from 0 where it has no sign)."""
+    q, _ = np.linalg.qr(jacobian)
     r_free, d_free = r - q @ (q.T @ r), direction - q @ (q.T @ direction)
     power, total = float(d_free @ d_free), float(r @ r)
     if power <= 1e-12 * total:
@@ -88,26 +84,25 @@ def screen(problem: SearchProblem, current: ScoredFit, candidates: tuple[Candida
     estimation data hardly show may be what the validation data lack. Starts for a refit come from the former alone.
     """
     problem.progress("screening", 0.0)
+    pieces = linearised(problem.estimation_pieces, current.fit)
     both = JointProblem(problem.estimation_pieces, problem.validation_pieces)
-    joint, seen = linearised(both, current.fit), len(problem.estimation_pieces.times())
-    r, j = joint.residuals, joint.jacobian
-    pieces = Fit(joint.free, joint.x, r[:seen], j[:seen], 0.5 * float(r[:seen] @ r[:seen]), joint.evaluations)
+    joint, seen = linearised(both, current.fit), len(pieces.residuals)
     pairs = [(c, i) for c in candidates for i in range(len(c.trials))]
     moved = both.residuals(np.array([trial_vector(current.fit, c, i) for c, i in pairs]))
-    (q, triangle), (q_joint, _) = np.linalg.qr(j[:seen]), np.linalg.qr(j)
+    q, triangle = np.linalg.qr(joint.jacobian[:seen])
     largest, shift = problem.settings.largest_multiple, problem.settings.largest_shift
-    trials = list[ScreenedTrial]()
+    r, j, trials = joint.residuals, joint.jacobian, list[ScreenedTrial]()
     for (candidate, i), other in zip(pairs, moved, strict=True):
         d = other - r
         if not np.all(np.isfinite(d)):
             continue
-        gain, part = score_test(r[:seen], q, d[:seen], candidate.signed, largest)
-        gain = max(gain, score_test(r, q_joint, d, candidate.signed, largest)[0])
+        gain, part = score_test(r[:seen], j[:seen], d[:seen], candidate.signed, largest)
+        gain = max(gain, score_test(r, j, d, candidate.signed, largest)[0])
         if gain > 0.0:
             change = np.linalg.lstsq(triangle, -q.T @ (r + part * d)[:seen], rcond=1e-10)[0]
             x = current.fit.x + np.clip(change, -shift, shift)
             trials.append(ScreenedTrial(candidate, i, gain, part, x))
-    return Screening(pieces, current.fit, candidates, tuple(sorted(trials, key=lambda t: -t.gain)))
+    return Screening(pieces, candidates, tuple(sorted(trials, key=lambda t: -t.gain)))
 
 
 def trial_vector(current: Fit, candidate: CandidateEffect, trial: int) -> np.ndarray:

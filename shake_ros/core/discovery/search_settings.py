@@ -8,7 +8,7 @@ from typing import Any
 
 from shake_ros.core.quantities import Parameters, ShakeError, check, quantity
 
-MULTIPLES = ("start_multiples", "hop_multiples", "late_multiples", "function_multiples", "takeover_parts")
+MULTIPLES = ("start_multiples", "late_multiples", "function_multiples", "takeover_parts")
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,6 @@ class SearchSettings(Parameters):
     # refits
     most_refits: int = quantity("-", "effects refitted at first in a step", low=1)
     start_multiples: tuple[float, ...] = quantity("-", "multiples of a trial from which a refit may start", low=0.0)
-    most_trials: int = quantity("-", "most promising trials of an effect from which a refit may start", low=1)
-    hop_multiples: tuple[float, ...] = quantity("-", "multiples of a refitted strength that are tried", low=0.0)
-    hop_promise: float = quantity("-", "part of its cost that another strength must promise", low=0.0, high=1.0)
-    most_hops: int = quantity("-", "such changes of strength, at most", low=0)
     first_evaluations: int = quantity("-", "most trial points of a first refit", low=1)
     first_tolerance: float = quantity("-", "relative change at which a first refit stops", low=1e-12, high=1.0)
     most_continued: int = quantity("-", "effects whose refit goes on, on the whole recordings", low=1)
@@ -55,16 +51,6 @@ class SearchSettings(Parameters):
     rival: float = quantity("-", "ratio to the best score up to which an effect is a rival", low=1.0)
     takeover_parts: tuple[float, ...] = quantity("-", "parts of an effect left as another takes over", low=0.0)
     takeover_tolerance: float = quantity("-", "relative change at which a fit on that path stops", low=1e-12, high=1.0)
-    # several effects
-    paired: int = quantity("-", "best single effects beside which a second one is looked for", low=0)
-    paired_refits: int = quantity("-", "second effects that are refitted beside each", low=1)
-    exchanged_within: float = quantity(
-        "-", "ratio to its score up to which a rival may take an effect's place", low=1.0
-    )
-    most_exchanges: int = quantity("-", "such rivals, at most", low=0)
-    # how sure each effect is
-    near_noise: float = quantity("-", "ratio of residual to noise up to which an effect can be established", low=1.0)
-    worth_of_likely: float = quantity("-", "part of what is unexplained that a likely effect is worth", low=0.0)
     # decision
     most_effects: int = quantity("-", "effects added, at most", low=0)
     at_noise: float = quantity("-", "ratio to the noise's cost up to which nothing more is looked for", low=0.0)

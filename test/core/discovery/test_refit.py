@@ -23,7 +23,7 @@ def names(left: float, refits: int = 2) -> list[list[str]]:
     """Rounds where the validation cost is `left` times that of the noise."""
     settings = load_search().replace(most_refits=refits, much_left=1.3)
     problem: Any = SimpleNamespace(settings=settings, validation=SimpleNamespace(noise_cost=lambda: 1.0))
-    return list(rounds(problem, ScoredFit(NOTHING, 1.0, left), Screening(NOTHING, NOTHING, (), TRIALS)))
+    return list(rounds(problem, ScoredFit(NOTHING, 1.0, left), Screening(NOTHING, (), TRIALS)))
 
 
 def test_the_promising_come_first_and_all_others_where_much_is_left() -> None:
@@ -56,7 +56,7 @@ def test_an_effect_that_the_best_resembles_is_compared_though_it_promised_little
     trials: Any = tuple(SimpleNamespace(candidate=c, gain=0.1) for c in (mass, tank, other))
     candidates: Any = (mass, tank, other)
     refits: Any = [Refit(c, ScoredFit(NOTHING, cost, cost), 0.0) for c, cost in ((mass, 1.0), (other, 2.0))]
-    screening = Screening(NOTHING, NOTHING, candidates, trials)
+    screening = Screening(NOTHING, candidates, trials)
     assert passed_over(refits, screening) == ["tank_back_pressure"]
     assert passed_over(refits[::-1], screening) == []
-    assert passed_over(refits, Screening(NOTHING, NOTHING, candidates, trials[::2])) == []
+    assert passed_over(refits, Screening(NOTHING, candidates, trials[::2])) == []
