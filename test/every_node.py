@@ -29,6 +29,8 @@ def needed(name: str, folder: Path) -> list[str]:
     """ROS arguments without which a node does not start."""
     if name == "recorder":
         return ["-p", f"output:={folder / f'recorded_{len(list(folder.iterdir()))}'}"]
+    if name == "page":
+        return ["-p", "port:=0"]  # any
     if name == "player":
         path = folder / "to_play"
         return ["-p", f"input:={path if path.exists() else small_recording(path)}"]

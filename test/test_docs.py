@@ -52,7 +52,16 @@ MADE = {
     "out/loop/observer.yaml",
 }  # files of the reader's own
 CONFIGURED = {"table", "reference", "observer", "controller", "bridge", "interlock", "model"}
-OTHERS = {"pip", "pre-commit", "ss", "export", "echo", "colcon", "bash"}  # programs of the system, taken as they are
+OTHERS = {
+    "pip",
+    "pre-commit",
+    "ss",
+    "export",
+    "echo",
+    "colcon",
+    "bash",
+    "plotjuggler",
+}  # programs of the system, taken as they are
 
 
 def text(page: str) -> str:

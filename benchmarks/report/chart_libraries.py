@@ -9,8 +9,8 @@ their residuals. Times are those of Debian's Chromium without a window, the leas
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -20,7 +20,7 @@ from selenium import webdriver
 from selenium.webdriver.chrome.options import Options
 from selenium.webdriver.chrome.service import Service
 
-from shake_ros.report.chart import Chart, Panel, Series, chart_json
+from shake_ros.report.chart import Chart, ChartSeries, Panel, chart_json
 from shake_ros.report.page import Page
 
 SAMPLES, RATE = 60_000, 1000.0
@@ -36,9 +36,9 @@ def recording(number: int) -> Chart:
         measured = size * np.sin(2 * np.pi * (0.5 + 0.05 * x) * x) + 0.01 * size * rng.normal(size=SAMPLES)
         rests = [0.2 * size * np.sin(7.0 * x) + 0.01 * size * rng.normal(size=SAMPLES) for _ in range(2)]
         colours = ("before", "after")
-        curves = [Series(c, measured, c, minus=r) for c, r in zip(colours, rests, strict=True)]
-        left = [Series(c, r, c) for c, r in zip(colours, rests, strict=True)]
-        panels.append(Panel(f"{label} [{unit}]", x, (Series("measured", measured, "measured"), *curves)))
+        curves = [ChartSeries(c, measured, c, minus=r) for c, r in zip(colours, rests, strict=True)]
+        left = [ChartSeries(c, r, c) for c, r in zip(colours, rests, strict=True)]
+        panels.append(Panel(f"{label} [{unit}]", x, (ChartSeries("measured", measured, "measured"), *curves)))
         panels.append(Panel(f"residual [{unit}]", x, tuple(left), height=120))
     return Chart(f"run{number}", "time [s]", tuple(panels), f"run {number}")
 
@@ -95,10 +95,13 @@ def timed(driver: webdriver.Chrome, path: Path, name: str) -> tuple[float, float
     return drawn, 1e-3 * float(np.median(zooms))
 
 
-def main(arguments: list[str]) -> None:
+def main(arguments: list[str] | None = None) -> None:
     """Measure both and print the table."""
-    script = Path(arguments[0]).read_text(encoding="utf-8")
-    counts = [int(n) for n in arguments[1:]] or [1, 2, 4]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("plotly", type=Path, metavar="PLOTLY.js", help="plotly-basic.min.js")
+    parser.add_argument("recordings", type=int, nargs="*", default=[1, 2, 4], help="numbers of recordings")
+    given = parser.parse_args(arguments)
+    script, counts = given.plotly.read_text(encoding="utf-8"), given.recordings
     options = Options()
     options.binary_location = "/usr/bin/chromium"
     for option in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1400,1000"):
@@ -118,4 +121,4 @@ def main(arguments: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -33,10 +33,15 @@ def fit_data(estimation: Data, validation: Data | None, driven_by: str) -> tuple
     first, second = recordings(estimation), recordings(validation)
     if not first:
         raise ShakeError("no recording to estimate from")
+    check_apart(first, second)
+    return first.records(driven_by), second.records(driven_by)
+
+
+def check_apart(first: Recordings, second: Recordings) -> None:
+    """ShakeError for a recording in both sets."""
     both = sorted({*first.names} & {*second.names})
     if both:
         raise ShakeError(f"{', '.join(both)}: given both as estimation and as validation data")
-    return first.records(driven_by), second.records(driven_by)
 
 
 def names_of(records: Sequence[Record]) -> list[str]:

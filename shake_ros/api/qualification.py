@@ -11,7 +11,7 @@ import numpy as np
 
 from shake_ros.api.qualification_files import checksums, judgement_json, required_json
 from shake_ros.api.result_table import ResultTable
-from shake_ros.core.qualification.judge import Judgement, Rules, judge, measured_motion
+from shake_ros.core.qualification.judge import Rules, SpectrumJudgement, judge, measured_motion
 from shake_ros.core.qualification.required import RequiredSpectrum
 from shake_ros.core.qualification.resonance import Resonance
 from shake_ros.core.qualification.run import Tested
@@ -49,7 +49,7 @@ class Qualification:
     shift: float = 0.1
 
     @property
-    def judgement(self) -> Judgement:
+    def judgement(self) -> SpectrumJudgement:
         """Of the last run."""
         return self.runs[-1].judgement
 

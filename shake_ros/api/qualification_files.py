@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shake_ros.core.qualification.judge import Judgement, Rules
+from shake_ros.core.qualification.judge import Rules, SpectrumJudgement
 from shake_ros.core.qualification.motion import MotionParameters
 from shake_ros.core.qualification.required import FORMULAS, POINTS, RequiredSpectrum, from_points
 from shake_ros.core.qualification.run import RunParameters
@@ -19,7 +19,7 @@ SPECTRA, RULES = "required_spectra", "qualification_rules"
 
 
 @dataclass(frozen=True)
-class LoopParameters(Parameters):
+class QualificationLoop(Parameters):
     """The loop under which a test runs."""
 
     controller: str = choice("a name of config/controller")
@@ -39,12 +39,12 @@ class SearchParameters(Parameters):
 
 
 @dataclass(frozen=True)
-class Settings:
+class QualificationSettings:
     """Content of config/qualification."""
 
     motion: Mapping[str, Any]
     running: RunParameters
-    loop: LoopParameters
+    loop: QualificationLoop
     search: SearchParameters
 
     def motion_for(self, rules: Rules) -> MotionParameters:
@@ -52,15 +52,15 @@ class Settings:
         return MotionParameters.from_mapping({**self.motion, "aim": rules.aim}, "motion")
 
 
-def load_settings(name: str) -> Settings:
+def load_settings(name: str) -> QualificationSettings:
     """config/qualification/<name>.yaml, or a YAML file."""
     path = find("qualification", name)
     keys = ("motion", "running", "loop", "search")
     content = strict_keys(read_yaml(path), keys, str(path), keys, kind="key")
-    return Settings(
+    return QualificationSettings(
         dict(content["motion"]),
         RunParameters.from_mapping(content["running"], f"{path}: running"),
-        LoopParameters.from_mapping(content["loop"], f"{path}: loop"),
+        QualificationLoop.from_mapping(content["loop"], f"{path}: loop"),
         SearchParameters.from_mapping(content["search"], f"{path}: search"),
     )
 
@@ -104,7 +104,7 @@ def required_json(required: RequiredSpectrum) -> dict[str, Any]:
     }
 
 
-def judgement_json(judgement: Judgement) -> dict[str, Any]:
+def judgement_json(judgement: SpectrumJudgement) -> dict[str, Any]:
     """Verdicts and spectra of a run."""
     return {
         "passed": judgement.passed,

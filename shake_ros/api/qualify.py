@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 from shake_ros.api.iterate import learning
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.qualification import Qualification
-from shake_ros.api.qualification_files import SearchParameters, Settings, load_required, load_rules, load_settings
+from shake_ros.api.qualification_files import (
+    QualificationSettings,
+    SearchParameters,
+    load_required,
+    load_rules,
+    load_settings,
+)
 from shake_ros.api.simulate import Simulation, simulate
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.iteration.drive import integrate
@@ -37,7 +43,7 @@ class _Laboratory:
     """The simulated table of a test, and the recordings made on it."""
 
     plant: TableParameters
-    settings: Settings
+    settings: QualificationSettings
     delay: int
     seed: int
     recordings: list[TableRecording]

@@ -15,7 +15,7 @@ from shake_ros.core.quantities import unknown_name
 from shake_ros.data.results import write_folder, write_json
 
 if TYPE_CHECKING:
-    from shake_ros.report.experiment import Experiment
+    from shake_ros.report.experiment import ExperimentReport
 
 ALL = "all"
 
@@ -24,7 +24,7 @@ ALL = "all"
 class Reproduction:
     """Experiments of the thesis by name, each with its claims, tables and figures."""
 
-    experiments: Mapping[str, Experiment]
+    experiments: Mapping[str, ExperimentReport]
 
     @property
     def claims(self) -> ResultTable:

@@ -185,10 +185,10 @@ def tune_table(
     Examples
     --------
     >>> import shake_ros as sr
-    >>> sr.tune(sr.model().table, laws=["pid"])
+    >>> sr.tune(sr.model().table, laws=["pid"])  # doctest: +ELLIPSIS
     Traceback (most recent call last):
         ...
-    shake_ros.core.quantities.UnknownName: unknown law 'pid', known: ...
+    shake_ros.core.quantities.UnknownName: unknown law 'pid'; known: ...
     """
     for law in laws:
         if law not in LAWS:

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from shake_ros.api.fitted import check_apart
 from shake_ros.api.model import Model, model
 from shake_ros.api.read import Recordings, read
 from shake_ros.core.identification.models import MODELS
@@ -52,6 +53,7 @@ def inputs(given: argparse.Namespace) -> tuple[Model, Recordings, Recordings]:
     check_folder(given.out, given.force)
     declared = model(given.model, given.config, dict(map(change, given.set)))
     estimation, validation = read_data(given)
+    check_apart(estimation, validation)
     if declared.declared.driven_by == "valve_command":
         for line in [*(estimation + validation).doubts, *declared.contradictions(estimation)]:
             print(line, file=sys.stderr)

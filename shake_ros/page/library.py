@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.fit_records import finding_lines
 from shake_ros.data.recordings import read_table_recording
 
 NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,79}")
@@ -47,6 +46,8 @@ def summary(path: Path) -> dict[str, Any]:
         found = read_table_recording(path)
     except ShakeError as error:
         return {"error": str(error)}
+    from shake_ros.data.fit_records import finding_lines  # slow to import, and needed here alone
+
     told: dict[str, Any] = {
         "seconds": len(found) * found.sample_time,
         "samples": len(found),

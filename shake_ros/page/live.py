@@ -34,7 +34,7 @@ GRAPH = ("enable", "reset", "set", "restart", "table", "model")
 KINDS = ("identify", "close_loop")
 
 
-class Page:
+class LivePage:
     """A page and its view."""
 
     def __init__(self, server: Server, socket: WebSocket) -> None:
@@ -213,7 +213,7 @@ async def live(server: Server, socket: WebSocket) -> None:
         return
     await socket.accept()
     server.pages += 1
-    page = Page(server, socket)
+    page = LivePage(server, socket)
     tasks = [asyncio.create_task(act()) for act in (page.frames, page.states, page.listen)]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

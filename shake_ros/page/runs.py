@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.core.analysis.response_spectrum import response_spectrum
-from shake_ros.core.loop.metrics import DAMPING, HIGHEST, LOWEST
 from shake_ros.page.samples import SampleStore
 
 Floats = npt.NDArray[np.float64]
@@ -67,6 +66,8 @@ class RunMeter:
 
     def _judge(self, told: dict[str, Any], error: Floats, wanted: Floats, felt: Floats, asked: Floats) -> None:
         """Not in the thread that takes samples: a spectrum takes a while, and compiles at first."""
+        from shake_ros.core.loop.metrics import DAMPING, HIGHEST, LOWEST  # slow to import
+
         known = np.isfinite(error)
         rms = float(np.sqrt(np.mean(error[known] ** 2)))
         size = float(np.sqrt(np.nanmean((wanted - np.nanmean(wanted)) ** 2)))

@@ -28,7 +28,7 @@ HEADER = struct.Struct("<4I2d")  # level, epoch, buckets, curves; first bucket, 
 
 
 @dataclass(frozen=True)
-class Curve:
+class LiveCurve:
     """One curve. topic : where it comes from; empty where the page computes it. column : of the topic's numbers."""
 
     name: str
@@ -38,20 +38,20 @@ class Curve:
 
 
 CURVES = (
-    Curve("reference_position", "reference", 0, "m"),
-    Curve("position", "joint_states", 0, "m"),
-    Curve("tracking_error", "", 0, "m"),
-    Curve("reference_velocity", "reference", 1, "m/s"),
-    Curve("estimated_velocity", "estimate", 1, "m/s"),
-    Curve("predicted_velocity", "", 0, "m/s"),
-    Curve("reference_acceleration", "reference", 2, "m/s^2"),
-    Curve("acceleration", "imu", 0, "m/s^2"),
-    Curve("estimated_acceleration", "estimate", 2, "m/s^2"),
-    Curve("predicted_acceleration", "", 0, "m/s^2"),
-    Curve("valve_command", "valve_command", 0, "-"),
-    Curve("pressure_a", "pressure_a", 0, "Pa"),
-    Curve("pressure_b", "pressure_b", 0, "Pa"),
-    Curve("pressure_supply", "pressure_supply", 0, "Pa"),
+    LiveCurve("reference_position", "reference", 0, "m"),
+    LiveCurve("position", "joint_states", 0, "m"),
+    LiveCurve("tracking_error", "", 0, "m"),
+    LiveCurve("reference_velocity", "reference", 1, "m/s"),
+    LiveCurve("estimated_velocity", "estimate", 1, "m/s"),
+    LiveCurve("predicted_velocity", "", 0, "m/s"),
+    LiveCurve("reference_acceleration", "reference", 2, "m/s^2"),
+    LiveCurve("acceleration", "imu", 0, "m/s^2"),
+    LiveCurve("estimated_acceleration", "estimate", 2, "m/s^2"),
+    LiveCurve("predicted_acceleration", "", 0, "m/s^2"),
+    LiveCurve("valve_command", "valve_command", 0, "-"),
+    LiveCurve("pressure_a", "pressure_a", 0, "Pa"),
+    LiveCurve("pressure_b", "pressure_b", 0, "Pa"),
+    LiveCurve("pressure_supply", "pressure_supply", 0, "Pa"),
 )
 ROW = {curve.name: row for row, curve in enumerate(CURVES)}
 TOPICS = tuple(dict.fromkeys(curve.topic for curve in CURVES if curve.topic))

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from shake_ros.report.chart import Chart, Panel, Series
+from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.figures_qualification import BAND, convergence_axes, motion_axes, motions, spectra_axes
 from shake_ros.report.page import Page
 from shake_ros.report.style import AFTER, BEFORE, GREY
@@ -98,17 +98,17 @@ def _charts(content: Mapping[str, Any], motion: Array, sample_time: float) -> tu
     """Spectra and motion, to zoom on the page."""
     last = content["runs"][-1]
     f, required, found = (np.array(last[key]) for key in ("frequencies", "required", "found"))
-    band = [Series(f"{share:g} RRS", share * required, "grey", kind="dashed") for share in BAND]
+    band = [ChartSeries(f"{share:g} RRS", share * required, "grey", kind="dashed") for share in BAND]
     curves = (
         *band,
-        Series("required, RRS", required, "before", width=2.4),
-        Series("test, TRS", found, "c0", width=1.8),
+        ChartSeries("required, RRS", required, "before", width=2.4),
+        ChartSeries("test, TRS", found, "c0", width=1.8),
     )
     spectra = Panel("absolute acceleration [m/s²]", f, curves, log=True, height=320)
     caption = "Required and test response spectrum of the last run on the code's own grid"
     time = np.arange(len(motion)) * sample_time
     panels = tuple(
-        Panel(label, time, (Series(label, values, "c0"),))
+        Panel(label, time, (ChartSeries(label, values, "c0"),))
         for label, values in motions(motion, sample_time, _drift(content))
     )
     drift = f"{_drift(content):.2g} Hz"

@@ -18,7 +18,7 @@ MISSING = -32768
 
 
 @dataclass(frozen=True)
-class Series:
+class ChartSeries:
     """A curve: `values`, less `minus` where given, each of shape (n,).
 
     colour : a name of `style.COLOUR`. kind : line, dashed, points, rings, or marks on a line.
@@ -44,7 +44,7 @@ class Panel:
 
     y: str
     x: Array
-    series: tuple[Series, ...]
+    series: tuple[ChartSeries, ...]
     log: bool = False
     height: int = 190
     shaded: tuple[float, float] | None = None

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.report.chart import Array, Chart, Panel, Series
+from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 
 QUANTITIES = (("position", "mm"), ("velocity", "mm/s"))
 HIGHEST_SHOWN = 30.0  # [Hz]
@@ -22,7 +22,7 @@ def error_chart(runs: Mapping[str, ClosedLoop], case: str = "", part: int = 1) -
         for k, (label, run) in enumerate(runs.items()):
             error = np.full(len(time), np.nan)
             error[: len(run.truth)] = 1e3 * (run.truth[:, column] - run.reference[:, column])
-            series.append(Series(label, error, f"c{k % 6}"))
+            series.append(ChartSeries(label, error, f"c{k % 6}"))
         panels.append(Panel(f"{name} error [{unit}]", time, tuple(series)))
     return Chart(f"errors_{part}", "time [s]", tuple(panels), f"Position and velocity error{case and f', {case}'}")
 
@@ -42,11 +42,11 @@ def spectrum_chart(runs: Mapping[str, ClosedLoop], case: str = "", part: int = 1
     sound = {label: run for label, run in runs.items() if np.isfinite(run.truth).all()}
     for column, (name, unit) in enumerate(QUANTITIES):
         frequency, wanted = amplitudes(1e3 * first.reference[:, column], first.sample_time)
-        series = [Series("reference", wanted, "measured", width=1.8)]
+        series = [ChartSeries("reference", wanted, "measured", width=1.8)]
         for label, run in sound.items():
             found = amplitudes(1e3 * run.truth[:, column], run.sample_time)[1]
             if len(found) == len(frequency):
-                series.append(Series(label, found, f"c{list(runs).index(label) % 6}"))
+                series.append(ChartSeries(label, found, f"c{list(runs).index(label) % 6}"))
         panels.append(Panel(f"{name} [{unit}]", frequency, tuple(series), log=True))
     caption = f"Amplitude spectra of position and velocity{case and f', {case}'}"
     return Chart(f"spectra_{part}", "frequency [Hz]", tuple(panels), caption)

@@ -7,13 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from shake_ros.core.discovery.closed_form import ClosedForm
 from shake_ros.core.effects.unlisted import NODES
 from shake_ros.core.identification.diagnosis import Judgement
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, low_pass
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.report.chart import Array, Chart, Panel, Series
+from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 
 LABELS = {
     "position": "position [mm]",
@@ -80,13 +79,13 @@ def history_chart(
     for label, measured, rests in residuals(record, runs):
         unit = label.split(" ")[1]
         looks = (("before", "line"), ("after", "dashed"))[-len(runs) :]
-        curves = [Series("measured", measured, "measured", width=1.8)]
+        curves = [ChartSeries("measured", measured, "measured", width=1.8)]
         curves += [
-            Series(text, measured, colour, minus=rest, kind=kind)
+            ChartSeries(text, measured, colour, minus=rest, kind=kind)
             for text, rest, (colour, kind) in zip(labels, rests, looks, strict=True)
         ]
         left = [
-            Series(f"measured − {text}", rest, colour)
+            ChartSeries(f"measured − {text}", rest, colour)
             for text, rest, (colour, _) in zip(labels, rests, looks, strict=True)
         ]
         panels += [Panel(label, time, tuple(curves)), Panel(f"residual {unit}", time, tuple(left), height=120)]
@@ -105,7 +104,7 @@ def spectrum_chart(record: Record, runs: Sequence[Array], labels: Sequence[str] 
     series = []
     for name, signal, colour in zip(names, signals, ("measured", *colours), strict=True):
         frequency, power = welch(signal, 1.0 / record.sample_time, nperseg=length)
-        series.append(Series(name, np.sqrt(power[1:]), colour, width=1.4))
+        series.append(ChartSeries(name, np.sqrt(power[1:]), colour, width=1.4))
     panel = Panel(label.replace("]", "/√Hz]"), frequency[1:], tuple(series), log=True, height=230)
     view = (0.4, 0.5 / record.sample_time)
     caption = f"{record.name}: amplitude spectral density of what was measured and of what each model leaves"
@@ -159,24 +158,21 @@ def residual_charts(
             group = np.clip(np.searchsorted(edges, at, side="right") - 1, 0, len(middle) - 1)
             count = np.maximum(np.bincount(group, minlength=len(middle)), 1)
             mean = np.bincount(group, rest, minlength=len(middle)) / count
-            series.append(Series(text, mean, colour, width=2.0))
+            series.append(ChartSeries(text, mean, colour, width=2.0))
         panel = Panel(f"residual {label}", middle, tuple(series), height=210)
         caption = f"{record.name}: mean residual against {name.replace('_', ' ')}, {len(middle)} groups of equal count"
         charts.append(Chart(f"residual_{name}_{record.name}", LABELS[name], (panel,), caption))
     return charts
 
 
-def unlisted_chart(fit: Fit, form: ClosedForm | None = None) -> Chart:
-    """The estimated function on its nodes, and its closed form."""
+def unlisted_chart(fit: Fit) -> Chart:
+    """The estimated function on its nodes."""
     table = fit.free.table(fit.x)
     low, high = (table.value(f"effects.unlisted.{end}") for end in ("low", "high"))
     values = np.array([table.value(f"effects.unlisted.node_{i:02d}") for i in range(NODES)])
     quantity, label, scale = FUNCTIONS[int(table.value("effects.unlisted.kind"))]
     at = np.linspace(low, high, NODES) * SCALES.get(quantity, 1.0)
-    series = [Series("estimated", scale * values, "after", width=1.8)]
-    if form:
-        series.append(Series(form.name, scale * form.values, "c0"))
-    panel = Panel(label, at, tuple(series), height=210)
+    panel = Panel(label, at, (ChartSeries("estimated", scale * values, "after", width=1.8),), height=210)
     return Chart("unlisted", LABELS[quantity], (panel,), "The function without a name, as estimated on its nodes")
 
 
@@ -190,7 +186,9 @@ def correlation_chart(judgements: Sequence[Judgement], with_drive: bool) -> Char
         lag = np.arange(-lags if with_drive else 1, lags + 1, dtype=np.float64)
         value = j.test.cross_correlation if with_drive else j.test.autocorrelation[1:]
         bound = j.test.cross_bound if with_drive else j.test.auto_bound
-        series = (Series(f"{j.name} ({'validation' if j.held_out else 'estimation'})", value, "c0", kind="points"),)
+        series = (
+            ChartSeries(f"{j.name} ({'validation' if j.held_out else 'estimation'})", value, "c0", kind="points"),
+        )
         panels.append(Panel("correlation", lag, series, height=100, shaded=(-bound, bound)))
     name, text = ("drive", "the drive") if with_drive else ("past", "its own past")
     caption = f"Correlation of the residual with {text}; grey: what chance gives at 99 %, lag by lag"

@@ -8,7 +8,7 @@ import numpy as np
 
 from shake_ros.core.measured_harmonics.comparison import HarmonicComparison, MeasuredModel
 from shake_ros.core.measured_harmonics.harmonics import HarmonicProblem, HarmonicRun
-from shake_ros.report.chart import Array, Chart, Panel, Series
+from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 
 COLOURS = ("c5", "c3", "before")  # of the printed models, the last one counts
 
@@ -25,9 +25,9 @@ def harmonics_chart(problem: HarmonicProblem, models: Sequence[tuple[str, Array,
         span = slice(first, first + len(run.orders))
         first += len(run.orders)
         series = [
-            Series(f"{title(run)}: measured", np.asarray(run.measured, dtype=np.float64), "measured", kind="rings")
+            ChartSeries(f"{title(run)}: measured", np.asarray(run.measured, dtype=np.float64), "measured", kind="rings")
         ]
-        series += [Series(name, values[span], colour, kind="points") for name, values, colour in models]
+        series += [ChartSeries(name, values[span], colour, kind="points") for name, values, colour in models]
         panels.append(Panel("[m/s²]", np.asarray(run.orders, dtype=np.float64), tuple(series), log=True, height=150))
     orders = sorted({int(k) for run in problem.runs for k in run.orders})
     caption = "Amplitude of the acceleration by harmonic, run by run, on a logarithmic scale; rings: measured"
@@ -42,7 +42,7 @@ def traces_chart(comparison: HarmonicComparison) -> Chart:
         samples = round(1.0 / (run.frequency * problem.sample_time))
         angle = np.arange(samples) / samples
         series = tuple(
-            Series(f"{title(run)}: {m.name}" if k == 0 else m.name, m.account.traces[i][:samples], colour)
+            ChartSeries(f"{title(run)}: {m.name}" if k == 0 else m.name, m.account.traces[i][:samples], colour)
             for k, (m, colour) in enumerate(shown(comparison))
         )
         panels.append(Panel("[m/s²]", angle, series, height=130))

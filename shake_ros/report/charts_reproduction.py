@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from shake_ros.core.analysis.parameter_study import ParameterStudy
-from shake_ros.report.chart import Array, Chart, Panel, Series
+from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.figures_sensitivity import HIGHEST_HARMONIC, ROWS, SHOWN_PERIODS, label
 
 CHANNELS = ("velocity", "acceleration")
@@ -27,7 +27,7 @@ def motions(name: str, time: Array, runs: Mapping[str, tuple[Array, Array]], cap
             f"{channel} [{UNITS[channel]}]",
             time,
             tuple(
-                Series(title, run[k], colour, width=2.0 if colour == "measured" else 1.2)
+                ChartSeries(title, run[k], colour, width=2.0 if colour == "measured" else 1.2)
                 for (title, run), colour in zip(runs.items(), COLOURS, strict=False)
             ),
         )
@@ -46,7 +46,7 @@ def over_frequency(
             f"error of the {channel} [%]",
             x,
             tuple(
-                Series(title, 100.0 * np.array(found[channel]), f"c{k}", kind="marks")
+                ChartSeries(title, 100.0 * np.array(found[channel]), f"c{k}", kind="marks")
                 for k, (title, found) in enumerate(errors.items())
             ),
             log=True,
@@ -64,7 +64,7 @@ def study_motion(name: str, study: ParameterStudy, frequency: float, caption: st
     for title, column in ROWS:
         runs = study.motion[:, -shown:, column]
         runs = runs - runs.mean(axis=1, keepdims=True) if column == 0 else runs
-        series = [Series(label(study, float(v)), runs[i], f"c{i}") for i, v in enumerate(study.values)]
+        series = [ChartSeries(label(study, float(v)), runs[i], f"c{i}") for i, v in enumerate(study.values)]
         panels.append(Panel(title, time, tuple(series)))
     return Chart(name, "time [s]", tuple(panels), caption)
 
@@ -75,7 +75,8 @@ def study_spectrum(name: str, study: ParameterStudy, frequency: float, samples: 
     harmonics = frequency * np.arange(1, HIGHEST_HARMONIC + 1)
     places = [int(np.argmin(np.abs(found - f))) for f in harmonics]
     series = [
-        Series(label(study, float(v)), amplitudes[i, places], f"c{i}", kind="marks") for i, v in enumerate(study.values)
+        ChartSeries(label(study, float(v)), amplitudes[i, places], f"c{i}", kind="marks")
+        for i, v in enumerate(study.values)
     ]
     panel = Panel("acceleration [m/s²]", harmonics, tuple(series), log=True)
     return Chart(name, "frequency [Hz]", (panel,), caption)
@@ -95,6 +96,6 @@ def training(name: str, curves: Sequence[Array], caption: str) -> Chart:
         for i, curve in enumerate(curves):
             values = np.full(len(epochs), np.nan)
             values[: len(curve)] = curve[:, k]
-            series.append(Series(f"run {i + 1}", values, f"c{i % 6}"))
+            series.append(ChartSeries(f"run {i + 1}", values, f"c{i % 6}"))
         panels.append(Panel(f"error {title} [-]", epochs, tuple(series), log=True))
     return Chart(name, "epoch", tuple(panels), caption)

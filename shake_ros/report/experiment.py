@@ -38,7 +38,7 @@ class Rows(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Experiment:
+class ExperimentReport:
     """One page of the reproduction.
 
     Attributes

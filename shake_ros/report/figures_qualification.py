@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 from numpy.typing import NDArray
 
-from shake_ros.core.qualification.judge import Judgement
+from shake_ros.core.qualification.judge import SpectrumJudgement
 from shake_ros.report.style import COLOURS, GREY, new_figure, tidy
 
 Array = NDArray[np.float64]
@@ -63,7 +63,9 @@ def convergence_axes(axes: Axes, errors: Sequence[float]) -> None:
     tidy(axes, "run", "spectrum missed, rms of ln [%]")
 
 
-def qualification_figure(judgement: Judgement, motion: Array, sample_time: float, errors: Sequence[float]) -> Figure:
+def qualification_figure(
+    judgement: SpectrumJudgement, motion: Array, sample_time: float, errors: Sequence[float]
+) -> Figure:
     """Spectra, motion and convergence in one figure."""
     figure = new_figure(10.0, 6.0)
     parts = np.atleast_1d(np.asarray(figure.subfigures(2, 1, height_ratios=(3, 2)), dtype=object))

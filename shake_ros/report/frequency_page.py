@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from shake_ros.core.analysis.frequency_response import COHERENT, FrequencyResponse
-from shake_ros.report.chart import Chart, Panel, Series
+from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page
 
 
@@ -14,12 +14,17 @@ def response_chart(found: FrequencyResponse, highest: float, unit: str) -> Chart
     shown = found.frequency <= highest
     good = shown & (found.coherence >= COHERENT)
     frequency, gain, spread = found.frequency[good], found.gain[good], 2.0 * found.deviation[good]
-    ends = [Series(f"{sign} two deviations", gain * (1.0 + k * spread), "grey") for sign, k in (("−", -1), ("+", 1))]
+    ends = [
+        ChartSeries(f"{sign} two deviations", gain * (1.0 + k * spread), "grey") for sign, k in (("−", -1), ("+", 1))
+    ]
     panels = (
-        Panel(f"gain [{unit}]", frequency, (*ends, Series("gain", gain, "after", width=1.6)), log=True),
-        Panel("delay [ms]", frequency, (Series("delay", 1e3 * found.delay[good], "before"),), height=150),
+        Panel(f"gain [{unit}]", frequency, (*ends, ChartSeries("gain", gain, "after", width=1.6)), log=True),
+        Panel("delay [ms]", frequency, (ChartSeries("delay", 1e3 * found.delay[good], "before"),), height=150),
         Panel(
-            "coherence", found.frequency[shown], (Series("coherence", found.coherence[shown], "measured"),), height=120
+            "coherence",
+            found.frequency[shown],
+            (ChartSeries("coherence", found.coherence[shown], "measured"),),
+            height=120,
         ),
     )
     caption = "Gain with two standard deviations and delay on coherent lines, coherence on all"

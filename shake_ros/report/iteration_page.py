@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from shake_ros.core.loop.metrics import FREQUENCIES, HIGHEST, LOWEST
-from shake_ros.report.chart import Array, Chart, Panel, Series
+from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page
 from shake_ros.report.text import percent
 
@@ -16,7 +16,7 @@ def error_chart(runs: Sequence[str], curves: Sequence[tuple[str, Sequence[float]
     """Errors run by run; curves : label, error of each run [-], colour."""
     number = np.arange(1, len(runs) + 1, dtype=np.float64)
     series = tuple(
-        Series(label, 100.0 * np.asarray(values, dtype=np.float64), colour, kind="marks")
+        ChartSeries(label, 100.0 * np.asarray(values, dtype=np.float64), colour, kind="marks")
         for label, values, colour in curves
     )
     ticks = dict(zip(number.tolist(), runs, strict=True))
@@ -28,10 +28,10 @@ def error_chart(runs: Sequence[str], curves: Sequence[tuple[str, Sequence[float]
 def spectrum_chart(wanted: Array, spectra: Sequence[Array], best: int) -> Chart:
     """Response spectra [m/s²] as of `loop.metrics.spectrum_of`: wanted, of the first run and of the best."""
     frequencies = np.geomspace(LOWEST, HIGHEST, FREQUENCIES)
-    series = [Series("wanted", wanted, "measured", width=2.4)]
+    series = [ChartSeries("wanted", wanted, "measured", width=2.4)]
     if best:
-        series.append(Series("run 1", spectra[0], "before"))
-    series.append(Series(f"run {best + 1}, the best", spectra[best], "after"))
+        series.append(ChartSeries("run 1", spectra[0], "before"))
+    series.append(ChartSeries(f"run {best + 1}, the best", spectra[best], "after"))
     panel = Panel("response [m/s²]", frequencies, tuple(series), height=230)
     caption = "Response spectrum at 5 % damping: largest acceleration of an oscillator of each frequency"
     return Chart("spectra", "frequency [Hz]", (panel,), caption, log_x=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.reference.baseline import integrate
-from shake_ros.report.chart import Chart, Panel, Series
+from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ def record_chart(name: str, curves: Sequence[Curve]) -> Chart:
             label,
             time,
             tuple(
-                Series(c.label, scale * motion[k], colour)
+                ChartSeries(c.label, scale * motion[k], colour)
                 for c, motion, colour in zip(curves, motions, COLOURS, strict=False)
             ),
         )
@@ -57,8 +57,8 @@ def spectrum_chart(name: str, spectra: Mapping[str, tuple[Array, Array, Array]],
     periods = next(iter(spectra.values()))[0]
     curves = list(zip(spectra.items(), COLOURS, strict=False))
     panels = (
-        Panel("acceleration [m/s²]", periods, tuple(Series(n, s[2], c) for (n, s), c in curves), height=220),
-        Panel("displacement [mm]", periods, tuple(Series(n, 1e3 * s[1], c) for (n, s), c in curves), height=150),
+        Panel("acceleration [m/s²]", periods, tuple(ChartSeries(n, s[2], c) for (n, s), c in curves), height=220),
+        Panel("displacement [mm]", periods, tuple(ChartSeries(n, 1e3 * s[1], c) for (n, s), c in curves), height=150),
     )
     caption = f"Response spectrum at {100.0 * damping:g} % damping: absolute acceleration and relative displacement"
     return Chart(name, "period [s]", panels, caption, log_x=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from shake_ros.report.experiment import Claim, Experiment
+from shake_ros.report.experiment import Claim, ExperimentReport
 from shake_ros.report.page import Made, Page
 
 HEAD = ("section", "the thesis says", "printed", "here", "verdict")
@@ -15,7 +15,7 @@ def claim_rows(claims: Sequence[Claim]) -> list[list[str]]:
     return [[c.source, c.statement, c.printed, c.found, c.verdict] for c in claims]
 
 
-def experiment_page(experiment: Experiment, command: str = "") -> Page:
+def experiment_page(experiment: ExperimentReport, command: str = "") -> Page:
     """The page of one experiment."""
     page = Page(experiment.title, experiment.lead, Made(command))
     page.heading("What the thesis says")
@@ -37,7 +37,7 @@ def experiment_page(experiment: Experiment, command: str = "") -> Page:
     return page
 
 
-def index_page(experiments: Mapping[str, Experiment], command: str = "") -> Page:
+def index_page(experiments: Mapping[str, ExperimentReport], command: str = "") -> Page:
     """The page of all claims, by experiment."""
     page = Page("Chapter 6 of the thesis, run again", count_of(experiments), Made(command))
     for name, experiment in experiments.items():
@@ -46,7 +46,7 @@ def index_page(experiments: Mapping[str, Experiment], command: str = "") -> Page
     return page
 
 
-def count_of(experiments: Mapping[str, Experiment]) -> str:
+def count_of(experiments: Mapping[str, ExperimentReport]) -> str:
     """How many claims hold, in a sentence."""
     verdicts = [c.holds for e in experiments.values() for c in e.claims]
     counts = [verdicts.count(v) for v in (True, False, None)]
@@ -59,7 +59,7 @@ def _left(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in [head, *rows])
 
 
-def claims_text(experiments: Mapping[str, Experiment]) -> str:
+def claims_text(experiments: Mapping[str, ExperimentReport]) -> str:
     """All claims, aligned for a terminal."""
     parts = [count_of(experiments)]
     for name, experiment in experiments.items():

@@ -9,7 +9,7 @@ import numpy as np
 
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.schedule import WINDOW, Training
-from shake_ros.report.chart import Chart, Panel, Series
+from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Page
 from shake_ros.report.sections import made_of
 from shake_ros.report.text import percent
@@ -25,7 +25,7 @@ def running_chart(record: Record, runs: Mapping[str, np.ndarray], change: float 
     series = []
     for (name, out), colour in zip(runs.items(), ("measured", "before", "after"), strict=False):
         square = np.convolve((record.acceleration - out[:, 2]) ** 2, np.ones(n) / n, mode="same")
-        series.append(Series(name, np.sqrt(np.maximum(square[record.start :], 0.0)), colour, width=1.5))
+        series.append(ChartSeries(name, np.sqrt(np.maximum(square[record.start :], 0.0)), colour, width=1.5))
     spans = tuple((first, first + WINDOW) for first in ([0.0] if change is None else [0.0, change]))
     panel = Panel("error of the acceleration [m/s²]", time, tuple(series), height=230)
     caption = f"{record.name}: rms error over {SMOOTH:g} s; shaded: the window does not yet cover the change"

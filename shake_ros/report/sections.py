@@ -17,7 +17,7 @@ from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.report import charts_fit
-from shake_ros.report.chart import Chart, Panel, Series
+from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page, Source
 from shake_ros.report.readable import estimate_text, rounded, unit_of
 from shake_ros.report.text import percent, sentence
@@ -238,11 +238,11 @@ def tracking_chart(tracks: Mapping[str, Track]) -> Chart:
     n = min(len(track.time) for track in tracks.values())
     time, wanted = first.time[:n], first.reference[:n]
     peak = float(time[np.nanargmax(np.abs(wanted[:, 2]))])
-    felt = [Series("reference", wanted[:, 2], "measured", width=1.8)]
+    felt = [ChartSeries("reference", wanted[:, 2], "measured", width=1.8)]
     missed = []
     for (label, track), colour in zip(tracks.items(), ("before", "after", "c3"), strict=False):
-        felt.append(Series(label, track.motion[:n, 2], colour))
-        missed.append(Series(label, 1e3 * (track.motion[:n, 0] - track.reference[:n, 0]), colour))
+        felt.append(ChartSeries(label, track.motion[:n, 2], colour))
+        missed.append(ChartSeries(label, 1e3 * (track.motion[:n, 0] - track.reference[:n, 0]), colour))
     panels = (
         Panel("acceleration [m/s²]", time, tuple(felt)),
         Panel("position error [mm]", time, tuple(missed), height=140),

@@ -240,7 +240,7 @@ def test_unknown_model_and_missing_arguments_end_with_exit_code_2(
 
 
 def test_error_in_writing_the_page_leaves_no_folder(
-    tmp_path: Path, bags: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(*arguments: object, **more: object) -> str:
         raise ShakeError("the page cannot be drawn")
@@ -249,6 +249,7 @@ def test_error_in_writing_the_page_leaves_no_folder(
     monkeypatch.setattr(closing, "close_loop", lambda *a, **m: done.result)
     monkeypatch.setattr(close_loop_page, "close_loop_page", fail)
     out = tmp_path / "out"
-    line = refusal(capsys, "close_loop", "--learn", bags[0], "--hold", bags[1], "--out", out)
+    learn, hold = (done.out.parent / name for name in ("learn", "hold"))
+    line = refusal(capsys, "close_loop", "--learn", learn, "--hold", hold, "--out", out)
     assert "the page cannot be drawn" in line
     assert list(tmp_path.iterdir()) == []

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shake_ros.report.chart import Chart, Panel, Series
+from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page, Source
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
@@ -35,11 +35,14 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rest = 0.1 * np.sin(7.0 * time)
     page = Page("A report", "Lead", Made("./shake x", (Source("run1", "validation", 60.0, SAMPLES, 1000.0),)))
     page.heading("Curves")
-    curves = (Series("measured", measured, "measured"), Series("model", measured, "after", minus=rest))
-    panels = (Panel("y [m]", time, curves), Panel("residual [m]", time, (Series("rest", rest, "after"),), height=110))
+    curves = (ChartSeries("measured", measured, "measured"), ChartSeries("model", measured, "after", minus=rest))
+    panels = (
+        Panel("y [m]", time, curves),
+        Panel("residual [m]", time, (ChartSeries("rest", rest, "after"),), height=110),
+    )
     page.chart(Chart("run1", "time [s]", panels, "A minute", view=(10.0, 12.0)))
     orders = np.arange(1.0, 6.0)
-    dots = (Series("measured", 10.0 / orders**3, "measured", kind="rings"),)
+    dots = (ChartSeries("measured", 10.0 / orders**3, "measured", kind="rings"),)
     page.chart(Chart("harmonics", "harmonic", (Panel("[m/s²]", orders, dots, log=True),), "Harmonics"))
     page.heading("A wide table")
     page.table([f"column {k}" for k in range(15)], [[f"{k}.25 %" for k in range(15)] for _ in range(3)])

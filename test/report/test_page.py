@@ -18,7 +18,7 @@ from pages import Reader, read_page
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.report import charts_fit, text
-from shake_ros.report.chart import Chart, Panel, Series, packed
+from shake_ros.report.chart import Chart, ChartSeries, Panel, packed
 from shake_ros.report.close_loop_page import close_loop_page
 from shake_ros.report.page import LARGEST, Bar, Made, Page, Source
 from shake_ros.report.readable import estimate_text, unit_of
@@ -30,7 +30,7 @@ NOON = datetime(2026, 1, 2, 12, 0, tzinfo=timezone.utc)
 
 def line(count: int = 2, name: str = "line") -> Chart:
     x = np.arange(count, dtype=np.float64)
-    return Chart(name, "time [s]", (Panel("y [m]", x, (Series("a", x**2, "c0"),)),), "A line")
+    return Chart(name, "time [s]", (Panel("y [m]", x, (ChartSeries("a", x**2, "c0"),)),), "A line")
 
 
 def unpacked(column: object) -> np.ndarray:
@@ -109,11 +109,13 @@ def test_thirteen_minutes_stay_below_the_limit_and_keep_every_peak() -> None:
     time, measured = np.arange(n) * 0.001, rng.normal(size=n)
     measured[123_457] = 50.0
     rest = 0.1 * rng.normal(size=n)
-    series = (Series("measured", measured, "measured"), Series("model", measured, "after", minus=rest))
-    other = Series("other", rng.normal(size=n), "c0")
+    series = (ChartSeries("measured", measured, "measured"), ChartSeries("model", measured, "after", minus=rest))
+    other = ChartSeries("other", rng.normal(size=n), "c0")
     page = Page("a", "b")
     page.chart(
-        Chart("long", "time [s]", (Panel("y", time, series), Panel("r", time, (Series("r", rest, "c0"), other))), "c")
+        Chart(
+            "long", "time [s]", (Panel("y", time, series), Panel("r", time, (ChartSeries("r", rest, "c0"), other))), "c"
+        )
     )
     made = page.render()
     reader = read_page(made)
@@ -130,7 +132,7 @@ def test_one_minute_of_two_recordings_is_kept_whole() -> None:
     page = Page("a", "b")
     for k in range(2):
         time, values = np.arange(60_000) * 0.001, rng.normal(size=(6, 60_000))
-        series = [Series(str(i), v, "c0") for i, v in enumerate(values)]
+        series = [ChartSeries(str(i), v, "c0") for i, v in enumerate(values)]
         page.chart(Chart(f"run{k}", "time [s]", (Panel("y", time, tuple(series)),), "c"))
     made = page.render()
     assert "least and largest" not in read_page(made).words

@@ -28,7 +28,9 @@ def alive(process: int) -> bool:
 
 
 def test_unknown_node_is_an_error_that_lists_the_known_ones() -> None:
-    with pytest.raises(UnknownName, match=r"unknown node 'plan' .*known: controller, faults, hardware_bridge"):
+    with pytest.raises(
+        UnknownName, match=r"unknown node 'plan' .*known: controller, faults, foxglove, hardware_bridge"
+    ):
         Graph([NodeSpec("plan")])
 
 

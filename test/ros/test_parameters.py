@@ -168,7 +168,8 @@ def test_replaced_reaches_nested_sets_and_keeps_the_rest() -> None:
 
 
 def configured(kind: str) -> list[str]:
-    return sorted(path.stem for path in (config_folder() / kind).glob("*.yaml"))
+    names = {path.stem for path in (config_folder() / kind).glob("*.yaml")}
+    return sorted(names - {"unknown"} if kind == "table" else names)  # a fit makes a table of that one
 
 
 def load(kind: str, name: str) -> Parameters:

@@ -96,7 +96,11 @@ def test_every_node_has_the_priority_the_processor_and_the_locked_memory_that_it
 ) -> None:
     time_, zero = np.arange(50) * 0.01, np.zeros(50)
     bag = write_table_recording(tmp_path / "run", time=time_, valve_command=zero, position=np.sin(time_))
-    own = {"player": {"input": str(bag), "loop": True}, "recorder": {"output": str(tmp_path / "bag")}}
+    own = {
+        "player": {"input": str(bag), "loop": True},
+        "recorder": {"output": str(tmp_path / "bag")},
+        "page": {"port": 0},
+    }
     sensors = ("joint_states", "imu", "pressure_a", "pressure_b", "pressure_supply")
     apart = {topic: f"other/{topic}" for topic in sensors}
     remaps = {"hardware_bridge": apart, "faults": {"valve_command": "other/valve_command"}}

@@ -33,7 +33,9 @@ def sockets(process: int) -> list[tuple[str, str, int]]:
 
 def test_nodes_listen_on_loopback_only(ros_domain) -> None:
     first = 7400 + 250 * ros_domain
-    nodes = [NodeSpec("plant"), NodeSpec("hardware_bridge"), NodeSpec("controller")]
+    sensors = ("joint_states", "imu", "pressure_a", "pressure_b", "pressure_supply")
+    apart = {topic: f"other/{topic}" for topic in sensors}  # the plant has the topics
+    nodes = [NodeSpec("plant"), NodeSpec("hardware_bridge", remaps=apart), NodeSpec("controller")]
     with Graph(nodes, domain_id=ros_domain, lockstep=False) as graph:
         graph.wait_until_ready()
         for name, process in graph.processes.items():

@@ -5,16 +5,18 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Entry(NamedTuple):
+class ThesisExperiment(NamedTuple):
     """The function that runs an experiment and gives an `Experiment`, and a line about it."""
 
     run_by: str
     line: str
 
 
-EXPERIMENTS: dict[str, Entry] = {
-    "sensitivity": Entry("shake_ros.api.experiments.sensitivity:run", "6.3.4, what θ_5, θ_6 and θ_7 do"),
-    "reduced_model": Entry("shake_ros.api.experiments.reduced_model:run", "6.3.7, 6.4.1, (6.36) over frequency"),
-    "parameters": Entry("shake_ros.api.experiments.parameters:run", "6.3.3, 6.3.4, tables 6.5 to 6.8"),
-    "controllers": Entry("shake_ros.api.experiments.controllers:run", "6.4.2–6.4.5, the three controllers"),
+EXPERIMENTS: dict[str, ThesisExperiment] = {
+    "sensitivity": ThesisExperiment("shake_ros.api.experiments.sensitivity:run", "6.3.4, what θ_5, θ_6 and θ_7 do"),
+    "reduced_model": ThesisExperiment(
+        "shake_ros.api.experiments.reduced_model:run", "6.3.7, 6.4.1, (6.36) over frequency"
+    ),
+    "parameters": ThesisExperiment("shake_ros.api.experiments.parameters:run", "6.3.3, 6.3.4, tables 6.5 to 6.8"),
+    "controllers": ThesisExperiment("shake_ros.api.experiments.controllers:run", "6.4.2–6.4.5, the three controllers"),
 }

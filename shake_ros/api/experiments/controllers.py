@@ -14,7 +14,7 @@ from shake_ros.core.loop.comparison import Outcome, mean, over
 from shake_ros.core.loop.metrics import Metrics
 from shake_ros.report.charts_comparison import amplitudes, error_chart, spectrum_chart
 from shake_ros.report.comparison_text import number
-from shake_ros.report.experiment import Claim, Experiment, Rows
+from shake_ros.report.experiment import Claim, ExperimentReport, Rows
 from shake_ros.settings import find, read_yaml
 
 LAWS = ("feedforward PI", "sliding mode", "super-twisting")
@@ -24,7 +24,7 @@ KEYS = ("settings", "other_plant", "sines", "tracks_within", "same_within")
 FIGURES = {"position_error": "position", "velocity_error": "velocity", "acceleration_error": "acceleration"}
 
 
-def run(tell: Progress, settings: str = "controllers") -> Experiment:
+def run(tell: Progress, settings: str = "controllers") -> ExperimentReport:
     """All loops of config/compare/thesis.yaml, judged as config/reproduce/controllers.yaml, or another file, says."""
     path = find("reproduce", settings)
     words = strict(read_yaml(path), KEYS, str(path))
@@ -36,7 +36,7 @@ def run(tell: Progress, settings: str = "controllers") -> Experiment:
         runs = {law: found.runs[f"{law}, {loop}"] for law in LAWS}
         drawn.append(error_chart(runs, f"figure 6.61, {loop}, {found.drawn}"))
         drawn.append(spectrum_chart(runs, f"figure 6.62, {loop}, {found.drawn}"))
-    return Experiment(
+    return ExperimentReport(
         "The three controllers compared",
         f"Thesis 6.4.2 to 6.4.5. {found.plant}",
         [claim for loop in LOOPS for claim in _claims(found, loop, words)]

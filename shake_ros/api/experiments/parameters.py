@@ -18,7 +18,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.declared import free_parameters
 from shake_ros.report.chart import Chart
 from shake_ros.report.charts_reproduction import motions
-from shake_ros.report.experiment import Claim, Experiment, Rows, difference
+from shake_ros.report.experiment import Claim, ExperimentReport, Rows, difference
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 KEYS = ("sample_time", "seed", "friction", "linear")
@@ -35,7 +35,7 @@ SHOWN = 2.0  # end of a run that a figure shows [s]
 PRINTED_COSTS = {"6.5": 106.14, "6.6": 42.07, "6.7": 26.63}
 
 
-def run(tell: Progress, settings: str = "parameters") -> Experiment:
+def run(tell: Progress, settings: str = "parameters") -> ExperimentReport:
     """Fits of each friction law from a start away from the printed values, and of θ to each input."""
     path = find("reproduce", settings)
     asked = strict(read_yaml(path), KEYS, str(path))
@@ -53,7 +53,7 @@ def run(tell: Progress, settings: str = "parameters") -> Experiment:
     claims.append(Claim("6.3.3", text, costs, "–", None, "It needs the recordings, which are not published."))
     tell("table 6.8", 0.6)
     rows, figures, found = _thetas(linear, asked["sample_time"])
-    return Experiment(
+    return ExperimentReport(
         "Parameter tables",
         "Thesis 6.3.3 and 6.3.4: the identification experiments rebuilt on the simulated table.",
         [*claims, *found],

@@ -21,7 +21,7 @@ from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.declared import free_parameters
 from shake_ros.report.chart import Chart
 from shake_ros.report.charts_reproduction import motions, over_frequency
-from shake_ros.report.experiment import Claim, Experiment, Rows, difference
+from shake_ros.report.experiment import Claim, ExperimentReport, Rows, difference
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 KEYS = (
@@ -64,7 +64,7 @@ def observed(name: str, table: TableParameters, record: Record) -> tuple[Errors,
     return Errors(*errors), estimate
 
 
-def run(tell: Progress, settings: str = "reduced_model") -> Experiment:
+def run(tell: Progress, settings: str = "reduced_model") -> ExperimentReport:
     """Fit of β, errors over frequency, figures 6.37, 6.38, and the observer on both β."""
     path = find("reproduce", settings)
     asked = strict(read_yaml(path), KEYS, str(path))
@@ -91,7 +91,7 @@ def run(tell: Progress, settings: str = "reduced_model") -> Experiment:
         claims += _claims(asked, number, r, models)
         drawn.append(_motion_chart(number, r, models))
     rows, figures = _observer(asked["printed"], shown, models)
-    return Experiment(
+    return ExperimentReport(
         "The reduced model",
         f"Thesis 6.3.7 and 6.4.1: (6.36) against the full table {asked['plant']}.",
         claims,

@@ -8,7 +8,7 @@ from shake_ros.api.progress import Progress
 from shake_ros.api.sensitivity import NUMBERS, Sensitivity, sensitivity
 from shake_ros.report.chart import Chart
 from shake_ros.report.charts_reproduction import study_motion, study_spectrum
-from shake_ros.report.experiment import Claim, Experiment, Rows
+from shake_ros.report.experiment import Claim, ExperimentReport, Rows
 
 STUDIES = {"thesis": "table 6.8", "table_6_9": "table 6.9"}
 NAMES = {"theta_5": "θ_5", "theta_6": "θ_6", "theta_7": "θ_7"}
@@ -43,7 +43,7 @@ def spreads(study: Sensitivity, name: str) -> list[str]:
     return [f"{100.0 * v:.1f} %" for v in study.spread(name).values()]
 
 
-def run(tell: Progress) -> Experiment:
+def run(tell: Progress) -> ExperimentReport:
     """The study on both tables."""
     found = {}
     for i, (study, title) in enumerate(STUDIES.items()):
@@ -57,7 +57,7 @@ def run(tell: Progress) -> Experiment:
     ]
     head = ("plant", "parameter", "position", "velocity", "acceleration", "dominant harmonic [Hz], by value")
     drawn = [chart for title, study in found.items() for name in NAMES for chart in charts(title, study, name)]
-    return Experiment(
+    return ExperimentReport(
         "Sensitivity to θ_5, θ_6 and θ_7",
         "u = 0.5 sin(2π·3t), one parameter at a time; thesis 6.3.4, figures 6.19 to 6.24.",
         claims,

@@ -6,8 +6,8 @@ between two of them is missed; so the record, taken as band-limited, is first re
 until a period of the oscillator has POINTS samples and multiplied by 1/sinc², and each local maximum is refined
 by the parabola through its neighbours. Without that, the value at 0.4 of the sampling rate is a third too low.
 Source of the recursion: N. C. Nigam and P. C. Jennings, Bulletin of the Seismological Society of America 59 (1969),
-909–922. Verified against: scipy's matrix exponential, the spectrum of a record sampled 64 times as finely, and the closed
-form of the response to a sine.
+909–922. Verified against: scipy's matrix exponential, the spectrum of a record sampled 64 times as finely,
+and the closed form of the response to a sine.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class SpectrumJudgement:
     """A test held against its rules.
 
     Attributes
@@ -149,11 +149,13 @@ def measured_motion(acceleration: Array, time_step: float, rules: Rules) -> Arra
     return filtered(still, time_step, 0.0, rules.low_pass)
 
 
-def judge(motion: Array, time_step: float, required: RequiredSpectrum, rules: Rules) -> Judgement:
+def judge(motion: Array, time_step: float, required: RequiredSpectrum, rules: Rules) -> SpectrumJudgement:
     """The verdicts on a motion, (n,) as of `measured_motion` [m/s²]."""
     f = code_grid(required, rules)
     asked, found = required.at(f), acceleration_spectrum(motion, time_step, f, required.damping)
-    return Judgement(f, asked, found, (*_spectrum(f, found / asked, rules), *_time(motion, time_step, required, rules)))
+    return SpectrumJudgement(
+        f, asked, found, (*_spectrum(f, found / asked, rules), *_time(motion, time_step, required, rules))
+    )
 
 
 def _spectrum(f: Array, ratio: Array, rules: Rules) -> list[Verdict]:

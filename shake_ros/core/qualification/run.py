@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shake_ros.core.analysis.oscillators import acceleration_spectrum
 from shake_ros.core.iteration.drive import integrate
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.qualification.judge import Judgement, Rules, judge, measured_motion
+from shake_ros.core.qualification.judge import Rules, SpectrumJudgement, judge, measured_motion
 from shake_ros.core.qualification.motion import MotionParameters, corrected_drive, demand, frequencies_to_match
 from shake_ros.core.qualification.required import RequiredSpectrum
 from shake_ros.core.quantities import Parameters, quantity
@@ -46,7 +46,7 @@ class Tested:
 
     drive: Array
     motion: Array
-    judgement: Judgement
+    judgement: SpectrumJudgement
     error: float
 
 
