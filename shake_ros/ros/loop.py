@@ -19,7 +19,6 @@ import functools
 import gc
 import os
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -83,16 +82,6 @@ def sleep_until(deadline: int) -> None:
     left = deadline - time.monotonic_ns()
     if left > 0:
         time.sleep(left * 1e-9)
-
-
-class Interrupted(BaseException):
-    """Somebody wants a process to end whose nodes are not yet there."""
-
-
-def _unless_interrupted(info: sys.UnraisableHookArgs) -> None:
-    """Tell what a finaliser could not raise, but for an Interrupted."""
-    if not isinstance(info.exc_value, Interrupted):
-        sys.__unraisablehook__(info)
 
 
 class NodeLoop:
@@ -233,12 +222,8 @@ def obey_signals(loop: NodeLoop) -> dict[int, Any]:
             os._exit(128 + number)
         first = first or now
         loop.stop()
-        if not loop.running:  # a finaliser that is at work swallows what is raised: then the process ends all the same
-            sys.unraisablehook = _unless_interrupted
-            late = threading.Timer(IMPATIENT, lambda: None if loop.running else os._exit(0))
-            late.daemon = True
-            late.start()
-            raise Interrupted
+        if not loop.running:  # nothing moves yet, and a compiler does not survive what is thrown into it
+            os._exit(0)
 
     return {number: signal.signal(number, handle) for number in SIGNALS}
 
@@ -331,9 +316,6 @@ def main(build: Build, name: str, arguments: Sequence[str]) -> int:
         try:
             loop.add(build_node(build, name, context, process_arguments=arguments))
             loop.run()
-        except BaseException:
-            if loop.running or not loop.stopping:  # what a node throws while it is told to end is no error
-                raise
         finally:
             loop.running = True
             loop.close()
