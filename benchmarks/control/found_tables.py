@@ -65,16 +65,6 @@ AT_REST = 0.1
 SATURATED = 0.005
 LOOPS = ("declared", "extended", "with gains")
 EVALUATIONS = 6  # trial points of a fit
-DECLARED = {  # names of the package → of the simulator
-    "friction.coulomb_level": "coulomb",
-    "friction.stribeck_rise": "rise",
-    "friction.stribeck_decay": "decay",
-    "friction.viscous": "viscous",
-    "bulk_modulus.modulus": "modulus",
-    "leakage.internal": "internal",
-    "leakage.external": "external",
-    "valve.flow_coefficient": "flow",
-}
 
 
 @dataclass(frozen=True)
@@ -136,7 +126,7 @@ def make_fit(case: Case, folder: Path) -> dict[str, Any]:
     began = time.perf_counter()
     commands = hidden.excitations(case.seed, LENGTH)
     truth = truth_of(case)
-    values = {name: getattr(truth, name_there) for name, name_there in DECLARED.items()}
+    values = {name: getattr(truth, name_there) for name, name_there in hidden.DECLARED.items()}
     records = records_of(case, truth, commands)
     declared, _ = fitted(load_table("bergamo").with_values(values), (), records)
     base = declared.free.table(declared.x)

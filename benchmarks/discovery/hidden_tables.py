@@ -25,6 +25,16 @@ POSITION_STEP = 4.6e-6  # [m]
 ROOT = 1e4  # pressure drop about which the flow's root is rounded [Pa]
 STATES = 17
 X, V, PA, PB, S, DS, PS, FILM, Q, DQ, R, DR, B, DB, LAGA, LAGX, Z = range(STATES)
+DECLARED = {  # what a declared model may fit: names of the package → fields of Truth
+    "friction.coulomb_level": "coulomb",
+    "friction.stribeck_rise": "rise",
+    "friction.stribeck_decay": "decay",
+    "friction.viscous": "viscous",
+    "bulk_modulus.modulus": "modulus",
+    "leakage.internal": "internal",
+    "leakage.external": "external",
+    "valve.flow_coefficient": "flow",
+}
 
 
 class Truth(NamedTuple):

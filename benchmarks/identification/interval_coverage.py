@@ -43,21 +43,11 @@ from shake_ros.settings import load_search, load_table
 SAME_DEFICIT = 2.0 * 0.693 * 1e-3  # ∫(1 − v/w) dv = ∫(1 − tanh(v/(1 mm/s))) dv for this width w [m/s]
 QUANTILE = 1.645  # of the 90 % interval
 SUBSTEPS = 25  # steps of the second writing per sample
-TRUE_FIELD = {
-    "friction.coulomb_level": "coulomb",
-    "friction.stribeck_rise": "rise",
-    "friction.stribeck_decay": "decay",
-    "friction.viscous": "viscous",
-    "bulk_modulus.modulus": "modulus",
-    "leakage.internal": "internal",
-    "leakage.external": "external",
-    "valve.flow_coefficient": "flow",
-}
 
 
 def true_table(truth: hidden.Truth) -> TableParameters:
     """The package's table with the true values."""
-    return load_table("bergamo").with_values({n: getattr(truth, f) for n, f in TRUE_FIELD.items()})
+    return load_table("bergamo").with_values({n: getattr(truth, f) for n, f in hidden.DECLARED.items()})
 
 
 def measured(name: str, commands: np.ndarray, position: np.ndarray, acceleration: np.ndarray, seed: int) -> Record:
@@ -74,7 +64,7 @@ def made(name: str, truth: hidden.Truth, commands: np.ndarray, seed: int, forms:
     if forms == "own":
         out = run(true_table(truth), commands, hidden.SAMPLE)
         return measured(name, commands, out[:, 0], out[:, 2], seed)
-    values = {field: getattr(truth, field) for field in TRUE_FIELD.values()}
+    values = {field: getattr(truth, field) for field in hidden.DECLARED.values()}
     declared = reference.constants()._replace(mass=truth.mass, **values)
     out = reference.fine_steps(commands, hidden.SAMPLE, declared, SUBSTEPS)
     return measured(name, commands, out[:, 0], out[:, 6], seed)
@@ -111,16 +101,16 @@ def main() -> None:
     )
     command.add_argument("--forms", choices=("declared", "other", "own"), default="declared", help="who makes the data")
     given = command.parse_args()
-    scores: dict[str, list[float]] = {name: [] for name in TRUE_FIELD}
-    errors: dict[str, list[float]] = {name: [] for name in TRUE_FIELD}
+    scores: dict[str, list[float]] = {name: [] for name in hidden.DECLARED}
+    errors: dict[str, list[float]] = {name: [] for name in hidden.DECLARED}
     late, start = 0, time.perf_counter()
     for seed in range(given.seeds):
         truth, found = fitted(seed, given.length, given.forms, given.saturation)
-        late += any(e.name not in TRUE_FIELD for e in found)
+        late += any(e.name not in hidden.DECLARED for e in found)
         for e in found:
-            if e.name not in TRUE_FIELD:
+            if e.name not in hidden.DECLARED:
                 continue  # the transition velocity has no true value where friction passes rest in another form
-            true = float(getattr(truth, TRUE_FIELD[e.name]))
+            true = float(getattr(truth, hidden.DECLARED[e.name]))
             if e.std_error:
                 scores[e.name].append((e.value - true) / e.std_error)
                 errors[e.name].append((e.value - true) / true)

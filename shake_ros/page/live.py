@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -197,11 +196,6 @@ def _shown(path: Path) -> str:
         return str(path.relative_to(Path.cwd()))
     except ValueError:
         return str(path)
-
-
-def as_typed(*words: str) -> str:
-    """A command line for the page to show."""
-    return shlex.join(["./shake", *words])
 
 
 async def live(server: Server, socket: WebSocket) -> None:

@@ -21,7 +21,6 @@ UNITS: Mapping[str, tuple[float, str]] = {  # SI unit → factor and unit to rea
     "Pa*s/m^3": (1e-6 / 6e4, "MPa·min/L"),
     "-": (1.0, ""),
 }
-SHARES = ("width", "asymmetry", "share", "depth", "fraction", "slowdown", "error", "null_shift")
 KNOWN = 1.0  # relative standard error from which on a parameter is not known
 
 
