@@ -13,8 +13,8 @@ from shake_ros.api.qualification_files import checksums, judgement_json, require
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.qualification.judge import Rules, SpectrumJudgement, judge, measured_motion
 from shake_ros.core.qualification.required import RequiredSpectrum
-from shake_ros.core.qualification.resonance import Resonance
-from shake_ros.core.qualification.run import Tested
+from shake_ros.core.qualification.resonance import Resonance, SearchBand
+from shake_ros.core.qualification.run import Tested, missed
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
 from shake_ros.data.results import write_folder, write_json, writing
@@ -35,6 +35,7 @@ class Qualification:
     required, rules : the spectrum and the code. runs : oldest first. reason : why it did not pass; empty where it did.
     sample_time : [s]. about : specimen, table, instruments, date, … recordings : of searches and runs, in turn.
     before, after : resonance searches; None where there was none. shift : of a resonance, from which it counts [-].
+    per_octave : frequencies of an octave over which the error of a run is. search : where a resonance was sought.
     """
 
     required: RequiredSpectrum
@@ -47,6 +48,8 @@ class Qualification:
     before: Resonance | None = None
     after: Resonance | None = None
     shift: float = 0.1
+    per_octave: int = 12
+    search: SearchBand | None = None
 
     @property
     def judgement(self) -> SpectrumJudgement:
@@ -56,10 +59,9 @@ class Qualification:
     @property
     def moved(self) -> str:
         """What the searches say of the specimen; empty where its resonance did not move."""
-        a, b = self.before, self.after
-        if a is None or b is None or not a.found:
+        if self.before is None or self.after is None:
             return ""
-        change = b.frequency / a.frequency - 1.0 if b.found else -1.0
+        change = self.before.moved(self.after)
         return "" if abs(change) < self.shift else f"the specimen's frequency moved by {100.0 * change:+.1f} %"
 
     @property
@@ -112,6 +114,8 @@ class Qualification:
             "required": required_json(self.required),
             "rules": asdict(self.rules),
             "runs": [{"error": run.error, **judgement_json(run.judgement)} for run in self.runs],
+            "per_octave": self.per_octave,
+            "search": None if self.search is None else {**asdict(self.search), "shift": self.shift},
             "resonance": found,
             "sha256": sums,
         }
@@ -166,34 +170,75 @@ def certified(folder: str | Path) -> tuple[Qualification, tuple[str, ...]]:
         raise ShakeError(f"{path}: is no certificate of ./shake qualify") from None
     if told.get("schema") != SCHEMA:
         raise ShakeError(f"{path}: schema {told.get('schema')!r} is not {SCHEMA}")
+    try:
+        again = _again(told, top / "recordings", str(path))
+        differences = _differences(told, again, checksums(top / "recordings"))
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise ShakeError(f"{path}: damaged, {type(error).__name__} at {error}") from None
+    return again, differences
+
+
+def _again(told: dict[str, Any], recordings: Path, where: str) -> Qualification:
+    """A certificate's test from its recordings; all but what was asked and the reason is computed again."""
     asked = dict(told["required"])
     f, levels = np.array(asked.pop("frequencies")), np.array(asked.pop("levels"))
-    required, rules = (
-        RequiredSpectrum(frequencies=f, levels=levels, **asked),
-        Rules.from_mapping(told["rules"], str(path)),
-    )
+    required = RequiredSpectrum(frequencies=f, levels=levels, **asked)
+    rules, per_octave = Rules.from_mapping(told["rules"], where), int(told["per_octave"])
     runs, step = [], 0.0
-    for k, run in enumerate(told["runs"]):
-        found = read_table_recording(top / "recordings" / f"run_{k + 1}")
+    for k in range(len(told["runs"])):
+        found = read_table_recording(recordings / f"run_{k + 1}")
         if found.acceleration is None:
-            raise ShakeError(f"{top / 'recordings' / found.name}: no topic imu")
+            raise ShakeError(f"{recordings / found.name}: no topic imu")
         step = round(found.sample_time, 9)
         motion = measured_motion(found.acceleration, step, rules)
         drive = np.zeros((0, 3)) if found.reference is None else found.reference
-        runs.append(Tested(drive, motion, judge(motion, step, required, rules), float(run["error"])))
-    searches = {n: None if r is None else Resonance(**r) for n, r in told["resonance"].items()}
-    again = Qualification(
-        required, rules, tuple(runs), told["reason"], step, told["about"], (), searches["before"], searches["after"]
+        _, error = missed(motion, step, required, rules.aim, per_octave)
+        runs.append(Tested(drive, motion, judge(motion, step, required, rules), error))
+    searched = dict(told["search"] or {})
+    shift = float(searched.pop("shift", 0.1))
+    band = SearchBand(**searched) if searched else None
+    before, after = (
+        None if band is None or told["resonance"][when] is None else searched_in(recordings / f"search_{when}", band)
+        for when in ("before", "after")
     )
-    return again, _differences(told, again, checksums(top / "recordings"))
+    return Qualification(
+        required, rules, tuple(runs), told["reason"], step, told["about"], (), before, after, shift, per_octave, band
+    )
+
+
+def searched_in(recording: Path | TableRecording, band: SearchBand) -> Resonance | None:
+    """The resonance that a recording shows; None without pressures or acceleration."""
+    run = read_table_recording(recording) if isinstance(recording, Path) else recording
+    if run.pressure_a is None or run.pressure_b is None or run.acceleration is None:
+        return None
+    return band.of(run.pressure_a, run.pressure_b, run.acceleration, round(run.sample_time, 9))
 
 
 def _differences(told: dict[str, Any], again: Qualification, sums: dict[str, str]) -> tuple[str, ...]:
-    """Files and verdicts that differ."""
+    """Files and figures that differ."""
     lines = [f"recordings/{n}: is not the file that was certified" for n in sums if sums[n] != told["sha256"].get(n)]
     lines += [f"recordings/{n}: is absent" for n in told["sha256"] if n not in sums]
     for k, (before, run) in enumerate(zip(told["runs"], again.runs, strict=True)):
-        for old, new in zip(before["rules"], judgement_json(run.judgement)["rules"], strict=True):
+        now = judgement_json(run.judgement)
+        for old, new in zip(before["rules"], now["rules"], strict=True):
             if old != new:
                 lines.append(f"run {k + 1}: {new['rule']}: {new['measured']}, the certificate says {old['measured']}")
+        for name in ("frequencies", "required", "found"):
+            if not _same(before[name], now[name]):
+                lines.append(f"run {k + 1}: the spectra ({name}) are not those of the certificate")
+        if not _same(before["error"], run.error):
+            lines.append(f"run {k + 1}: misses {run.error:.6g}, the certificate says {before['error']:.6g}")
+    for when, found in (("before", again.before), ("after", again.after)):
+        said = None if told["resonance"][when] is None else Resonance(**told["resonance"][when])
+        if str(said) != str(found):
+            lines.append(f"resonance {when} the test: {found}, the certificate says {said}")
+    if bool(told["passed"]) != again.passed:
+        words = {True: "passed", False: "not passed"}
+        lines.append(f"{words[again.passed]}, the certificate says {words[bool(told['passed'])]}")
     return tuple(lines)
+
+
+def _same(told: Any, found: Any) -> bool:
+    """Whether two figures agree as far as another machine's rounding lets them."""
+    a, b = np.asarray(told, dtype=np.float64), np.asarray(found, dtype=np.float64)
+    return a.shape == b.shape and bool(np.allclose(a, b, rtol=1e-6, atol=0.0))

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.api.iterate import learning
+from shake_ros.api.iterate import Learn, learning
 from shake_ros.api.progress import Progress, Told
-from shake_ros.api.qualification import Qualification
+from shake_ros.api.qualification import Qualification, searched_in
 from shake_ros.api.qualification_files import (
     QualificationSettings,
     SearchParameters,
@@ -24,9 +24,9 @@ from shake_ros.api.simulate import Simulation, simulate
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.iteration.drive import integrate
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.qualification.motion import REST, check_sampling, refusal, synthesise
+from shake_ros.core.qualification.motion import REST, Demand, check_sampling, demand, refusal, synthesise
 from shake_ros.core.qualification.required import RequiredSpectrum
-from shake_ros.core.qualification.resonance import Resonance, search
+from shake_ros.core.qualification.resonance import Resonance, SearchBand
 from shake_ros.core.qualification.run import Test, Tested, iterate_test
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.baseline import end_at_rest, filtered
@@ -36,6 +36,7 @@ from shake_ros.data.recordings import TableRecording
 from shake_ros.settings import load_table
 
 Array = NDArray[np.float64]
+LAST_SEED, MOST_DELAY = 1_000_000, 1000
 
 
 @dataclass
@@ -103,6 +104,9 @@ def qualify(
     ShakeError
         The motion does not fit the table, with the limit, the excess and what would fit; wrong files; a lost loop.
     """
+    for name, value, most in (("seed", seed, LAST_SEED), ("delay", delay, MOST_DELAY)):
+        if not 0 <= value <= most:
+            raise ShakeError(f"{name} = {value} is not within 0 … {most}")
     chosen = load_settings(settings)
     if runs is not None:
         chosen = replace(chosen, running=chosen.running.replace(runs=runs))
@@ -115,17 +119,20 @@ def qualify(
     carried = declared if model is None else model if isinstance(model, TableParameters) else load_table(str(model))
     step = chosen.loop.sample_time
     check_sampling(wanted, step)
+    learn, _ = learning(carried, refit)
     test = Test(wanted, code, plant, chosen.motion_for(code), chosen.running, step)
     laboratory = _Laboratory(plant, chosen, delay, seed, [])
+    band = SearchBand(chosen.search.low, chosen.search.high, plant.body.piston_area)
     with Progress("qualify", progress) as bar:
-        bar("motion", 0.0)
+        bar("making the motion", 0.0)
         motion = integrate(synthesise(wanted, plant, test.motion, step, seed, _record(record, step)), step)
         why = refusal(motion, plant, test.motion)
         if why:
             raise ShakeError(f"{wanted.name}: {why}")
-        before = _search(laboratory, carried, "search_before", chosen.search, step)
-        made, reason = _runs(test, laboratory, motion, carried, refit, bar)
-        after = _search(laboratory, carried, "search_after", chosen.search, step)
+        bar(_described(motion, demand(motion, plant, test.motion)), 0.0)
+        before = _search(laboratory, carried, "search_before", chosen.search, band, step)
+        made, reason = _runs(test, laboratory, motion, carried, None if refit is None else learn, bar)
+        after = _search(laboratory, carried, "search_after", chosen.search, band, step)
     when = datetime.now(timezone.utc).isoformat(timespec="seconds")
     about = {
         "specimen": specimen or f"simulated, {plant.value('body.specimen_mass'):g} kg",
@@ -140,10 +147,28 @@ def qualify(
         "date": when,
         "seed": str(seed),
     }
-    limit = chosen.search.shift
     return Qualification(
-        wanted, code, tuple(made), reason, step, about, tuple(laboratory.recordings), before, after, limit
+        wanted,
+        code,
+        tuple(made),
+        reason,
+        step,
+        about,
+        tuple(laboratory.recordings),
+        before,
+        after,
+        chosen.search.shift,
+        test.motion.per_octave,
+        band,
     )
+
+
+def _described(states: Array, used: Demand) -> str:
+    """Peaks of a motion and what it uses of the table, in words."""
+    x, v, a = np.max(np.abs(states), axis=0)
+    name, share = max(zip(used._fields, used, strict=True), key=lambda item: item[1])
+    text = f"motion: {a:.2f} m/s², {v:.3f} m/s, {1e3 * x:.1f} mm at most"
+    return f"{text}; {100.0 * share:.0f} % of the {name} that the table may use"
 
 
 def _runs(
@@ -151,11 +176,10 @@ def _runs(
     laboratory: _Laboratory,
     motion: Array,
     model: TableParameters,
-    refit: Sequence[str] | None,
+    learn: Learn | None,
     bar: Callable[[str, float], None],
 ) -> tuple[list[Tested], str]:
     """The runs of a test and why they ended."""
-    learn, _ = learning(model, refit)
 
     def play(carried: TableParameters, drive: Array, number: int) -> tuple[Array, Array]:
         run = laboratory.play(carried, drive, f"run_{number + 1}", number)
@@ -164,6 +188,7 @@ def _runs(
         return run.acceleration, run.position
 
     def again(carried: TableParameters, _: int) -> TableParameters:
+        assert learn is not None
         run = laboratory.recordings[-1]
         return learn(carried, [Record(run.name, run.sample_time, run.valve_command, run.position, run.acceleration)])
 
@@ -173,7 +198,7 @@ def _runs(
         text = f"run {number}: spectrum missed by {100.0 * run.error:.1f} %, TRS/RRS {low:.3f} to {high:.3f}"
         bar(f"{text}, {'passed' if run.judgement.passed else 'not passed'}", number / (test.running.runs + 1))
 
-    return iterate_test(test, motion, play, model, None if refit is None else again, told)
+    return iterate_test(test, motion, play, model, None if learn is None else again, told)
 
 
 def _record(path: str | Path | None, step: float) -> Array | None:
@@ -186,7 +211,12 @@ def _record(path: str | Path | None, step: float) -> Array | None:
 
 
 def _search(
-    laboratory: _Laboratory, model: TableParameters, name: str, wanted: SearchParameters, step: float
+    laboratory: _Laboratory,
+    model: TableParameters,
+    name: str,
+    wanted: SearchParameters,
+    band: SearchBand,
+    step: float,
 ) -> Resonance | None:
     """The resonance that a run of low random motion shows; None without a search or pressures."""
     if wanted.level == 0.0:
@@ -199,8 +229,4 @@ def _search(
     place = np.arange(count) * step
     noise *= wanted.level / np.std(noise) * smooth_step(np.minimum(place, place[::-1]) / REST)[0]
     drive = integrate(end_at_rest(filtered(noise, step, 0.8 * wanted.low, 0.0), step), step)
-    run = laboratory.play(model, drive, name, 500 + len(laboratory.recordings))
-    if run.pressure_a is None or run.pressure_b is None or run.acceleration is None:
-        return None
-    force = laboratory.plant.body.piston_area * (run.pressure_a - run.pressure_b)
-    return search(force, run.acceleration, step, wanted.low, wanted.high)
+    return searched_in(laboratory.play(model, drive, name, 500 + len(laboratory.recordings)), band)

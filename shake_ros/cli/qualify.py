@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from shake_ros.api.qualification import certified
+from shake_ros.api.qualification import Qualification, certified
 from shake_ros.api.qualify import qualify
 from shake_ros.cli.fitting import change
 from shake_ros.core.quantities import ShakeError
@@ -83,12 +83,17 @@ def main(arguments: Sequence[str]) -> int:
             print(f"resonance {when} the test: {found}")
     print(f"certificate: {given.out / 'certificate.html'}, {given.out / 'certificate.pdf'}")
     if result.passed:
-        print(f"passed in {len(result.runs)} {'run' if len(result.runs) == 1 else 'runs'}")
+        print(f"passed in {_runs(result)}")
         return 0
     print(f"not passed: {result.reason or result.moved or 'a rule does not hold'}", file=sys.stderr)
     if given.refit is None:
         print("the drive was corrected; --refit EFFECT … fits the model to the runs instead", file=sys.stderr)
     return 1
+
+
+def _runs(result: Qualification) -> str:
+    """How many runs, in words."""
+    return f"{len(result.runs)} {'run' if len(result.runs) == 1 else 'runs'}"
 
 
 def _again(source: Path) -> int:
@@ -99,5 +104,5 @@ def _again(source: Path) -> int:
         print(line, file=sys.stderr)
     if differences:
         return 1
-    print(f"reproduced: {len(result.runs)} runs, every file and every verdict as certified")
+    print(f"reproduced: {_runs(result)}, every file and every figure as certified")
     return 0

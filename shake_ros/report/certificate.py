@@ -147,8 +147,15 @@ def _sheet(title: str) -> Figure:
     return figure
 
 
-def _rows(figure: Figure, top: float, rows: Sequence[Sequence[str]], widths: Sequence[int], size: float = 7.5) -> float:
-    """Rows of wrapped text from `top` down; widths in characters. Returns where they end."""
+def _rows(
+    figure: Figure,
+    top: float,
+    rows: Sequence[Sequence[str]],
+    widths: Sequence[int],
+    size: float = 7.5,
+    head: bool = True,
+) -> float:
+    """Rows of wrapped text from `top` down; widths in characters, a bold `head` first. Returns where they end."""
     whole = sum(widths)
     starts = [MARGIN + (1.0 - 2.0 * MARGIN) * sum(widths[:k]) / whole for k in range(len(widths))]
     for number, row in enumerate(rows):
@@ -156,7 +163,7 @@ def _rows(figure: Figure, top: float, rows: Sequence[Sequence[str]], widths: Seq
         for x, lines in zip(starts, cells, strict=True):
             word = lines[0] if len(lines) == 1 else ""
             colour = {"pass": AFTER, "FAIL": BEFORE}.get(word, "#1d2733")
-            weight = "bold" if (number == 0 and len(rows) > 1 and len(widths) > 2) or word == "FAIL" else "normal"
+            weight = "bold" if (number == 0 and head) or word == "FAIL" else "normal"
             figure.text(
                 x, top, "\n".join(lines), fontsize=size, va="top", color=colour, weight=weight, linespacing=1.25
             )
@@ -173,7 +180,7 @@ def _line(y: float) -> Any:
 
 def _first(content: Mapping[str, Any]) -> Figure:
     figure = _sheet(_title(content))
-    top = _rows(figure, 0.92, _facts(content), (24, 86))
+    top = _rows(figure, 0.92, _facts(content), (24, 86), head=False)
     figure.text(MARGIN, top, "Rules", fontsize=11, weight="bold", va="top")
     _rows(figure, top - 0.025, [VERDICTS, *_verdicts(content)], (50, 28, 34, 8))
     for x, who in ((MARGIN, "Tested by"), (0.52, "Witnessed by")):

@@ -62,14 +62,16 @@ class Demand(NamedTuple):
 def demand(states: Array, table: TableParameters, parameters: MotionParameters) -> Demand:
     """Shares of the envelope that a motion (n, 3) uses.
 
-    The velocity that is left at an acceleration a is v √(1 − |a|/a_max), that of the valve fully open (3.17).
+    The velocity that is left at an acceleration a is v √(1 − |a|/a_max), that of the valve fully open (3.17); above
+    a_max the force tells that none is.
     """
     p, most = parameters, envelope(table)
     x, v, a = np.abs(states).T
-    pressure = np.sqrt(np.maximum(1.0 - np.minimum(a / most.acceleration, 1.0), 1e-12))
+    left = a < most.acceleration
+    pressure = np.sqrt(1.0 - a[left] / most.acceleration)
     return Demand(
         float(x.max()) / (p.position_share * most.position),
-        float(np.max(v / pressure)) / (p.velocity_share * most.velocity),
+        float(np.max(v[left] / pressure, initial=0.0)) / (p.velocity_share * most.velocity),
         float(a.max()) / (p.force_share * most.acceleration),
     )
 
@@ -208,14 +210,16 @@ def corrected_drive(
 def refusal(states: Array, table: TableParameters, parameters: MotionParameters) -> str:
     """Why a motion does not fit a table: the limit, by how much, and what would fit; empty where it fits."""
     used = demand(states, table, parameters)
-    name, largest = max(zip(used._fields, used, strict=True), key=lambda item: item[1])
-    if largest <= 1.0:
+    if max(used) <= 1.0:
         return ""
+    over = {name: share for name, share in zip(used._fields, used, strict=True) if share > 1.0}
+    # near the largest force no velocity is left: there the force is what tells
+    name = "force" if "force" in over else max(over, key=lambda key: over[key])
     low, high = 0.0, 1.0  # the level that fits: velocity depends on it twice
     for _ in range(40):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if max(demand(middle * states, table, parameters)) <= 1.0 else (low, middle)
-    text = f"the motion needs {largest:.2f} times the {name} that the table may use; the same RRS scaled by "
+    text = f"the motion needs {over[name]:.2f} times the {name} that the table may use; the same RRS scaled by "
     text += f"{math.floor(100.0 * low) / 100.0:g} fits"
     lighter = _payload(states, table, parameters)
     mass = table.value("body.specimen_mass")

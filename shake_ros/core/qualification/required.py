@@ -29,6 +29,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, 
 Array = NDArray[np.float64]
 GRAVITY = 9.80665  # [m/s²]
 FLEXIBLE_BOUND = 1.6  # of S_DS
+LEAST_SCALE = 1e-3
 RG160_DAMPING = np.array([0.005, 0.02, 0.05, 0.07, 0.10])
 RG160_FREQUENCY = np.array([0.25, 2.5, 9.0, 33.0])  # D, C, B, A [Hz]
 RG160_FACTORS = np.array(  # rows by damping: D (of the displacement), C, B, A (of the acceleration)
@@ -73,7 +74,9 @@ class RequiredSpectrum:
         return np.asarray(np.geomspace(low, high, count + 1))
 
     def scaled(self, factor: float) -> RequiredSpectrum:
-        """The same shape at another level."""
+        """The same shape at another level; ShakeError where the factor is not within 0.001 … 1000."""
+        if not LEAST_SCALE <= factor <= 1.0 / LEAST_SCALE:
+            raise ShakeError(f"scale = {factor:g} is not within {LEAST_SCALE:g} … {1.0 / LEAST_SCALE:g}")
         name = self.name if factor == 1.0 else f"{self.name}, scaled by {factor:g}"
         levels, zero = factor * self.levels, factor * self.zero_period
         return RequiredSpectrum(name, self.frequencies, levels, self.damping, zero, self.source)

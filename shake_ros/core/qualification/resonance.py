@@ -38,10 +38,29 @@ class Resonance:
         """Whether there is a resonance: its mass is told from the rigid one."""
         return self.mass > TELLING * self.rigid_mass
 
+    def moved(self, after: Resonance) -> float:
+        """Change of the frequency until a later search, −1 where the resonance is gone; 0 where there was none [-]."""
+        if not self.found:
+            return 0.0
+        return after.frequency / self.frequency - 1.0 if after.found else -1.0
+
     def __str__(self) -> str:
         if not self.found:
             return f"none in the band (rigid mass {self.rigid_mass:.0f} kg)"
         return f"{self.frequency:.2f} Hz, damping {100.0 * self.damping:.1f} %, moving mass {self.mass:.0f} kg"
+
+
+@dataclass(frozen=True)
+class SearchBand:
+    """Where a resonance is sought [Hz], and the piston area [m²] that makes a force of two pressures."""
+
+    low: float
+    high: float
+    piston_area: float
+
+    def of(self, pressure_a: Array, pressure_b: Array, acceleration: Array, time_step: float) -> Resonance:
+        """The resonance in a recording of both pressures [Pa] and the acceleration [m/s²], (n,) each."""
+        return search(self.piston_area * (pressure_a - pressure_b), acceleration, time_step, self.low, self.high)
 
 
 def _columns(omega: Array, frequency: float, damping: float) -> NDArray[np.complex128]:

@@ -64,17 +64,19 @@ class Test:
     sample_time: float
 
 
-def spectrum_at(test: Test, motion: Array) -> Array:
-    """The TRS at the matched frequencies (m,) [m/s²]."""
-    f, _ = frequencies_to_match(test.required, test.motion.per_octave)
-    return acceleration_spectrum(motion, test.sample_time, f, test.required.damping)
+def missed(
+    motion: Array, sample_time: float, required: RequiredSpectrum, aim: float, per_octave: int
+) -> tuple[Array, float]:
+    """The TRS at the matched frequencies (m,) [m/s²], and rms of ln(TRS/aim) of those within the required band [-]."""
+    f, levels = frequencies_to_match(required, per_octave)
+    found = acceleration_spectrum(motion, sample_time, f, required.damping)
+    inside = f <= required.frequencies[-1] * (1.0 + 1e-9)
+    return found, float(np.sqrt(np.mean(np.square(np.log(found / (aim * levels))[inside]))))
 
 
-def error_of(test: Test, found: Array) -> float:
-    """rms of ln(TRS/aim) within the required band [-]."""
-    f, levels = frequencies_to_match(test.required, test.motion.per_octave)
-    inside = f <= test.required.frequencies[-1] * (1.0 + 1e-9)
-    return float(np.sqrt(np.mean(np.square(np.log(found / (test.motion.aim * levels))[inside]))))
+def failing(judgement: SpectrumJudgement) -> str:
+    """The rules that do not hold, with what was asked and measured."""
+    return "; ".join(f"{v.rule}, {v.asked}: {v.measured}" for v in judgement.verdicts if v.passed is False)
 
 
 def given_up(test: Test, errors: list[float], position: float) -> str:
@@ -86,7 +88,9 @@ def given_up(test: Test, errors: list[float], position: float) -> str:
     if len(errors) >= 3 and errors[-1] > p.growth * errors[-2] and errors[-2] > p.growth * errors[-3]:
         told = ", ".join(f"{100.0 * e:.1f}" for e in errors)
         return f"the spectrum's error grew twice ({told} % rms of the logarithm)"
-    return f"not passed after {len(errors)} runs" if len(errors) >= p.runs else ""
+    if len(errors) < p.runs:
+        return ""
+    return f"not passed after {len(errors)} {'run' if len(errors) == 1 else 'runs'}"
 
 
 def iterate_test(
@@ -113,15 +117,15 @@ def iterate_test(
     while True:
         acceleration, position = play(carried, drive, len(made))
         motion = measured_motion(acceleration, test.sample_time, test.rules)
-        found = spectrum_at(test, motion)
-        errors.append(error_of(test, found))
+        found, error = missed(motion, test.sample_time, test.required, test.motion.aim, test.motion.per_octave)
+        errors.append(error)
         made.append(Tested(drive, motion, judge(motion, test.sample_time, test.required, test.rules), errors[-1]))
         told(len(made), made[-1])
         if made[-1].judgement.passed:
             return made, ""
         reason = given_up(test, errors, float(np.max(np.abs(position))))
         if reason:
-            return made, reason
+            return made, f"{reason}; what fails: {failing(made[-1].judgement)}"
         if learn is not None:
             carried = learn(carried, len(made) - 1)
             continue
