@@ -1,9 +1,11 @@
 """Tracking on hidden tables with the models found of them: python -m benchmarks.control.found_tables --fits DIR.
 
 The tables are those of benchmarks.discovery.hidden_tables, an independent simulator: half the catalogue's bulk modulus
-and every listed effect at 30 % of the acceleration, three pairs, and dead times up to 6 ms. To keep it quick the models
-are made by an identification with the true structure given, started near the truth: the declared model is fitted to 7 s
-of noisy recordings, then again with the parameters of what was hidden freed. Fits and figures are kept in DIR.
+and every listed effect at 30 % of the acceleration, three pairs, and dead times up to 6 ms. The question is the loop,
+not the search: the models come from a fit that is told what was hidden and starts at the true values, on 7 s of noisy
+recordings; the declared model is fitted to the same ones without it. What differs between the found model and the
+table is then the noise's part and the simulators' (friction near rest, the valve's hysteresis). Fits and figures are
+kept in DIR.
 
 An earthquake of 3 m/s² is followed on position with 8 µm of noise and 4.6 µm steps; a command acts one sample late, and
 then the table's own dead time. Each law and observer carries (a) the declared model, (b) the extended one, (c) the
@@ -12,9 +14,8 @@ acceleration over that of the reference, in per cent.
 
 Two measures stand beside them. A loop rings where the part of the acceleration's error above 15 Hz, where the reference
 has nothing, has in some half second an rms above RINGING times the reference's whole rms while the valve is free, or
-where the error of the
-acceleration is AT_REST of it in the half second before the earthquake. The valve cannot follow where the command that
-the extended model needs is at its limit for more than SATURATED of the time.
+where the acceleration has AT_REST of it in the half second of rest at the end. The valve cannot follow where the
+command that the extended model needs is at its limit for more than SATURATED of the time.
 """
 
 from __future__ import annotations
@@ -39,9 +40,9 @@ from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.identification.uncertainty import covariance
-from shake_ros.core.iteration.model import starts
-from shake_ros.core.loop.metrics import ringing
+from shake_ros.core.loop.metrics import come_to_rest, ringing, still_moving
 from shake_ros.core.loop.robust import Uncertainty
+from shake_ros.core.loop.trials import AT_REST
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.observer.selected import work
@@ -58,13 +59,28 @@ THREE_SEEDS = ("soft_zone", "supply_droop", "specimen_resonance")
 DELAYS = (1.5e-3, 3.0e-3, 5.0e-3, 6.0e-3)  # [s]
 PAIRS = (("soft_zone", "specimen_resonance"), ("supply_droop", "spool_deadband"), ("turbulent_leakage", "slow_valve"))
 LATE = 1  # samples by which a command reaches the table late
-SECONDS = 6.0  # of the earthquake, its strongest part; the first 1.5 s are at rest
-STILL = slice(800, 1300)  # samples at rest before it begins
+SECONDS = 6.0  # of the earthquake, its strongest part
 RINGING = 0.5  # see above
-AT_REST = 0.1
 SATURATED = 0.005
 LOOPS = ("declared", "extended", "with gains")
 EVALUATIONS = 6  # trial points of a fit
+
+
+STRENGTHS = {"position_dependent_friction": "curvature"}  # where it is not the first of the package's
+COMPANIONS = {  # the other parameters of effects: names of the package → fields of Truth
+    "effects.supply_droop.time_constant": "droop_time",
+    "effects.entrained_air.polytropic_exponent": "polytropic",
+    "effects.soft_zone.threshold": "soft_edge",
+    "effects.soft_zone.sharpness": "soft_sharpness",
+    "effects.film_friction.full_film_velocity": "film_velocity",
+    "effects.film_friction.time_constant": "film_time",
+    "effects.specimen_resonance.frequency": "specimen_frequency",
+    "effects.specimen_resonance.damping": "specimen_damping",
+    "effects.coupling_backlash.stiffness": "contact_stiffness",
+    "effects.coupling_backlash.rod_mass": "rod_mass",
+    "effects.base_flexibility.frequency": "base_frequency",
+    "effects.base_flexibility.damping": "base_damping",
+}
 
 
 @dataclass(frozen=True)
@@ -106,15 +122,26 @@ def records_of(case: Case, truth: hidden.Truth, commands: dict[str, np.ndarray])
     return [Record(n, hidden.SAMPLE, m["command"], m["position"], m["acceleration"]) for n, m in made.items()]
 
 
+def effect_values(truth: hidden.Truth, effects: tuple[str, ...]) -> dict[str, float]:
+    """The true values of effects, by the package's names."""
+    found = {}
+    for effect in effects:
+        found[f"effects.{effect}.{STRENGTHS.get(effect) or effect_candidate(effect)}"] = getattr(truth, effect)
+        found |= {name: getattr(truth, there) for name, there in COMPANIONS.items() if name.split(".")[1] == effect}
+    return found
+
+
+def effect_candidate(effect: str) -> str:
+    """The name of an effect's strength."""
+    return next(c for c in effect_candidates() if c.effect == effect).strength.name.rpartition(".")[2]
+
+
 def fitted(start: TableParameters, effects: tuple[str, ...], records: list[Record]) -> tuple[Fit, np.ndarray]:
     """The fit with the structure given, and the covariance of its x."""
     chosen = [c for c in effect_candidates() if c.effect in effects]
     free = FreeParameters(start, free_parameters()).extended([p for c in chosen for p in c.free])
     problem = RecordingProblem(records)
-    rows = starts(free, chosen)
-    costs = [np.mean(np.square(row)) for row in problem.residuals(free.vectors(rows))]
-    first = rows[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
-    result = fit(problem, free, first, evaluations=EVALUATIONS)
+    result = fit(problem, free, free.start(), evaluations=EVALUATIONS)
     return result, covariance(result, problem.blocks())
 
 
@@ -126,11 +153,12 @@ def make_fit(case: Case, folder: Path) -> dict[str, Any]:
     began = time.perf_counter()
     commands = hidden.excitations(case.seed, LENGTH)
     truth = truth_of(case)
-    values = {name: getattr(truth, name_there) for name, name_there in hidden.DECLARED.items()}
+    known = {name: getattr(truth, name_there) for name, name_there in hidden.DECLARED.items()}
+    start = load_table("bergamo").with_values(known)
     records = records_of(case, truth, commands)
-    declared, _ = fitted(load_table("bergamo").with_values(values), (), records)
+    declared, _ = fitted(start, (), records)
     base = declared.free.table(declared.x)
-    extended, spread = fitted(load_table("bergamo").with_values(values), case.effects, records)
+    extended, spread = fitted(start.with_values(effect_values(truth, case.effects)), case.effects, records)
     scale = extended.free.scale
     content = {
         "truth": truth._asdict(),
@@ -144,6 +172,12 @@ def make_fit(case: Case, folder: Path) -> dict[str, Any]:
     took = time.perf_counter() - began
     print(f"{case.key:34s} cost {declared.cost:9.0f} → {extended.cost:9.0f} in {took:.0f} s", flush=True)
     return content
+
+
+def motion() -> np.ndarray:
+    """The earthquake's strongest part, faded to rest at mid-stroke, (n, 3)."""
+    rows = build_program("earthquake", hidden.SAMPLE).samples(0, round(SECONDS / hidden.SAMPLE))
+    return come_to_rest(rows, hidden.SAMPLE)
 
 
 def closed_loop(
@@ -176,9 +210,7 @@ def figures(run: ClosedLoop) -> dict[str, float | bool]:
     """Errors [%], ringing, movement at rest, share of the time at the limit [%], and whether it rings."""
     lost = not np.isfinite(run.truth).all()
     errors = [math.inf] * 3 if lost else (100.0 * run.tracking_error()).tolist()
-    size = float(np.sqrt(np.mean(run.reference[:, 2] ** 2)))
-    still = math.inf if lost else float(np.sqrt(np.mean((run.truth - run.reference)[STILL, 2] ** 2))) / size
-    shaken = ringing(run)
+    shaken, still = ringing(run), still_moving(run)
     limited = float(np.mean(np.abs(run.command) >= 1.0 - 1e-9))
     rings = (shaken > RINGING and limited < SATURATED) or still > AT_REST
     names = ("x", "v", "a", "ringing", "still", "limited")
@@ -196,7 +228,7 @@ def row_of(case: Case, folder: Path, law: str) -> dict[str, Any]:
 def tried(content: dict[str, Any], law: str, seed: int) -> dict[str, Any]:
     """The three loops of a table."""
     truth = hidden.Truth(**content["truth"])
-    reference = build_program("earthquake", hidden.SAMPLE).samples(0, round(SECONDS / hidden.SAMPLE))
+    reference = motion()
     declared, extended = table_of(content, "declared"), table_of(content, "extended")
     known = Uncertainty(tuple(content["names"]), np.array(content["covariance"]))
     began = time.perf_counter()

@@ -19,7 +19,7 @@ from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.law_design import LAWS
 from shake_ros.core.loop.linear_loop import Margins
-from shake_ros.core.loop.robust import RobustSettings, Search, Uncertainty, neighbours, uncertainty_of
+from shake_ros.core.loop.robust import Load, RobustSettings, Search, Uncertainty, neighbours, uncertainty_of
 from shake_ros.core.loop.trials import Trials, TriedLaw, try_laws
 from shake_ros.core.observer.model import ModelObserver
 from shake_ros.core.observer.runner import Observer
@@ -135,6 +135,7 @@ class TunedTable:
                     {
                         "errors": [finite(e) for e in t.errors],
                         "ringing": finite(t.ringing),
+                        "at_rest": finite(t.still),
                         "at_limit": t.at_limit,
                         "stroke": t.largest,
                     }
@@ -231,7 +232,20 @@ def load_robust(name: str) -> tuple[dict[str, Any], RobustSettings]:
     """The content of config/robust_tuning/<name>.yaml, or of a YAML file given by path, and its numbers."""
     path = find("robust_tuning", name)
     content = dict(strict_keys(read_yaml(path), KEYS, str(path), KEYS, kind="key"))
+    content["loads"] = [load_of(given, f"{path}: loads") for given in content["loads"]]
     return content, RobustSettings.from_mapping(content["numbers"], f"{path}: numbers")
+
+
+def load_of(given: Any, where: str) -> Load:
+    """A load from its line of the file."""
+    fields = dict(strict_keys(given, Load._fields, where, ("mass",), kind="key")) if isinstance(given, Mapping) else {}
+    try:
+        load = Load(**{name: float(value) for name, value in fields.items()})
+    except (TypeError, ValueError):
+        raise ShakeError(f"{where}: {given!r}: needs {{mass: kg}}, frequency and damping if it sways") from None
+    if not (all(math.isfinite(value) for value in load) and min(load) >= 0.0):
+        raise ShakeError(f"{where}: {given!r}: a number that is negative or not finite")
+    return load
 
 
 def findings(trials: Trials, law: TriedLaw, reference: NDArray[np.float64], margins: Margins) -> tuple[str, ...]:
@@ -244,11 +258,12 @@ def findings(trials: Trials, law: TriedLaw, reference: NDArray[np.float64], marg
             "fewer loads and less further delay in config/robust_tuning, would give more"
         )
     if law.rings > 1.0:
-        worst = int(np.argmax([t.ringing / trials.allowed(i) for i, t in enumerate(law.trials)]))
+        worst = int(np.argmax(trials.rings(law.trials)))
         further = worst % (trials.s.further_delay + 1)
         found.append(
             f"rings on neighbour {worst} ({further} further samples of delay): its acceleration beyond 15 Hz is "
-            f"{law.trials[worst].ringing:.2f} of the reference's, {law.rings:.1f} times what is allowed, even at "
+            f"{law.trials[worst].ringing:.2f} of the reference's, at rest {law.trials[worst].still:.2f}, "
+            f"{law.rings:.1f} times what is allowed, even at "
             f"{law.design.bandwidth:.1f} rad/s; the loop's further delay or the table's uncertainty has to shrink"
         )
     own = law.trials[0]

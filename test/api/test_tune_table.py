@@ -11,8 +11,9 @@ import pytest
 
 import shake_ros as sr
 from shake_ros.__main__ import main
-from shake_ros.api.tune_table import TunedTable, read_uncertainty, tune_table
+from shake_ros.api.tune_table import TunedTable, load_of, read_uncertainty, tune_table
 from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.loop.robust import Load
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
@@ -92,12 +93,27 @@ def test_gains_that_ring_are_not_written_without_force(tuned: TunedTable, tmp_pa
 
 def test_motion_beyond_the_valve_is_told_with_the_scale_that_fits(soft: TableParameters, tmp_path: Path) -> None:
     text = Path("config/robust_tuning/default.yaml").read_text(encoding="utf-8")
-    (tmp_path / "short.yaml").write_text(text.replace("tables: 6", "tables: 2"), encoding="utf-8")
+    (tmp_path / "short.yaml").write_text(text.replace("tables: 8", "tables: 2"), encoding="utf-8")
     weak = soft.with_values({"valve.flow_coefficient": 5e-8})
     found = tune_table(weak, tmp_path / "short.yaml", laws=["feedforward_pi"], progress=False)
     (told,) = [text for text in found.findings if "saturates" in text]
     scale = float(told.rpartition(": ")[2].split()[0])
     assert 0.2 <= scale <= 0.7
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (500.0, "needs {mass: kg}"),
+        ({"mass": "much"}, "needs {mass: kg}"),
+        ({"mass": -1.0}, "negative"),
+        ({"mass": 1.0, "hertz": 4.0}, "hertz"),
+    ],
+)
+def test_load_that_is_none_is_told_with_its_line(given: object, told: str) -> None:
+    assert load_of({"mass": 150, "frequency": 4}, "loads") == Load(150.0, 4.0)
+    with pytest.raises(ShakeError, match=told):
+        load_of(given, "file: loads")
 
 
 def test_uncertainty_beside_a_table_is_read_and_a_wrong_one_is_named(tmp_path: Path) -> None:

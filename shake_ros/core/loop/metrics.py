@@ -18,6 +18,7 @@ from shake_ros.core.analysis.thd import harmonics
 from shake_ros.core.control.closed_loop import ClosedLoop, normalised_error
 from shake_ros.core.control.tuning import command_travel
 from shake_ros.core.quantities import Parameters, describe, quantity
+from shake_ros.core.reference.motion import columns, product, smooth_step
 
 Array = NDArray[np.float64]
 LONGEST_DELAY = 0.06  # [s] within which J1 is sought
@@ -27,6 +28,7 @@ ORDERS = 25  # harmonics of the THD
 AT_LIMIT = 1.0 - 1e-9  # share of the limit from which a command counts as limited
 STILL_MOVING = 0.5  # rms acceleration at the final rest, over that of the reference, from which a loop is unstable
 RINGING_ABOVE, RINGING_WINDOW = 15.0, 0.5  # [Hz], [s] of `ringing`
+FADE, REST = 1.0, 1.0  # [s] of `come_to_rest`
 LOST_TRACKING = 1.0  # position error from which it is: no better than a table that stands still
 
 
@@ -107,6 +109,31 @@ def ringing(run: ClosedLoop, above: float = RINGING_ABOVE, window: float = RINGI
     square = np.cumsum(np.append(0.0, np.fft.irfft(spectrum, len(error)) ** 2))
     n = min(round(window / run.sample_time), len(error))
     return float(np.sqrt(np.max(square[n:] - square[:-n]) / n)) / size
+
+
+def come_to_rest(reference: Array, sample_time: float) -> Array:
+    """A reference (n, 3) that is faded to rest at mid-stroke over its last second, with a second of rest behind it.
+
+    >>> rows = come_to_rest(np.tile([0.01, 0.0, 0.0], (3000, 1)), 1e-3)
+    >>> len(rows), rows[1999, 0], rows[2500, 0].round(6), rows[3000].tolist()
+    (4000, 0.01, 0.005, [0.0, 0.0, 0.0])
+    """
+    left: Array = np.arange(len(reference), 0, -1, dtype=np.float64) * sample_time / FADE
+    value, slope, curvature = smooth_step(left)
+    fade = value, -slope / FADE, curvature / FADE**2
+    return np.vstack([product(fade, columns(reference)), np.zeros((round(REST / sample_time), 3))])
+
+
+def still_moving(run: ClosedLoop) -> float:
+    """Movement at the rest of `come_to_rest`: rms acceleration over its second half, over that of the reference [-].
+
+    A limit cycle below 15 Hz, which `ringing` does not see, is seen here; infinite for a run that was lost.
+    """
+    found = run.truth[-round(0.5 * REST / run.sample_time) :, 2]
+    size = float(np.sqrt(np.mean(run.reference[:, 2] ** 2)))
+    if not (np.isfinite(run.truth).all() and size > 0.0):
+        return math.inf
+    return float(np.sqrt(np.mean(found**2))) / size
 
 
 def tracking_delay(reference: Array, position: Array, sample_time: float) -> float:

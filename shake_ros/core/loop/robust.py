@@ -77,6 +77,23 @@ class Uncertainty(NamedTuple):
     covariance: Array
 
 
+class Load(NamedTuple):
+    """A specimen [kg]; with a frequency [Hz] it stands on a spring, with this damping ratio."""
+
+    mass: float
+    frequency: float = 0.0
+    damping: float = 0.03
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Of a table, by dotted name."""
+        found = {"body.specimen_mass": self.mass}
+        if self.frequency > 0.0:
+            own = {"mass": self.mass, "frequency": self.frequency, "damping": self.damping}
+            found |= {f"effects.specimen_resonance.{name}": value for name, value in own.items()}
+        return found
+
+
 class LinearCase(NamedTuple):
     """A linear model of a neighbour, and the one that the observer carries there."""
 
@@ -103,8 +120,10 @@ def uncertainty_of(table: TableParameters, s: RobustSettings) -> Uncertainty:
 
 def drawn(table: TableParameters, known: Uncertainty, rng: np.random.Generator) -> dict[str, float]:
     """A draw of the uncertain parameters, within their bounds."""
-    values, vectors = np.linalg.eigh(known.covariance)
-    change = vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(values)))
+    size = np.sqrt(np.maximum(np.diag(known.covariance), 0.0))  # units differ by many orders of magnitude
+    spread = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(known.covariance / spread / spread[:, None])
+    change = size * (vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(values))))
     found = {}
     for name, step in zip(known.names, np.clip(change, -1e12, 1e12), strict=True):
         data = FIELDS[name].metadata
@@ -113,18 +132,20 @@ def drawn(table: TableParameters, known: Uncertainty, rng: np.random.Generator) 
 
 
 def neighbours(
-    table: TableParameters, known: Uncertainty, loads: Sequence[float], s: RobustSettings
+    table: TableParameters, known: Uncertainty, loads: Sequence[Load], s: RobustSettings
 ) -> list[TableParameters]:
-    """The table, then draws of it: under its own specimen and the loads in turn, with supply low and high in turn."""
+    """The table, then draws of it: under its own specimen and the loads in turn, with supply low and high in turn.
+
+    A specimen of the table itself that is found to be flexible stays flexible under the loads that are rigid.
+    """
     rng = np.random.default_rng(s.seed)
-    own = table.value("body.specimen_mass")
-    masses, supplies = itertools.cycle((*loads, own)), itertools.cycle((1.0 - s.supply, 1.0 + s.supply))
+    others = itertools.cycle((*(load.values for load in loads), {}))
+    supplies = itertools.cycle((1.0 - s.supply, 1.0 + s.supply))
     supply = table.value("supply.supply_pressure")
     found = [table]
     while len(found) < s.tables:
-        values = drawn(table, known, rng)
-        values |= {"body.specimen_mass": next(masses), "supply.supply_pressure": supply * next(supplies)}
-        found.append(table.with_values(values))
+        values = drawn(table, known, rng) | next(others)
+        found.append(table.with_values(values | {"supply.supply_pressure": supply * next(supplies)}))
     return found
 
 
@@ -146,13 +167,22 @@ def points(table: TableParameters, s: RobustSettings) -> list[Array]:
 
 
 def oil_column(model: LinearModel, slowest: float = 10.0, fastest: float = 900.0) -> tuple[float, float]:
-    """Frequency [rad/s] and damping ratio of the fastest pair of poles that oscillates; a specimen's is slower."""
+    """Frequency [rad/s] and damping ratio of the fastest pair of poles that oscillates; a specimen's is slower.
+
+    Where leakage damps it so much that none does, those of velocity and load pressure alone.
+    """
     pairs = [p for p in model.poles() if p.imag > 0.0 and slowest < abs(p) < fastest]
     pairs = [p for p in pairs if -p.real < OSCILLATING * abs(p)]
-    if not pairs:
-        raise ShakeError("the table's oil column does not oscillate: no frequency to design for")
-    fast = max(pairs, key=abs)
-    return float(abs(fast)), float(-fast.real / abs(fast))
+    if pairs:
+        fast = max(pairs, key=abs)
+        return float(abs(fast)), float(-fast.real / abs(fast))
+    a = model.a[np.ix_(*2 * [[model.states.index(i) for i in (VELOCITY, PRESSURE_A, PRESSURE_B)]])]
+    into, out = np.array([[1.0, 0.0], [0.0, 0.5], [0.0, -0.5]]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -1.0]])
+    alone = out @ a @ into
+    square = float(np.linalg.det(alone))
+    if not square > slowest**2:
+        raise ShakeError("the table has no oil column to design for: its load pressure does not answer to its velocity")
+    return math.sqrt(square), float(-np.trace(alone)) / (2.0 * math.sqrt(square))
 
 
 def softest(table: TableParameters, states: Sequence[Array]) -> ReducedParameters:

@@ -2,7 +2,8 @@
 
 Every trial follows a reference under the virtual table of the one table that is known. A loop rings where its
 acceleration holds more beyond the reference's band than allowed, and more than the feedforward alone makes of the same
-neighbour: what a wrong feedforward shakes is no fault of the loop.
+neighbour: what a wrong feedforward shakes is no fault of the loop. The reference comes to rest at its end; a loop that
+still moves there rings as well.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from shake_ros.core.control.law import LawParameters
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.loop.law_design import LAWS, WITHOUT_ACCELERATION, Common, near_surface
-from shake_ros.core.loop.metrics import AT_LIMIT, ringing
+from shake_ros.core.loop.metrics import AT_LIMIT, come_to_rest, ringing, still_moving
 from shake_ros.core.loop.robust import DAMPINGS, JERKS, Design, Search
 from shake_ros.core.observer.linear import LinearObserver
 from shake_ros.core.observer.model import ModelObserver
@@ -34,6 +35,7 @@ Array = NDArray[np.float64]
 P = TypeVar("P", bound=Parameters)
 WANTED = np.array([0.005, 0.03, 0.15])  # errors of position, velocity and acceleration that count alike [-]
 OVER_FEEDFORWARD = 1.3  # times the ringing of the feedforward alone, which a loop may have
+AT_REST = 0.1  # rms of the acceleration at rest over the reference's, from which a loop rings
 RINGING = 0.5  # rms of the acceleration's error above 15 Hz over the reference's
 SLOWER = 0.65  # of a bandwidth that rang
 SLOWEST = 4  # times a design is slowed down
@@ -43,12 +45,13 @@ SLOWEST = 4  # times a design is slowed down
 class Trial:
     """A run on one table.
 
-    errors : (3,) of position, velocity, acceleration [-]. ringing : of `metrics`. at_limit : share of the time with
-    the command at its limit. largest : distance from mid-stroke over half the stroke.
+    errors : (3,) of position, velocity, acceleration [-]. ringing, still : of `metrics`. at_limit : share of the time
+    with the command at its limit. largest : distance from mid-stroke over half the stroke.
     """
 
     errors: Array
     ringing: float
+    still: float
     at_limit: float
     largest: float
 
@@ -91,9 +94,9 @@ def trial(run: ClosedLoop, limit: float, stroke: float) -> Trial:
     """The figures of a run."""
     largest = float(np.nanmax(np.abs(run.truth[:, 0]), initial=0.0)) / (0.5 * stroke)
     if not np.isfinite(run.truth).all():
-        return Trial(np.full(3, math.inf), math.inf, 1.0, largest)
+        return Trial(np.full(3, math.inf), math.inf, math.inf, 1.0, largest)
     at_limit = float(np.mean(np.abs(run.command) >= AT_LIMIT * limit))
-    return Trial(run.tracking_error(), ringing(run), at_limit, largest)
+    return Trial(run.tracking_error(), ringing(run), still_moving(run), at_limit, largest)
 
 
 def allowed_ringing(
@@ -129,7 +132,7 @@ class Trials:
     def __init__(self, search: Search, reference: Array, fields: dict[str, object]) -> None:
         self.search, self.fields = search, fields
         self.s, self.table = search.s, search.tables[0]
-        self._reference = np.ascontiguousarray(reference)
+        self._reference = np.ascontiguousarray(come_to_rest(reference, search.s.sample_time))
         self._feedforward = self.feedforward(self._reference)
         law = Controller("none", Hold(**fields), self.s.sample_time, self.table)  # type: ignore[arg-type]
         late = round(self.s.loop_delay / self.s.sample_time)
@@ -172,9 +175,9 @@ class Trials:
         ]
         return run_batch(loops, lambda i, run: trial(run, law.parameters.limit, loops[i].table.body.stroke))
 
-    def allowed(self, i: int) -> float:
-        """Ringing up to which a loop is sound on a table."""
-        return self._allowed[i]
+    def rings(self, trials: Sequence[Trial]) -> list[float]:
+        """Ringing on each table over what is allowed there; above 1 the loop rings."""
+        return [max(t.ringing / self._allowed[i], t.still / AT_REST) for i, t in enumerate(trials)]
 
     def tried(self, kind: str, design: Design) -> TriedLaw | None:
         """A law, slowed down until it does not ring; None where the law cannot be made of the design."""
@@ -187,7 +190,7 @@ class Trials:
                 break
             parameters = rounded(parameters)
             trials = self.run(parameters, kind, now)
-            rings = max(t.ringing / self.allowed(i) for i, t in enumerate(trials))
+            rings = max(self.rings(trials))
             found = TriedLaw(kind, parameters, now, tuple(trials), rings, slowed)
             if rings <= 1.0:
                 break

@@ -1,0 +1,70 @@
+"""Neighbours of a table: drawn as their covariance says, under the loads that are asked for; the oil column."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from shake_ros.core.control.closed_loop import ClosedLoop
+from shake_ros.core.loop.metrics import come_to_rest, ringing, still_moving
+from shake_ros.core.loop.robust import (
+    Load,
+    RobustSettings,
+    Uncertainty,
+    drawn,
+    neighbours,
+    oil_column,
+    points,
+    uncertainty_of,
+)
+from shake_ros.core.plant.linearisation import linearise, oil_column_frequency
+from shake_ros.settings import find, load_table, read_yaml
+
+TABLE = load_table("bergamo")
+CONTENT = read_yaml(find("robust_tuning", "default"))
+SETTINGS = RobustSettings.from_mapping(CONTENT["numbers"], "default")
+LOADS = [Load(**given) for given in CONTENT["loads"]]
+
+
+def test_draws_have_the_spread_and_the_correlation_of_parameters_whose_units_differ_by_twenty_orders() -> None:
+    names = ("bulk_modulus.modulus", "leakage.internal", "valve.flow_coefficient")
+    spread = np.array([1e7, 1e-13, 1e-9])
+    likeness = np.array([[1.0, 0.8, 0.0], [0.8, 1.0, -0.5], [0.0, -0.5, 1.0]])
+    rng = np.random.default_rng(3)
+    known = Uncertainty(names, likeness * spread * spread[:, None])
+    rows = np.array([list(drawn(TABLE, known, rng).values()) for _ in range(4000)])
+    np.testing.assert_allclose(np.std(rows, axis=0), spread, rtol=0.05)
+    np.testing.assert_allclose(np.corrcoef(rows.T), likeness, atol=0.05)
+
+
+def test_neighbours_carry_rigid_and_swaying_specimens_in_turn_and_the_supply_low_and_high() -> None:
+    known = uncertainty_of(TABLE, SETTINGS)
+    found = neighbours(TABLE, known, LOADS, SETTINGS)
+    frequencies = [t.value("effects.specimen_resonance.frequency") for t in found]
+    swaying = [f for t, f in zip(found, frequencies, strict=True) if t.value("effects.specimen_resonance.mass") > 0.0]
+    assert len(found) == SETTINGS.tables and found[0] is TABLE
+    assert {4.0, 6.0} <= set(swaying)
+    assert {0.0, 150.0, 500.0} <= {t.value("body.specimen_mass") for t in found[1:]}
+    supplies = {round(t.supply.supply_pressure / TABLE.supply.supply_pressure, 6) for t in found[1:]}
+    assert supplies == {0.9, 1.1}
+
+
+def test_oil_column_that_leakage_damps_beyond_oscillation_has_the_frequency_of_its_spring() -> None:
+    # the closed form of oil spring and mass, with the damping that a laminar leakage adds: C 2E/V_chamber / (2 ω)
+    leaking = TABLE.with_values({"leakage.internal": 4e-11})
+    frequency, damping = oil_column(linearise(leaking, points(leaking, SETTINGS)[0]))
+    assert math.isclose(frequency, oil_column_frequency(TABLE), rel_tol=0.25)
+    rate = 2.0 * TABLE.value("bulk_modulus.modulus") * 4e-11 / (0.5 * TABLE.body.cylinder_volume)
+    assert damping > 0.9
+    assert math.isclose(damping, rate / (2.0 * oil_column_frequency(TABLE)), rel_tol=0.3)
+
+
+def test_limit_cycle_below_the_ringing_band_is_seen_at_the_rest_that_follows() -> None:
+    t = np.arange(4000) * 1e-3
+    wanted = come_to_rest(np.column_stack([0 * t, 0 * t, np.sin(12.0 * t)]), 1e-3)
+    found = wanted.copy()
+    found[:, 2] += 0.2 * np.sin(2.0 * np.pi * 8.0 * np.arange(len(wanted)) * 1e-3)
+    run = ClosedLoop(1e-3, wanted, wanted, found, wanted[:, 0], wanted)
+    assert ringing(run) < 0.02
+    assert math.isclose(still_moving(run), 0.2 / math.sqrt(2.0) / np.sqrt(np.mean(wanted[:, 2] ** 2)), rel_tol=0.01)
