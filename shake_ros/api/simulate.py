@@ -18,7 +18,7 @@ from shake_ros.api.thd import Distortion, thd
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import normalised_error
 from shake_ros.core.control.law import LawParameters
-from shake_ros.core.control.runner import Controller
+from shake_ros.core.control.runner import Controller, refuse_another_instant
 from shake_ros.core.loop.compiled import Loop
 from shake_ros.core.loop.compiled import simulate as run_loop
 from shake_ros.core.observer import OBSERVERS
@@ -193,8 +193,8 @@ def simulate(
     law = controller if isinstance(controller, Controller) else controller_of(str(controller), sample_time, model)
     if observer is not None and not isinstance(observer, Observer):
         observer = observer_of(str(observer), sample_time, model)
-    if observer is not None and getattr(observer.parameters, "predict", False) != law.parameters.predict:
-        raise ShakeError("observer and controller must both predict, or neither: they stand at different instants")
+    if observer is not None:
+        refuse_another_instant(observer.lead, law)
     run, finite = run_loop(Loop(plant, observer, law, given, seed=seed, delay=delay, start=start))
     if finite < len(given):
         raise ShakeError(f"{name}: the loop was lost after {finite * sample_time:g} s")

@@ -6,17 +6,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.runner import Controller, switch
-from shake_ros.core.quantities import Parameters, choice, quantity
+from shake_ros.core.control.runner import Controller, refuse_another_instant, switch
+from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.added_harmonics import AddedHarmonics
 from shake_ros.ros.conversions import SECOND, Values
-from shake_ros.ros.diagnostics import OK, WARN
+from shake_ros.ros.diagnostics import ERROR, OK, WARN
 from shake_ros.ros.frame import Behaviour, Frame
 from shake_ros.ros.live_law import LiveLaw, Sets, variants
 from shake_ros.settings import load_table
 
 REST = (0.0, 0.0, 0.0)
+TO_FOLLOW = 2.0  # [s] that observer and controller may be apart while both are given another table
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,9 @@ class ControllerNode(Behaviour):
         self._limited = 0
         self._writer = frame.writer(interface.VALVE_COMMAND)
         frame.reader(interface.REFERENCE, self._on_reference)
-        frame.reader(interface.ESTIMATE, self._on_estimate)
+        self._estimates = frame.reader(interface.ESTIMATE, self._on_estimate)
+        self._agreed = False  # whether an estimate has stood at the instant that the controller takes it for
+        self._apart = 0  # samples in a row that did not
         self._harmonics = AddedHarmonics(frame, self._step_when_complete)
         self._harmonics.switch(own.harmonic_cancellation)
         frame.diagnostics.condition = self._condition
@@ -94,6 +97,7 @@ class ControllerNode(Behaviour):
     def _step(self, stamp: int) -> None:
         if self._law.changed or self._own.changed:
             self._change()
+        self._check_instant()
         wanted = self._harmonics.added(stamp, self._reference)
         self._state, self._u = self._controller.step(self._state, wanted, self._estimate)
         self._writer.send(stamp, self._u)
@@ -103,10 +107,23 @@ class ControllerNode(Behaviour):
         if not self.frame.lockstep:
             diagnostics.latency(self.frame.now() - stamp)
 
+    def _check_instant(self) -> None:
+        """An estimate of another instant ends the node at its start; the observer may change `TO_FOLLOW` before it."""
+        try:
+            refuse_another_instant(self._estimates.codec.lead / SECOND, self._controller)
+        except ShakeError:
+            self._apart += 1
+            if not self._agreed or self._apart * self.frame.sample_time > TO_FOLLOW:
+                raise
+        else:
+            self._agreed, self._apart = True, 0
+
     def _condition(self) -> tuple[int, str]:
         if self._reference_stamp < 0 or self._estimate_stamp < 0:
             missing = "reference" if self._reference_stamp < 0 else "estimate"
             return WARN, f"waiting for the first {missing}"
+        if self._apart:
+            return ERROR, "the estimate stands at another instant than the controller predicts to"
         return OK, f"{self._controller.kind}: running"
 
 

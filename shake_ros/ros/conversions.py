@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, JointState
@@ -95,8 +95,9 @@ def _pressure(values: Values, variance: float) -> FluidPressure:
 
 
 # What stands in a message behind the stamp: struct codes with what they must hold to be read this way; NUMBER stands
-# for one of the sample's, VARIANCE for that of the sensor, which a reader does not ask for.
-NUMBER, VARIANCE = object(), object()
+# for one of the sample's, VARIANCE for that of the sensor, which a reader does not ask for, LEAD and LEAD_REST for the
+# seconds and nanoseconds of `time_from_start`.
+NUMBER, VARIANCE, LEAD, LEAD_REST = object(), object(), object(), object()
 Parts = list[tuple[str, Any]]
 ALIGNMENT = {"I": 4, "i": 4, "d": 8, "s": 1}
 
@@ -131,6 +132,7 @@ class Codec:
     Attributes
     ----------
     variance : of the sensor's noise [unit²], where the message has a place for it; 0: unknown.
+    lead : by which the motion of a trajectory's point is later than the stamp [ns]; of the last message that was read.
     """
 
     def __init__(
@@ -145,18 +147,22 @@ class Codec:
         self.read = read
         self.size = size
         self.variance = 0.0
+        self.lead = 0
         self._build = build
         stamped: Parts = [("i", 0), ("I", 0), *parts]
         self._struct = struct.Struct(_aligned(stamped))
         self._pattern: list[Any] = [ENCAPSULATION, *(value for _, value in stamped)]
         self._places = [place for place, value in enumerate(self._pattern) if value is NUMBER]
         self._variances = [place for place, value in enumerate(self._pattern) if value is VARIANCE]
+        self._led = self._pattern.index(LEAD) if LEAD in self._pattern else 0
         self._template = [0.0 if value in (NUMBER, VARIANCE) else value for value in self._pattern]
         self.packed = self._agrees_with_middleware()
 
     def build(self, stamp: Time, values: Values) -> Any:
         """The message of a stamp and its numbers."""
         message = self._build(values, self.variance)
+        if self._led:
+            message.points[0].time_from_start = Duration(sec=self.lead // SECOND, nanosec=self.lead % SECOND)
         if self.topic is CLOCK:
             message.clock = stamp
         else:
@@ -182,6 +188,8 @@ class Codec:
             fields[place] = value
         for place in self._variances:
             fields[place] = self.variance
+        if self._led:
+            fields[self._led : self._led + 2] = divmod(self.lead, SECOND)
         return self._struct.pack(*fields)
 
     def encode(self, stamp: int, values: Values) -> Any:
@@ -202,6 +210,11 @@ class Codec:
             fields[place] = NUMBER
         for place in self._variances:
             fields[place] = VARIANCE
+        if self._led:
+            seconds, rest = fields[self._led : self._led + 2]
+            fields[self._led : self._led + 2] = LEAD, LEAD_REST
+            if fields == self._pattern:
+                self.lead = seconds * SECOND + rest
         return (stamp, values) if fields == self._pattern else None
 
     def decode(self, data: bytes) -> tuple[int, Values]:
@@ -212,9 +225,13 @@ class Codec:
         message = deserialize_message(data, self.topic.type)
         stamp = message.clock if self.topic is CLOCK else message.header.stamp
         try:
-            return stamp.sec * SECOND + stamp.nanosec, self.read(message)
+            values = self.read(message)
         except ShakeError as error:
             raise ShakeError(f"{self.topic.name}: {error}") from None
+        if self._led:
+            later = message.points[0].time_from_start
+            self.lead = later.sec * SECOND + later.nanosec
+        return stamp.sec * SECOND + stamp.nanosec, values
 
 
 def _joint_codec(topic: Topic, joint: str) -> Codec:
@@ -225,7 +242,7 @@ def _joint_codec(topic: Topic, joint: str) -> Codec:
 
 def _trajectory_codec(topic: Topic) -> Codec:
     parts = [*_text(topic.frame), ("I", 1), *_text(TABLE_JOINT), ("I", 1)]
-    parts += [("I", 1), ("d", NUMBER)] * 3 + [("I", 0), ("i", 0), ("I", 0)]
+    parts += [("I", 1), ("d", NUMBER)] * 3 + [("I", 0), ("i", LEAD), ("I", LEAD_REST)]
     return Codec(topic, _trajectory, _read_trajectory, parts, 3)
 
 

@@ -42,6 +42,7 @@ class ObserverNode(Behaviour):
         self._u = 0.0
         self._u_stamp = -1
         self._writer = frame.writer(interface.ESTIMATE)
+        self._writer.codec.lead = round(self._observer.lead * SECOND)
         frame.reader(interface.JOINT_STATES, self._on_measured)
         frame.reader(interface.VALVE_COMMAND, self._on_command)
         frame.diagnostics.condition = self._condition
@@ -68,6 +69,7 @@ class ObserverNode(Behaviour):
     def _step(self, stamp: int, position: float) -> None:
         if self._law.changed:
             self._observer = self._law.take()[0]
+            self._writer.codec.lead = round(self._observer.lead * SECOND)
             if self._state is not None:
                 self._state = self._observer.started(self._estimate, self._u)
         if self._state is None:
@@ -83,7 +85,9 @@ class ObserverNode(Behaviour):
     def _condition(self) -> tuple[int, str]:
         if self._last_stamp < 0:
             return WARN, "waiting for the first measurement"
-        return OK, f"{self._observer.kind}: running, command of {(self._last_stamp - self._u_stamp) / SECOND:.3f} s ago"
+        ahead = f", {1e3 * self._observer.lead:.3g} ms ahead" if self._observer.lead > 0.0 else ""
+        late = (self._last_stamp - self._u_stamp) / SECOND
+        return OK, f"{self._observer.kind}: running{ahead}, command of {late:.3f} s ago"
 
 
 build = ObserverNode

@@ -81,7 +81,8 @@ class Reader:
         self._accept = accept
         self._refuse = refuse
         self._doubled = doubled
-        self._decode = codec(topic).decode
+        self.codec = codec(topic)
+        self._decode = self.codec.decode
         self.subscription = frame.subscription(topic, self._arrived)
 
     def _arrived(self, data: bytes) -> None:

@@ -15,9 +15,11 @@ from rclpy.parameter import Parameter
 
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller, switch
+from shake_ros.core.quantities import ShakeError
 from shake_ros.ros import interface
 from shake_ros.ros.controller_node import ControllerNode, build
 from shake_ros.ros.conversions import SECOND
+from shake_ros.ros.diagnostics import ERROR
 from shake_ros.ros.frame import Frame
 from shake_ros.ros.loop import build_node, ros_context
 from shake_ros.settings import load_variant
@@ -121,3 +123,25 @@ def test_cancellation_waits_for_the_acceleration_of_each_sample_and_ends_when_to
     assert bench.set("harmonic_cancellation", False) == (True, "")
     bench.play(20, 21, acceleration=True)
     bench.play(21, 24)
+
+
+def test_estimate_of_another_instant_than_the_controller_predicts_to_is_refused_at_the_start(bench: Bench) -> None:
+    bench.estimates.codec.lead = 3_400_000
+    with pytest.raises(ShakeError, match=r"the estimate is 3\.4 ms ahead .* takes it for 0 ms"):
+        bench.play(0, 1)
+    assert not bench.commands
+
+
+def test_observer_that_changes_first_is_told_and_has_two_seconds_for_the_controller_to_follow(bench: Bench) -> None:
+    bench.play(0, 2)
+    bench.estimates.codec.lead = 3_400_000
+    bench.play(2, 4)
+    level, text = bench.node._condition()
+    assert level == ERROR and "another instant" in text
+    bench.estimates.codec.lead = 0
+    bench.play(4, 5)
+    assert bench.node._condition()[1] == "feedforward_pi: running"
+    bench.node._apart = 2000
+    bench.estimates.codec.lead = 3_400_000
+    with pytest.raises(ShakeError, match="must both predict"):
+        bench.play(5, 6)

@@ -12,6 +12,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.ros.conversions import SECOND, codec, time_message
 from shake_ros.ros.interface import (
     CLOCK,
+    ESTIMATE,
     IMU,
     JOINT_STATES,
     PRESSURE_A,
@@ -110,3 +111,15 @@ def test_recording_of_earlier_days_without_frames_is_read_as_well() -> None:
     message = codec(IMU).build(time_message(STAMP), (2.5,))
     message.header.frame_id = ""
     assert codec(IMU).decode(serialize_message(message)) == (STAMP, (2.5,))
+
+
+def test_lead_of_an_estimate_is_its_time_from_start_and_is_read_by_either_path() -> None:
+    writer, reader = codec(ESTIMATE), codec(ESTIMATE)
+    writer.lead = 2_003_400_000
+    data = writer.pack(STAMP, NUMBERS)
+    message = deserialize_message(data, ESTIMATE.type)
+    assert (message.points[0].time_from_start.sec, message.points[0].time_from_start.nanosec) == (2, 3_400_000)
+    assert message == writer.build(time_message(STAMP), NUMBERS)
+    assert reader._unpack(data) == (STAMP, NUMBERS) and reader.lead == 2_003_400_000
+    reader.lead, reader.packed = 0, False
+    assert reader.decode(data) == (STAMP, NUMBERS) and reader.lead == 2_003_400_000

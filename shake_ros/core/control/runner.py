@@ -34,6 +34,7 @@ class Controller:
     law_size : length of the state without the virtual table's.
     model : the table that it carries, with the loop's delay, None without one.
     virtual : the virtual table of the model, None without one.
+    lead : by which the estimate has to be later than its measurement [s]: the whole dead time with `predict`.
 
     Raises
     ------
@@ -62,6 +63,7 @@ class Controller:
             p = parameters
             settings = p.model_bandwidth, p.model_horizon, p.limit, p.predict
             self.virtual = VirtualTable(self.model, self.sample_time, *settings)
+        self.lead = self.virtual.settings.lead if self.virtual is not None else 0.0
         self.law = records(CONTROLLERS, parameters.under_model() if self.virtual else parameters)
         self.law_size = HEAD + parameters.states
 
@@ -119,6 +121,25 @@ class Controller:
             state[: self.law_size], self.law, r, z, command, self.sample_time
         )
         return following, float(u)
+
+
+def refuse_another_instant(lead: float, controller: Controller) -> None:
+    """An observer that predicts needs a controller that does, through the same dead time, and the other way round.
+
+    Parameters
+    ----------
+    lead : by which the estimate is later than its measurement [s].
+
+    Raises
+    ------
+    ShakeError : it differs by more than half a sample from what the controller takes it for.
+    """
+    if abs(lead - controller.lead) <= 0.5 * controller.sample_time:
+        return
+    raise ShakeError(
+        f"observer and controller must both predict through the same dead time, or neither: the estimate is "
+        f"{1e3 * lead:.3g} ms ahead of its measurement, the controller takes it for {1e3 * controller.lead:.3g} ms"
+    )
 
 
 def switch(

@@ -13,7 +13,7 @@ from shake_ros.core.observer.carried import work
 from shake_ros.core.observer.law import ObserverParameters
 from shake_ros.core.observer.selected import NO_MODEL, observe_run, step_of
 from shake_ros.core.packing import records
-from shake_ros.core.plant.dead_time import delayed_by
+from shake_ros.core.plant.dead_time import DELAY, delayed_by
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
 
@@ -36,6 +36,10 @@ class Observer:
     parameters : of that kind's class.
     sample_time : [s]
     model : the table that an observer with `carries_table` carries; the others do without.
+
+    Attributes
+    ----------
+    lead : by which the estimate is later than the measurement [s]: the whole dead time with `predict`, else none.
 
     Raises
     ------
@@ -60,6 +64,8 @@ class Observer:
         if parameters.carries_table and model is None:
             named = getattr(parameters, "model", "")
             raise ShakeError(f"observer '{kind}': the table '{named}' of its model was not handed over")
+        ahead = self._model is not None and getattr(parameters, "predict", False)
+        self.lead = float(self._model.value(DELAY)) if self._model is not None and ahead else 0.0
         record = NO_MODEL if self._model is None else FULL_LAYOUT.alone(self._model.vector())
         derived = parameters.derive(self.sample_time, self._model)
         self.compiled = Compiled(records(OBSERVERS, parameters, derived=derived), record)
