@@ -1,8 +1,8 @@
 """The declared table written a second time, from the equation sheet alone, for comparison with shake_ros.core.plant.
 
-Six states (6.2): x [m], v [m/s], P_A, P_B [Pa], x_s* [-], ẋ_s* [1/s]. Plain floats and math only, so that the same
-functions serve scipy's Radau as they stand and, compiled, a Runge–Kutta of very small steps. Nothing here imports the
-package; the numbers come from the table's YAML file.
+Six states (6.2): x [m], v [m/s], P_A, P_B [Pa], x_s* [-], ẋ_s* [1/s]; the two sides of the cylinder may differ (3.23).
+Plain floats and math only, so that the same functions serve scipy's Radau as they stand and, compiled, a Runge–Kutta of
+very small steps. Nothing here imports the package; the numbers come from the table's YAML file.
 """
 
 from __future__ import annotations
@@ -55,6 +55,8 @@ class Constants(NamedTuple):
     lambda_2: float
     mu: float
     edge: float
+    area_b: float  # of chamber B, (3.23)
+    half_volume_b: float  # of chamber B at mid-stroke, (3.24)
 
 
 def constants(soft_zone_depth: float = 0.0, path: Path = BERGAMO, **changes: float) -> Constants:
@@ -94,6 +96,8 @@ def constants(soft_zone_depth: float = 0.0, path: Path = BERGAMO, **changes: flo
         lambda_2=0.5 * soft_zone_depth / tanh(mu * edge),
         mu=mu,
         edge=edge,
+        area_b=body["piston_area"],
+        half_volume_b=0.5 * body["cylinder_volume"],
     )
     return table._replace(**changes)
 
@@ -117,7 +121,7 @@ def rates(y: Any, wanted: float, c: Any) -> tuple[float, float, float, float, fl
     q_b = c.flow * (
         edge_flow(s + c.underlap, p_b - c.tank, c.laminar) - edge_flow(c.underlap - s, c.supply - p_b, c.laminar)
     )
-    load = p_a - p_b
+    load = p_a - p_b * c.area_b / c.area
     stiffness = c.modulus * (c.lambda_1 - c.lambda_2 * (tanh(c.mu * (load + c.edge)) - tanh(c.mu * (load - c.edge))))
     friction = (c.coulomb + c.rise * exp(-c.decay * abs(v))) * tanh(v / c.sharp) + c.viscous * v
     force = c.area * load - friction
@@ -126,17 +130,17 @@ def rates(y: Any, wanted: float, c: Any) -> tuple[float, float, float, float, fl
     elif x < -c.half_stroke:
         force -= min(c.stop_stiffness * (x + c.half_stroke) + c.stop_damping * v, 0.0)
     v_a = max(c.half_volume + c.area * x, 0.02 * c.half_volume)
-    v_b = max(c.half_volume - c.area * x, 0.02 * c.half_volume)
-    dp_a = stiffness / v_a * (q_a - c.external * p_a - c.internal * load - c.area * v)
-    dp_b = stiffness / v_b * (-q_b - c.external * p_b + c.internal * load + c.area * v)
+    v_b = max(c.half_volume_b - c.area_b * x, 0.02 * c.half_volume_b)
+    dp_a = stiffness / v_a * (q_a - c.external * p_a - c.internal * (p_a - p_b) - c.area * v)
+    dp_b = stiffness / v_b * (-q_b - c.external * p_b + c.internal * (p_a - p_b) + c.area_b * v)
     speed = min(max(ds, -c.rate_limit), c.rate_limit)
     return v, force / c.mass, dp_a, dp_b, speed, c.omega**2 * (wanted - s) - 2.0 * c.damping * c.omega * ds
 
 
 def at_rest(c: Constants) -> np.ndarray:
-    """Mid-stroke, valve at null, both chambers half-way between supply and tank; shape (6,)."""
-    middle = 0.5 * (c.supply + c.tank)
-    return np.array([0.0, 0.0, middle, middle, 0.0, 0.0])
+    """Mid-stroke, valve at null, A_A P_A = A_B P_B with P_A + P_B = P_s + P_T; shape (6,)."""
+    p_a = (c.supply + c.tank) * c.area_b / (c.area + c.area_b)
+    return np.array([0.0, 0.0, p_a, c.supply + c.tank - p_a, 0.0, 0.0])
 
 
 class Pieces(NamedTuple):

@@ -122,7 +122,7 @@ def qualify(
     learn, _ = learning(carried, refit)
     test = Test(wanted, code, plant, chosen.motion_for(code), chosen.running, step)
     laboratory = _Laboratory(plant, chosen, delay, seed, [])
-    band = SearchBand(chosen.search.low, chosen.search.high, plant.body.piston_area)
+    band = SearchBand(chosen.search.low, chosen.search.high, plant.body.piston_area, plant.body.area_ratio)
     with Progress("qualify", progress) as bar:
         bar("making the motion", 0.0)
         motion = integrate(synthesise(wanted, plant, test.motion, step, seed, _record(record, step)), step)

@@ -49,6 +49,7 @@ def table(
     *,
     bore: float | None = None,
     rod: float | None = None,
+    single_rod: bool = False,
     stroke: float | None = None,
     rated_flow: float | None = None,
     rated_drop: float = 70e5,
@@ -63,7 +64,8 @@ def table(
 
     Parameters
     ----------
-    bore, rod : diameters of a cylinder with the same rod on both sides [m]. stroke : full [m].
+    bore, rod : diameters of a cylinder [m], with the same rod on both sides, or on side B alone if `single_rod`.
+    stroke : full [m].
     rated_flow : of the valve [m³/s] at `rated_drop` over both edges [Pa]. supply : pressure, absolute [Pa].
     table_mass : with rod and piston [kg]. specimen_mass : on it [kg]. hose_volume : of both lines together [m³].
     valve_frequency : at −90° of phase [Hz]. valve_damping : [-].
@@ -92,11 +94,13 @@ def table(
     content: dict[str, Any] = read_yaml(find("table", "unknown"))
     assumed = []
     body, valve, pressure = content["body"], content["valve"], content["supply"]
-    area = _area(bore, rod)
+    area, ratio = _area(bore, None if single_rod else rod), _ratio(bore, rod) if single_rod else 1.0
     if area is None:
         assumed.append(f"piston_area {body['piston_area']:g} m² as a gauge: masses and forces are relative to it")
     else:
         body["piston_area"] = area
+        if single_rod:
+            body |= {"area_ratio": ratio, "volume_share": 1.0 / (1.0 + ratio)}
     if supply is None:
         assumed.append(f"supply_pressure {pressure['supply_pressure'] / 1e5:g} bar as a gauge")
     else:
@@ -106,7 +110,7 @@ def table(
         body["stroke"] = stroke
         content["sensors"]["position_range"] = stroke
         if area is not None:
-            body["cylinder_volume"] = _prior("body.cylinder_volume", area * stroke + hose_volume)
+            body["cylinder_volume"] = _prior("body.cylinder_volume", 0.5 * (1.0 + ratio) * area * stroke + hose_volume)
             if not hose_volume:
                 assumed.append("no oil in the lines between valve and cylinder")
     if table_mass is not None:
@@ -130,6 +134,16 @@ def _area(bore: float | None, rod: float | None) -> float | None:
     if rod is not None and rod >= bore:
         raise ShakeError(f"rod = {rod:g} m: not thinner than the bore of {bore:g} m")
     return 0.25 * math.pi * (bore**2 - (rod or 0.0) ** 2)
+
+
+def _ratio(bore: float | None, rod: float | None) -> float:
+    """A_B/A_A of a cylinder with its rod on side B [-]."""
+    if bore is None or rod is None:
+        raise ShakeError("single_rod: needs the diameters of bore and rod")
+    full, annular = _area(bore, None), _area(bore, rod)
+    assert full is not None
+    assert annular is not None
+    return annular / full
 
 
 def _prior(name: str, value: float) -> dict[str, float]:

@@ -10,7 +10,7 @@ from shake_ros.api.table import table
 
 OPTIONS = (  # option, factor to SI, help
     ("bore", 1e-3, "bore of the cylinder [mm]"),
-    ("rod", 1e-3, "diameter of the rod, the same on both sides [mm]"),
+    ("rod", 1e-3, "diameter of the rod, the same on both sides unless --single-rod [mm]"),
     ("stroke", 1e-3, "full stroke [mm]"),
     ("rated-flow", 1.0 / 60000.0, "rated flow of the valve [l/min]"),
     ("rated-drop", 1e5, "pressure drop of the rated flow, both edges together [bar] (default: 70)"),
@@ -28,11 +28,13 @@ def main(arguments: Sequence[str]) -> int:
     command = argparse.ArgumentParser(prog="table", description=__doc__)
     for name, _, text in OPTIONS:
         command.add_argument(f"--{name}", type=float, metavar="NUMBER", help=text)
+    command.add_argument("--single-rod", action="store_true", help="the rod is on side B alone: unequal areas")
     command.add_argument("--out", type=Path, required=True, metavar="FILE", help="YAML file to write")
     command.add_argument("--force", action="store_true", help="replace an existing file")
     given = vars(command.parse_args(list(arguments)))
     values = {name.replace("-", "_"): factor for name, factor, _ in OPTIONS}
-    made = table(**{name: given[name] * factor for name, factor in values.items() if given[name] is not None})
+    numbers = {name: given[name] * factor for name, factor in values.items() if given[name] is not None}
+    made = table(single_rod=given["single_rod"], **numbers)
     path = made.save(given["out"], given["force"])
     print("\n".join([*(f"assumed: {line}" for line in made.assumed), f"table: {path}"]))
     return 0

@@ -40,12 +40,27 @@ def test_numbers_follow_from_the_nameplates() -> None:
     assert made.content["body"]["table_mass"] == "unknown"
 
 
+def test_a_single_rod_takes_its_area_from_side_b_alone() -> None:
+    made = sr.table(bore=0.05, rod=0.036, single_rod=True, stroke=0.26)
+    body, full = made.content["body"], pi * 0.05**2 / 4.0
+    assert body["piston_area"] == pytest.approx(full)
+    assert body["area_ratio"] == pytest.approx(1.0 - (36.0 / 50.0) ** 2)
+    volume_a, volume_b = 0.13 * full, 0.13 * full * body["area_ratio"]
+    assert body["cylinder_volume"]["value"] == pytest.approx(volume_a + volume_b, rel=1e-5)
+    assert body["volume_share"] == pytest.approx(volume_a / (volume_a + volume_b))
+
+
 def test_without_bore_and_supply_area_and_pressure_are_said_to_be_a_gauge() -> None:
     assert sum("as a gauge" in line for line in sr.table().assumed) == 2
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"), [({"bore": 0.03, "rod": 0.04}, "not thinner"), ({"supply": -1.0}, "above 0")]
+    ("wrong", "said"),
+    [
+        ({"bore": 0.03, "rod": 0.04}, "not thinner"),
+        ({"supply": -1.0}, "above 0"),
+        ({"bore": 0.03, "single_rod": True}, "bore and rod"),
+    ],
 )
 def test_impossible_nameplates_are_refused(wrong: dict[str, float], said: str) -> None:
     with pytest.raises(ShakeError, match=said):

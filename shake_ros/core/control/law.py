@@ -15,7 +15,9 @@ class LawParameters(Parameters):
 
     `model` names the table configuration whose virtual copy makes the feedforward (`virtual_table`); empty for the
     law's own feedforward from the reference. With `predict` the virtual table runs ahead by the whole dead time, and so
-    must the observer; without a model there is nothing to predict with.
+    must the observer; without a model there is nothing to predict with. `flow_asymmetry` is that of a cylinder with
+    unequal areas (`plant.reduced.closed_form`): the command is divided by the velocity that it gives in its direction;
+    a model feedforward knows the cylinder, so it counts for nothing there.
     """
 
     code: ClassVar[int]  # number by which compiled code knows the law
@@ -27,6 +29,14 @@ class LawParameters(Parameters):
     model_bandwidth: float = quantity("rad/s", "bandwidth of the virtual table's control", low=1.0, high=2000.0)
     model_horizon: float = quantity("s", "horizon of the virtual table's control", low=1e-4, high=0.1)
     loop_delay: float = quantity("s", "dead time of the loop beyond the model's", low=0.0, high=0.1, default=0.0)
+    flow_asymmetry: float = quantity(
+        "-",
+        "excess of the steady velocity along +x over the mean",
+        low=-0.9,
+        high=0.9,
+        default=0.0,
+        live=True,
+    )
     predict: bool = choice("whether estimate and virtual table stand where the command will act", default=False)
 
     def under_model(self) -> LawParameters:
@@ -46,6 +56,26 @@ def saturate(command, limit):  # type: ignore[no-untyped-def]
     if command < -limit:
         return -limit
     return command
+
+
+@njit
+def with_direction(command, asymmetry):  # type: ignore[no-untyped-def]
+    """The velocity that a command gives relative to the mean of both directions.
+
+    >>> float(with_direction(0.5, 0.2)), float(with_direction(-0.5, 0.2))
+    (0.6, -0.4)
+    """
+    return command * (1.0 + asymmetry) if command > 0.0 else command * (1.0 - asymmetry)
+
+
+@njit
+def against_direction(command, asymmetry):  # type: ignore[no-untyped-def]
+    """The command that gives this velocity relative to the mean: the inverse of `with_direction`.
+
+    >>> round(float(against_direction(0.6, 0.2)), 12), round(float(against_direction(-0.4, 0.2)), 12)
+    (0.5, -0.5)
+    """
+    return command / (1.0 + asymmetry) if command > 0.0 else command / (1.0 - asymmetry)
 
 
 @njit

@@ -64,7 +64,8 @@ class Controller:
             settings = p.model_bandwidth, p.model_horizon, p.limit, p.predict
             self.virtual = VirtualTable(self.model, self.sample_time, *settings)
         self.lead = self.virtual.settings.lead if self.virtual is not None else 0.0
-        self.law = records(CONTROLLERS, parameters.under_model() if self.virtual else parameters)
+        acting = parameters.under_model().replace(flow_asymmetry=0.0) if self.virtual else parameters
+        self.law = records(CONTROLLERS, acting)
         self.law_size = HEAD + parameters.states
 
     def carries_on(self, other: Controller) -> bool:

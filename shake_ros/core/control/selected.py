@@ -11,6 +11,7 @@ import numpy as np
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.control.law import against_direction, saturate, with_direction
 from shake_ros.core.dispatch import dispatch
 
 STARTED, OFFSET, START_COMMAND, DECAY = range(4)  # of a controller's state, before the law's own
@@ -86,9 +87,12 @@ def step_controller(state, law, reference, estimate, feedforward, dt):  # type: 
     own = state[HEAD:]
     offset = state[OFFSET] * state[DECAY]
     if state[STARTED] == 0.0 and state[DECAY] > 0.0:
-        offset = start_offset(own, law, reference, estimate, feedforward, dt, state[START_COMMAND])
+        first = with_direction(state[START_COMMAND], law[0].flow_asymmetry)
+        offset = start_offset(own, law, reference, estimate, feedforward, dt, first)
     following = np.empty_like(state)
     following[HEAD:], u = step_law(own, law[0], reference, estimate, feedforward + offset, dt)
+    if law[0].flow_asymmetry != 0.0:
+        u = saturate(against_direction(u, law[0].flow_asymmetry), law[0].limit)
     following[STARTED] = 1.0
     following[OFFSET] = offset
     following[START_COMMAND] = state[START_COMMAND]

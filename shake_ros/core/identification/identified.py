@@ -13,6 +13,7 @@ import numpy as np
 
 from shake_ros.core.identification.fit import DIFFERENCE, Fit
 from shake_ros.core.identification.uncertainty import Estimate, covariance
+from shake_ros.core.plant.cylinder import pressure_left, steady_speeds, volumes
 from shake_ros.core.plant.linearisation import oil_column_frequency
 from shake_ros.core.plant.parameters import TableParameters
 
@@ -30,23 +31,22 @@ def pressure_drop(t: TableParameters) -> float:
 
 
 def velocity_gain(t: TableParameters) -> float:
-    """Velocity per command without load [m/s]."""
-    flow = t.value("valve.flow_coefficient") * math.sqrt(0.5 * pressure_drop(t))
-    return t.value("valve.gain") * flow / t.body.piston_area
+    """Velocity per command without load, mean of both directions [m/s]."""
+    out, back = steady_speeds(t)
+    return t.value("valve.gain") * (0.5 * (out + back))
 
 
 def damping(t: TableParameters) -> float:
     """Damping ratio of the oil column about rest by leakage, open centre and viscous friction [-]."""
-    area, omega = t.body.piston_area, oil_column_frequency(t)
+    area, omega = 0.5 * t.body.acting_area, oil_column_frequency(t)
     centre = max(t.value("valve.underlap"), 0.0) * t.value("valve.flow_coefficient") / math.sqrt(2.0 * pressure_drop(t))
     leakage = t.leakage.internal + 0.5 * t.leakage.external + centre
     return 0.5 * (moved(t) * omega * leakage / area**2 + t.value("friction.viscous") / (moved(t) * omega))
 
 
 def effective_stroke(t: TableParameters) -> float:
-    """Length of both chambers at this area, dead volumes included [m]."""
-    volume = t.body.cylinder_volume + 2.0 * t.value("effects.dead_volume.volume")
-    return volume / t.body.piston_area
+    """Length of both chambers at their mean area, dead volumes included [m]."""
+    return sum(volumes(t)) / (0.5 * t.body.acting_area)
 
 
 QUANTITIES: dict[str, tuple[Callable[[TableParameters], float], str]] = {
@@ -55,7 +55,7 @@ QUANTITIES: dict[str, tuple[Callable[[TableParameters], float], str]] = {
     f"hydraulic_frequency_at_{1e3 * REACH:.0f}_mm": (lambda t: oil_column_frequency(t, REACH) / (2.0 * math.pi), "Hz"),
     "effective_stroke": (effective_stroke, "m"),
     "hydraulic_damping": (damping, "-"),
-    "saturation_acceleration": (lambda t: pressure_drop(t) * t.body.piston_area / moved(t), "m/s^2"),
+    "saturation_acceleration": (lambda t: min(pressure_left(t)) * t.body.piston_area / moved(t), "m/s^2"),
     "valve_frequency": (
         lambda t: t.value("valve.natural_frequency") * (1.0 - t.value("effects.slow_valve.slowdown")) / (2.0 * math.pi),
         "Hz",

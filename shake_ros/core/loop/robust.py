@@ -221,7 +221,7 @@ class Search:
         self.beta = softest(tables[0], points(tables[0], s))
         self.cases = cases(tables, s)
         mass = tables[0].moved_mass + tables[0].value("effects.payload_error.mass")
-        self._per_acceleration = 0.5 * mass / tables[0].body.piston_area
+        self._per_acceleration = mass / tables[0].body.acting_area
         self.slowest = SLOWEST * s.fastest
         self._omega = grid(s.sample_time, 120)
 

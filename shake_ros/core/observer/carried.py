@@ -44,9 +44,9 @@ def work() -> NDArray[np.float64]:
 
 
 def carried_numbers(model: TableParameters, sample_time: float, predict: bool) -> dict[str, float]:
-    """Load pressure per acceleration M/(2 A_p), half its change; the dead time; whether it is predicted, by name."""
+    """Pressure that one chamber gains and the other loses per acceleration; the dead time; whether it is predicted."""
     mass = model.moved_mass + model.value("effects.payload_error.mass")
-    numbers = 0.5 * mass / model.body.piston_area, *dead_time(model, sample_time), float(predict)
+    numbers = mass / model.body.acting_area, *dead_time(model, sample_time), float(predict)
     return dict(zip(CARRIED, numbers, strict=True))
 
 
@@ -66,7 +66,7 @@ def copy_at(
         y[SPOOL] = spool_command(p, y, command)
     rates = np.zeros(CONTINUOUS)
     low, high = model.supply.tank_pressure, model.supply.supply_pressure
-    per_acceleration = 0.5 * model.moved_mass / model.body.piston_area
+    per_acceleration = model.moved_mass / model.body.acting_area
     if estimate[1] != 0.0 or estimate[2] != 0.0:
         for _ in range(WEIGHED):
             push = per_acceleration * (estimate[2] - acceleration_now(p, y, rates))

@@ -22,6 +22,7 @@ from shake_ros.core.effects.unlisted import (
 )
 from shake_ros.core.effects.unlisted import value as unlisted
 from shake_ros.core.plant.cavitation import acting_pressure
+from shake_ros.core.plant.cylinder import chamber_volumes, load_pressure
 from shake_ros.core.plant.pipelines import flow_rate, half_volume
 from shake_ros.core.plant.states import (
     LINE_FLOW_A,
@@ -79,7 +80,8 @@ def chamber_moduli(p, p_a, p_b):
         e_a = mixture(p_a, e_a, m, alpha, kappa, p_0)
         e_b = mixture(p_b, e_b, m, alpha, kappa, p_0)
     if p.soft_zone_depth != 0.0:
-        h = soft_zone_factor(p_a - p_b, p.soft_zone_depth, p.soft_zone_threshold, p.soft_zone_sharpness)
+        p_l = load_pressure(p, p_a, p_b)
+        h = soft_zone_factor(p_l, p.soft_zone_depth, p.soft_zone_threshold, p.soft_zone_sharpness)
         e_a *= h  # (6.18)
         e_b *= h  # (6.19)
     return e_a, e_b
@@ -102,7 +104,7 @@ def pipeline_flows(p, y, clock, p_a, p_b, p_s, rates):
 
 @kernel
 def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
-    """Ṗ_A and Ṗ_B (6.5), (6.6), (6.11) into `rates`; returns the flow drawn from the supply [m³/s]."""
+    """Ṗ_A and Ṗ_B (6.5), (6.6) into `rates`; returns the flow drawn from the supply [m³/s]."""
     p_s = y[PRESSURE_SUPPLY] if p.supply_droop_resistance != 0.0 else p.supply_supply_pressure
     p_s *= 1.0 + unlisted(p, SUPPLY_OF_PHASE, clock)
     dead = p.dead_volume_volume
@@ -112,16 +114,15 @@ def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
     else:
         q_a, q_b, q_s = port_flows(p, y[SPOOL], clock, p_a, p_b, p_s)
     e_a, e_b = chamber_moduli(p, p_a, p_b)
-    stiffer = 1.0 + unlisted(p, STIFFNESS_OF_LOAD_PRESSURE, p_a - p_b)
-    half = 0.5 * p.body_cylinder_volume
-    smallest = 0.02 * half  # the end stops keep the piston off the covers
-    v_a = max(half + p.body_piston_area * piston, smallest) + dead  # (6.11), (3.24)
-    v_b = max(half - p.body_piston_area * piston, smallest) + dead
+    stiffer = 1.0 + unlisted(p, STIFFNESS_OF_LOAD_PRESSURE, load_pressure(p, p_a, p_b))
+    v_a, v_b = chamber_volumes(p, piston, dead)
     across = p.leakage_internal * (p_a - p_b)  # (3.25)
     if p.turbulent_leakage_coefficient != 0.0:
         across += p.turbulent_leakage_coefficient * sroot(p_a - p_b, p.valve_laminar_pressure)
     across += unlisted(p, LEAKAGE_OF_LOAD_PRESSURE, p_a - p_b)
     swept = p.body_piston_area * piston_velocity
-    rates[PRESSURE_A] = stiffer * e_a / v_a * (q_a - p.leakage_external * p_a - across - swept)  # (6.5)
-    rates[PRESSURE_B] = stiffer * e_b / v_b * (-q_b - p.leakage_external * p_b + across + swept)  # (6.6)
+    rates[PRESSURE_A] = stiffer * e_a / v_a * (q_a - p.leakage_external * p_a - across - swept)  # (6.5), (3.23)
+    rates[PRESSURE_B] = (
+        stiffer * e_b / v_b * (-q_b - p.leakage_external * p_b + across + p.body_area_ratio * swept)
+    )  # (6.6), (3.23)
     return q_s

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from scipy.linalg import eig
 from scipy.optimize import root
 
-from shake_ros.core.bulk_modulus.oil_spring import natural_frequency, stiffness
+from shake_ros.core.bulk_modulus.oil_spring import natural_frequency
 from shake_ros.core.bulk_modulus.selected import moduli
+from shake_ros.core.plant.cylinder import Sides, oil_spring, rest_pressures
 from shake_ros.core.plant.parameters import INDEX, TableParameters, records
 from shake_ros.core.plant.right_hand_side import active_states, right_hand_side
 from shake_ros.core.plant.simulation import initial_state
@@ -159,15 +160,12 @@ def linearise(parameters: TableParameters, state: Matrix | None = None, step: fl
 
 
 def oil_column_frequency(parameters: TableParameters, position: float = 0.0) -> float:
-    """ω = sqrt(k/M), k = E (A²/V_A + A²/V_B), the closed form of (2.25), (2.36) for a table at rest [rad/s].
+    """ω = sqrt(k/M), k = E_A A_A²/V_A + E_B A_B²/V_B, the closed form of (2.25), (2.36) for a table at rest [rad/s].
 
-    E is that of the table's law at half the supply pressure, without effects on the oil.
+    E is that of the table's law at the pressures of rest, without effects on the oil.
     """
-    body = parameters.body
-    dead = parameters.value("effects.dead_volume.volume")
-    v_a = 0.5 * body.cylinder_volume + body.piston_area * position + dead
-    v_b = 0.5 * body.cylinder_volume - body.piston_area * position + dead
-    middle = 0.5 * (parameters.supply.supply_pressure + parameters.supply.tank_pressure)
-    modulus = float(moduli(parameters.bulk_modulus, np.array([middle]))[0])
-    k = stiffness(modulus, body.piston_area, v_a, body.piston_area, v_b)
+    supply = parameters.supply
+    pressures = rest_pressures(supply.supply_pressure, supply.tank_pressure, parameters.body.area_ratio)
+    e_a, e_b = (float(e) for e in moduli(parameters.bulk_modulus, np.array(pressures)))
+    k = oil_spring(parameters, Sides(e_a, e_b), position)
     return float(natural_frequency(k, parameters.moved_mass + parameters.value("effects.payload_error.mass")))

@@ -38,15 +38,24 @@ PER_MASS = {  # unit of a force in an effect → unit per moved mass
 
 @dataclass(frozen=True)
 class Body(Parameters):
-    """Cylinder, table and specimen, (6.4), (6.9), (6.11)."""
+    """Cylinder, table and specimen, (6.4), (6.9), (6.11); with two sides that differ, (3.23), (3.24)."""
 
-    piston_area: float = quantity("m^2", "annular piston area A_p", low=1e-6, high=1.0)
+    piston_area: float = quantity("m^2", "annular piston area A_p, that of chamber A", low=1e-6, high=1.0)
     cylinder_volume: float = quantity("m^3", "total oil volume of both chambers V_t", low=1e-8, high=1.0)
     table_mass: float = quantity("kg", "mass of table, rod and piston M_b", low=1.0, high=1e6)
     specimen_mass: float = quantity("kg", "mass of the specimen M_l", low=0.0, high=1e6, live=True)
     stroke: float = quantity("m", "full stroke between the end stops", low=1e-3, high=10.0)
     end_stop_stiffness: float = quantity("N/m", "stiffness of an end stop", low=1e4, high=1e10)
     end_stop_damping: float = quantity("N*s/m", "damping of an end stop", low=0.0, high=1e8)
+    area_ratio: float = quantity("-", "area of chamber B over that of A, A_B/A_A", low=0.05, high=20.0, default=1.0)
+    volume_share: float = quantity("-", "share of chamber A in V_t at mid-stroke", low=0.02, high=0.98, default=0.5)
+    line_volume_a: float = quantity("m^3", "oil between valve and chamber A beyond V_t", low=0.0, high=0.1, default=0.0)
+    line_volume_b: float = quantity("m^3", "oil between valve and chamber B beyond V_t", low=0.0, high=0.1, default=0.0)
+
+    @property
+    def acting_area(self) -> float:
+        """A_A + A_B: force per pressure that one chamber gains and the other loses [m²]."""
+        return (1.0 + self.area_ratio) * self.piston_area
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ bears tension, so a pressure below absolute zero is possible and tells that the 
 
 Above: a chamber beyond supply pressure takes in nothing, its edges and its leakages let oil out, so it rises only while
 the piston moves into it, V Ṗ/E ≤ A w with w the speed into the chamber, and the piston pays for it,
-M ẇ ≤ −A (P − P_s) + F (the other chamber is fed at no more than P_s and grows). Together, from the instant at which P
-passes P_s with the speed w_1,
+M ẇ ≤ −A P + A' P_s + F (the other chamber, of area A', is fed at no more than P_s and grows). Together, from the
+instant at which P passes the larger of P_s and c = (A' P_s + F)/A with the speed w_1,
 
-    ½ (V/E) (P − P_s − F/A)² ≤ ½ M w_1²,  so  P ≤ P_s + F/A + w sqrt(E M/V)
+    ½ (V/E) (P − max(P_s, c))² ≤ ½ M w_1²,  so  P ≤ max(P_s, c) + w sqrt(E M/V)
 
 with the largest speed w and force F and the smallest volume V of the run: inertia against the oil spring (2.25). Holds
 for a modulus that does not rise with pressure and a table in one piece: `LOOSE` names what it does not hold with.
@@ -23,9 +23,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from shake_ros.core.plant.cylinder import Sides, areas, volumes
 from shake_ros.core.plant.parameters import TableParameters
 
-SMALLEST_PART = 0.02  # of half the cylinder's volume, which the right-hand side keeps in a chamber
 LOOSE = (  # what lets a chamber rise above the bound, or swings beside the table with a motion of its own
     "bulk_modulus.kind",
     "effects.pressure_dependent_bulk_modulus.slope",
@@ -38,11 +38,9 @@ LOOSE = (  # what lets a chamber rise above the bound, or swings beside the tabl
 )
 
 
-def smallest_volume(table: TableParameters, reach: float) -> float:
-    """Volume of the smaller chamber where the piston is `reach` [m] off mid-stroke (6.11) [m³]."""
-    half = 0.5 * table.body.cylinder_volume
-    left = max(half - table.body.piston_area * reach, SMALLEST_PART * half)
-    return left + table.value("effects.dead_volume.volume")
+def smallest_volumes(table: TableParameters, reach: float) -> Sides:
+    """Volume of each chamber where the piston is `reach` [m] off mid-stroke towards it (6.11), (3.24) [m³]."""
+    return Sides(volumes(table, -reach).a, volumes(table, reach).b)
 
 
 def highest_pressure(table: TableParameters, speed: float, reach: float, force: float = 0.0) -> float:
@@ -53,10 +51,14 @@ def highest_pressure(table: TableParameters, speed: float, reach: float, force: 
     speed : largest speed of the piston |v| [m/s]. reach : largest distance from mid-stroke |x| [m].
     force : largest external force along the motion [N].
     """
-    body = table.body
     mass = table.moved_mass + max(table.value("effects.payload_error.mass"), 0.0)
-    surge = speed * math.sqrt(table.value("bulk_modulus.modulus") * mass / smallest_volume(table, reach))
-    return table.value("supply.supply_pressure") + abs(force) / body.piston_area + surge
+    supply, area = table.value("supply.supply_pressure"), areas(table)
+    highest = 0.0
+    for own, other, volume in zip(area, reversed(area), smallest_volumes(table, reach), strict=True):
+        surge = speed * math.sqrt(table.value("bulk_modulus.modulus") * mass / volume)
+        held = max(supply, other / own * supply + abs(force) / own)
+        highest = max(highest, held + surge)
+    return highest
 
 
 class PressureWatch:

@@ -16,8 +16,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shake_ros.core.bulk_modulus.selected import moduli
 from shake_ros.core.compiled import njit
-from shake_ros.core.plant.parameters import TableLayout
+from shake_ros.core.plant.cylinder import (
+    Sides,
+    areas,
+    oil_spring,
+    pressure_left,
+    rest_pressures,
+    steady_speeds,
+    volumes,
+)
+from shake_ros.core.plant.parameters import TableLayout, TableParameters
 from shake_ros.core.quantities import Parameters, quantity
 
 SERIES_TERMS = 60
@@ -41,55 +51,70 @@ REDUCED_LAYOUT = TableLayout(
 )
 
 
-def closed_form(
-    *,
-    bulk_modulus: float,
-    piston_area: float,
-    cylinder_volume: float,
-    moving_mass: float,
-    flow_coefficient: float,
-    pressure_difference: float,
-    leakage: float,
-    viscous_friction: float,
-    underlap: float,
-) -> ReducedParameters:
-    """β_1 … β_5 from the quantities of the table, with the constants that (6.25)–(6.34) lose.
+@dataclass(frozen=True)
+class ClosedForm:
+    """β of a table, and (v_+ − v_−)/(v_+ + v_−) by which its steady velocity differs with the direction [-].
 
-    With P_L = P_A − P_B, V_A = V_B = V_t/2 and ΔP = P_s − P_T, equations (6.5), (6.6), (6.12), (6.13) give
-    Ṗ_L = (4E/V_t) (K u − K |u| P_L/(2ΔP) − C_e P_L − A_p v), K = C_v √(ΔP/2); the root is expanded at P_L = 0.
-    An underlapped valve leaks through its open centre as well: C_e grows by d_s K/ΔP.
+    The latter is the reduced model's `effects.asymmetric_flow_gain.asymmetry`; zero for equal areas.
+    """
 
-    Parameters
-    ----------
-    bulk_modulus : E [Pa]
-    piston_area : A_p [m²]
-    cylinder_volume : V_t, both chambers together [m³]
-    moving_mass : M [kg]
-    flow_coefficient : C_v of (3.17) [m³/(s·√Pa)]
-    pressure_difference : supply minus tank [Pa]
-    leakage : C_il + C_el/2 [m³/(s·Pa)]
-    viscous_friction : f_v [N·s/m]
-    underlap : d_s, 0 for a critical centre [-]
+    beta: ReducedParameters
+    asymmetry: float
+
+    def table(self) -> TableParameters:
+        """The reduced table."""
+        effect = {"effects.asymmetric_flow_gain.asymmetry": self.asymmetry}
+        return TableParameters(REDUCED_LAYOUT, {"dynamics": self.beta}).with_values(effect if self.asymmetry else {})
+
+
+def closed_form(table: TableParameters) -> ClosedForm:
+    """β_1 … β_5 from the quantities of a table, with the constants that (6.25)–(6.34) lose.
+
+    About mid-stroke, with the oil spring k and the steady velocity v = g u of (3.17), F = A_A P_L of (3.26) obeys
+    Ḟ = k (g u − |u| g F/(2 A_A Δ) − v) − ζ F: for equal areas that is Ṗ_L = (4E/V_t) (K u − K |u| P_L/(2ΔP) − C_e P_L −
+    A_p v) of (6.5), (6.6), (6.12), (6.13) with K = C_v √(ΔP/2), C_e = C_il + C_el/2 + d_s K/ΔP. The root is expanded at
+    P_L = 0, the two pressures share F as their chambers yield, dP_A : dP_B = A_A/V_A : −A_B/V_B, and g, Δ are means of
+    both directions. E is the law's at the pressures of rest. `valve.gain`, the valve's lag and dry friction are left
+    out, and with unequal areas the change of both pressures' level at a reversal.
 
     Examples
     --------
-    >>> beta = closed_form(bulk_modulus=1e9, piston_area=1e-3, cylinder_volume=2e-4, moving_mass=500.0,
-    ...     flow_coefficient=1e-7, pressure_difference=2e7, leakage=0.0, viscous_friction=0.0, underlap=0.0)
-    >>> round(beta.beta1), round(-beta.beta3 / beta.beta1, 4)  # −4·1e9·1e-6/(2e-4·500); 1e-7·√1e7/1e-3
-    (-40000, 0.3162)
+    >>> from shake_ros.settings import load_table
+    >>> beta = closed_form(load_table("bergamo")).beta  # −4·1.16e9·9.4562e-4²/(2.4586e-4·650); 1.81e-7·√1.025e7/A_p
+    >>> round(beta.beta1), round(-beta.beta3 / beta.beta1, 4)
+    (-25963, 0.6128)
     """
-    flow_gain = flow_coefficient * math.sqrt(pressure_difference / 2.0)
-    leak = leakage + max(underlap, 0.0) * flow_gain / pressure_difference
-    stiffness = 4.0 * bulk_modulus / cylinder_volume
-    lost = stiffness * flow_gain / (2.0 * pressure_difference)
-    return ReducedParameters(
+    mass, supply = table.moved_mass + table.value("effects.payload_error.mass"), table.supply
+    rest = rest_pressures(supply.supply_pressure, supply.tank_pressure, table.body.area_ratio)
+    e_a, e_b = (float(e) for e in moduli(table.bulk_modulus, np.array(rest)))
+    area, volume, viscous = areas(table), volumes(table), table.value("friction.viscous")
+    k = oil_spring(table, Sides(e_a, e_b))
+    yields = Sides(e_a * area.a / volume.a, e_b * area.b / volume.b)  # dP per unit of F, times k
+    lost = table.leakage.internal * (yields.a + yields.b) ** 2
+    for own, pressure in zip(yields, rest, strict=True):
+        lost += own**2 * (table.leakage.external + open_centre(table, pressure))
+    zeta = lost / k
+    speeds, left = steady_speeds(table), pressure_left(table)
+    gain = 0.5 * (speeds.out + speeds.back)
+    droop = 0.25 * (speeds.out / left.a + speeds.back / left.b) / table.body.piston_area  # −∂v/∂F per opening
+    return ClosedForm(
         # (6.35) with 4 E for 2 E, K for C_d w √ΔP/(2√ρ), f_v and C_e as there
-        beta1=-stiffness * (piston_area**2 + leak * viscous_friction) / moving_mass,
-        beta2=-stiffness * leak - viscous_friction / moving_mass,
-        beta3=stiffness * piston_area * flow_gain / moving_mass,
-        beta4=-lost,
-        beta5=-lost * viscous_friction / moving_mass,
+        ReducedParameters(
+            beta1=-(k + zeta * viscous) / mass,
+            beta2=-zeta - viscous / mass,
+            beta3=k * gain / mass,
+            beta4=-k * droop,
+            beta5=-k * droop * viscous / mass,
+        ),
+        (speeds.out - speeds.back) / (speeds.out + speeds.back),
     )
+
+
+def open_centre(table: TableParameters, pressure: float) -> float:
+    """Loss of flow per pressure of a chamber through the underlapped centre of the valve (3.17) [m³/(s·Pa)]."""
+    flow = max(table.value("valve.underlap"), 0.0) * table.value("valve.flow_coefficient")
+    drops = table.supply.supply_pressure - pressure, pressure - table.supply.tank_pressure
+    return flow * sum(0.5 / math.sqrt(drop) for drop in drops)
 
 
 @njit

@@ -34,6 +34,7 @@ from shake_ros.core.friction.selected import (
 )
 from shake_ros.core.friction.tustin import CODE as TUSTIN
 from shake_ros.core.friction.tustin import direction, level
+from shake_ros.core.plant.cylinder import load_pressure
 from shake_ros.core.plant.hydraulics import chamber_pressure, pressure_rates
 from shake_ros.core.plant.shear_frame import foot_force, storey_rates
 from shake_ros.core.plant.states import (
@@ -188,7 +189,7 @@ def table_rates(p, y, start, external_force, n, rates):
         moved += y[ROD] - start[ROD]
         velocity_start += start[ROD_RATE]
     friction = friction_force(p, piston_velocity, piston, moved, start, velocity_start, memory, film)
-    pressure_force = p.body_piston_area * (p_a - p_b)
+    pressure_force = p.body_piston_area * load_pressure(p, p_a, p_b)  # (3.26)
     place = x + y[BASE] if n > DECLARED else x  # to ground
     on_table = external_force + p.constant_force_force - p.stiffness_to_ground_stiffness * place
     on_table -= unlisted(p, FORCE_OF_POSITION, x)

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from shake_ros.core.plant.cylinder import rest_pressures
 from shake_ros.core.plant.integration import OUTPUTS, simulate
 from shake_ros.core.plant.parameters import INDEX, TableParameters, records
 from shake_ros.core.plant.states import (
@@ -39,23 +40,25 @@ def initial_state(
 ) -> np.ndarray:
     """State of a table at rest: valve at null, both chambers at half the supply pressure unless given.
 
+    Where the areas differ the two pressures stand as the areas do the other way round, so that the piston stays.
+
     Parameters
     ----------
     vector : parameters in the order of `parameters.NAMES`. position [m]. pressure_a, pressure_b [Pa].
     """
     y = np.zeros(STATES)
     supply = float(vector[INDEX["supply.supply_pressure"]])
-    middle = 0.5 * (supply + float(vector[INDEX["supply.tank_pressure"]]))
+    tank, ratio = (float(vector[INDEX[name]]) for name in ("supply.tank_pressure", "body.area_ratio"))
+    at_rest = rest_pressures(supply, tank, ratio)
     y[POSITION] = y[LAGGED_POSITION] = position
-    y[PRESSURE_A] = middle if pressure_a is None else pressure_a
-    y[PRESSURE_B] = middle if pressure_b is None else pressure_b
+    y[PRESSURE_A] = at_rest.a if pressure_a is None else pressure_a
+    y[PRESSURE_B] = at_rest.b if pressure_b is None else pressure_b
     y[PRESSURE_SUPPLY] = supply
     y[LINE_PRESSURE_A], y[LINE_PRESSURE_B] = y[PRESSURE_A], y[PRESSURE_B]
     y[FRICTION_AT_STOP] = y[FRICTION_RISE] = vector[INDEX["friction.stribeck_rise"]]  # after a long rest
     y[SPOOL] = y[HELD_COMMAND] = 0.0
     y[STEP_SIZE] = 5e-4
     if vector[INDEX["valve.kind"]] == DETAILED:
-        tank = float(vector[INDEX["supply.tank_pressure"]])
         y[VALVE : VALVE + VALVE_STATES] = valve_at_rest(records(vector)[0], supply, tank)
     return y
 

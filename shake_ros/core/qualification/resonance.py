@@ -52,15 +52,17 @@ class Resonance:
 
 @dataclass(frozen=True)
 class SearchBand:
-    """Where a resonance is sought [Hz], and the piston area [m²] that makes a force of two pressures."""
+    """Where a resonance is sought [Hz], and the piston areas [m²] that make a force of two pressures."""
 
     low: float
     high: float
     piston_area: float
+    area_ratio: float = 1.0  # of chamber B
 
     def of(self, pressure_a: Array, pressure_b: Array, acceleration: Array, time_step: float) -> Resonance:
         """The resonance in a recording of both pressures [Pa] and the acceleration [m/s²], (n,) each."""
-        return search(self.piston_area * (pressure_a - pressure_b), acceleration, time_step, self.low, self.high)
+        force = self.piston_area * (pressure_a - self.area_ratio * pressure_b)
+        return search(force, acceleration, time_step, self.low, self.high)
 
 
 def _columns(omega: Array, frequency: float, damping: float) -> NDArray[np.complex128]:

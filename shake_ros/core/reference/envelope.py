@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
+from shake_ros.core.plant.cylinder import pressure_left, steady_speeds
 from shake_ros.core.plant.parameters import TableParameters
 
 
@@ -21,11 +21,10 @@ def envelope(table: TableParameters) -> Envelope:
 
     Half the stroke; C_v √((P_s − P_T)/2) / A_p, the velocity of the unloaded cylinder through both edges of the open
     valve (3.17); and A_p (P_s − P_T) / M (6.4). The velocity that is left at an acceleration a is v √(1 − a/a_max).
+    Where the two areas differ, those of the weaker direction.
     """
-    pressure = max(table.supply.supply_pressure - table.supply.tank_pressure, 0.0)
-    area = table.body.piston_area
     return Envelope(
         position=0.5 * table.body.stroke,
-        velocity=table.value("valve.flow_coefficient") * math.sqrt(0.5 * pressure) / area,  # (3.17)
-        acceleration=area * pressure / table.moved_mass,  # (6.4)
+        velocity=min(steady_speeds(table)),  # (3.17)
+        acceleration=table.body.piston_area * min(pressure_left(table)) / table.moved_mass,  # (6.4)
     )

@@ -74,18 +74,7 @@ def test_acceleration_has_two_zeros_at_the_origin_more_than_the_position() -> No
 
 def test_low_frequencies_follow_the_velocity_gain_of_the_reduced_model() -> None:
     still = SMOOTH.with_values({"friction.viscous": 100.0})
-    body, valve = still.body, still.valve
-    beta = closed_form(
-        bulk_modulus=still.bulk_modulus.modulus,
-        piston_area=body.piston_area,
-        cylinder_volume=body.cylinder_volume,
-        moving_mass=still.moved_mass,
-        flow_coefficient=valve.flow_coefficient,
-        pressure_difference=still.supply.supply_pressure - still.supply.tank_pressure,
-        leakage=0.0,
-        viscous_friction=100.0,
-        underlap=0.0,
-    )
+    beta = closed_form(still).beta
     # without underlap an edge is half open at the null: its gain for small signals is that of one edge, exactly u's
     model = linearise(still, operating_point(still, 0.0, 0.05))
     gain = abs(model.response("velocity", np.array([0.05]))[0])

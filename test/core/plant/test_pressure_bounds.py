@@ -13,7 +13,7 @@ from shake_ros.core.plant.pressure_bounds import (
     PressureWatch,
     findings_of_run,
     highest_pressure,
-    smallest_volume,
+    smallest_volumes,
 )
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.plant.states import POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
@@ -66,7 +66,7 @@ def test_a_table_that_is_shut_in_full_motion_reaches_more_than_half_of_the_upper
 
 
 def test_the_surge_is_the_kinetic_energy_in_the_oil_spring() -> None:
-    speed, volume = 0.4, smallest_volume(DECLARED, 0.05)
+    speed, volume = 0.4, smallest_volumes(DECLARED, 0.05).a
     surge = highest_pressure(DECLARED, speed, 0.05) - DECLARED.supply.supply_pressure
     in_oil = 0.5 * volume / DECLARED.bulk_modulus.modulus * surge**2
     assert in_oil == pytest.approx(0.5 * DECLARED.moved_mass * speed**2)

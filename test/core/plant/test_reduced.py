@@ -72,20 +72,7 @@ def test_closed_form_follows_the_full_table_at_small_openings() -> None:
             "valve.underlap": 0.0,
         }
     )
-    body, supply, valve = table.body, table.supply, table.valve
-    beta = numbers(
-        reduced.closed_form(
-            bulk_modulus=table.bulk_modulus.modulus,
-            piston_area=body.piston_area,
-            cylinder_volume=body.cylinder_volume,
-            moving_mass=table.moved_mass,
-            flow_coefficient=valve.flow_coefficient,
-            pressure_difference=supply.supply_pressure - supply.tank_pressure,
-            leakage=table.leakage.internal + 0.5 * table.leakage.external,
-            viscous_friction=300.0,
-            underlap=valve.underlap,
-        )
-    )[0]
+    beta = numbers(reduced.closed_form(table).beta)[0]
     u = 0.15 * np.sin(2.0 * np.pi * 4.0 * np.arange(2000) * DT)
     full = run(table, u, DT)
     state, velocity = np.zeros(3), np.empty(2000)
@@ -99,19 +86,22 @@ def test_closed_form_follows_the_full_table_at_small_openings() -> None:
 
 
 def test_closed_form_leads_to_the_hydraulic_frequency() -> None:
-    beta = reduced.closed_form(
-        bulk_modulus=1e9,
-        piston_area=1e-3,
-        cylinder_volume=2e-4,
-        moving_mass=500.0,
-        flow_coefficient=1e-7,
-        pressure_difference=2e7,
-        leakage=0.0,
-        viscous_friction=0.0,
-        underlap=0.0,
-    )
-    stiffness = 2.0 * 1e9 * 1e-3**2 / 1e-4  # (2.25): both chambers of V_t/2
-    assert -beta.beta1 == pytest.approx(stiffness / 500.0)
+    beta = reduced.closed_form(load_table("bergamo").with_values({"friction.viscous": 0.0})).beta
+    stiffness = 2.0 * 1.16e9 * 9.4562e-4**2 / 1.2293e-4  # (2.25): both chambers of V_t/2
+    assert -beta.beta1 == pytest.approx(stiffness / 650.0)
+
+
+def test_closed_form_with_equal_areas_is_that_of_the_load_pressure() -> None:
+    table = load_table("bergamo").with_values({"friction.viscous": 300.0, "leakage.internal": 2e-12})
+    beta = reduced.closed_form(table).beta
+    k, drop = 1.81e-7 * np.sqrt(0.5 * 205e5), 205e5
+    leak = 2e-12 + 0.5e-12 + 0.005 * k / drop
+    stiffness = 4.0 * 1.16e9 / 2.4586e-4  # of Ṗ_L
+    assert beta.beta2 == pytest.approx(-stiffness * leak - 300.0 / 650.0)
+    assert beta.beta1 == pytest.approx(-stiffness * (9.4562e-4**2 + leak * 300.0) / 650.0)
+    assert beta.beta3 == pytest.approx(stiffness * 9.4562e-4 * k / 650.0)
+    assert beta.beta4 == pytest.approx(-stiffness * k / (2.0 * drop))
+    assert beta.beta5 == pytest.approx(-stiffness * k / (2.0 * drop) * 300.0 / 650.0)
 
 
 def test_positive_beta_1_is_refused() -> None:
