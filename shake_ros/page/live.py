@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 FRAME = 1.0 / 30.0  # [s]
 STATUS = 0.2  # [s]
 PATIENCE = 20.0  # for an answer of the graph [s]
+COMPILING = 120.0  # for one that another table is built for: it may have to be compiled [s]
 RATE, BURST = 60.0, 200  # messages of one page
 FREE = ("stop", "here", "view", "between")  # need no seat; `stop` needs an operator's token all the same
 LONGEST_NOTE = 2000
@@ -136,7 +137,7 @@ class LivePage:
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
             done, text = False, f"{what}: something is missing or wrong in the request"
         except asyncio.TimeoutError:
-            done, text = False, f"{what}: no answer from the graph within {PATIENCE:g} s"
+            done, text = False, f"{what}: no answer from the graph in time"
         if self.socket.application_state is WebSocketState.CONNECTED:
             await self.send({"type": "answer", "id": message.get("id"), "ok": done, "text": text, "do": what})
 
@@ -157,7 +158,8 @@ class LivePage:
             raise ShakeError("another page has the controls: take them first")
         if what == "stop" or what in GRAPH:
             how = {name: value for name, value in message.items() if name not in ("do", "id")}
-            return await asyncio.wait_for(asyncio.wrap_future(server.site.desk.ask(what, **how)), PATIENCE)
+            patience = COMPILING if what in ("table", "model") else PATIENCE
+            return await asyncio.wait_for(asyncio.wrap_future(server.site.desk.ask(what, **how)), patience)
         if what == "record":
             name = checked_name(str(message["name"]))
             note = str(message.get("note", ""))[:LONGEST_NOTE]

@@ -22,7 +22,7 @@ Integers = npt.NDArray[np.int64]
 
 SECONDS = 130.0  # kept
 LEVELS = 8  # the last one has buckets of 128 samples: 120 s at 1 kHz on 938 pixels
-LATE = 0.02  # topics of one instant may arrive so much apart [s]
+LATE = 0.5  # a topic that comes later than this behind the newest is not waited for [s]
 RESTART = 5.0  # a step of the stamps larger than this is another run [s]
 HEADER = struct.Struct("<4I2d")  # level, epoch, buckets, curves; first bucket, seconds of a bucket
 
@@ -83,6 +83,7 @@ class SampleStore:
         self._origin = origin
         self._phase: dict[str, float] = {}
         self._newest = -1
+        self._came: dict[str, int] = {}  # topic → its newest sample
         self.settled = 0
         self.epoch += 1
         self._rings[:] = np.nan
@@ -109,6 +110,7 @@ class SampleStore:
             if not len(indices):
                 return
             self._advance(int(indices.max()))
+            self._came[topic] = max(self._came.get(topic, -1), int(indices.max()))
             places = indices % self._size
             for row, curve in enumerate(CURVES):
                 if curve.topic == topic and curve.column < values.shape[1]:
@@ -132,9 +134,10 @@ class SampleStore:
         self._newest = newest
 
     def settle(self) -> None:
-        """Compute the curves of one's own for all samples whose topics have had their time to come."""
+        """Compute the curves of one's own for all samples that every topic has come to, but for one that is late."""
         with self._guard:
-            last = self._newest - round(LATE / self.sample_time)
+            late = self._newest - round(LATE / self.sample_time)
+            last = min((newest for newest in self._came.values() if newest >= late), default=-1) + 1
             first = max(self.settled, last - self._size // 2)
             if last <= first:
                 return

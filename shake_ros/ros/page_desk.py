@@ -34,6 +34,9 @@ TRIPS = 60
 SPECTRUM = 8.192  # stretch of the live spectrum [s]
 SPECTRUM_EVERY = 0.5  # [s]
 ERROR_OVER = 2.0  # stretch of the live comparison with the model [s]
+TONE = 3.0  # a fundamental that is so many times the noise is one
+LARGEST_THD = 100.0  # [%]
+OUTSIDE = ("page", "recorder")  # the loop runs without
 MOVES = {"acceleration": 0.3, "velocity": 0.005}  # below [m/s^2], [m/s] rms the noise decides, not the model
 GUARDED = ("interlock.", "faults.")  # of the table: the first but for the span, the second only where it is simulated
 ALLOWED = ("interlock.span",)
@@ -52,6 +55,12 @@ def state_of(stage: str, message: str) -> str:
     ('run', 'tripped', 'low pressure')
     """
     return next((state for words, state in STATES if message.startswith(words)), stage or "unknown")
+
+
+def periodic(thd: dict[str, Any]) -> bool:
+    """Whether what the analyzer has fitted is a tone: its fundamental well above harmonics and noise."""
+    amplitude, noise = float(thd["fundamental_amplitude_m_s2"]), float(thd["noise_floor_m_s2"])
+    return float(thd["thd_percent"]) < LARGEST_THD and amplitude > TONE * noise
 
 
 class PageDesk:
@@ -177,13 +186,18 @@ class PageDesk:
             nodes[name] = {**one, "age": now - one["heard"], "lost": now - one["heard"] > SILENT}
         table = next((nodes[name] for name in TABLES if name in nodes), None)
         stage = table["values"].get("stage", "") if table else ""
-        state = "lost" if table is None or table["lost"] else state_of(stage, table["message"])
         died = {name: why for name, why in self._processes.items() if why}
-        thd = self._thd if self._thd and now - self._thd["heard"] < SILENT else {}
+        if table is None:
+            state, message = self._before_the_table(died)
+        elif table["lost"]:
+            state, message = "lost", f"silent for {table['age']:.0f} s; its last word was: {table['message']}"
+        else:
+            state, message = state_of(stage, table["message"]), table["message"]
+        thd = self._thd if self._thd and now - self._thd["heard"] < SILENT and periodic(self._thd) else {}
         runs = [{k: v for k, v in run.items() if k not in ("spectrum", "wanted", "periods")} for run in self.runs.runs]
         return {
             "epoch": self._store.epoch, "time": self._store.time(), "sample_time": self._store.sample_time,
-            "nodes": nodes, "state": state, "stage": stage, "message": table["message"] if table else "no table",
+            "nodes": nodes, "state": state, "stage": stage, "message": message,
             "level": table["level"] if table else 2, "span": table["values"].get("span", "") if table else "",
             "trips": list(self._trips), "thd": thd, "harmonics": self._harmonics if thd else [],
             "spectrum": self._spectrum, "runs": runs, "last_run": self.runs.runs[-1] if runs else None,
@@ -193,6 +207,13 @@ class PageDesk:
             "play": self.remote.value("reference_generator", "play"),
             "repeat": self.remote.value("reference_generator", "repeat"), "lockstep": self._frame.lockstep,
         }  # fmt: skip
+
+    def _before_the_table(self, died: dict[str, str]) -> tuple[str, str]:
+        """State and message while no table has reported yet."""
+        if died:
+            return "lost", "no table"
+        missing = [name for name in self._processes if name not in self._nodes and name not in OUTSIDE]
+        return "starting", f"waiting for {', '.join(missing) or 'the table'}; the first start compiles for a minute"
 
     def parameters(self) -> dict[str, list[dict[str, Any]]]:
         """See `Desk`."""
@@ -287,7 +308,7 @@ class PageDesk:
                 folder.mkdir(parents=True, exist_ok=True)
                 tuned = folder / f"{kind}_{content['kind']}_{path}.yaml"
             tuned.write_text(yaml.safe_dump({**content, "model": path}, sort_keys=False), encoding="utf-8")
-        answer = self.ask("set", node=kind, name=kind, value=str(tuned)).result(30.0)
+        answer = self.ask("set", node=kind, name=kind, value=str(tuned)).result(60.0)
         if not answer.done:
             raise ShakeError(f"{kind}: {answer.text}")
         return True

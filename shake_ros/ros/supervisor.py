@@ -88,8 +88,8 @@ class Supervisor:
             if node.executable in (*LAST, *TABLES) and self.graph.processes[name].poll() == 0:
                 continue
             code, written = self.graph.processes[name].poll(), self.graph.output(name).strip().splitlines()
-            why = written[-1] if written and code and code > 0 else f"signal {-code}" if code and code < 0 else "ended"
-            self._dead[name] = f"exit code {code}: {why}"
+            why = written[-1] if written and code and code > 0 else "ended"
+            self._dead[name] = f"killed by signal {-code}" if code and code < 0 else f"exit code {code}: {why}"
             say(f"{name} died, {self._dead[name]}")
             say(f"to start it again: {name} and Enter" if self._reader else f"{name} can be started again on the page")
         wanted = {one.executable for one in self._loop()}

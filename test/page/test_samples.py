@@ -128,3 +128,18 @@ def test_spectrum_shows_the_amplitude_of_a_sine() -> None:
 
 def test_every_curve_has_a_unit() -> None:
     assert all(curve.unit for curve in CURVES)
+
+
+def test_computed_curves_wait_for_a_late_topic_but_not_for_one_that_has_stopped() -> None:
+    samples = store()
+    fill(samples, 0, 100, 0.5, topic="reference")
+    fill(samples, 0, 400, 0.3)
+    assert samples.settled == 100
+    fill(samples, 100, 300, 0.5, topic="reference")
+    assert samples.settled == 400
+    np.testing.assert_allclose(samples.newest("tracking_error", 0.3), 0.2, rtol=1e-6)
+    fill(samples, 400, 400, 0.3)
+    assert samples.settled == 400
+    fill(samples, 800, 200, 0.3)  # now the reference is 0.6 s behind
+    assert samples.settled == 1000
+    assert np.isnan(samples.newest("tracking_error", 0.6)).all()

@@ -73,6 +73,22 @@ function paint() {
   rested = begun + Math.max(30, 3 * stats.cost)
 }
 
+// Bounds on round numbers, kept while they still suit, so that an axis does not tremble with the noise.
+function round(low, high, least, rows) {
+  if (high - low < least) {
+    const middle = Math.round((low + high) / least) * least / 2
+    low = Math.min(low, middle - least / 2)
+    high = Math.max(high, middle + least / 2)
+  }
+  const raw = (high - low) / rows * 0.98, decade = 10 ** Math.floor(Math.log10(raw))
+  const step = decade * [1, 2, 2.5, 5, 10].find(one => one * decade >= raw)
+  const from = Math.floor(low / step + 0.02), to = Math.ceil(high / step - 0.02)
+  return { low: Math.min(low, from * step), high: Math.max(high, to * step),
+    marks: Array.from({ length: to - from + 1 }, (_, i) => +((from + i) * step).toPrecision(9)) }
+}
+
+const fixed = (value, digits) => { const shown = value.toFixed(digits); return +shown === 0 ? shown.replace('-', '') : shown }
+
 function panel(what) {
   const box = document.createElement('div')
   box.className = 'chart'
@@ -87,14 +103,15 @@ function panel(what) {
   const ink = css.getPropertyValue('--quiet').trim(), line = css.getPropertyValue('--line').trim()
   const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { show: false }, font: '12px system-ui' }
   const last = what === PANELS[PANELS.length - 1]
-  let bounds = [-1, 1]
+  const rows = what.height > 100 ? 4 : 2
+  let bounds = round(0, 0, what.least, rows)
   const plot = new uPlot({
     width: Math.max(200, box.clientWidth), height: what.height + (last ? 26 : 0), pxAlign: false,
     padding: [9, 8, last ? 0 : 9, 0],
-    scales: { x: { time: false }, y: { range: () => bounds } },
+    scales: { x: { time: false }, y: { range: () => [bounds.low, bounds.high] } },
     axes: [
       { ...axis, show: last, size: 26, values: (_, ticks) => ticks.map(t => `${+t.toFixed(3)} s`) },
-      { ...axis, size: 54, space: 28 },
+      { ...axis, size: 54, splits: () => bounds.marks, values: (_, marks) => marks.map(String) },
     ],
     series: [{}, ...what.curves.map(([, , colour]) => ({ stroke: colour[dark()], width: 1.4, spanGaps: false, points: { show: false } }))],
     legend: { show: false },
@@ -113,7 +130,7 @@ function panel(what) {
       if (index == null) while (at > 0 && y[at] == null) at--
       const value = y && at >= 0 ? y[at] : null
       const digits = what.unit === 'mm' || what.unit === 'MPa' || what.unit === '%' ? 2 : 3
-      output.textContent = value == null ? '–' : value.toFixed(digits)
+      output.textContent = value == null ? '–' : fixed(value, digits)
     })
   }
   return {
@@ -133,8 +150,8 @@ function panel(what) {
         return part
       })
       if (low > high) { low = 0; high = 0 }
-      const room = Math.max(what.least, (high - low) * 1.12) / 2, middle = (low + high) / 2
-      bounds = [middle - room, middle + room]
+      const wide = bounds.high - bounds.low
+      if (low < bounds.low || high > bounds.high || (wide > 1.01 * what.least && high - low < 0.4 * wide)) bounds = round(low, high, what.least, rows)
       plot.setData([x, ...shown], false)
       plot.setScale('x', { min: range[0], max: range[1] })
       if (plot.cursor.idx == null) say(null)

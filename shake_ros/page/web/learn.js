@@ -1,12 +1,12 @@
 // The library of recordings, fits as jobs, and what their tables are used for.
 import { ask, fetched, on } from './socket.js'
-import { text } from './state.js'
+import { number as plain, text } from './state.js'
 import { act, choices, refresh as refreshControls, show, toast } from './run.js'
 
 const element = id => document.getElementById(id)
 const marked = { learn: new Set(), hold: new Set() }
 let shown = '', jobsShown = '', entries = [], openReport = ''
-const number = (value, factor = 1, digits = 3) => value == null ? '–' : (value * factor).toPrecision(digits)
+const number = (value, factor = 1) => plain(value == null ? null : value * factor)
 
 async function refresh() {
   try { entries = await fetched('/api/recordings') } catch (error) { return }

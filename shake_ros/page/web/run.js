@@ -5,6 +5,7 @@ import { current, text } from './state.js'
 const element = id => document.getElementById(id)
 const quoted = value => /^[\w./:+-]+$/.test(String(value)) ? String(value) : `'${String(value).replace(/'/g, "'\\''")}'`
 export const choices = {}
+const refused = {}  // node.parameter → why its last value was refused
 let parameters = {}, shownFor = ''
 
 export function toast(message, wrong) {
@@ -46,12 +47,13 @@ function select(node, name, options, value) {
 
 function field(node, one, label) {
   const range = one.low != null && one.high != null ? `${+one.low.toPrecision(4)} … ${+one.high.toPrecision(4)}` : one.low != null ? `from ${+one.low.toPrecision(4)}` : one.high != null ? `up to ${+one.high.toPrecision(4)}` : ''
+  const why = refused[`${node}.${one.name}`]
   const id = `p-${node}-${one.name.replace(/\W/g, '-')}`
   const off = one.live ? 'data-operator' : 'disabled'
   const input = one.kind === 'bool' ? `<select id="${id}" ${off} data-node="${node}" data-name="${one.name}" data-kind="bool"><option${one.value ? '' : ' selected'}>false</option><option${one.value ? ' selected' : ''}>true</option></select>`
     : one.names.length ? `<select id="${id}" ${off} data-node="${node}" data-name="${one.name}">${one.names.map(n => `<option${n === one.value ? ' selected' : ''}>${text(n)}</option>`).join('')}</select>`
       : `<input id="${id}" ${off} data-node="${node}" data-name="${one.name}" data-kind="${one.kind}" value="${text(typeof one.value === 'number' ? +one.value.toPrecision(8) : one.value)}" inputmode="${one.kind === 'str' ? 'text' : 'decimal'}">`
-  return `<div class="field"><label for="${id}">${text(label || one.name)}</label>${input}<span class="quiet">${text(one.unit === '-' ? '' : one.unit)}</span><small>${text(one.meaning)}${range ? ` (${range})` : ''}</small></div>`
+  return `<div class="field"><label for="${id}">${text(label || one.name)}</label>${input}<span class="quiet">${text(one.unit === '-' ? '' : one.unit)}</span><small>${text(one.meaning)}${range ? ` (${range})` : ''}</small>${why ? `<small class="wrong">${text(why)}</small>` : ''}</div>`
 }
 
 const find = (node, name) => (parameters[node] || []).find(one => one.name === name)
@@ -62,8 +64,9 @@ function listen(box) {
       const raw = input.value, kind = input.dataset.kind
       const value = kind === 'bool' ? raw === 'true' : kind === 'float' || kind === 'int' ? (raw.trim() === '' || Number.isNaN(+raw) ? raw : +raw) : raw
       const answer = await act('set', { node: input.dataset.node, name: input.dataset.name, value })
-      const note = input.closest('.field')?.querySelector('small')
-      if (note && !answer.ok) { note.textContent = answer.text; note.className = 'wrong' }
+      const name = `${input.dataset.node}.${input.dataset.name}`
+      if (answer.ok) delete refused[name]
+      else refused[name] = `${raw}: ${answer.text}`
       shownFor = ''
       setTimeout(refresh, 700)
     }

@@ -5,8 +5,14 @@ import { column } from './curves.js'
 const element = id => document.getElementById(id)
 export const text = value => String(value ?? '').replace(/[&<>"']/g, c => `&#${c.charCodeAt(0)};`)
 const clock = seconds => new Date(seconds * 1000).toLocaleTimeString('en-GB')
-const number = (value, digits = 3) => value == null || Number.isNaN(+value) ? '–' : (+value).toPrecision(digits)
-const WORDS = { run: 'run', off: 'off', hold: 'hold', tripped: 'tripped', lost: 'table lost', unknown: '…' }
+// Three digits, no exponent, no more than so many decimals.
+export const number = (value, digits = 3, decimals = 4) => {
+  if (value == null || value === '' || Number.isNaN(+value)) return '–'
+  const size = Math.abs(+value), before = size > 0 ? Math.floor(Math.log10(size)) : 0
+  const shown = (+value).toFixed(Math.max(0, Math.min(decimals, digits - 1 - before)))
+  return +shown === 0 ? '0' : shown
+}
+const WORDS = { run: 'run', off: 'off', hold: 'hold', tripped: 'tripped', starting: 'starting', lost: 'table lost', unknown: '…' }
 export const current = { status: null }
 const put = (id, html) => { const box = element(id); if (box.dataset.shown !== html) { box.dataset.shown = html; box.innerHTML = html } }
 
@@ -32,7 +38,7 @@ function header(status) {
   const enable = element('enable'), on = status.stage && status.stage !== 'off'
   enable.textContent = on ? 'Disable' : 'Enable'
   enable.classList.toggle('go', !on)
-  enable.disabled = !operator || ['tripped', 'stopped', 'lost'].includes(status.state)
+  enable.disabled = !operator || ['tripped', 'stopped', 'lost', 'starting'].includes(status.state) || status.message.endsWith('waiting for reset')
   element('reset').disabled = !operator || !['tripped', 'stopped', 'hold'].includes(status.state)
   element('stop').disabled = status.role === 'spectator'
   const table = status.nodes.plant || status.nodes.hardware_bridge
@@ -58,15 +64,15 @@ function alarms(status) {
 
 function tiles(status) {
   const table = status.nodes.plant || status.nodes.hardware_bridge
-  const model = status.model_error.acceleration
+  const model = status.model_error.acceleration, supply = column('pressure_supply').at(-1)
   const list = [
-    ['position, peak', number(peak('position', 1e3)), 'mm'], ['tracking error, rms', number(rms('tracking_error', 1e3)), 'mm'],
-    ['acceleration, peak', number(peak('acceleration', 1)), 'm/s²'],
-    ['supply pressure', number(column('pressure_supply').at(-1) == null ? null : column('pressure_supply').at(-1) * 1e-6), 'MPa'],
-    ['THD', status.thd.thd_percent ? number(status.thd.thd_percent) : '–', '%'],
-    ['model against measured', model == null ? '–' : number(100 * model), '%'],
+    ['position, peak', peak('position', 1e3), 'mm'], ['tracking error, rms', rms('tracking_error', 1e3), 'mm'],
+    ['acceleration, peak', peak('acceleration', 1), 'm/s²'],
+    ['supply pressure', supply == null ? null : supply * 1e-6, 'MPa'],
+    ['THD', status.thd.thd_percent, '%'],
+    ['model against measured', model == null ? null : 100 * model, '%'],
   ]
-  put('tiles', list.map(([what, value, unit]) => `<div class="tile"><b>${value} <small>${unit}</small></b><span>${what}</span></div>`).join(''))
+  put('tiles', list.map(([what, value, unit]) => `<div class="tile"><b>${number(value, 3, 3)} <small>${unit}</small></b><span>${what}</span></div>`).join(''))
 }
 
 function nodes(status) {
@@ -78,7 +84,7 @@ function nodes(status) {
   })
   put('nodes', `<div class="wide"><table><tr><th>node</th><th class="n">Hz</th><th class="n">missed</th><th class="n">latency p99, ms</th><th class="n">lost</th></tr>${rows.join('')}</table></div>`)
   const trips = status.trips.slice(-8).reverse().map(trip => `<div class="trip ${text(trip.action || trip.cause)}"><b>${text(trip.cause)}</b> ${clock(trip.at)}` +
-    (trip.value ? `, value ${number(trip.value)} against ${number(trip.limit)} ${text(trip.unit === '-' ? '' : trip.unit)}` : '') + `<br><span class="quiet">${text(trip.text)}${trip.action ? ` → ${text(trip.action)}` : ''}</span></div>`)
+    (trip.value && trip.cause !== 'stop' ? `, value ${number(trip.value)} against ${number(trip.limit)} ${text(trip.unit === '-' ? '' : trip.unit)}` : '') + `<br><span class="quiet">${text(trip.text)}${trip.action ? ` → ${text(trip.action)}` : ''}</span></div>`)
   const before = ['tripped', 'stopped', 'hold'].includes(status.state) ? `<div class="trip">${text(status.message)}<br><span class="quiet">since before this page began</span></div>` : ''
   put('trips', trips.join('') || before || '<span class="quiet">none since the page began</span>')
 }
@@ -101,7 +107,7 @@ const decades = (low, high, marks) => {
   for (let d = Math.floor(low); d <= Math.ceil(high); d++) for (const m of marks) { const at = d + Math.log10(m); if (at >= low - 1e-6 && at <= high + 1e-6) found.push(at) }
   return found
 }
-const plain = at => { const v = 10 ** at; return v >= 0.01 && v < 10000 ? String(+v.toPrecision(2)) : v.toExponential(0) }
+const plain = at => { const v = 10 ** at; return v >= 0.001 && v < 10000 ? String(+v.toPrecision(2)) : v.toExponential(0) }
 
 function options(width, x, y, series, logY) {
   const css = getComputedStyle(document.documentElement), ink = css.getPropertyValue('--quiet').trim()
@@ -142,7 +148,8 @@ export function begin() {
   on('close', () => {
     document.body.dataset.state = 'disconnected'
     element('state-word').textContent = 'disconnected'
-    element('state-text').textContent = 'no page of the laboratory answers; what is shown is old. Trying again every second.'
+    element('state-text').textContent = 'the laboratory does not answer; what is shown is old. Trying again; a lab that was started anew has a new address.'
+    element('alert').hidden = true
     document.querySelectorAll('[data-operator], #stop').forEach(one => { one.disabled = true })
   })
   let before = { ...stats }, at = performance.now()
