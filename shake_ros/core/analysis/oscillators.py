@@ -75,6 +75,8 @@ def _peaks(a, h, omega, xi, values, times):  # type: ignore[no-untyped-def]
             for j in range(WIDE):
                 y[0, j], y[1, j] = y[size, j], y[size + 1, j]
         for j in range(count):
+            if abs(y[1, j]) > abs(best[j]):  # still growing where the record ends
+                best[j], place[j] = y[1, j], (a.size - 1) * h
             values[first + j], times[first + j] = best[j], place[j]
 
 

@@ -52,6 +52,19 @@ def test_spectrum_is_that_of_a_finely_sampled_record_by_a_matrix_exponential(dam
         assert value == pytest.approx(float(np.max(np.abs(lsim(system, dense, t)[1]))), rel=1e-3)
 
 
+def test_a_response_that_still_grows_where_the_record_ends_counts() -> None:
+    n, f0, damping = 3000, 0.2, 0.005
+    t = np.arange(n) * STEP
+    push = np.sin(np.pi * np.minimum(t, 0.5) / 0.5) ** 2
+    w = 2.0 * np.pi * f0
+    system = StateSpace(
+        [[0.0, 1.0], [-w * w, -2.0 * damping * w]], [[0.0], [-1.0]], [[-w * w, -2.0 * damping * w]], [[0.0]]
+    )
+    for end in (1500, 3000):  # a quarter of its period of 5 s is later than 1.5 s
+        found, _ = peaks(push[:end], STEP, np.array([f0]), damping)
+        assert abs(found[0]) == pytest.approx(float(np.max(np.abs(lsim(system, push[:end], t[:end])[1]))), rel=1e-3)
+
+
 def test_at_four_tenths_of_the_sampling_rate_it_stays_within_two_percent() -> None:
     n, f0 = 8000, 400.0
     t = np.arange(n) * STEP
