@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,11 +76,14 @@ def iterate(
     target = build_program(str(wanted), sample_time).states[:, 2]
     made = [_run(recording, len(target), sample_time) for recording in found]
     missed = tuple(error_in_band(target, run.achieved, sample_time, parameters) for run in made)
+    wrong = _growth(missed, parameters)
+    carried = load_table(model) if isinstance(model, str) else model
+    known: dict[str, Any] = {"wrong": wrong, "first_model": carried, "records": tuple(found.records()) if wrong else ()}
     if before is not None:
         fitted = learn(before, found[-1:].records())
-        return Iterated(found.names, missed, sample_time, model=fitted, wrong=_growth(missed, parameters))
+        return Iterated(found.names, missed, sample_time, model=fitted, **known)
     drive, factor = next_drive(target, made, sample_time, parameters)
-    return Iterated(found.names, missed, sample_time, drive, factor, wrong=_growth(missed, parameters))
+    return Iterated(found.names, missed, sample_time, drive, factor, **known)
 
 
 def iterate_simulated(
@@ -96,7 +100,8 @@ def iterate_simulated(
     Parameters
     ----------
     wanted, settings, refit : as in `iterate`. table : the simulated table, or the name of its configuration.
-    runs : most runs. model : of the feedforward and of an observer that has a model; with `refit`, of the first run.
+    runs : most runs. model : of the feedforward and of an observer that has a model, with `refit` of the first run; the
+        table as it is declared where not given.
 
     Raises
     ------
@@ -104,9 +109,9 @@ def iterate_simulated(
         A run left the finite numbers.
     """
     parameters = load_iteration(settings) if runs is None else load_iteration(settings).replace(runs=runs)
-    learn, before = learning(model, refit)
     played = SimulatedTable(table) if isinstance(table, str) else table
-    carried = load_table(model) if isinstance(model, str) else model
+    carried = load_table(model) if isinstance(model, str) else model or played.declared
+    learn, before = learning(carried, refit)
     first = np.array(build_program(str(wanted), played.sample_time).states)
     played.begin(first, parameters)
     dt = played.sample_time
@@ -116,11 +121,16 @@ def iterate_simulated(
         play = partial(played.acceleration, carried)
         references, missed, reason = corrected(first[:, 2], first, play, dt, parameters)
     names, best = tuple(f"run {k + 1}" for k in range(len(missed))), int(np.argmin(missed))
+    known: dict[str, Any] = {
+        "simulated": played,
+        "reason": reason,
+        "wrong": verdict(missed, parameters),
+        "first_model": carried,
+        "records": tuple(played.records),
+    }
     if before is not None:
-        wrong = verdict(missed, parameters)
-        return Iterated(names, tuple(missed), dt, model=models[best], simulated=played, reason=reason, wrong=wrong)
-    wrong = verdict(missed, parameters)
-    return Iterated(names, tuple(missed), dt, references[best], simulated=played, reason=reason, wrong=wrong)
+        return Iterated(names, tuple(missed), dt, model=models[best], **known)
+    return Iterated(names, tuple(missed), dt, references[best], **known)
 
 
 def _growth(missed: Sequence[float], parameters: Iteration) -> str:

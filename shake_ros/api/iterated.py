@@ -10,8 +10,10 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from shake_ros.api.progress import Told
 from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.api.simulated_table import SimulatedTable
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.data.results import write_folder, write_json
 from shake_ros.settings import find, read_yaml, save_table
@@ -37,6 +39,7 @@ class Iterated:
     model : fitted to the last run; None where the drive is corrected.
     simulated : the simulated table, where the runs were made on it. reason : why its runs ended.
     wrong : that the runs diverge or have not converged; empty where nothing is wrong.
+    first_model : of the first run's feedforward, where there was one. records : the runs as a fit takes them.
     """
 
     runs: tuple[str, ...]
@@ -48,6 +51,16 @@ class Iterated:
     simulated: SimulatedTable | None = None
     reason: str = ""
     wrong: str = ""
+    first_model: TableParameters | None = None
+    records: tuple[Record, ...] = ()
+
+    def lacking(self, progress: Told = True) -> str:
+        """Which effect the model of the runs lacks, in a sentence, as `close_loop` finds it in them."""
+        from shake_ros.api.lacking import lacking
+
+        if self.first_model is None:
+            return "no model of the table is given, whose gaps could be sought in the runs"
+        return lacking(self.first_model, self.records, progress=progress)
 
     @property
     def best(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +15,7 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.iteration.drive import Iteration, error_in_band
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.loop.metrics import spectrum_of
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.settings import load_table
 
@@ -27,29 +28,44 @@ class SimulatedTable:
 
     Attributes
     ----------
-    table : configuration of the table. observer, controller : names of configurations. delay : samples by which a
-    command reaches the valve late. sample_time : of the loop [s]. progress : told the figures of each run.
+    table : configuration of the table. changes : values to change in it, by dotted name or its last part, of which
+    the model knows nothing. observer, controller : names of configurations. delay : samples by which a command reaches
+    the valve late. sample_time : of the loop [s]. progress : told the figures of each run.
     errors : of the true acceleration, one a run [-]. spectra : response spectra of the runs, `aim` that of the wanted
-    motion [m/s²].
+    motion [m/s²]. records : the runs as a fit takes them.
     """
 
     table: str | TableParameters = "bergamo"
-    observer: str = "linear_bergamo"
-    controller: str = "super_twisting_tuned"
+    observer: str = "model_soft_zone"
+    controller: str = "super_twisting_model"
     delay: int = 0
     sample_time: float = 0.001
     progress: Told = True
+    changes: Mapping[str, float] = field(default_factory=dict)
     wanted: Array = field(default_factory=lambda: np.zeros((0, 3)), init=False)
     aim: Array = field(default_factory=lambda: np.zeros(0), init=False)
     errors: list[float] = field(default_factory=list, init=False)
     spectra: list[Array] = field(default_factory=list, init=False)
     judged_by: Iteration | None = field(default=None, init=False)
+    records: list[Record] = field(default_factory=list, init=False)
+
+    @property
+    def declared(self) -> TableParameters:
+        """The table as its configuration declares it, the first model where none is given."""
+        return load_table(self.table) if isinstance(self.table, str) else self.table
+
+    @property
+    def plant(self) -> TableParameters:
+        """The table as it is, with its changes."""
+        return self.declared.with_values(
+            {FULL_LAYOUT.full_name(name, "set"): float(value) for name, value in self.changes.items()}
+        )
 
     def begin(self, wanted: Array, judged_by: Iteration | None = None) -> None:
         """Forget earlier runs; `wanted` is the motion of the next ones, shape (n, 3), `judged_by` has their band."""
         self.judged_by = judged_by
         self.wanted, self.aim = wanted, spectrum_of(wanted[:, 2], self.sample_time)
-        self.errors, self.spectra = [], []
+        self.errors, self.spectra, self.records = [], [], []
 
     def run(self, model: TableParameters | None, reference: Array, number: int) -> ClosedLoop:
         """One run of a reference under a model.
@@ -59,12 +75,13 @@ class SimulatedTable:
         ShakeError : the run left the finite numbers.
         """
         dt = self.sample_time
-        plant = load_table(self.table) if isinstance(self.table, str) else self.table
         observer, controller = observer_of(self.observer, dt, model), controller_of(self.controller, dt, model)
-        run, finite = simulate(Loop(plant, observer, controller, reference, seed=number, delay=self.delay))
+        run, finite = simulate(Loop(self.plant, observer, controller, reference, seed=number, delay=self.delay))
         if finite < len(reference):
             raise ShakeError(f"run {number + 1} left the finite numbers after {finite * dt:.3f} s")
         true, wanted = run.truth[:, 2], self.wanted[:, 2]
+        measured = run.measured[:, :2].T
+        self.records.append(Record(f"run {number + 1}", dt, run.command, *measured))
         self.errors.append(float(np.sqrt(np.mean((true - wanted) ** 2)) / np.std(wanted)))
         self.spectra.append(spectrum_of(true, dt))
         off = float(np.max(np.abs(self.spectra[-1] / self.aim - 1.0)))
@@ -83,5 +100,5 @@ class SimulatedTable:
 
     def record(self, model: TableParameters, number: int) -> Record:
         """The recording of a run of the wanted motion under a model."""
-        run = self.run(model, self.wanted, number)
-        return Record(f"run {number + 1}", self.sample_time, run.command, run.measured[:, 0], run.measured[:, 1])
+        self.run(model, self.wanted, number)
+        return self.records[-1]

@@ -11,6 +11,7 @@ from shake_ros.api.iterate import iterate, iterate_simulated
 from shake_ros.api.iterated import Iterated
 from shake_ros.api.read import read
 from shake_ros.api.simulated_table import SimulatedTable
+from shake_ros.cli.fitting import change
 from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.core.quantities import ShakeError
 
@@ -19,7 +20,8 @@ BAG… are runs of the same motion, oldest first, each recorded from the start o
 DIR gets report.html, drive.csv (time and acceleration) and drive.yaml, a reference: -p reference:=DIR/drive.yaml
 plays it.
 With --simulate the runs are made on the closed loop of the core, and the response spectra are in the report.
-Runs are ranked by what they missed within the band; exit code 1 where they diverge or have not converged.
+Runs are ranked by what they missed within the band; exit code 1 where they diverge or have not converged, with the
+effect that the model lacks, as close_loop finds it in the runs.
 With --refit the motion stays as it is and the model of the feedforward is fitted to the last run, the parameters of
 config/identification/full.yaml and those of the named effects; DIR gets model.yaml, which the controller's and the
 observer's configurations name as their model for the next run."""
@@ -39,9 +41,18 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--config", default="default", help="config/iteration/NAME.yaml or a file (default: default)")
     p.add_argument("--simulate", type=int, metavar="N", help="make at most N runs on the simulated table")
     p.add_argument("--table", default="bergamo", help="with --simulate: the table (default: bergamo)")
-    p.add_argument("--observer", default="linear_bergamo", help="with --simulate (default: linear_bergamo)")
-    p.add_argument("--controller", default="super_twisting_tuned", help="with --simulate")
-    p.add_argument("--model", help="table of the model feedforward and of an observer that has a model")
+    p.add_argument(
+        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="with --simulate: change it"
+    )
+    p.add_argument("--observer", default="model_soft_zone", help="with --simulate (default: model_soft_zone)")
+    p.add_argument(
+        "--controller", default="super_twisting_model", help="with --simulate (default: super_twisting_model)"
+    )
+    p.add_argument(
+        "--model",
+        help="table of the model feedforward and of an observer that has a model (default with --simulate: --table as "
+        "it is declared, without --set)",
+    )
     p.add_argument("--delay", type=int, default=0, help="with --simulate: samples a command is late (default: 0)")
     p.add_argument(
         "--refit", nargs="*", metavar="EFFECT", help="fit --model, with these effects, instead of correcting the drive"
@@ -59,7 +70,7 @@ def main(arguments: Sequence[str]) -> int:
     result = _from_recordings(given) if given.simulate is None else _simulated(given)
     result.report(given.out, given.force, **reporting("iterate", given, arguments))
     if given.simulate is not None:
-        return _told(result, given.refit is not None)
+        return _told(result)
     for path, error in zip(given.bags, result.missed, strict=True):
         print(f"{path}: acceleration missed by {100.0 * error:.2f} % within the band")
     if result.factor < 1.0:
@@ -68,18 +79,19 @@ def main(arguments: Sequence[str]) -> int:
         print(f"next drive: {given.out / 'drive.yaml'}")
     else:
         print(f"model of the next run: {given.out / 'model.yaml'}")
-    return _told(result, given.refit is not None)
+    return _told(result)
 
 
-def _told(result: Iterated, fitted: bool) -> int:
+def _told(result: Iterated) -> int:
     """What is wrong, why, and what to do, on standard error; the exit code."""
     if not result.wrong:
         return 0
     print(f"the iteration {result.wrong}", file=sys.stderr)
-    why = "the model lacks an effect: close_loop on the recordings of the runs names it, --refit EFFECT … fits it"
-    if not fitted:
-        why = "the table does not answer in proportion to its drive: --model TABLE --refit EFFECT … corrects the model"
-    print(why, file=sys.stderr)
+    if result.first_model is None:
+        print("--model TABLE names the table as it is known; what it lacks is then sought in the runs", file=sys.stderr)
+    else:
+        print("close_loop on the runs, for what the model lacks; a minute or more", flush=True)
+        print(result.lacking(progress=False), file=sys.stderr)
     return 1
 
 
@@ -93,7 +105,12 @@ def _from_recordings(given: argparse.Namespace) -> Iterated:
 
 def _simulated(given: argparse.Namespace) -> Iterated:
     table = SimulatedTable(
-        given.table, given.observer, given.controller, given.delay, progress=lambda text, _: print(text)
+        given.table,
+        given.observer,
+        given.controller,
+        given.delay,
+        progress=lambda text, _: print(text),
+        changes=dict(map(change, given.set)),
     )
     more = {"settings": given.config, "model": given.model, "refit": given.refit}
     result = iterate_simulated(given.wanted, table, runs=given.simulate, **more)

@@ -21,8 +21,8 @@ def test_neither_or_both_sources_are_refused(tmp_path: Path, capsys: pytest.Capt
 
 def test_refit_needs_a_model_and_known_effects(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     given = [*GIVEN, str(tmp_path / "out"), "--simulate", "2"]
-    assert main([*given, "--refit", "soft_zone"]) == 2
-    assert "--refit: needs --model" in capsys.readouterr().err
+    assert main([*given[:-2], "bag", "--refit", "soft_zone"]) == 2
+    assert "bag" in capsys.readouterr().err
     assert main([*given, "--model", "bergamo", "--refit", "soft_zome"]) == 2
     assert "soft_zome" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
