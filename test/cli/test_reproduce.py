@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from shake_ros import __main__ as shake_ros
-from shake_ros.api.experiments import EXPERIMENTS, controllers, reduced_model
+from shake_ros.api.experiments import EXPERIMENTS, bulk_modulus, controllers, reduced_model
 from shake_ros.api.measured_runs import PRINTED, printed_tables
 from shake_ros.api.progress import Progress
 from shake_ros.settings import find, load_table, read_yaml
@@ -83,3 +83,19 @@ def test_the_reduced_model_fits_the_full_one_better_than_the_printed_coefficient
     printed, fitted = (float(errors[k].split()[0]) for k in (1, 3))
     assert fitted < printed < 30.0
     assert [row[1] for row in found.tables[0].rows] == ["-1.091e+04", "-3.062", "6991", "-0.3291", "-141.3"]
+
+
+def test_without_the_soft_zone_the_models_part_at_low_frequency_and_meet_at_high(tmp_path: Path) -> None:
+    asked = read_yaml(find("reproduce", "bulk_modulus"))
+    asked |= {"seconds": 1.5, "free": ["bulk_modulus.modulus", "friction.coulomb_level"]}
+    asked["runs"]["6.34"] |= {"seconds": 2.5, "doubled_at": 1.0}
+    (tmp_path / "short.yaml").write_text(yaml.safe_dump(asked), encoding="utf-8")
+    with Progress("test", lambda text, part: None) as tell:
+        found = bulk_modulus.run(tell, str(tmp_path / "short.yaml"))
+    felt = {row[0]: float(row[6].split()[0]) for row in found.tables[0].rows}  # acceleration, in per cent
+    assert felt["6.33"] < 0.5 * min(felt["6.29"], felt["6.32"])
+    assert [c.holds for c in found.claims].count(None) == 1
+    assert [chart.name for chart in found.charts][:3] == ["figure_6.29", "figure_6.30", "figure_6.31"]
+    modulus, zone = (panel.series[0].values for panel in found.charts[2].panels)
+    assert modulus[80] < 0.25 * modulus[-1]  # soft at zero load pressure
+    assert zone[80] == pytest.approx(1.0 - load_table("bergamo_table_6_9").value("effects.soft_zone.depth"))
