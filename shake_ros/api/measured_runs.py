@@ -164,15 +164,17 @@ def read_extensions() -> Extensions:
     path = find("measured", "variants")
     content = read_yaml(path)
     entries = {**content["variants"], **content.get("second", {})}
+    seeds = {name: k for k, name in enumerate((n for n, e in entries.items() if "seed" not in e), start=1)}
     made = {
         name: Variant(
             name,
             entry["effect"],
             tuple(free_parameter(n, c, str(path)) for n, c in entry["free"].items()),
             tuple(entry["trials"]),
-            seed,
+            seeds[name] if name in seeds else entry["seed"],
+            entry.get("fixed", {}),
         )
-        for seed, (name, entry) in enumerate(entries.items(), start=1)
+        for name, entry in entries.items()
     }
     return Extensions(content["declared"], {n: made[n] for n in content["variants"]}, made)
 

@@ -95,6 +95,9 @@ def test_without_the_soft_zone_the_models_part_at_low_frequency_and_meet_at_high
     felt = {row[0]: float(row[6].split()[0]) for row in found.tables[0].rows}  # acceleration, in per cent
     assert felt["6.33"] < 0.5 * min(felt["6.29"], felt["6.32"])
     assert [c.holds for c in found.claims].count(None) == 1
+    work = {row[0]: float(row[3]) for row in found.tables[2].rows}
+    assert abs(work["table 6.8 with the zone"]) == pytest.approx(28.8, abs=0.1)
+    assert abs(work["table 6.8 with the zone, exchanged"]) < 0.05
     assert [chart.name for chart in found.charts][:3] == ["figure_6.29", "figure_6.30", "figure_6.31"]
     modulus, zone = (panel.series[0].values for panel in found.charts[2].panels)
     assert modulus[80] < 0.25 * modulus[-1]  # soft at zero load pressure

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,7 +27,8 @@ Progress = Callable[[str, float], None]
 class Variant:
     """One way to extend the declared model: the effect it stands for, parameters it frees, values to try first.
 
-    `seed` draws its random starts, so that a variant gives the same whichever others are tried beside it.
+    `seed` draws its random starts, so that a variant gives the same whichever others are tried beside it. `fixed` are
+    values that it sets and does not free.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Variant:
     free: tuple[FreeParameter, ...]
     trials: tuple[Mapping[str, float], ...]
     seed: int
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,7 @@ def extended_fit(
     ----------
     base : the fitted model. others : values of its parameters to start from, in units of its scales.
     """
-    extended = FreeParameters(base.free.table(base.x), [*base.free.free, *variant.free])
+    extended = FreeParameters(base.free.table(base.x).with_values(variant.fixed), [*base.free.free, *variant.free])
     centres = []
     for values in variant.trials:
         for other in others:

@@ -11,6 +11,7 @@ from shake_ros.core.bulk_modulus.ifas import mixture
 from shake_ros.core.bulk_modulus.selected import modulus
 from shake_ros.core.compiled import kernel
 from shake_ros.core.effects.asymmetric_flow_gain import flow_factor
+from shake_ros.core.effects.soft_zone import exchanged
 from shake_ros.core.effects.soft_zone import factor as soft_zone_factor
 from shake_ros.core.effects.spool_deadband import effective_spool
 from shake_ros.core.effects.unlisted import (
@@ -67,24 +68,43 @@ def oil_modulus(p, pressure):
 
 
 @kernel
-def chamber_moduli(p, p_a, p_b):
-    """E that acts in chambers A and B: the law's, with pressure, air and soft zone of the effects on top [Pa].
+def fluid_modulus(p, pressure):
+    """E of the oil at a pressure: the law's, with pressure and air of the effects on top [Pa].
 
     Pressure and air act on the law's E at this pressure as on a constant one: exact for a constant law, and for any
     law without air.
     """
-    e_a, e_b = oil_modulus(p, p_a), oil_modulus(p, p_b)
+    e = oil_modulus(p, pressure)
     m, alpha = p.pressure_dependent_bulk_modulus_slope, p.entrained_air_fraction
     if m != 0.0 or alpha != 0.0:
-        kappa, p_0 = p.entrained_air_polytropic_exponent, p.bulk_modulus_reference_pressure
-        e_a = mixture(p_a, e_a, m, alpha, kappa, p_0)
-        e_b = mixture(p_b, e_b, m, alpha, kappa, p_0)
-    if p.soft_zone_depth != 0.0:
-        p_l = load_pressure(p, p_a, p_b)
-        h = soft_zone_factor(p_l, p.soft_zone_depth, p.soft_zone_threshold, p.soft_zone_sharpness)
+        e = mixture(pressure, e, m, alpha, p.entrained_air_polytropic_exponent, p.bulk_modulus_reference_pressure)
+    return e
+
+
+@kernel
+def softness(p, p_a, p_b):
+    """h of (6.20) at both pressures [-]."""
+    p_l = load_pressure(p, p_a, p_b)
+    return soft_zone_factor(p_l, p.soft_zone_depth, p.soft_zone_threshold, p.soft_zone_sharpness)
+
+
+@kernel
+def chamber_moduli(p, p_a, p_b):
+    """E that acts in chambers A and B: `fluid_modulus`, softened by the soft zone [Pa]."""
+    e_a, e_b = fluid_modulus(p, p_a), fluid_modulus(p, p_b)
+    if p.soft_zone_depth != 0.0 and p.soft_zone_exchange == 0.0:
+        h = softness(p, p_a, p_b)
         e_a *= h  # (6.18)
         e_b *= h  # (6.19)
     return e_a, e_b
+
+
+@kernel
+def exchange_compliance(p, p_a, p_b):
+    """c of the soft zone as volume that the chambers exchange [m³/Pa]; E is that at half the supply pressure."""
+    middle = 0.5 * (p.supply_supply_pressure + p.supply_tank_pressure)
+    yields = 0.25 * p.body_cylinder_volume / fluid_modulus(p, middle)
+    return p.soft_zone_exchange * yields * (1.0 / softness(p, p_a, p_b) - 1.0)
 
 
 @kernel
@@ -125,4 +145,9 @@ def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
     rates[PRESSURE_B] = (
         stiffer * e_b / v_b * (-q_b - p.leakage_external * p_b + across + p.body_area_ratio * swept)
     )  # (6.6), (3.23)
+    if p.soft_zone_exchange != 0.0 and p.soft_zone_depth != 0.0:
+        k_a, k_b, compliance = stiffer * e_a / v_a, stiffer * e_b / v_b, exchange_compliance(p, p_a, p_b)
+        rates[PRESSURE_A], rates[PRESSURE_B] = exchanged(
+            rates[PRESSURE_A], rates[PRESSURE_B], k_a, k_b, compliance, p.body_area_ratio
+        )
     return q_s
