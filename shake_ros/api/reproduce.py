@@ -13,6 +13,7 @@ from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.quantities import unknown_name
 from shake_ros.data.results import write_folder, write_json
+from shake_ros.settings import find, read_yaml
 
 if TYPE_CHECKING:
     from shake_ros.report.experiment import ExperimentReport
@@ -33,17 +34,18 @@ class Reproduction:
         return ResultTable(("experiment", "section", "statement", "printed", "found", "verdict"), rows)
 
     def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
-        """Write index.html, a page for each experiment, claims.txt and claims.json; options as of Discovery.report."""
+        """Write index.html, a page for each experiment, claims.txt, claims.json, tables.txt; as Discovery.report."""
         write_folder(Path(out), lambda folder: self._fill(folder, figures, command), force=force)
 
     def _fill(self, folder: Path, figures: str | None, command: str) -> None:
-        from shake_ros.report.reproduction_page import experiment_page, index_page
+        from shake_ros.report.reproduction_page import experiment_page, index_page, tables_text
         from shake_ros.report.written import write_page
 
-        write_page(index_page(self.experiments, command), folder, name="index")
+        write_page(index_page(self.experiments, command, figure_list()), folder, name="index")
         for name, experiment in self.experiments.items():
             write_page(experiment_page(experiment, command), folder, figures, name)
         (folder / "claims.txt").write_text(f"{self!r}\n", encoding="utf-8")
+        (folder / "tables.txt").write_text(tables_text(self.experiments), encoding="utf-8")
         content = {name: [c._asdict() for c in e.claims] for name, e in self.experiments.items()}
         write_json(folder / "claims.json", {"schema": "shake_ros.reproduce/1", "claims": content})
 
@@ -51,6 +53,12 @@ class Reproduction:
         from shake_ros.report.reproduction_page import claims_text
 
         return claims_text(self.experiments)
+
+
+def figure_list() -> dict[str, str]:
+    """Figures of chapter 6 by number, or numbers from to, and what draws them or why nothing does."""
+    content: dict[str, str] = read_yaml(find("reproduce", "figures"))
+    return content
 
 
 def known_experiments(names: Sequence[str]) -> list[str]:

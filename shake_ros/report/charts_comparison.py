@@ -27,6 +27,24 @@ def error_chart(runs: Mapping[str, ClosedLoop], case: str = "", part: int = 1) -
     return Chart(f"errors_{part}", "time [s]", tuple(panels), f"Position and velocity error{case and f', {case}'}")
 
 
+def response_chart(number: str, run: ClosedLoop, caption: str) -> Chart:
+    """Position and velocity of one run over its reference, and the command, as figures 6.43 to 6.60."""
+    time = np.arange(len(run.command)) * run.sample_time
+    panels = [
+        Panel(
+            f"{name} [{unit}]",
+            time,
+            (
+                ChartSeries("reference", 1e3 * run.reference[:, column], "measured", width=1.8),
+                ChartSeries("table", 1e3 * run.truth[:, column], "after"),
+            ),
+        )
+        for column, (name, unit) in enumerate(QUANTITIES)
+    ]
+    panels.append(Panel("command [-]", time, (ChartSeries("command", run.command, "before"),)))
+    return Chart(f"figure_{number.split(',', maxsplit=1)[0]}", "time [s]", tuple(panels), caption)
+
+
 def amplitudes(signal: Array, sample_time: float) -> tuple[Array, Array]:
     """Frequencies [Hz] and amplitudes of the signal's lines up to 30 Hz [unit of the signal]."""
     spectrum = 2.0 * np.abs(np.fft.rfft(signal - signal.mean())) / len(signal)

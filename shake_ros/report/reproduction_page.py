@@ -37,12 +37,17 @@ def experiment_page(experiment: ExperimentReport, command: str = "") -> Page:
     return page
 
 
-def index_page(experiments: Mapping[str, ExperimentReport], command: str = "") -> Page:
-    """The page of all claims, by experiment."""
+def index_page(
+    experiments: Mapping[str, ExperimentReport], command: str = "", figures: Mapping[str, str] | None = None
+) -> Page:
+    """The page of all claims, by experiment, and of the figures of the chapter with what draws them or why not."""
     page = Page("Chapter 6 of the thesis, run again", count_of(experiments), Made(command))
     for name, experiment in experiments.items():
         page.heading(f"{experiment.title} ({name}.html)")
         page.table(HEAD, claim_rows(experiment.claims))
+    if figures:
+        page.heading("Figures of the chapter")
+        page.table(("figure", "drawn by, or why not"), [list(row) for row in figures.items()])
     return page
 
 
@@ -57,6 +62,16 @@ def _left(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table of text, every column to the left."""
     widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
     return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in [head, *rows])
+
+
+def tables_text(experiments: Mapping[str, ExperimentReport]) -> str:
+    """All tables, aligned for a terminal."""
+    parts = [
+        f"{title} ({name})\n{_left(head, [list(map(str, row)) for row in rows])}\n"
+        for name, experiment in experiments.items()
+        for title, head, rows in experiment.tables
+    ]
+    return "\n".join(parts)
 
 
 def claims_text(experiments: Mapping[str, ExperimentReport]) -> str:

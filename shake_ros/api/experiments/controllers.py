@@ -12,7 +12,8 @@ from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
 from shake_ros.core.loop.comparison import Outcome, mean, over
 from shake_ros.core.loop.metrics import Metrics
-from shake_ros.report.charts_comparison import amplitudes, error_chart, spectrum_chart
+from shake_ros.report.chart import Chart
+from shake_ros.report.charts_comparison import amplitudes, error_chart, response_chart, spectrum_chart
 from shake_ros.report.comparison_text import number
 from shake_ros.report.experiment import Claim, ExperimentReport, Rows
 from shake_ros.settings import find, read_yaml
@@ -20,7 +21,7 @@ from shake_ros.settings import find, read_yaml
 LAWS = ("feedforward PI", "sliding mode", "super-twisting")
 LOOPS = ("thesis's loop", "linear observer", "tuned gains")
 OTHER = "thesis's loop, table 6.8"  # on the other plant
-KEYS = ("settings", "other_plant", "sines", "tracks_within", "same_within")
+KEYS = ("settings", "other_plant", "sines", "tracks_within", "same_within", "responses")
 FIGURES = {"position_error": "position", "velocity_error": "velocity", "acceleration_error": "acceleration"}
 
 
@@ -31,7 +32,7 @@ def run(tell: Progress, settings: str = "controllers") -> ExperimentReport:
     found = compare(words["settings"], progress=tell)
     printed = [f"{law}, {LOOPS[0]}" for law in LAWS]
     other = compare(words["settings"], only=printed, changes=words["other_plant"], progress=tell)
-    drawn = []
+    drawn = _responses(words, printed, tell)
     for loop in LOOPS:
         runs = {law: found.runs[f"{law}, {loop}"] for law in LAWS}
         drawn.append(error_chart(runs, f"figure 6.61, {loop}, {found.drawn}"))
@@ -66,6 +67,22 @@ def run(tell: Progress, settings: str = "controllers") -> ExperimentReport:
             "m/s only once its velocity is off by more than that, and PI uses nothing but that estimate.",
         ),
     )
+
+
+def _responses(words: Mapping[str, Any], printed: Sequence[str], tell: Progress) -> list[Chart]:
+    """Figures 6.43 to 6.60: position, velocity and command of each law in its cases, in the thesis's loop."""
+    cases = {(w["reference"], float(w["load"])) for w in words["responses"].values()}
+    runs = {}
+    for reference, load in sorted(cases):
+        alone = {"references": [reference], "loads": [load], "figure_reference": reference, "figure_load": load}
+        runs[reference, load] = compare(words["settings"], only=printed, changes=alone, progress=tell).runs
+    return [
+        response_chart(
+            number, runs[w["reference"], float(w["load"])][f"{w['law']}, {LOOPS[0]}"],
+            f"As figures {number}: {w['law']}, {w['reference']}, {w['load']:g} kg",
+        )
+        for number, w in words["responses"].items()
+    ]  # fmt: skip
 
 
 def _case(found: Comparison) -> tuple[str, float]:
