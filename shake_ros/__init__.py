@@ -49,6 +49,8 @@ PUBLIC = {  # name → module
     "reproduce": "shake_ros.api.reproduce",
     "ResponseSpectrum": "shake_ros.api.response_spectrum",
     "response_spectrum": "shake_ros.api.response_spectrum",
+    "AccelerationSpectra": "shake_ros.api.spectrum",
+    "acceleration_spectra": "shake_ros.api.spectrum",
     "ResultTable": "shake_ros.api.result_table",
     "ScheduleComparison": "shake_ros.api.schedule",
     "schedule": "shake_ros.api.schedule",
@@ -105,6 +107,8 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.simulate import Simulation as Simulation
     from shake_ros.api.simulate import simulate as simulate
     from shake_ros.api.simulated_table import SimulatedTable as SimulatedTable
+    from shake_ros.api.spectrum import AccelerationSpectra as AccelerationSpectra
+    from shake_ros.api.spectrum import acceleration_spectra as acceleration_spectra
     from shake_ros.api.table import TableFile as TableFile
     from shake_ros.api.table import table as table
     from shake_ros.api.thd import thd as thd

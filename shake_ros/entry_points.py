@@ -58,6 +58,7 @@ ENTRY_POINTS: dict[str, Entry] = {
     ),
     "compare": Entry("shake_ros.cli.compare", "the controllers side by side on references, loads and perturbed tables"),
     "thd": Entry("shake_ros.cli.thd", "harmonic table of a recording"),
+    "spectrum": Entry("shake_ros.cli.spectrum", "response spectra of recordings, at several dampings"),
     "multisine_split": Entry(
         "shake_ros.cli.multisine_split", "linear, even and odd parts and noise of a multi-sine's response"
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -134,7 +135,10 @@ class ScaledRecord:
             else "Not scaled.",
         ]
         if fitted.limited_by:
-            told.append(f"The factor is what the table's {fitted.limited_by.split('_')[0]} allows.")
+            asked = "as large as it fits" if p.scale == LARGEST_FACTOR else f"{p.scale:g}"
+            told.append(
+                f"Asked for was {asked}; the factor is what the table's {fitted.limited_by.split('_')[0]} allows."
+            )
         if p.time_scale != 1.0:
             told.append(f"Time is stretched by {p.time_scale:g}.")
         return told
@@ -173,7 +177,8 @@ class ScaledRecord:
         before, corrected, after = self._motions()
         limits = (p.acceleration_limit, p.velocity_limit, p.position_limit)
         lines = [
-            f"{self.path}: {read.name}; outside the band {self.band} it is filtered out",
+            f"{self.path}: {read.name}",
+            *(f"  changed: {change}" for change in self.changes),
             f"  {read.format}, {read.acceleration.size} samples of {read.time_step:g} s in {read.unit}"
             f"{f', channel {p.channel}' if p.channel > 1 else ''}",
             *(f"  warning: {warning}" for warning in read.warnings),
@@ -233,6 +238,7 @@ def record_scale(
     table: str | TableParameters = "bergamo",
     *,
     scale: float | str = 1.0,
+    fit: bool = False,
     channel: int = 1,
     unit: str = "",
     stroke: float | None = None,
@@ -247,7 +253,8 @@ def record_scale(
     Parameters
     ----------
     path : an accelerogram. table : whose envelope is used, by name, file or object.
-    scale : factor on the acceleration, reduced to meet the limits; "fill" for as much as the table allows [-].
+    scale : factor on the acceleration; "fill" for as much as the table allows [-].
+    fit : reduce a factor that does not fit to the one that does, instead of refusing it.
     channel, unit : as in `accelerogram`.
     stroke, velocity, acceleration : in place of the table's limits [m], [m/s], [m/s²].
     time_scale, high_pass, low_pass : in place of those of config/reference/earthquake.yaml [-], [Hz], [Hz].
@@ -255,7 +262,7 @@ def record_scale(
     Raises
     ------
     ShakeError
-        A file that is no record, nothing left within the band, a limit out of bounds.
+        A file that is no record, nothing left within the band, a limit out of bounds; a factor that does not fit.
 
     Examples
     --------
@@ -297,9 +304,20 @@ def record_scale(
         fitted = earthquake.fit(parameters, EarthquakeRecord(read.time, read.acceleration))
     except ShakeError as error:
         raise ShakeError(f"{path}: {error}") from None
+    if scale != FILL and fitted.limited_by and not fit:
+        raise ShakeError(f"{path}: {_does_not_fit(parameters, fitted)}")
     if scale == FILL and not fitted.limited_by:
         raise ShakeError(f"{path}: no limit reached at a factor of {LARGEST_FACTOR:g}; is this a record?")
     return ScaledRecord(Path(path), read, parameters, shaping, fitted, settings)
+
+
+def _does_not_fit(asked: EarthquakeParameters, fitted: Fitted) -> str:
+    """Which limit a factor exceeds, by how much, and which one fits."""
+    name, over = fitted.limited_by, asked.scale / fitted.factor
+    units = {"position_limit": "m", "velocity_limit": "m/s", "acceleration_limit": "m/s²"}
+    limit, kept = getattr(asked, name), math.floor(1e4 * fitted.factor) / 1e4
+    text = f"at the scale {asked.scale:g} it needs {over:.2f} times the {name.partition('_')[0]} that the table may use"
+    return f"{text} ({limit:.4g} {units[name]}); --scale {kept:g} fits, --fit plays it as large as it fits"
 
 
 def _number(text: float | str) -> float:

@@ -37,6 +37,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--channel", type=int, default=1, help="channel of a file that has several, from 1")
     p.add_argument("--unit", default="", choices=("", *UNITS), help="unit of a file that does not name its own")
     p.add_argument("--scale", default="1", help="factor on the acceleration, or 'fill' = as large as the table allows")
+    p.add_argument(
+        "--fit", action="store_true", help="where --scale does not fit, as large as it fits (refused without)"
+    )
     p.add_argument("--time-scale", type=float, help="factor on the time, below 1 = faster")
     for option, end, value in (("--high-pass", "lower", usual.high_pass), ("--low-pass", "upper", usual.low_pass)):
         p.add_argument(option, type=float, help=f"{end} end of the band [Hz], 0 = none (default: {value:g})")

@@ -40,11 +40,35 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
 
 
 def test_it_prints_peaks_before_and_after_with_the_factor(record: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, err = run(capsys, record, "--velocity", 0.05, "--time-scale", 0.5)
+    code, out, err = run(capsys, record, "--velocity", 0.05, "--time-scale", 0.5, "--fit")
     assert (code, err) == (0, "")
     assert "two_columns, 2001 samples of 0.01 s in m/s2" in out
     assert "(limited by velocity), time scale 0.5, band 0.25 … 12 Hz" in out
     assert "0.05        0.05" in out
+
+
+def test_every_change_stands_on_the_first_lines(record: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run(capsys, record, "--velocity", 0.05, "--time-scale", 0.5, "--fit")
+    lines = out.splitlines()
+    assert lines[0].startswith(str(record))
+    assert lines[1].startswith("  changed: Filtered to 0.25 … 12 Hz and baseline-corrected: the peak acceleration goes")
+    assert lines[2].startswith("  changed: Scaled by 0.")
+    assert lines[3] == "  changed: Asked for was 1; the factor is what the table's velocity allows."
+    assert lines[4] == "  changed: Time is stretched by 0.5."
+
+
+def test_a_scale_that_does_not_fit_is_refused_with_the_one_that_does(
+    record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "scaled.csv"
+    code, told, err = run(capsys, record, "--scale", 40, "--out", out)
+    assert (code, told, out.exists()) == (2, "", False)
+    assert err.count("\n") == 1
+    assert "at the scale 40 it needs" in err
+    fits = err.split("--scale ")[1].split()[0]
+    code, told, _ = run(capsys, record, "--scale", fits, "--out", out)
+    assert code == 0
+    assert f"changed: Scaled by {float(fits):.5g}" in told
 
 
 def test_it_writes_columns_that_read_back_at_rest_and_within_the_limits(
@@ -65,7 +89,7 @@ def test_it_writes_a_reference_that_plays_the_same_motion(
 ) -> None:
     columns, configuration = tmp_path / "scaled.csv", tmp_path / "scaled.yaml"
     for out in (columns, configuration):
-        assert run(capsys, record, "--stroke", 0.02, "--out", out, "--force")[0] == 0
+        assert run(capsys, record, "--stroke", 0.02, "--fit", "--out", out, "--force")[0] == 0
     program = build_program(str(configuration), 0.01)
     written = np.loadtxt(columns, delimiter=",", skiprows=3)
     assert np.allclose(program.states[:, 0], written[:, 3], atol=1e-8)

@@ -1,0 +1,52 @@
+"""spectrum: response spectra of the acceleration in recordings."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from shake_ros.api.spectrum import DAMPING, HIGH, LOW, PER_OCTAVE, acceleration_spectra
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.results import refuse_existing
+
+METHOD = """\
+BAG is a recording of a table (its topic imu) or an accelerogram. Each oscillator is advanced exactly for the
+band-limited record, so a value holds to 0.45 of the sampling rate; the record's mean is taken off first."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = argparse.ArgumentParser(
+        prog="spectrum",
+        description="Print the absolute acceleration spectra of recordings.",
+        epilog=METHOD,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    p.add_argument("bags", nargs="+", metavar="BAG", type=Path)
+    p.add_argument("--damping", type=float, nargs="+", default=list(DAMPING), metavar="XI", help="(default: 0.05)")
+    p.add_argument("--low", type=float, default=LOW, metavar="HZ", help=f"lowest frequency (default: {LOW:g})")
+    p.add_argument(
+        "--high", type=float, metavar="HZ", help=f"highest (default: {HIGH:g}, at most 0.45 of the sampling rate)"
+    )
+    p.add_argument(
+        "--per-octave", type=int, default=PER_OCTAVE, metavar="N", help=f"frequencies (default: {PER_OCTAVE})"
+    )
+    p.add_argument("--out", type=Path, metavar="FILE.csv", help="write the columns of one recording")
+    p.add_argument("--force", action="store_true", help="replace an existing file")
+    return p
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    given = parser().parse_args(list(arguments))
+    if given.out is not None:
+        if len(given.bags) > 1 or given.out.suffix != ".csv":
+            raise ShakeError(f"--out {given.out}: give one recording and a name that ends in .csv")
+        refuse_existing(given.out, force=given.force)
+    found = [acceleration_spectra(b, given.damping, given.low, given.high, given.per_octave) for b in given.bags]
+    print("\n\n".join(map(repr, found)))
+    if given.out is not None:
+        found[0].write(given.out, given.force)
+        print(f"written: {given.out}")
+    return 0
