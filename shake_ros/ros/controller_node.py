@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
+
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller, refuse_another_instant, switch
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
@@ -13,6 +15,7 @@ from shake_ros.ros.added_harmonics import AddedHarmonics
 from shake_ros.ros.conversions import SECOND, Values
 from shake_ros.ros.diagnostics import ERROR, OK, WARN
 from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.lab_watch import TABLES
 from shake_ros.ros.live_law import LiveLaw, Sets, variants
 from shake_ros.settings import load_table
 
@@ -33,6 +36,9 @@ class ControllerNodeParameters(Parameters):
 class ControllerNode(Behaviour):
     """Command k from reference k and estimate k (lock-step), or from estimate k and the newest reference.
 
+    In real time it rests at a command of zero while the table's interlock lets none pass, so that no integral winds up;
+    then it begins anew, without a bump. In lock-step it does not: what comes outside the samples would change a run.
+
     With `harmonic_cancellation` it reads the accelerometer as well; in lock-step that of sample k.
     """
 
@@ -49,6 +55,11 @@ class ControllerNode(Behaviour):
         self._estimate: Values = REST
         self._reference_stamp = self._estimate_stamp = -1
         self._limited = 0
+        self._rests = False
+        self._space = frame.node.get_namespace().strip("/")
+        if not frame.lockstep:
+            topic = interface.DIAGNOSTICS
+            frame.node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos(False))
         self._writer = frame.writer(interface.VALVE_COMMAND)
         frame.reader(interface.REFERENCE, self._on_reference)
         self._estimates = frame.reader(interface.ESTIMATE, self._on_estimate)
@@ -79,6 +90,13 @@ class ControllerNode(Behaviour):
                 self._reference = (self._reference[0], 0.0, 0.0)
             self._step(stamp)
 
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Whether the interlock of this graph's table lets commands pass."""
+        for status in message.status:
+            node, _, part = status.name.partition(": ")
+            if part in TABLES and node.rpartition("/")[0] == self._space:
+                self._rests = any(one.key == "passes" and one.value == "False" for one in status.values)
+
     def _step_when_complete(self, stamp: int) -> None:
         """In lock-step: the command of a sample whose reference, estimate and acceleration (if needed) have come."""
         complete = stamp == self._reference_stamp == self._estimate_stamp and self._harmonics.has(stamp)
@@ -99,7 +117,10 @@ class ControllerNode(Behaviour):
             self._change()
         self._check_instant()
         wanted = self._harmonics.added(stamp, self._reference)
-        self._state, self._u = self._controller.step(self._state, wanted, self._estimate)
+        if self._rests:
+            self._state, self._u = self._controller.initial_state(), 0.0
+        else:
+            self._state, self._u = self._controller.step(self._state, wanted, self._estimate)
         self._writer.send(stamp, self._u)
         self._limited += abs(self._u) >= self._controller.parameters.limit
         diagnostics = self.frame.diagnostics
@@ -124,7 +145,7 @@ class ControllerNode(Behaviour):
             return WARN, f"waiting for the first {missing}"
         if self._apart:
             return ERROR, "the estimate stands at another instant than the controller predicts to"
-        return OK, f"{self._controller.kind}: running"
+        return OK, f"{self._controller.kind}: {'at rest, the table takes no command' if self._rests else 'running'}"
 
 
 build = ControllerNode

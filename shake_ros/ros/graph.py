@@ -324,11 +324,11 @@ def run_composed(
     with ros_context([], domain_id=domain_id) as context:
         loop = NodeLoop(context)
         try:
-            for node in sorted(graph.nodes, key=lambda one: one.executable in LAST):
-                build = importlib.import_module(NODES[node.executable].module).build
-                arguments = node.arguments(namespace, graph.extra(node))
-                loop.add(build_node(build, node.executable, context, arguments))
             with stopped_by_signals(loop) if until_signal else nullcontext():
+                for node in sorted(graph.nodes, key=lambda one: one.executable in LAST):
+                    build = importlib.import_module(NODES[node.executable].module).build
+                    arguments = node.arguments(namespace, graph.extra(node))
+                    loop.add(build_node(build, node.executable, context, arguments))
                 loop.run()
         finally:
             loop.close()

@@ -68,7 +68,7 @@ class NodeInterlock:
         core = self.core = Interlock(self._live.take(), enabled)
         self.act, self.watch, self.report, self.clear = core.act, core.compare, core.report, core.clear
         self._announced = self._until_look = 0
-        self._told_stage = core.stage
+        self._told = core.stage, core.passes
         self._missed, self._asked, self._answered = LastSecond(), LastSecond(), LastSecond()
         self._clock_offset = time.time_ns() - time.monotonic_ns()
         for service, answer in zip(interface.SERVICES.values(), (self._enable, self._stop, self._reset), strict=True):
@@ -77,6 +77,7 @@ class NodeInterlock:
         frame.diagnostics.values |= {
             "safe_holds": lambda: core.holds,
             "stage": lambda: STAGES[core.stage],
+            "passes": lambda: core.passes,
             "span": lambda: f"{core.gain:.3f}",
             "trips": lambda: " ".join(f"{cause}:{count}" for cause, count in sorted(core.ledger.counts.items())),
         }
@@ -200,8 +201,10 @@ class NodeInterlock:
             self._look_for_two()
         if self._live.changed:
             self.core.apply(self._live.take())
-        if self.core.stage != self._told_stage:  # a page shows it at once
-            self._told_stage = self.core.stage
+        if (
+            now := (self.core.stage, self.core.passes)
+        ) != self._told:  # a page shows it and the controller waits at once
+            self._told = now
             self._frame.diagnostics.publish()
         ledger = self.core.ledger
         if ledger.trip_count != self._announced:

@@ -39,6 +39,8 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--controller", default="super_twisting_tuned", metavar="NAME", help="of config/controller")
     made.add_argument("--interlock", default="bergamo", metavar="NAME", help="of config/interlock, or a file")
     made.add_argument("--lockstep", action="store_true", help="by stamps instead of by the wall clock")
+    pace = "in lock-step at most X times real time; 0: as fast as it goes (default: 1 with the page, 0 without)"
+    made.add_argument("--pace", type=float, metavar="X", help=pace)
     made.add_argument("--composed", action="store_true", help="the loop in one process; recorder and page in their own")
     made.add_argument("--realtime", action="store_true", help="ask the system for real-time scheduling")
     made.add_argument("--record", metavar="NAME", help="record from the start, into FOLDER/recordings/NAME")
@@ -96,6 +98,7 @@ def table_node(given: argparse.Namespace) -> NodeSpec:
     if given.bridge:
         return NodeSpec("hardware_bridge", {**own, "bridge": given.bridge})
     if given.lockstep:
+        own["pace"] = (0.0 if given.headless else 1.0) if given.pace is None else given.pace
         own |= {f"interlock.causes.{cause}.action": "none" for cause in NO_REFERENCE_READER}
     return NodeSpec("plant", {**own, "table": given.table, "duration": given.duration})
 
@@ -148,6 +151,8 @@ def prepare(given: argparse.Namespace) -> None:
     recording = given.folder / "recordings" / (given.record or "")
     if given.record and recording.exists():
         raise ShakeError(f"{recording}: exists already; name another recording with --record")
+    if given.pace is not None and not given.lockstep:
+        raise ShakeError("--pace: real time has its own; it goes with --lockstep")
     if given.bridge and given.lockstep:
         raise ShakeError("--bridge: a real table keeps real time; leave --lockstep away")
     if given.operator_required and given.headless:

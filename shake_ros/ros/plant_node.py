@@ -29,6 +29,9 @@ class PlantParameters(Parameters):
     duration: float = quantity("s", "stop after this, 0 for never", low=0.0, high=1e6)
     start_position: float = quantity("m", "position of the table at the start", low=-10.0, high=10.0)
     enabled: bool = quantity("", "moves from the start, without the service `enable`")
+    pace: float = quantity(
+        "-", "in lock-step no faster than so many times real time, 0: as fast as it goes", low=0.0, high=1e3
+    )
 
 
 class PlantNode(Behaviour):
@@ -43,7 +46,8 @@ class PlantNode(Behaviour):
         self._stamp = FIRST_STAMP
         self._samples = round(own.duration / frame.sample_time)
         self._ticked, self._late_commands = False, 0
-        self._started = 0.0  # on the monotonic clock [s]
+        self._started = self._due = 0.0  # on the monotonic clock; the latter the next sample at the pace [s]
+        self._apart = frame.sample_time / own.pace if own.pace else 0.0  # two samples at the pace [s]
         self._heard = 0  # when a command came between two ticks, as the executor of composed nodes delivers it [ns]
         self._live = frame.parameters.declare(
             load_table(own.table), accept=lambda parameters: Table(parameters, frame.sample_time)
@@ -151,7 +155,15 @@ class PlantNode(Behaviour):
             return
         self._advance(self._stamp)
         self._stamp += self.frame.period
+        if self._apart:
+            self._wait()
         self._publish()
+
+    def _wait(self) -> None:
+        """Keep the pace; what comes late is not made up for."""
+        now = time.monotonic()
+        self._due = max(now, self._due + self._apart)
+        time.sleep(self._due - now)
 
 
 build = PlantNode

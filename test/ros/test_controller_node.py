@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
@@ -145,3 +146,36 @@ def test_observer_that_changes_first_is_told_and_has_two_seconds_for_the_control
     bench.estimates.codec.lead = 3_400_000
     with pytest.raises(ShakeError, match="must both predict"):
         bench.play(5, 6)
+
+
+def test_command_does_not_wind_up_while_the_interlock_lets_none_pass(ros_domain) -> None:
+    """The table a millimetre off for ten seconds without pressure, then released."""
+
+    def said(passes: bool, space: str = "shake") -> DiagnosticArray:
+        values = [KeyValue(key="passes", value=str(passes))]
+        return DiagnosticArray(status=[DiagnosticStatus(name=f"{space}/plant: plant", values=values)])
+
+    with ros_context([], domain_id=ros_domain) as context:
+        node = build_node(build, "controller", context, ["--ros-args", "-p", "controller:=super_twisting_tuned"])
+        assert isinstance(node, ControllerNode)
+        stamps = iter(range(SECOND, 100 * SECOND, 1_000_000))
+
+        def commands(count: int) -> list[float]:
+            found = []
+            for _ in range(count):
+                stamp = next(stamps)
+                node._on_reference(stamp, 0.001, 0.0, 0.0)
+                node._on_estimate(stamp, 0.0, 0.0, 0.0)
+                found.append(node._u)
+            return found
+
+        assert abs(commands(10_000)[-1]) > 0.3  # what no interlock holds back winds up
+        node._on_diagnostics(said(True, "other"))
+        node._on_diagnostics(said(False))
+        assert set(commands(10_000)) == {0.0}
+        assert "at rest" in node._condition()[1]
+        node._on_diagnostics(said(False, "other"))
+        node._on_diagnostics(said(True))
+        released = np.abs(commands(100))
+        assert released[0] < 0.01 and released.max() < 0.2
+        node.frame.close()

@@ -2,49 +2,14 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
-import sys
-import threading
-from pathlib import Path
 
 import pytest
+from lab_process import LAB, ROOT, Started
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import read_table_recording
 from shake_ros.ros import lab
-
-ROOT = Path(__file__).resolve().parents[2]
-LAB = [sys.executable, "-m", "shake_ros", "lab"]
-
-
-class Started:
-    """A lab whose lines are read."""
-
-    def __init__(self, *arguments: str) -> None:
-        self.process = subprocess.Popen(
-            [*LAB, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, text=True,
-            cwd=ROOT,
-        )  # fmt: skip
-        self.lines: list[str] = []
-        self._changed = threading.Condition()
-        threading.Thread(target=self._read, daemon=True).start()
-
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            with self._changed:
-                self.lines.append(line.strip())
-                self._changed.notify_all()
-
-    def wait_for(self, text: str, timeout: float = 120.0) -> str:
-        with self._changed:
-            assert self._changed.wait_for(lambda: any(text in line for line in self.lines), timeout), self.lines
-            return next(line for line in self.lines if text in line)
-
-    def end(self) -> int:
-        self.process.send_signal(signal.SIGINT)
-        return self.process.wait(60)
 
 
 def test_one_command_runs_the_table_refuses_a_second_and_ends_in_order(ros_domain, tmp_path) -> None:
@@ -82,6 +47,7 @@ def test_node_that_dies_is_named_with_its_reason_and_the_rest_ends(ros_domain, t
         (["--set", "plant"], "expected NODE.PARAMETER=VALUE"),
         (["--set", "plan.seed=1"], "no such node here; there are plant"),
         (["--bridge", "emulator", "--lockstep"], "a real table keeps real time"),
+        (["--pace", "2"], "real time has its own"),
         (["--address", "0.0.0.0"], "only with --certificate and --key"),
     ],
 )
@@ -90,8 +56,32 @@ def test_arguments_that_cannot_work_are_refused_before_anything_starts(tmp_path,
         lab.main([*arguments, "--folder", str(tmp_path)])
 
 
+@pytest.mark.parametrize(
+    ("arguments", "pace"), [([], 1.0), (["--headless"], 0.0), (["--headless", "--pace", "3"], 3.0)]
+)
+def test_lockstep_keeps_the_pace_of_who_watches(tmp_path, arguments, pace) -> None:
+    given = lab.parser().parse_args(["--lockstep", *arguments])
+    assert lab.table_node(given).parameters["pace"] == pace
+
+
 def test_composed_loop_is_one_process_beside_page_and_recorder(tmp_path) -> None:
     given = lab.parser().parse_args(["--composed", "--record", "a", "--folder", str(tmp_path)])
     started = lab.nodes(given, tmp_path / "lab")
     assert [one.called for one in started] == ["page", "recorder", "loop"]
     assert "joint_states:2" in started[-1].program[-1]
+
+
+def test_composed_lab_runs_records_and_ends_by_itself_when_its_time_is_over(ros_domain, tmp_path) -> None:
+    arguments = ["--composed", "--headless", "--lockstep", "--enabled", "--record", "run", "--duration", "0.5"]
+    started = Started(*arguments, "--folder", str(tmp_path))
+    assert started.process.wait(120) == 0, started.lines
+    assert started.lines[-2:] == [f"lab: recording closed: {tmp_path}/recordings/run", "lab: ended"]
+    assert len(read_table_recording(tmp_path / "recordings" / "run")) == 500
+
+
+def test_composed_lab_that_still_compiles_ends_when_told(ros_domain, tmp_path) -> None:
+    arguments = ["--composed", "--headless", "--lockstep", "--folder", str(tmp_path)]
+    started = Started(*arguments, NUMBA_CACHE_DIR=str(tmp_path / "empty"))
+    started.wait_for("compiling, as always at the first start")
+    assert started.end() == 0, started.lines
+    assert started.lines[-1] == "lab: ended"

@@ -253,6 +253,11 @@ class Interlock:
         self._acting = max(0.0, self._acting - step) if self._acting > 0.0 else min(0.0, self._acting + step)
         return self._acting
 
+    @property
+    def passes(self) -> bool:
+        """Whether commands act: at stage RUN and in no hold."""
+        return self.stage == RUN and not self._holding
+
     def _wanted(self) -> int:
         """The stage to go to."""
         return OFF if self.ledger.severity >= STOPS or not self.enabled else self._ceiling

@@ -37,4 +37,6 @@ addEventListener('message', event => { if (event.source === document.getElementB
 
 curves.begin(); state.begin(); run.begin(); learn.begin()
 connect()
-window.shake = { stats, curves, state: state.current }  // for tests and for the curious
+const answers = []
+on('answer', answer => { answers.push(answer); if (answers.length > 50) answers.shift() })
+window.shake = { stats, curves, state: state.current, answers }  // for tests and for the curious

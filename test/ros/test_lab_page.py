@@ -1,0 +1,243 @@
+"""The laboratory by mouse and keyboard, in a real browser: run, trip, reset, record, learn, load the found table."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from lab_process import Started, children
+
+from shake_ros.settings import find, read_yaml
+
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+if not (CHROMIUM and DRIVER):
+    warnings.warn("the live page is opened in no browser: apt install chromium chromium-driver", stacklevel=1)
+pytestmark = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER), reason="NO BROWSER TEST OF THE LIVE PAGE: apt install chromium chromium-driver"
+)
+PATIENCE = 120.0  # for anything that is waited for [s]
+JOB = "document.querySelector('.job')?.dataset.state"  # the newest
+
+
+class Operator:
+    """Somebody who sees the page and has a mouse and a keyboard."""
+
+    def __init__(self, driver: Any) -> None:
+        self.driver, self.refusal = driver, ""
+
+    def see(self, script: str) -> Any:
+        return self.driver.execute_script(f"return {script}")
+
+    def wait_for(self, what: str, seen: Callable[[], Any]) -> Any:
+        end = time.monotonic() + PATIENCE
+        while not (found := seen()):
+            state = self.see("document.getElementById('state').innerText")
+            assert time.monotonic() < end, f"{what} never came; state {state!r}, {self.answers()[-3:]} {self.refusal}"
+            time.sleep(0.05)
+        return found
+
+    def state(self, name: str) -> None:
+        self.wait_for(f"state {name}", lambda: self.see("document.body.dataset.state") == name)
+
+    def find(self, css: str) -> Any:
+        return self.wait_for(css, lambda: self.driver.find_elements("css selector", css))[0]
+
+    def click(self, css: str) -> None:
+        """As soon as it can be clicked; what the page replaces meanwhile is looked for again."""
+        from selenium.common.exceptions import WebDriverException
+
+        def clicked() -> bool:
+            try:
+                element = self.driver.find_element("css selector", css)
+                if element.is_enabled():
+                    self.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
+                    element.click()
+                    return True
+            except WebDriverException as error:
+                self.refusal = str(error.msg).partition("\n")[0]
+            return False
+
+        self.wait_for(css, clicked)
+
+    def tab(self, name: str) -> None:
+        self.click(f"nav [data-tab={name}]")
+
+    def type(self, css: str, text: str) -> None:
+        field = self.find(css)
+        self.driver.execute_script("arguments[0].value = ''", field)
+        field.send_keys(text)
+
+    def choose(self, css: str, value: str) -> None:
+        from selenium.common.exceptions import WebDriverException
+        from selenium.webdriver.support.ui import Select
+
+        def chosen() -> bool:
+            try:
+                Select(self.driver.find_element("css selector", css)).select_by_visible_text(value)
+                return True
+            except WebDriverException:
+                return False
+
+        self.wait_for(f"{value} in {css}", chosen)
+
+    def answers(self) -> list[str]:
+        return [answer["text"] for answer in self.see("shake.answers")]
+
+    def said(self, text: str) -> None:
+        self.wait_for(f"{text!r}", lambda: any(text in answer for answer in self.answers()))
+
+    def peak(self, curve: str) -> float:
+        return float(self.see(f"Math.max(0, ...shake.curves.column('{curve}').filter(v => v != null).map(Math.abs))"))
+
+    def seconds(self) -> float:
+        return float(self.see("shake.curves.shownNow().newest"))
+
+    def pass_time(self, seconds: float) -> None:
+        until = self.seconds() + seconds
+        self.wait_for(f"{seconds} s of the table's time", lambda: self.seconds() > until)
+
+    def error(self) -> list[str]:
+        return [entry["message"] for entry in self.driver.get_log("browser") if "favicon" not in entry["message"]]
+
+
+@pytest.fixture
+def operator(tmp_path: Path) -> Iterator[Operator]:
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = str(CHROMIUM)
+    for argument in (
+        "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--window-size=1200,800",
+        f"--user-data-dir={tmp_path / 'profile'}",
+    ):  # fmt: skip
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options, webdriver.ChromeService(str(DRIVER)))
+    yield Operator(driver)
+    driver.quit()
+
+
+def quick_interlock(folder: Path) -> Path:
+    """As on the real table, but at low and high pressure for a tenth of a second."""
+    settings = read_yaml(find("interlock", "bergamo"))
+    path = folder / "quick.yaml"
+    path.write_text(yaml.safe_dump({**settings, "low_pressure_time": 0.1, "high_pressure_time": 0.1}))
+    return path
+
+
+def accelerogram(folder: Path) -> Path:
+    """Two columns: two seconds of a swept tone [s], [m/s²]."""
+    time_ = np.arange(0.0, 2.0, 0.005)
+    path = folder / "shaker.csv"
+    np.savetxt(path, np.c_[time_, np.sin(2 * np.pi * (2 + time_) * time_) * np.sin(np.pi * time_ / 2)], delimiter=",")
+    return path
+
+
+def record(operator: Operator, folder: Path, name: str, seconds: float) -> None:
+    """Play and record by mouse."""
+    operator.type("#record-name", name)
+    operator.click("#record")
+    operator.said(f"recording to {folder}/recordings/{name}")
+    operator.wait_for("the red dot", lambda: operator.see("!!document.querySelector('.rec')"))
+    operator.click("#play")
+    operator.pass_time(seconds)
+    operator.click("#rest")
+    operator.click("#unrecord")
+    operator.said(f"recording closed: {folder}/recordings/{name}")
+
+
+def test_table_is_run_tripped_recorded_learned_from_and_lost_by_mouse(ros_domain, tmp_path, operator) -> None:
+    arguments = ["--lockstep", "--composed", "--port", "0", "--folder", str(tmp_path), "--reference", "multisine"]
+    with Started(*arguments, "--interlock", str(quick_interlock(tmp_path))) as lab:
+        operator.driver.get(lab.wait_for("open http").partition("open ")[2])
+        operator.state("off")
+        assert operator.see("location.search") == ""  # the token is a cookie now
+
+        # run and record
+        operator.click("#enable")
+        operator.state("run")
+        operator.tab("run")
+        for name in ("learn", "hold"):
+            record(operator, tmp_path, name, 2.5)
+        assert operator.peak("position") > 0.002
+        assert operator.see("document.getElementById('command').textContent") == "Ctrl-C in the recorder’s terminal"
+
+        # another controller, a parameter, a refused one, an accelerogram
+        operator.choose("[data-name=controller]", "feedforward_pi")
+        operator.wait_for("the controller", lambda: "feedforward_pi" in operator.see("facts.innerText"))
+        assert "param set /shake/controller controller feedforward_pi" in operator.see("command.textContent")
+        operator.click("details[data-group=thd_analyzer] summary")
+        operator.type("#p-thd_analyzer-orders", "500\t")
+        operator.wait_for("the refusal", lambda: operator.see("document.querySelector('small.wrong')?.innerText"))
+        assert "500: " in operator.find("small.wrong").text
+        operator.find("#upload").send_keys(str(accelerogram(tmp_path)))
+        operator.wait_for("the accelerogram", lambda: "shaker.yaml" in operator.see("facts.innerText"))
+
+        # zoom and back
+        from selenium.webdriver import ActionChains
+
+        over = operator.find(".u-over")
+        chain = ActionChains(operator.driver, duration=50).move_to_element_with_offset(over, -100, 0)
+        chain.click_and_hold().move_by_offset(80, 0).release().perform()
+        operator.wait_for("the zoom", lambda: operator.see("shake.curves.shownNow().zoom"))
+        start, stop = operator.see("shake.curves.shownNow().zoom")
+        assert 0.2 < stop - start < 5.0
+        operator.click("#unzoom")
+        assert operator.see("shake.curves.shownNow().zoom") is None
+
+        # a trip on purpose, reset, and a stop with the focus in a field
+        operator.click("details[data-group=plant] summary")
+        operator.choose("#p-plant-faults-supply_failure", "true")
+        operator.state("tripped")
+        assert not operator.find("#enable").is_enabled()
+        operator.tab("watch")
+        operator.wait_for("the trip", lambda: "supply_pressure_low" in operator.see("trips.innerText"))
+        operator.tab("run")
+        operator.choose("#p-plant-faults-supply_failure", "false")
+        operator.said("faults.supply_failure = False")
+        operator.click("#reset")
+        operator.state("off")
+        operator.click("#enable")
+        operator.state("run")
+        note = operator.find("#record-note")
+        note.send_keys("a ")
+        operator.state("stopped")
+        assert note.get_attribute("value") == "a"
+
+        # learn
+        operator.tab("learn")
+        operator.click("[data-mark=learn][data-run=learn]")
+        operator.click("[data-mark=hold][data-run=hold]")
+        operator.click("#close-loop")
+        operator.click("[data-cancel]")
+        operator.wait_for("the cancelled job", lambda: operator.see(JOB) == "cancelled")
+        operator.click("#identify")
+        operator.wait_for("the job's end", lambda: operator.see(JOB) == "done")
+        operator.wait_for("its report", lambda: "report.html" in operator.find("#report").get_attribute("src"))
+        assert "./shake identify --learn" in operator.see("command.textContent")
+        operator.click("[data-use]")
+        operator.said("is used by prediction, observer, controller")
+        assert "table:=" in operator.see("command.textContent")
+
+        # the loop's process dies, then the lab ends
+        os.kill(children(lab.process.pid)["composed"], signal.SIGKILL)
+        operator.wait_for(
+            "the alarm",
+            lambda: "loop died: killed by signal 9" in operator.see("document.getElementById('alert').innerText"),
+        )
+        operator.state("lost")
+        operator.click("[data-restart=loop]")
+        operator.state("off")
+        assert operator.error() == []
+        assert lab.end() == 0, lab.lines
+        operator.state("disconnected")
+        assert not operator.find("#stop").is_enabled()
