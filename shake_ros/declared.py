@@ -19,7 +19,7 @@ from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError
-from shake_ros.settings import find, load_table, read_yaml
+from shake_ros.settings import find, load_table, read_yaml, table_of
 
 DEFAULT_TABLE = "bergamo"
 
@@ -119,7 +119,7 @@ def declared_table(model: DeclaredModel, config: str | None) -> TableParameters 
     path = find("table", config)
     content = read_yaml(path)
     if model is REDUCED and not (isinstance(content, Mapping) and "dynamics" in content):
-        if isinstance(content, Mapping) and all(key in (*FULL_LAYOUT.sections, "effects") for key in content):
+        if isinstance(content, Mapping) and all(key in (*FULL_LAYOUT.sections, "effects", "fluid") for key in content):
             return None  # a table whose hydraulics tell no β
         raise ShakeError(f"{path}: expected a reduced table with the section 'dynamics', or the sections of a table")
-    return model.layout.table(content, str(path))
+    return table_of(content, str(path), model.layout)

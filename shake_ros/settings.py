@@ -5,17 +5,21 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError, member_from, unknown_name
+from shake_ros.core.fluid.oil import Oil
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
+from shake_ros.core.plant.temperature import OilState, at_temperature
+from shake_ros.core.quantities import Parameters, ShakeError, member_from, strict_keys, unknown_name
 from shake_ros.core.safety.causes import InterlockParameters
 
 P = TypeVar("P", bound=Parameters)
+OIL_KEYS = ("oil", *(field.name for field in fields(OilState)))  # of the section `fluid`
 LARGEST_DOCUMENT = 1_000_000  # nodes
 
 
@@ -128,7 +132,26 @@ def load_variant(kind: str, name: str, family: Mapping[str, type[P]]) -> tuple[s
 def load_table(name: str) -> TableParameters:
     """The table of config/table/<name>.yaml, or of a YAML file given by path."""
     path = find("table", name)
-    return FULL_LAYOUT.table(read_yaml(path), str(path))
+    return table_of(read_yaml(path), str(path))
+
+
+def table_of(content: Any, where: str, layout: TableLayout = FULL_LAYOUT) -> TableParameters:
+    """The table of a file's content, at the temperature that its section `fluid` names.
+
+    The section names an oil of config/fluid, or a file of one, and how warm it is (`OilState`).
+
+    Raises
+    ------
+    ShakeError : of the layout; an unknown oil, or a section `fluid` of a table without hydraulics.
+    """
+    if layout is not FULL_LAYOUT or not isinstance(content, Mapping) or "fluid" not in content:
+        return layout.table(content, where)
+    table = layout.table({key: value for key, value in content.items() if key != "fluid"}, where)
+    fluid = strict_keys(content["fluid"], OIL_KEYS, f"{where}: fluid", OIL_KEYS, kind="key")
+    path = find("fluid", str(fluid["oil"]))
+    oil = Oil.from_mapping(read_yaml(path), str(path)).parameters
+    state = OilState.from_mapping({key: fluid[key] for key in OIL_KEYS[1:]}, f"{where}: fluid")
+    return at_temperature(table, oil, **vars(state))
 
 
 def load_interlock(name: str) -> InterlockParameters:

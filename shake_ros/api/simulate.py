@@ -32,7 +32,7 @@ from shake_ros.core.quantities import Parameters, ShakeError
 from shake_ros.data.recordings import TableRecording, write_table_recording
 from shake_ros.data.recordings.table import Provenance
 from shake_ros.data.reference_program import build_program
-from shake_ros.settings import find, load_table, load_variant, read_yaml
+from shake_ros.settings import find, load_table, load_variant, read_yaml, table_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -214,7 +214,7 @@ def _table(given: str | Path | TableParameters | Model) -> TableParameters:
     content = read_yaml(path)
     known = content if isinstance(content, Mapping) else {}
     layout = next((layout for section, layout in LAYOUTS.items() if section in known), FULL_LAYOUT)
-    return layout.table(content, str(path))
+    return table_of(content, str(path), layout)
 
 
 def _carried(parameters: Parameters, model: TableParameters | None) -> TableParameters | None:
