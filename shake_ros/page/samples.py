@@ -24,6 +24,7 @@ SECONDS = 130.0  # kept
 LEVELS = 8  # the last one has buckets of 128 samples: 120 s at 1 kHz on 938 pixels
 LATE = 0.5  # a topic that comes later than this behind the newest is not waited for [s]
 RESTART = 5.0  # a step of the stamps larger than this is another run [s]
+KEPT = 6  # frames that several pages may get; one of the whole window has megabytes
 HEADER = struct.Struct("<4I2d")  # level, epoch, buckets, curves; first bucket, seconds of a bucket
 
 
@@ -75,7 +76,7 @@ class SampleStore:
         self._size = 1 << int(np.ceil(np.log2(SECONDS * 1e9 / period)))
         self._rings = np.full((len(CURVES), 2 * self._size), np.nan, dtype=np.float32)
         self._guard = threading.Lock()
-        self._frame = lru_cache(maxsize=64)(self._build)
+        self._frame = lru_cache(maxsize=KEPT)(self._build)
         self.epoch = 0
         self._begin(-1)
 

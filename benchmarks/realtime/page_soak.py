@@ -1,0 +1,269 @@
+"""The live page open in Chromium for ten minutes at 1 kHz: what it costs the loop, its node and the browser.
+
+    python -m benchmarks.realtime.page_soak [--seconds 600] [--without 120] [--fifo] [--domain 0] [--save]
+
+`./shake lab` in real time plays a sine without end, first without the page, then with the page, Chromium and a client
+that opens the page's line and reads nothing. Missed periods of the nodes that keep the time stand beside each other and
+beside those of a bare timer; Chromium draws without a graphics card, on the same processors.
+
+* Heap: what JavaScript holds after a collection, at the end beyond what it held after a first minute.
+* Frames: that came, and that were drawn, a second. Processor: time of the page's node over the stretch.
+* `--fifo`: the loop's nodes with SCHED_FIFO (`lab --realtime`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks import ROOT
+from benchmarks.realtime.listener import Listener
+from benchmarks.realtime.timing import processor_time, resident
+from shake_ros.ros.interface import DIAGNOSTICS
+
+SAVED = Path(__file__).with_suffix(".txt")
+TIMER = Path(__file__).with_name("bare_timer.py")
+SETTLING = 60.0  # at most, before anything counts [s]
+STARTING = 180.0  # patience until the table runs [s]
+LOOP = ("plant", "reference_generator")  # keep the time; all others follow
+OPENING = (
+    "GET /live HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    "Sec-WebSocket-Key: c29hayBzb2FrIHNvYWsgcw==\r\nOrigin: http://{host}\r\nCookie: {cookie}\r\n\r\n"
+)
+
+
+@dataclass
+class Stretch:
+    """What was counted over a stretch of time."""
+
+    name: str
+    seconds: float
+    missed: dict[str, int]
+    timer: dict[str, float]
+    load: float
+    told: dict[str, float]
+
+
+class Lab:
+    """A running laboratory and what it prints."""
+
+    def __init__(self, arguments: list[str], domain: int) -> None:
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "shake_ros", "lab", *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL, text=True, cwd=ROOT, env=environment,
+        )  # fmt: skip
+        self.lines: list[str] = []
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        self.lines.extend(line.strip() for line in self.process.stdout)
+
+    def waits_for(self, text: str) -> str:
+        """The first line with `text`."""
+        deadline = time.monotonic() + STARTING
+        while not (found := [line for line in self.lines if text in line]):
+            if time.monotonic() > deadline or self.process.poll() is not None:
+                raise RuntimeError(f"lab did not say '{text}': {self.lines}")
+            time.sleep(0.1)
+        return found[0]
+
+    def node(self, name: str) -> int:
+        """Process of one of its nodes."""
+        for folder in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                words = (folder / "cmdline").read_bytes().decode().split("\0")
+                parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+                if parent == self.process.pid and name in words:
+                    return int(folder.name)
+        raise RuntimeError(f"lab has no node {name}")
+
+    def end(self) -> None:
+        """In order."""
+        self.process.send_signal(signal.SIGINT)
+        if self.process.wait(60.0):
+            raise RuntimeError(f"lab ended with {self.process.returncode}: {self.lines[-5:]}")
+
+
+@contextlib.contextmanager
+def laboratory(arguments: list[str], domain: int) -> Iterator[Lab]:
+    """A lab that ends with the block."""
+    lab = Lab(arguments, domain)
+    try:
+        yield lab
+        lab.end()
+    finally:
+        if lab.process.poll() is None:
+            lab.process.kill()
+
+
+def missed(listener: Listener) -> dict[str, int]:
+    """Node → missed periods so far, as it reports them."""
+    return {node: int(listener.status(node)["missed_deadlines"]) for node in LOOP}
+
+
+@contextlib.contextmanager
+def chromium(folder: Path) -> Iterator[Any]:
+    """A browser without a window."""
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = str(shutil.which("chromium"))
+    for argument in (
+        "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--window-size=1400,1000",
+        f"--user-data-dir={folder}",
+    ):  # fmt: skip
+        options.add_argument(argument)
+    driver = webdriver.Chrome(options, webdriver.ChromeService(str(shutil.which("chromedriver"))))
+    try:
+        yield driver
+    finally:
+        driver.quit()
+
+
+def heap(driver: Any) -> float:
+    """What JavaScript holds after a collection [MB]."""
+    driver.execute_cdp_cmd("HeapProfiler.collectGarbage", {})
+    metrics = driver.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]
+    return float(next(one["value"] for one in metrics if one["name"] == "JSHeapUsedSize")) / 1e6
+
+
+def reads_nothing(address: str, cookie: str) -> socket.socket:
+    """An operator's page that opens its line and never reads."""
+    host = address.split("/")[2]
+    client = socket.socket()
+    client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    client.connect((host.split(":")[0], int(host.split(":")[1])))
+    client.sendall(OPENING.format(host=host, cookie=cookie).encode())
+    if not client.recv(12).startswith(b"HTTP/1.1 101"):
+        raise RuntimeError("the page did not let the client in")
+    return client
+
+
+@contextlib.contextmanager
+def timer() -> Iterator[dict[str, float]]:
+    """A bare timer beside the block; its figures are there after it."""
+    told: dict[str, float] = {}
+    process = subprocess.Popen(
+        [sys.executable, "-I", "-S", str(TIMER)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        yield told
+    finally:
+        told |= json.loads(process.communicate(timeout=30.0)[0])
+
+
+def count(name: str, seconds: float, listener: Listener) -> Stretch:
+    """Count for so long without looking at anything."""
+    with timer() as ticked:
+        before = missed(listener)
+        begun = time.monotonic()
+        time.sleep(seconds)
+        time.sleep(1.2)  # reports come once a second
+        after = missed(listener)
+    lost = {node: after[node] - before[node] for node in LOOP}
+    return Stretch(name, time.monotonic() - begun, lost, ticked, os.getloadavg()[0], {})
+
+
+def without(seconds: float, arguments: list[str], listener: Listener, domain: int) -> Stretch:
+    """The loop alone."""
+    with laboratory(["--headless", *arguments], domain) as lab:
+        lab.waits_for("running:")
+        time.sleep(min(SETTLING, seconds / 4))
+        return count("without the page", seconds, listener)
+
+
+def with_page(seconds: float, arguments: list[str], listener: Listener, domain: int, folder: Path) -> Stretch:
+    """The loop with the page, a browser and a client that reads nothing."""
+    with laboratory(["--port", "0", *arguments], domain) as lab, chromium(folder / "profile") as driver:
+        address = lab.waits_for("open http").partition("open ")[2]
+        lab.waits_for("running:")
+        driver.execute_cdp_cmd("Performance.enable", {})
+        driver.get(address)
+        cookie = driver.get_cookies()[0]
+        client = reads_nothing(address, f"{cookie['name']}={cookie['value']}")
+        time.sleep(min(SETTLING, seconds / 4))
+        page = lab.node("page")
+        held, used, memory = heap(driver), processor_time(page), resident(page)
+        frames, draws = driver.execute_script("return [shake.stats.frames, shake.stats.draws]")
+        begun = time.monotonic()
+        found = count("with the page", seconds, listener)
+        lasted = time.monotonic() - begun
+        then = driver.execute_script("return [shake.stats.frames, shake.stats.draws]")
+        found.told = {
+            "processor": (processor_time(page) - used) / lasted,
+            "frames": (then[0] - frames) / lasted,
+            "draws": (then[1] - draws) / lasted,
+            "heap": heap(driver) - held,
+            "held": held,
+            "memory": resident(page) - memory,
+        }
+        client.close()
+        return found
+
+
+def row(found: Stretch) -> str:
+    """One stretch."""
+    nodes = "".join(f"{found.missed[node]:22}" for node in LOOP)
+    shares = " ".join(f"{100.0 * found.missed[node] * 1e-3 / found.seconds:.2f} %" for node in LOOP)
+    bare = f"{found.timer['missed']:.0f} ({found.timer['max'] / 1000:.1f} ms)"
+    return f"{found.name:20}{found.seconds:8.0f}{nodes}   {shares:16}{bare:>20}{found.load:8.1f}"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--seconds", type=float, default=600.0, help="with the page [s]")
+    parser.add_argument("--without", type=float, default=120.0, help="without the page [s]")
+    parser.add_argument("--fifo", action="store_true", help="the loop with SCHED_FIFO")
+    parser.add_argument("--domain", type=int, default=int(os.environ.get("ROS_DOMAIN_ID", "0")))
+    parser.add_argument("--save", action="store_true", help=f"write {SAVED.name} as well")
+    given = parser.parse_args()
+    arguments = ["--enabled", "--play", "--reference", "sine_20mm_2hz", "--set", "reference_generator.repeat=true"]
+    arguments += ["plant.interlock.causes.deadline_overruns.action=indicate"]
+    if given.fifo:
+        arguments += ["--realtime"]
+    with tempfile.TemporaryDirectory(prefix="page_soak-") as name:
+        folder = Path(name)
+        arguments += ["--folder", str(folder / "lab")]
+        with Listener([DIAGNOSTICS.name], lockstep=False, domain_id=given.domain) as listener:
+            alone = without(given.without, arguments, listener, given.domain)
+        with Listener([DIAGNOSTICS.name], lockstep=False, domain_id=given.domain) as listener:
+            watched = with_page(given.seconds, arguments, listener, given.domain, folder)
+    told = watched.told
+    command = re.sub(r" --save| --domain \d+", "", " ".join(sys.argv[1:]))
+    text = (
+        f"python -m benchmarks.realtime.page_soak {command}   ({os.cpu_count()} cores)\n\n"
+        f"{'':20}{'seconds':>8}" + "".join(f"{'missed by':>22}" for _ in LOOP) + "\n"
+        f"{'':28}"
+        + "".join(f"{node:>22}" for node in LOOP)
+        + f"   {'share':16}{'bare timer (longest)':>20}{'load':>8}\n"
+        f"{row(alone)}\n{row(watched)}\n\n"
+        f"processor of the page's node  {100 * told['processor']:.1f} % of a core (wanted: < 25)\n"
+        f"frames that came              {told['frames']:.1f} /s (wanted: >= 25), drawn {told['draws']:.1f} /s\n"
+        f"heap of the page              {told['held']:.1f} MB, grown by {told['heap']:.1f} MB (wanted: < 20)\n"
+        f"memory of the page's node     grown by {told['memory']:.1f} MiB, beside a client that reads nothing\n"
+    )
+    print(text, end="")
+    if given.save:
+        SAVED.write_text(text, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
