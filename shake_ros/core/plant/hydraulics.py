@@ -91,7 +91,10 @@ def softness(p, p_a, p_b):
 @kernel
 def chamber_moduli(p, p_a, p_b):
     """E that acts in chambers A and B: `fluid_modulus`, softened by the soft zone [Pa]."""
-    e_a, e_b = fluid_modulus(p, p_a), fluid_modulus(p, p_b)
+    if p.pressure_dependent_bulk_modulus_slope != 0.0 or p.entrained_air_fraction != 0.0:
+        e_a, e_b = fluid_modulus(p, p_a), fluid_modulus(p, p_b)
+    else:
+        e_a, e_b = oil_modulus(p, p_a), oil_modulus(p, p_b)
     if p.soft_zone_depth != 0.0 and p.soft_zone_exchange == 0.0:
         h = softness(p, p_a, p_b)
         e_a *= h  # (6.18)
