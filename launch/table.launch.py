@@ -39,6 +39,7 @@ def node(executable: str, parameters: dict[str, str], condition: object = None) 
         parameters=[given],
         condition=condition,
         output="screen",
+        sigterm_timeout="30",  # [s]; a busy machine takes its time to leave the graph, and a recording is to be closed
     )
 
 
