@@ -9,17 +9,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from shake_ros.core.discovery.candidates import CandidateEffect, candidates
+from shake_ros.core.discovery.candidates import CandidateEffect, candidates, scaled
 from shake_ros.core.discovery.problem import ModelStructure
+from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification import experiments
 from shake_ros.core.identification.free_parameters import FreeParameter, free_parameter
+from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import FULL, DeclaredModel
 from shake_ros.core.identification.reduced_model import REDUCED
+from shake_ros.core.identification.stages import Start
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError
-from shake_ros.settings import find, load_table, read_yaml, table_of
+from shake_ros.settings import find, load_search, load_table, read_yaml, table_of
 
 DEFAULT_TABLE = "bergamo"
 
@@ -42,17 +45,33 @@ def _parameters(model: DeclaredModel, late: bool) -> list[FreeParameter]:
     return [f for f in found if model.may_move(f.name)]
 
 
-def effect_candidates(model: DeclaredModel = FULL) -> tuple[CandidateEffect, ...]:
-    """Every effect that the model may lack, with its trials, from config/discovery."""
+def effect_candidates(model: DeclaredModel = FULL, table: TableParameters | None = None) -> tuple[CandidateEffect, ...]:
+    """Every effect that the model may lack, with its trials, from config/discovery.
+
+    Parameters
+    ----------
+    table : of the model, where its size is its own; the file's trials are made for DEFAULT_TABLE.
+    """
     path = find("discovery", model.candidates_file)
     found = candidates(read_yaml(path), str(path), model.layout.name, model.layout.fields)
-    return tuple(c for c in found if model.may_lack(c.effect))
+    fitting = tuple(c for c in found if model.may_lack(c.effect))
+    if table is None or not model.nuisances:
+        return fitting
+    reference = load_table(DEFAULT_TABLE)
+    return tuple(scaled(c, table, reference) for c in fitting)
 
 
-def model_structure(table: TableParameters, model: DeclaredModel = FULL) -> ModelStructure:
-    """A table of a model with what a fit may move and the effects that it may lack."""
+def model_structure(begin: Start | TableParameters, model: DeclaredModel = FULL) -> ModelStructure:
+    """Where a fit of a model begins, with what it may move and the effects that it may lack."""
+    start = begin if isinstance(begin, Start) else Start.declared(begin, Prepared([], [], 1.0, ()))
     free, late = tuple(free_parameters(model)), tuple(late_parameters(model))
-    return ModelStructure(table, free, late, effect_candidates(model), model)
+    effects = effect_candidates(model, start.fitted)
+    return ModelStructure(start.table, free, late, effects, model, start.fitted, start.shown)
+
+
+def search_settings(model: DeclaredModel = FULL) -> SearchSettings:
+    """The thresholds of the search for what a model lacks."""
+    return load_search(changes="search_unknown" if model.nuisances else None)
 
 
 def recordings_to_make() -> tuple[experiments.Candidate, ...]:

@@ -160,10 +160,19 @@ def load_interlock(name: str) -> InterlockParameters:
     return InterlockParameters.from_mapping(read_yaml(path), str(path))
 
 
-def load_search(name: str = "search") -> SearchSettings:
-    """The thresholds of config/discovery/<name>.yaml, or of a YAML file given by path."""
+def load_search(name: str = "search", changes: str | None = None) -> SearchSettings:
+    """The thresholds of config/discovery/<name>.yaml, or of a YAML file given by path.
+
+    Parameters
+    ----------
+    changes : another such file, with those that differ.
+    """
     path = find("discovery", name)
-    return SearchSettings.from_mapping(read_yaml(path), str(path))
+    content = read_yaml(path)
+    if changes is not None:
+        path = find("discovery", changes)
+        content = {**content, **read_yaml(path)}
+    return SearchSettings.from_mapping(content, str(path))
 
 
 def save_table(path: Path, table: TableParameters, comment: str) -> None:

@@ -34,8 +34,8 @@ from shake_ros.data.results import (
     write_folder,
     write_json,
 )
-from shake_ros.declared import model_structure, recordings_to_make
-from shake_ros.settings import load_search, save_table
+from shake_ros.declared import model_structure, recordings_to_make, search_settings
+from shake_ros.settings import save_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -301,11 +301,12 @@ def close_loop(
     (10.0, False)
     """
     declared = model.declared
-    table, data = model.begin(*fitted.fit_data(estimation, validation, declared.driven_by))
+    start = model.begin(*fitted.fit_data(estimation, validation, declared.driven_by))
+    data = start.data
     first, second = data.estimation, data.validation
-    structure = model_structure(table, declared)
+    structure = model_structure(start, declared)
     with Progress("close_loop", progress) as bar:
-        found = closing.close_loop(structure, first, second, settings or load_search(), bar)
+        found = closing.close_loop(structure, first, second, settings or search_settings(declared), bar)
         known = _uncertainty(found, first)
         tuned = tune_table(found.final.table, uncertainty=known, progress=bar) if tune else None
         bar("tracking with the model before and after", 1.0)

@@ -29,8 +29,8 @@ from shake_ros.data.results import (
     write_folder,
     write_json,
 )
-from shake_ros.declared import model_structure, recordings_to_make
-from shake_ros.settings import load_search, save_table
+from shake_ros.declared import model_structure, recordings_to_make, search_settings
+from shake_ros.settings import save_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -186,17 +186,19 @@ def identify(
     if method == "inverse_dynamics" and model.kind != "axis":
         raise ShakeError(f"--method inverse_dynamics: needs --model axis, not {model.kind}")
     declared = model.declared
-    table, data = model.begin(*fitted.fit_data(estimation, validation, declared.driven_by))
+    start = model.begin(*fitted.fit_data(estimation, validation, declared.driven_by))
+    data = start.data
     first, second = data.estimation, data.validation
+    structure, settings = model_structure(start, declared), search_settings(declared)
     if method == "inverse_dynamics":
-        found = declared_fit.identify_inverse(model_structure(table, declared), first, second, load_search())
+        found = declared_fit.identify_inverse(structure, first, second, settings)
         blocks = InverseDynamics(first).blocks()
         told = diagnose(found.fit, first, second, recordings_to_make(), declared, blocks)
-        return Identification(model, table, found, first, second, told, data)
+        return Identification(model, start.table, found, first, second, told, data)
     with Progress("identify", progress) as bar:
         bar.span(0.0, 0.85)
-        found = declared_fit.identify(model_structure(table, declared), first, second, load_search(), bar)
+        found = declared_fit.identify(structure, first, second, settings, bar)
         bar.span(0.85, 1.0)
         bar("residuals and what would help", 0.0)
         told = diagnose(found.fit, first, second, recordings_to_make(), declared)
-    return Identification(model, table, found, first, second, told, data)
+    return Identification(model, start.table, found, first, second, told, data)

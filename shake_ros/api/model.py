@@ -11,10 +11,11 @@ import numpy as np
 from shake_ros.api.read import Recordings
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.identification.contradictions import contradictions
+from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.nuisances import Prepared, prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record
-from shake_ros.core.identification.stages import staged_start
+from shake_ros.core.identification.stages import Start, staged_start
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
@@ -68,14 +69,19 @@ class Model:
         """The table that a fit to these records starts from."""
         return self.table or self.declared.first_table(records).with_values(self.changes)
 
-    def begin(self, estimation: list[Record], validation: list[Record]) -> tuple[TableParameters, Prepared]:
-        """The table that a fit starts from, and the recordings as it takes them.
+    def begin(self, estimation: list[Record], validation: list[Record]) -> Start:
+        """Where a fit begins, with the recordings as it takes them.
 
         Their offsets are taken out where the model counts these as nuisances.
         """
-        if not isinstance(self.declared, UnknownModel):
-            return self.start(estimation), Prepared(estimation, validation, 1.0, ())
-        return staged_start(self.declared, free_parameters(self.declared), prepared(estimation, validation))
+        declared = self.declared
+        if not isinstance(declared, UnknownModel):
+            return Start.declared(self.start(estimation), Prepared(estimation, validation, 1.0, ()))
+
+        def effects(table: TableParameters) -> dict[str, tuple[FreeParameter, ...]]:
+            return {c.effect: c.free for c in effect_candidates(declared, table)}
+
+        return staged_start(declared, free_parameters(declared), effects, prepared(estimation, validation))
 
     def contradictions(self, recordings: Recordings) -> list[str]:
         """In which quantities the declared numbers and the recordings are far apart, a line each."""

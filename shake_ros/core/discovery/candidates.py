@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field
+from dataclasses import Field, dataclass, field, replace
 from typing import Any
 
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.free_parameters import FreeParameter, free_parameter
-from shake_ros.core.plant.parameters import FIELDS
+from shake_ros.core.plant.parameters import FIELDS, TableParameters
 from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
 
 
@@ -74,3 +74,33 @@ def candidates(
         kind = EFFECTS[effect]
         result.append(CandidateEffect(effect, free, trials, kind.place, kind.depends_on, resembles, usual))
     return tuple(result)
+
+
+def scaled(candidate: CandidateEffect, table: TableParameters, reference: TableParameters) -> CandidateEffect:
+    """A candidate whose trials, scales and bounds fit a table of another mass and area than those they are given for.
+
+    Masses and forces count with the moved mass, flows and volumes with the area; lengths, times and pressures stay.
+    """
+    mass = table.moved_mass / reference.moved_mass
+    area = table.body.piston_area / reference.body.piston_area
+
+    def factor(unit: str) -> float:
+        above, _, below = unit.partition("/")
+        if "m^3" in above:
+            return area
+        if "m^3" in below:
+            return 1.0 / area
+        return mass if {"kg", "N"} & set(above.split("*")) else 1.0 / mass if "N" in below else 1.0
+
+    def fitting(p: FreeParameter) -> FreeParameter:
+        by, limits = factor(p.unit), FIELDS[p.name].metadata
+        low, high = max(by * p.low, limits["low"]), min(by * p.high, limits["high"])
+        return replace(p, scale=by * p.scale, low=low, high=high)
+
+    def tried(trial: Mapping[str, float]) -> dict[str, float]:
+        limits = {name: FIELDS[name].metadata for name in trial}
+        return {n: min(max(factor(m["unit"]) * trial[n], m["low"]), m["high"]) for n, m in limits.items()}
+
+    return replace(
+        candidate, free=tuple(map(fitting, candidate.free)), trials=tuple(tried(trial) for trial in candidate.trials)
+    )

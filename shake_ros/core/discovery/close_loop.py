@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
 from shake_ros.core.discovery.forward_selection import Selection, forward_selection
-from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem
+from shake_ros.core.discovery.problem import ModelStructure, Progress, ScoredFit, SearchProblem, linearised
 from shake_ros.core.discovery.remaining import Remaining, remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -48,8 +48,21 @@ def close_loop(
     """
     problem = SearchProblem.of(model, estimation, validation, settings, progress)
     declared = fit_declared(problem, FreeParameters(model.table, model.free))
-    found = forward_selection(problem, declared, model.candidates)
+    found = forward_selection(problem, declared, model)
+    if problem.estimation.records != list(estimation):
+        progress("final fit to all recordings", 0.8)
+        problem, found = on_whole(problem, found, estimation)
     progress("errors and what remains", 0.9)
     models = tuple(fitted_model(m.fit, problem.estimation, problem.validation) for m in found.models)
     rest = remaining(problem, found)
     return LoopClosure(models[0], models[1:], found, rest, problem.estimation.noise(), model.simulator)
+
+
+def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:
+    """Problem and models on all estimation data: the final model fitted to them, those before it as they are."""
+    whole, settings = problem.on_whole(estimation), problem.settings
+
+    def fitted(final: ScoredFit) -> ScoredFit:
+        return whole.fitted(final.fit.free, final.fit.x, settings.converging_evaluations, settings.converged)
+
+    return whole, found.on(lambda m: whole.scored(linearised(whole.estimation, m.fit)), fitted)

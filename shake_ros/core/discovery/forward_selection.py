@@ -8,6 +8,7 @@ earlier effects are tried for removal.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from shake_ros.core.discovery.candidates import CandidateEffect
@@ -15,9 +16,10 @@ from shake_ros.core.discovery.convergence import converge, reconverged, refined
 from shake_ros.core.discovery.decision import ForwardStep, decide, improves
 from shake_ros.core.discovery.elimination import eliminate
 from shake_ros.core.discovery.late_parameters import with_late_parameters
-from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem
 from shake_ros.core.discovery.refit import Refit, ranked, refit, rounds
 from shake_ros.core.discovery.screening import screen
+from shake_ros.core.discovery.shown_effects import shown_steps
 from shake_ros.core.discovery.unlisted_functions import UNLISTED, FunctionSearch, or_function
 from shake_ros.core.identification.fit import Fit
 
@@ -56,20 +58,35 @@ class Selection:
         step = replace(last, chosen=chosen, ranking=(chosen, *last.ranking[1:]))
         return replace(self, steps=(*self.steps[:-1], step), final=better)
 
+    def on(self, moved: Callable[[ScoredFit], ScoredFit], last: Callable[[ScoredFit], ScoredFit]) -> Selection:
+        """The same models on other data: `last` makes the final one, `moved` those before."""
+        if not self.steps:
+            again = last(self.final)
+            return replace(self, declared=again, final=again)
+        final, steps = last(self.final), list[ForwardStep]()
+        for step in self.steps:
+            result = final if step is self.steps[-1] else moved(step.chosen.result)
+            chosen = replace(step.chosen, result=result)
+            steps.append(replace(step, chosen=chosen, ranking=(chosen, *step.ranking[1:])))
+        return replace(self, declared=moved(self.declared), steps=tuple(steps), final=final)
+
     def with_step(self, step: ForwardStep) -> Selection:
         """One effect more."""
         return replace(self, steps=(*self.steps, step), final=step.chosen.result, rejected=())
 
 
-def forward_selection(problem: SearchProblem, declared: Fit, candidates: tuple[CandidateEffect, ...]) -> Selection:
+def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructure) -> Selection:
     """Add effects to the declared model until none lowers the error on validation data; take out the needless.
 
     Parameters
     ----------
-    declared : fit of the declared model to the estimation data. candidates : effects that it may lack.
+    declared : fit of the declared model to the estimation data. model : with the effects that it may lack.
     """
     current = with_late_parameters(problem, problem.scored(declared))
-    found, left = Selection(current, (), current), candidates
+    found, left = Selection(current, (), current), model.candidates
+    for shown in shown_steps(problem, model, current) if model.shown else ():
+        found = found.with_step(shown)
+        left = tuple(c for c in left if c.effect != shown.chosen.candidate.effect)
     while left and len(found.steps) < problem.settings.most_effects and not problem.at_noise(found.final):
         step, ranking, current = forward_step(problem, found.final, left)
         improved = current is not found.final

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -35,6 +35,7 @@ class ModelStructure:
     ----------
     table : values that a fit starts from. free, late : parameters that a fit may move, from the start or only once they
     explain much of what is left above the noise. candidates : effects that it may lack. simulator : of its free run.
+    shown : effects among the candidates that show without a search; `fitted` is a table that has them.
     """
 
     table: TableParameters
@@ -42,6 +43,8 @@ class ModelStructure:
     late: tuple[FreeParameter, ...] = ()
     candidates: tuple[CandidateEffect, ...] = ()
     simulator: DeclaredModel = FULL
+    fitted: TableParameters | None = None
+    shown: tuple[str, ...] = ()
 
 
 def side_by_side(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
@@ -105,8 +108,12 @@ class SearchProblem:
         settings: SearchSettings,
         progress: Progress,
     ) -> SearchProblem:
-        """The problem of recordings; without validation data the estimation data judge themselves."""
+        """The problem of recordings; without validation data the estimation data judge themselves.
+
+        Of long recordings the search fits pieces.
+        """
         whole, pieces = [], []
+        estimation = windows(list(estimation), settings.search_seconds, settings.search_piece)
         for records in (estimation, validation) if validation else (estimation,):
             whole.append(RecordingProblem(list(records), model.simulator))
             pieces.append(RecordingProblem(windows(list(records), settings.piece_seconds), model.simulator))
@@ -132,6 +139,10 @@ class SearchProblem:
 
     def _validation_residuals(self, result: Fit) -> np.ndarray:
         return np.nan_to_num(self.validation.residuals(result.free.vectors(result.x))[0], nan=FAILED)
+
+    def on_whole(self, estimation: Sequence[Record]) -> SearchProblem:
+        """The same problem with all of the estimation data."""
+        return replace(self, estimation=RecordingProblem(list(estimation), self.estimation.model))
 
     def at_noise(self, current: ScoredFit) -> bool:
         """Whether a fit leaves nothing above the sensor noise, on either set of recordings."""

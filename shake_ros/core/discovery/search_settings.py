@@ -18,6 +18,9 @@ class SearchSettings(Parameters):
     Costs are mean squares of weighted residuals. "Trial points" are those of one least-squares fit.
     """
 
+    # what is fitted
+    search_seconds: float = quantity("s", "estimation data that the search fits; the final model fits all", low=1.0)
+    search_piece: float = quantity("s", "length of each piece where these are fewer than all", low=1.0)
     # the declared fit
     piece_seconds: float = quantity("s", "recordings on which starts and candidates are first tried", low=1.0)
     starts: int = quantity("-", "starts of the declared fit that are simulated", low=1)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
-from shake_ros.core.identification.first_guess import linear_table, slow_gain
 from shake_ros.core.identification.identified import velocity_gain
+from shake_ros.core.identification.linear_table import linear_table, slow_gain
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.linearisation import oil_column_frequency
 from shake_ros.core.plant.parameters import TableParameters

@@ -6,8 +6,8 @@ the free run over the whole of it, whose mean velocity it moves, and what is lef
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,28 +20,52 @@ from shake_ros.core.identification.recordings import Record, RecordingProblem, l
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import TableParameters
 
-PIECES, PIECE = 24.0, 6.0  # of the recordings that the first fit sees, and length of each [s]
+PIECES, PIECE = 18.0, 6.0  # of the recordings that the first fit sees, and length of each [s]
 GUESSES = 2  # that are fitted
 EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
 ROUNDS = 2  # of null shifts and fit
+EffectsOf = Callable[[TableParameters], Mapping[str, Sequence[FreeParameter]]]
+SHOWN = ("specimen_resonance", "accelerometer_lag")  # effects that show without a search
 
 
-def staged_start(
-    model: UnknownModel, free: Sequence[FreeParameter], data: Prepared
-) -> tuple[TableParameters, Prepared]:
-    """Where the whole fit begins: a table, and the recordings with the null shifts that it tells."""
+@dataclass(frozen=True)
+class Start:
+    """Where the whole fit begins.
+
+    table : the declared one, fitted to pieces. data : recordings with the null shifts that it tells. shown : effects
+    that sensors and linear response show without a search; `fitted` is the table with them.
+    """
+
+    table: TableParameters
+    data: Prepared
+    fitted: TableParameters
+    shown: tuple[str, ...] = ()
+
+    @classmethod
+    def declared(cls, table: TableParameters, data: Prepared) -> Start:
+        """A declared table, from which the fit begins as it is."""
+        return cls(table, data, table)
+
+
+def staged_start(model: UnknownModel, free: Sequence[FreeParameter], effects: EffectsOf, data: Prepared) -> Start:
+    """Where the whole fit begins, for a table of which little is known.
+
+    Parameters
+    ----------
+    free : parameters that a fit may move. effects : that a table may lack, with the parameters that a fit then moves.
+    """
     assert model.table is not None
-    given, lag = model.table, "effects.accelerometer_lag.time_constant"
-    named = lag not in (*model.unknown, *model.deviations) and given.value(lag) == 0.0
-    if named:  # what the sensors alone tell helps the first fits; the search has still to name it
-        given = given.with_values({lag: data.accelerometer_lag})
-    guesses = FirstGuess(data.estimation).tables(given, model.unknown, model)[:GUESSES]
-    table = min((_fitted(model, free, guess, data) for guess in guesses), key=lambda found: found[0])[1]
+    lagging = model.may_lack("accelerometer_lag") and data.accelerometer_lag > 0.0
+    more = {"effects.accelerometer_lag.time_constant": data.accelerometer_lag} if lagging else {}
+    guesses = FirstGuess(data.estimation).tables(model.table, model.unknown, model, more)[:GUESSES]
+    known = effects(guesses[0])
+    shown = tuple(e for e in SHOWN if e in known and e in guesses[0].effects and e not in model.table.effects)
+    moved = [*free, *(p for e in shown for p in known[e])]
+    table = min((_fitted(model, moved, guess, data) for guess in guesses), key=lambda found: found[0])[1]
     for _ in range(ROUNDS - 1):
         data = recentred(model, table, data)
-        table = _fitted(model, free, table, data)[1]
-    data = recentred(model, table, data)
-    return (table.without(("accelerometer_lag",)) if named else table), data
+        table = _fitted(model, moved, table, data)[1]
+    return Start(table.without(shown), recentred(model, table, data), table, shown)
 
 
 def _fitted(
