@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shake_ros.api import fitted
+from shake_ros.api.ending import Ending
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable
@@ -48,7 +50,8 @@ class FoundEffect:
     Attributes
     ----------
     name, place : of the effect. parameters : its own, with standard errors. evidence : why this one.
-    alternatives : effects that these recordings cannot tell from it.
+    alternatives : effects that these recordings cannot tell from it. state : established, likely or one of these.
+    worth : error of the final model without it, over that with it [-].
     """
 
     name: str
@@ -56,6 +59,8 @@ class FoundEffect:
     parameters: tuple[Estimate, ...]
     evidence: str
     alternatives: tuple[str, ...]
+    state: str = ""
+    worth: float = math.nan
 
 
 class Effects(Sequence[FoundEffect]):
@@ -89,12 +94,15 @@ class Effects(Sequence[FoundEffect]):
                 p.value,
                 p.std_error,
                 p.unit,
+                e.state,
+                e.worth,
                 ", ".join(e.alternatives) or None,
             )
             for e in self
             for p in e.parameters
         ]
-        return ResultTable(("effect", "place", "parameter", "value", "std. error", "unit", "not told apart from"), rows)
+        heads = ("effect", "place", "parameter", "value", "std. error", "unit", "state", "worth", "not told apart from")
+        return ResultTable(heads, rows)
 
     def __repr__(self) -> str:
         return repr(self.frame) if self else "nothing is missing"
@@ -143,6 +151,8 @@ class Discovery:
                     tuple(Estimate(name, **content) for name, content in step["parameters"].items()),
                     step["evidence"]["why"],
                     tuple(step["alternatives"]),
+                    step["state"],
+                    step["worth"],
                 )
                 for step in steps
             ]
@@ -259,6 +269,7 @@ def close_loop(
     *,
     settings: SearchSettings | None = None,
     tune: bool = False,
+    minutes: float | None = None,
     progress: Told = True,
 ) -> Discovery:
     """Find what a declared model is missing, and add it.
@@ -269,6 +280,7 @@ def close_loop(
     estimation : recordings to fit. validation : recordings that decide whether an effect is added.
     settings : thresholds of the search, where not those of config/discovery/search.yaml.
     tune : design observer and controller for the found table as well, see `sr.tune`; of the full model.
+    minutes : after which the search ends with the best answer so far. Ctrl-C ends it as well; the second interrupts.
     progress : show it, or a function to tell what is being done and which part is done.
 
     Raises
@@ -306,7 +318,8 @@ def close_loop(
     first, second = data.estimation, data.validation
     structure = model_structure(start, declared)
     with Progress("close_loop", progress) as bar:
-        found = closing.close_loop(structure, first, second, settings or search_settings(declared), bar)
+        with Ending(bar, minutes) as ending:
+            found = closing.close_loop(structure, first, second, settings or search_settings(declared), ending)
         known = _uncertainty(found, first)
         tuned = tune_table(found.final.table, uncertainty=known, progress=bar) if tune else None
         bar("tracking with the model before and after", 1.0)

@@ -37,6 +37,11 @@ class Progress:
         self._text = ""
         self._low, self._high = 0.0, 1.0
 
+    @property
+    def drawn(self) -> bool:
+        """Whether a bar is redrawn in place."""
+        return self._drawn
+
     def span(self, low: float, high: float) -> None:
         """Parts told from now on count from `low` to `high` of the whole."""
         self._low, self._high = low, high

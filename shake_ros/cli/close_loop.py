@@ -22,10 +22,13 @@ def main(arguments: Sequence[str]) -> int:
     command.add_argument(
         "--tune", action="store_true", help="make controller.yaml and observer.yaml for the found table"
     )
+    command.add_argument(
+        "--minutes", type=float, metavar="N", help="end the search after N minutes with the best answer so far"
+    )
     given = command.parse_args(list(arguments))
     if given.tune and MODELS[given.model].layout is not FULL_LAYOUT:
         raise ShakeError(f"--tune: needs a valve and hydraulics, which the model {given.model} does not have")
-    found = close_loop(*fitting.inputs(given), tune=given.tune)
+    found = close_loop(*fitting.inputs(given), minutes=given.minutes, tune=given.tune)
     found.report(given.out, given.force, **reporting("close_loop", given, arguments))
     tracking = tracking_lines(found.tracking) if found.tracking else []
     told = identified_lines(found.told, found.data)

@@ -10,15 +10,18 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from shake_ros.core.discovery.close_loop import LoopClosure
+from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.standing import Standing
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.uncertainty import Estimate
@@ -97,7 +100,40 @@ def _refit_json(refit: Refit) -> dict[str, Any]:
     }
 
 
-def _step_json(step: ForwardStep, model: FittedModel) -> dict[str, Any]:
+def _standing_json(standing: Standing) -> dict[str, Any]:
+    return {
+        "state": standing.state,
+        "reason": standing.reason,
+        "worth": standing.worth,
+        "at_bound": list(standing.bounds),
+    }
+
+
+def _candidate_json(standing: Standing) -> dict[str, Any]:
+    named = {"effect": standing.effect, "place": standing.place, "alternatives": list(standing.alternatives)}
+    return named | _standing_json(standing)
+
+
+def _function_json(function: LearntFunction) -> dict[str, Any]:
+    form = function.form
+    return {
+        "quantity": function.quantity,
+        "place": function.place,
+        "unit": function.unit,
+        "at": function.at.tolist(),
+        "values": function.values.tolist(),
+        "std_errors": [float(d) if np.isfinite(d) else None for d in function.deviations],
+        "closed_form": {
+            "name": form.name,
+            "text": form.text,
+            "parameters": dict(form.parameters),
+            "misfit": form.misfit,
+            "held_out_error_over_free": form.cost,
+        },
+    }
+
+
+def _step_json(step: ForwardStep, model: FittedModel, standing: Standing | None) -> dict[str, Any]:
     own = {f.name for f in step.chosen.candidate.free}
     best, second = step.chosen, step.ranking[1] if len(step.ranking) > 1 else None
     least = best.result.validation_cost
@@ -110,7 +146,8 @@ def _step_json(step: ForwardStep, model: FittedModel) -> dict[str, Any]:
         why += f", next {second.candidate.effect} with {next_least:.3g}"
     return {
         "effect": best.candidate.effect,
-        "alternatives": list(step.alternatives),
+        "alternatives": list(standing.alternatives if standing else step.alternatives),
+        **(_standing_json(standing) if standing else {}),
         "place": best.candidate.place,
         "depends_on": list(best.candidate.depends_on),
         "parameters": parameters_json([p for p in model.parameters if p.name in own]),
@@ -133,14 +170,20 @@ def close_loop_json(result: LoopClosure, learn: Sequence[str], hold: Sequence[st
         "recordings": {"learn": list(learn), "hold": list(hold)},
         "noise": result.noise,
         "baseline": model_json(result.baseline),
-        "steps": [_step_json(s, m) for s, m in zip(result.search.steps, result.models, strict=True)],
+        "steps": [
+            _step_json(step, model, standing)
+            for step, model, standing in zip_longest(result.search.steps, result.models, result.standings)
+        ],
         "final": model_json(result.final),
         "remaining": {
             "above_noise": rest.above_noise,
             "place": place,
             "depends_on": list(depends_on),
             "text": text,
+            "candidates": [_candidate_json(c) for c in result.candidates],
         },
+        "function": _function_json(result.function) if result.function else None,
+        "ended_early": result.search.stopped,
     }
 
 

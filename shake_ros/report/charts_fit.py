@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
+from shake_ros.core.discovery.closed_form import ClosedForm
 from shake_ros.core.effects.unlisted import NODES
 from shake_ros.core.identification.diagnosis import Judgement
 from shake_ros.core.identification.fit import Fit
@@ -165,14 +166,17 @@ def residual_charts(
     return charts
 
 
-def unlisted_chart(fit: Fit) -> Chart:
-    """The estimated function on its nodes."""
+def unlisted_chart(fit: Fit, form: ClosedForm | None = None) -> Chart:
+    """The estimated function on its nodes, and its closed form."""
     table = fit.free.table(fit.x)
     low, high = (table.value(f"effects.unlisted.{end}") for end in ("low", "high"))
     values = np.array([table.value(f"effects.unlisted.node_{i:02d}") for i in range(NODES)])
     quantity, label, scale = FUNCTIONS[int(table.value("effects.unlisted.kind"))]
     at = np.linspace(low, high, NODES) * SCALES.get(quantity, 1.0)
-    panel = Panel(label, at, (ChartSeries("estimated", scale * values, "after", width=1.8),), height=210)
+    series = [ChartSeries("estimated", scale * values, "after", width=1.8)]
+    if form:
+        series.append(ChartSeries(form.name, scale * form.values, "c0"))
+    panel = Panel(label, at, tuple(series), height=210)
     return Chart("unlisted", LABELS[quantity], (panel,), "The function without a name, as estimated on its nodes")
 
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 
 import numpy as np
 
 from shake_ros.core.discovery.close_loop import LoopClosure
+from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.problem import ScoredFit
+from shake_ros.core.discovery.standing import Standing
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Nuisance
@@ -33,7 +36,7 @@ from shake_ros.report.sections import (
     parameter_table,
     remains_section,
 )
-from shake_ros.report.text import percent
+from shake_ros.report.text import function_line, percent, sentence, standing_lines
 
 SIZE = (
     "Effects are held against each other in one measure: the rms of what the refitted model leaves, every channel in "
@@ -126,8 +129,16 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
     page.cards(cards)
     if not steps:
         page.paragraph("No effect lowers the error on the validation data beyond chance.")
-    for step, model in zip(steps, result.models, strict=True):
-        page.paragraph(step_text(step, model))
+    for step, model, standing in zip_longest(steps, result.models, result.standings):
+        page.paragraph(" ".join([step_text(step, model), *(_sentences(standing) if standing else ())]))
+    for doubtful in result.candidates:
+        page.paragraph(" ".join([f"Not added: {doubtful.effect} ({doubtful.place}).", *_sentences(doubtful)]))
+    if result.search.stopped:
+        page.paragraph("The search was ended before it was done; this is the best answer so far.")
+
+
+def _sentences(standing: Standing) -> list[str]:
+    return [sentence(line.strip()) for line in standing_lines(standing)]
 
 
 def step_text(step: ForwardStep, model: FittedModel) -> str:
@@ -148,7 +159,7 @@ def step_text(step: ForwardStep, model: FittedModel) -> str:
     return f"{chosen.effect} ({chosen.place}){shown}. {sure}"
 
 
-def step_section(page: Page, step: ForwardStep, without: ScoredFit) -> None:
+def step_section(page: Page, step: ForwardStep, without: ScoredFit, function: LearntFunction | None = None) -> None:
     """Why this effect and not another."""
     chosen = step.chosen.candidate
     page.heading(f"Why {chosen.effect} and not another")
@@ -177,7 +188,9 @@ def step_section(page: Page, step: ForwardStep, without: ScoredFit) -> None:
             f"No listed effect explains the residual. It acts at {chosen.place} "
             f"and depends on {', '.join(chosen.depends_on)}."
         )
-        page.chart(charts_fit.unlisted_chart(step.chosen.result.fit))
+        page.chart(charts_fit.unlisted_chart(step.chosen.result.fit, function.form if function else None))
+        if function:
+            page.paragraph(sentence(function_line(function)))
 
 
 def _sizes(fit: ScoredFit, widest: float) -> list[str | Bar]:
@@ -194,7 +207,7 @@ def model_sections(page: Page, result: LoopClosure, learn: Sequence[Record], hol
     noise = f" Sensor noise alone: {result.noise['velocity']:.2g} m/s{felt}."
     errors_section(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)), bands, MODELS, noise)
     for step, without in zip(result.search.steps, result.search.models, strict=False):
-        step_section(page, step, without)
+        step_section(page, step, without, result.function)
     depends = [d for s in result.search.steps for d in s.chosen.candidate.depends_on]
     page.subheading("The residual against what the effect depends on")
     mass = result.model.moved_mass(result.final.table)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import zip_longest
 
 from shake_ros.core.discovery.close_loop import LoopClosure
+from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.declared_fit import FittedModel
+from shake_ros.core.discovery.standing import Standing
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.uncertainty import Estimate
@@ -59,19 +62,43 @@ def error_lines(model: FittedModel, title: str = "error of the free run") -> lis
     return lines
 
 
+def function_line(function: LearntFunction) -> str:
+    """The function without a name as a closed form."""
+    form = function.form
+    values = ", ".join(f"{name} = {value:.4g}" for name, value in form.parameters.items())
+    return (
+        f"function of {function.quantity} [{function.unit}], closed form: {form.name}, {form.text} with {values}; it "
+        f"differs from the free one by {percent(form.misfit)}, and leaves {form.cost:.2f} times its held-out error"
+    )
+
+
+def standing_lines(standing: Standing) -> list[str]:
+    """State of an effect with its worth and what rests on a bound."""
+    lines = [f"  {standing.state}: {standing.reason}; without it the error is {standing.worth:.2f} times as large"]
+    return lines + [f"  {name} rests on a bound: something else is missing" for name in standing.bounds]
+
+
 def close_loop_lines(result: LoopClosure) -> list[str]:
     """Baseline, steps, final and what remains."""
     lines = error_lines(result.baseline, "declared model, error of the free run")
-    for step, model in zip(result.search.steps, result.models, strict=True):
-        best = step.chosen.candidate
-        also = f" (these recordings cannot tell it from {', '.join(step.alternatives)})" if step.alternatives else ""
+    for step, model, standing in zip_longest(result.search.steps, result.models, result.standings):
+        best, others = step.chosen.candidate, standing.alternatives if standing else step.alternatives
+        also = f" (these recordings cannot tell it from {', '.join(others)})" if others else ""
         lines += ["", f"added: {best.effect}, place {best.place}{also}"]
+        lines += standing_lines(standing) if standing else []
         own = {f.name for f in best.free}
         lines += parameter_lines([p for p in model.parameters if p.name in own])
         lines += error_lines(model)
     if not result.search.steps:
         lines += ["", "nothing is added: no effect lowers the error on the validation data"]
-    return [*lines, "", f"remaining: {result.remaining.text}"]
+    lines += [function_line(result.function)] if result.function else []
+    lines += ["", f"remaining: {result.remaining.text}"]
+    if result.search.stopped:
+        lines.append("the search was ended before it was done; this is the best answer so far")
+    for doubtful in result.candidates:
+        lines.append(f"not added: {doubtful.effect}, place {doubtful.place}")
+        lines += standing_lines(doubtful)
+    return lines
 
 
 def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:

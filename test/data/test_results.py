@@ -47,7 +47,10 @@ def check_error(content: Any, learn: list[str], hold: list[str]) -> None:
 
 def check_report(report: Any) -> None:
     """The whole contract of report.json of `close_loop`."""
-    assert list(report) == ["schema", "model", "recordings", "noise", "baseline", "steps", "final", "remaining"]
+    keys = ["schema", "model", "recordings", "noise", "baseline", "steps", "final", "remaining"]
+    assert list(report) == [*keys, "function", "ended_early"]
+    assert report["function"] is None
+    assert report["ended_early"] is False
     assert report["schema"] == "shake_ros.close_loop/1"
     assert report["model"] in ("full", "reduced")
     assert set(report["recordings"]) == {"learn", "hold"}
@@ -61,7 +64,11 @@ def check_report(report: Any) -> None:
     assert isinstance(report["steps"], list)
     for step in report["steps"]:
         keys = {"effect", "alternatives", "place", "parameters", "evidence", "error"}
-        assert set(step) - {"depends_on"} == keys
+        assert set(step) - {"depends_on"} == keys | {"state", "reason", "worth", "at_bound"}
+        assert step["state"] in ("established", "likely", "one of these")
+        assert (step["state"] == "one of these") == bool(step["alternatives"])
+        assert step["worth"] > 1.0
+        assert set(step["at_bound"]) <= set(step["parameters"])
         assert set(step.get("depends_on", [])) <= QUANTITIES
         assert step["effect"] in {*EFFECTS, "unlisted"}
         assert isinstance(step["alternatives"], list)
@@ -71,7 +78,10 @@ def check_report(report: Any) -> None:
         assert isinstance(step["evidence"], dict)
         check_error(step["error"], learn, hold)
     remaining = report["remaining"]
-    assert set(remaining) == {"above_noise", "place", "depends_on", "text"}
+    assert set(remaining) == {"above_noise", "place", "depends_on", "text", "candidates"}
+    for doubtful in remaining["candidates"]:
+        assert doubtful["state"] == "not established"
+        assert doubtful["effect"] not in {s["effect"] for s in report["steps"]}
     assert isinstance(remaining["above_noise"], bool)
     assert remaining["place"] is None or remaining["place"] in PLACES
     assert set(remaining["depends_on"]) <= QUANTITIES

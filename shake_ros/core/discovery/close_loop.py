@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
 from shake_ros.core.discovery.forward_selection import Selection, forward_selection
-from shake_ros.core.discovery.problem import ModelStructure, Progress, ScoredFit, SearchProblem, linearised
+from shake_ros.core.discovery.problem import ModelStructure, Progress, ScoredFit, SearchProblem, linearised, patiently
 from shake_ros.core.discovery.remaining import Remaining, remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.discovery.standing import Standing, judged
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 
 
 @dataclass(frozen=True)
 class LoopClosure:
-    """Result of closing the loop: models before and after, the steps between them, what remains."""
+    """Result of closing the loop: models before and after, the steps between them, what remains.
+
+    standings : how sure each step's effect is. candidates : effects that helped and are not established.
+    function : the one without a name, where it was needed.
+    """
 
     baseline: FittedModel
     models: tuple[FittedModel, ...]
@@ -24,6 +30,9 @@ class LoopClosure:
     remaining: Remaining
     noise: dict[str, float]
     model: DeclaredModel = FULL
+    standings: tuple[Standing, ...] = ()
+    candidates: tuple[Standing, ...] = ()
+    function: LearntFunction | None = None
 
     @property
     def final(self) -> FittedModel:
@@ -44,18 +53,21 @@ def close_loop(
     ----------
     model : declared model with its free parameters and the effects that it may lack.
     estimation, validation : recordings that are fitted, and others that judge what is added.
-    settings : thresholds of the search. progress : called with a text and the part done, 0 … 1.
+    settings : thresholds of the search. progress : called with a text and the part done, 0 … 1; where it
+        raises `Stopped`, the search ends with what it has.
     """
-    problem = SearchProblem.of(model, estimation, validation, settings, progress)
+    problem = SearchProblem.of(model, estimation, validation, settings, patiently(progress))
     declared = fit_declared(problem, FreeParameters(model.table, model.free))
-    found = forward_selection(problem, declared, model)
+    selection = forward_selection(replace(problem, progress=progress), declared, model)
+    found, standings, doubtful = judged(problem, selection)
     if problem.estimation.records != list(estimation):
-        progress("final fit to all recordings", 0.8)
+        problem.progress("final fit to all recordings", 0.8)
         problem, found = on_whole(problem, found, estimation)
-    progress("errors and what remains", 0.9)
+    problem.progress("errors and what remains", 0.9)
     models = tuple(fitted_model(m.fit, problem.estimation, problem.validation) for m in found.models)
     rest = remaining(problem, found)
-    return LoopClosure(models[0], models[1:], found, rest, problem.estimation.noise(), model.simulator)
+    function, noise = learnt_function(problem, found.final), problem.estimation.noise()
+    return LoopClosure(models[0], models[1:], found, rest, noise, model.simulator, standings, doubtful, function)
 
 
 def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:

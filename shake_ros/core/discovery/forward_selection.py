@@ -8,7 +8,7 @@ earlier effects are tried for removal.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from shake_ros.core.discovery.candidates import CandidateEffect
@@ -16,7 +16,7 @@ from shake_ros.core.discovery.convergence import converge, reconverged, refined
 from shake_ros.core.discovery.decision import ForwardStep, decide, improves
 from shake_ros.core.discovery.elimination import eliminate
 from shake_ros.core.discovery.late_parameters import with_late_parameters
-from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem
+from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, Stopped
 from shake_ros.core.discovery.refit import Refit, ranked, refit, rounds
 from shake_ros.core.discovery.screening import screen
 from shake_ros.core.discovery.shown_effects import shown_steps
@@ -29,7 +29,7 @@ class Selection:
     """Fit of the declared model, steps, final fit.
 
     removed : effects taken out again. rejected : ranking of the last step, which nothing passed. functions : what was
-    tried in it for something that no listed effect explains.
+    tried in it for something that no listed effect explains. stopped : whether the search ended before it was done.
     """
 
     declared: ScoredFit
@@ -38,6 +38,7 @@ class Selection:
     removed: tuple[str, ...] = ()
     rejected: tuple[Refit, ...] = ()
     functions: FunctionSearch | None = None
+    stopped: bool = False
 
     @property
     def models(self) -> tuple[ScoredFit, ...]:
@@ -83,26 +84,40 @@ def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructu
     declared : fit of the declared model to the estimation data. model : with the effects that it may lack.
     """
     current = with_late_parameters(problem, problem.scored(declared))
-    found, left = Selection(current, (), current), model.candidates
-    for shown in shown_steps(problem, model, current) if model.shown else ():
+    found = Selection(current, (), current)
+    try:
+        for grown in stages(problem, found, model):
+            found = grown
+    except Stopped:
+        return replace(found, stopped=True)
+    steps, final, removed = eliminate(problem, found.steps, found.final)
+    return replace(found, steps=steps, final=final, removed=removed)
+
+
+def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> Iterator[Selection]:
+    """The selection as it grows, each stage a whole answer."""
+    left = model.candidates
+    for shown in shown_steps(problem, model, found.final) if model.shown else ():
         found = found.with_step(shown)
         left = tuple(c for c in left if c.effect != shown.chosen.candidate.effect)
+    yield found
     while left and len(found.steps) < problem.settings.most_effects and not problem.at_noise(found.final):
         step, ranking, current = forward_step(problem, found.final, left)
         improved = current is not found.final
         found = replace(found.with_better_fit(current) if improved else found, rejected=ranking)
+        yield found
         if improved and step is None:
             continue  # the model without a further effect had not converged: look again at what it leaves now
         step, functions = or_function(problem, current, step, ranking)
         found = replace(found, functions=functions)
+        yield found
         if step is None:
             break
         found = found.with_step(step)
+        yield found
         left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)
         if step.chosen.candidate.effect == UNLISTED:
             break
-    steps, final, removed = eliminate(problem, found.steps, found.final)
-    return replace(found, steps=steps, final=final, removed=removed)
 
 
 def forward_step(

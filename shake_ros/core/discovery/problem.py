@@ -5,6 +5,7 @@ Estimation data are fitted, validation data judge. Pieces of both are a cheaper 
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -45,6 +46,20 @@ class ModelStructure:
     simulator: DeclaredModel = FULL
     fitted: TableParameters | None = None
     shown: tuple[str, ...] = ()
+
+
+class Stopped(Exception):
+    """A search is to end with what it has found; whoever is told of its progress may raise it."""
+
+
+def patiently(progress: Progress) -> Progress:
+    """Progress of what is done to its end even where the search is to stop."""
+
+    def tell(text: str, part: float) -> None:
+        with contextlib.suppress(Stopped):
+            progress(text, part)
+
+    return tell
 
 
 def side_by_side(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:

@@ -63,6 +63,9 @@ class SearchSettings(Parameters):
     chance: float = quantity("-", "probability, over all candidates, of a fall by chance", low=1e-12, high=1.0)
     margin: float = quantity("-", "relative difference of scores up to which effects are indistinguishable", low=0.0)
     significant: float = quantity("-", "standard errors by which rivals must differ to be told apart", low=0.0)
+    # how sure each effect is
+    near_noise: float = quantity("-", "ratio of residual to noise up to which an effect can be established", low=1.0)
+    worth_of_likely: float = quantity("-", "part of what is unexplained that a likely effect is worth", low=0.0)
     # functions for what no listed effect explains
     function_above_noise: float = quantity("-", "ratio to the noise from which a function is estimated", low=0.0)
     weak_effect: float = quantity("-", "part of the cost that a weak listed effect leaves", low=0.0, high=1.0)

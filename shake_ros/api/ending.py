@@ -1,0 +1,54 @@
+"""How a long search ends early: after some minutes, or at Ctrl-C, with what it has found so far."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from types import TracebackType
+
+from shake_ros.api.progress import Progress
+from shake_ros.core.discovery.problem import Stopped
+from shake_ros.core.quantities import ShakeError
+
+
+class Ending:
+    """Progress that ends a search once its minutes are over or Ctrl-C has been pressed; the second Ctrl-C interrupts.
+
+    Parameters
+    ----------
+    progress : that is told as well. minutes : after which the search is to end; None for no limit.
+    """
+
+    def __init__(self, progress: Progress, minutes: float | None = None) -> None:
+        if minutes is not None and not minutes > 0.0:
+            raise ShakeError(f"minutes = {minutes:g}: must be above 0")
+        self._progress = progress
+        self._last = None if minutes is None else time.monotonic() + 60.0 * minutes
+        self._asked = False
+        self._before: object = None
+        self._watching = threading.current_thread() is threading.main_thread()
+
+    def __call__(self, text: str, part: float) -> None:
+        """Tell the progress, and end the search where it is time."""
+        left = "" if self._last is None else f" [{max(self._last - time.monotonic(), 0.0) / 60.0:.1f} min left]"
+        self._progress(f"{text}{left}" if self._progress.drawn else text, part)
+        if self._asked or (self._last is not None and time.monotonic() > self._last):
+            raise Stopped
+
+    def __enter__(self) -> Ending:
+        if self._watching:
+            self._before = signal.signal(signal.SIGINT, self._interrupted)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._watching:
+            signal.signal(signal.SIGINT, self._before)  # type: ignore[arg-type]
+
+    def _interrupted(self, *_: object) -> None:
+        if self._asked:
+            raise KeyboardInterrupt
+        self._asked = True
+        self._progress("ending with what is found; Ctrl-C once more leaves nothing", 0.0)

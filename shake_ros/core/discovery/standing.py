@@ -1,0 +1,106 @@
+"""How sure each effect is, judged in the final model: its worth when it alone is taken out, and what could replace it.
+
+An effect is
+
+    established      the residual is near the noise, the effect is needed, and no other could stand for it
+    one of these     another effect would do as well in its place in the final model
+    likely           needed, and worth more than all that is still unexplained, which stands above the noise
+    not established  at a bound, not needed beyond chance, or worth less than what is still unexplained
+
+Where much remains, a combination with something else may replace what was found; an effect at a bound does the work of
+something that is missing. Such effects are candidates, not findings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shake_ros.core.discovery.decision import ForwardStep, distinguishable, improves
+from shake_ros.core.discovery.elimination import without
+from shake_ros.core.discovery.exchange import in_its_place, rivals
+from shake_ros.core.discovery.forward_selection import Selection
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
+from shake_ros.core.identification.uncertainty import at_bound
+
+ESTABLISHED, LIKELY, ONE_OF_THESE, NOT_ESTABLISHED = "established", "likely", "one of these", "not established"
+
+
+@dataclass(frozen=True)
+class Standing:
+    """One effect as it stands in the final model.
+
+    worth : rms residual of the validation data without it, over that with it [-]. reason : of the state, one phrase.
+    alternatives : effects that could stand for it in the final model. bounds : its parameters that rest on a bound.
+    """
+
+    effect: str
+    place: str
+    state: str
+    worth: float
+    reason: str
+    alternatives: tuple[str, ...] = ()
+    bounds: tuple[str, ...] = ()
+
+
+def own_bounds(final: ScoredFit, step: ForwardStep) -> tuple[str, ...]:
+    """Parameters of an effect that rest on a bound in the final fit, but for a strength that is absent."""
+    names = {f.name for f in step.chosen.candidate.free}
+    resting = zip(final.fit.free.names, at_bound(final.fit), strict=True)
+    return tuple(name for name, rests in resting if rests and name in names)
+
+
+def alternatives(problem: SearchProblem, found: Selection, step: ForwardStep) -> tuple[str, ...]:
+    """Effects that could stand for a step's in the final model; for the last step the search has told already."""
+    if step is found.steps[-1]:
+        return step.alternatives
+    settings, noise = problem.settings, problem.validation.noise_cost()
+    near = rivals(found.steps, step, settings.rival, settings.most_continued)
+    tried = side_by_side(lambda r: in_its_place(problem, found.final, step, r), near)
+    return tuple(r.candidate.effect for r in tried if not distinguishable(found.final, r.result, settings, noise))
+
+
+def standing(problem: SearchProblem, found: Selection, step: ForwardStep) -> tuple[Standing, ScoredFit]:
+    """How sure one effect is, and the final model without it."""
+    settings, final = problem.settings, found.final
+    candidate, noise = step.chosen.candidate, problem.validation.noise_cost()
+    reduced = without(problem, final, candidate) if len(found.steps) > 1 else found.declared
+    worth = float(np.sqrt(reduced.validation_cost / final.validation_cost))
+    bounds = own_bounds(final, step)
+    unexplained = final.validation_cost - noise
+    near = final.validation_cost <= settings.near_noise**2 * noise
+    others = alternatives(problem, found, step)
+    if candidate.strength.name in bounds:
+        state, reason = NOT_ESTABLISHED, "its strength rests on a bound: it does the work of something that is missing"
+    elif not improves(final, reduced, settings):
+        state, reason = NOT_ESTABLISHED, "the model does as well without it"
+    elif not near and reduced.validation_cost - final.validation_cost < settings.worth_of_likely * unexplained:
+        state, reason = NOT_ESTABLISHED, "worth less than what is still unexplained, which may replace it"
+    elif others:
+        state, reason = ONE_OF_THESE, "another effect would do as well in its place"
+    elif near:
+        state, reason = ESTABLISHED, "needed, nothing else could stand for it, and the residual is near the noise"
+    else:
+        state, reason = LIKELY, "needed, though much is still unexplained"
+    return Standing(candidate.effect, candidate.place, state, worth, reason, others, bounds), reduced
+
+
+def judged(problem: SearchProblem, found: Selection) -> tuple[Selection, tuple[Standing, ...], tuple[Standing, ...]]:
+    """The selection with what is established, likely or one of several; how each stands; and what is not established.
+
+    Effects that are not established leave the model one by one, the one worth least first, and the others are judged
+    again without it.
+    """
+    problem.progress("how sure is each?", 0.5)
+    dropped: list[Standing] = []
+    while found.steps:
+        each = [standing(problem, found, step) for step in found.steps]
+        doubtful = [i for i, (s, _) in enumerate(each) if s.state == NOT_ESTABLISHED]
+        if not doubtful:
+            return found, tuple(s for s, _ in each), tuple(dropped)
+        i = min(doubtful, key=lambda i: each[i][0].worth)
+        dropped.append(each[i][0])
+        steps = tuple(s for k, s in enumerate(found.steps) if k != i)
+        found = replace(found, steps=steps, final=each[i][1], removed=(*found.removed, dropped[-1].effect))
+    return found, (), tuple(dropped)
