@@ -1,9 +1,10 @@
 """The linear table nearest to the measured response from command to velocity, with a flexible specimen where one shows.
 
-    G(jω) = K e^(−jωτ) / (1 + 2ζ jω/ω_h − (ω/ω_h)² M(ω)),
+    G(jω) = K e^(−jωτ) / (1 + (2ζ jω/ω_h − (ω/ω_h)²) M(ω)),
     M(ω) = 1 − p + p (1 + 2ζ_s jr)/(1 − r² + 2ζ_s jr),  r = ω/ω_s
 
 M is what the oil column carries, in parts of the moved mass: of the share p, on a spring, more or less than its weight.
+The oil column is damped by leakage.
 Only lines count that the command excites and that are coherent: in closed loop the rest answers the sensor's noise.
 """
 
@@ -73,7 +74,7 @@ def response(parameters: NDArray[np.float64], omega: NDArray[np.float64]) -> NDA
         share, omega_s, damping_s = parameters[4:]
         r = omega / omega_s
         mass += share * ((1.0 + 2j * damping_s * r) / (1.0 - r**2 + 2j * damping_s * r) - 1.0)
-    below = 1.0 + 2j * damping * omega / omega_h - (omega / omega_h) ** 2 * mass
+    below = 1.0 + (2j * damping * omega / omega_h - (omega / omega_h) ** 2) * mass
     return np.asarray(gain * np.exp(-1j * omega * delay) / below)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from shake_ros.core.discovery.candidates import CandidateEffect, candidates
+from shake_ros.core.discovery.candidates import CandidateEffect, candidates, scaled
 from shake_ros.core.effects import EFFECTS, PLACES
 from shake_ros.core.plant.parameters import FIELDS
 from shake_ros.core.quantities import ShakeError
@@ -69,3 +69,33 @@ def test_wrong_list_is_one_line_that_names_the_file(content: dict, text: str) ->
         candidates(content, "effects.yaml")
     assert text in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_trials_follow_the_size_of_the_table() -> None:
+    reference = load_table("bergamo")
+    small = reference.with_values({"body.table_mass": 0.1 * reference.moved_mass, "body.specimen_mass": 0.0})
+    for candidate in POOL:
+        same = scaled(candidate, reference, reference)
+        assert same.trials == candidate.trials, candidate.effect
+        assert [f.scale for f in same.free] == [f.scale for f in candidate.free]
+    by_name = {c.effect: scaled(c, small, reference) for c in POOL}
+    first = {c.effect: c for c in POOL}
+
+    def ratio(effect: str) -> float:
+        name = first[effect].strength.name
+        return by_name[effect].trials[-1][name] / first[effect].trials[-1][name]
+
+    for effect in ("specimen_resonance", "quadratic_drag", "stiffness_to_ground", "constant_force"):
+        assert ratio(effect) == pytest.approx(0.1), effect
+    assert ratio("base_flexibility") == pytest.approx(10.0)
+    for effect in ("spool_deadband", "turbulent_leakage", "supply_droop", "soft_zone", "accelerometer_lag"):
+        assert ratio(effect) == pytest.approx(1.0), effect
+
+
+def test_scaled_trials_stay_within_the_bounds_of_their_quantities() -> None:
+    reference = load_table("bergamo")
+    huge = reference.with_values({"body.table_mass": 1e3 * reference.moved_mass, "body.piston_area": 0.3})
+    for candidate in (scaled(c, huge, reference) for c in POOL):
+        for trial in candidate.trials:
+            for name, value in trial.items():
+                assert FIELDS[name].metadata["low"] <= value <= FIELDS[name].metadata["high"], name

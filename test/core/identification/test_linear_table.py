@@ -1,0 +1,77 @@
+"""The linear table found in recordings of one that is linear, integrated by scipy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import butter, lsim, sosfilt
+
+from shake_ros.core.identification.linear_table import linear_table, response
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.quantities import ShakeError
+
+RATE, GAIN, HYDRAULIC, DAMPING = 500.0, 0.6, 15.0, 0.12
+SHARE, FREQUENCY, SPECIMEN_DAMPING = 0.3, 5.0, 0.04
+
+
+def matrices(share: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """State space of oil column, rigid mass and specimen: states p, v, x, deflection and its rate; input the command."""
+    omega, omega_s = 2.0 * math.pi * HYDRAULIC, 2.0 * math.pi * FREQUENCY
+    pull = np.array([0.0, 0.0, 0.0, omega_s**2, 2.0 * SPECIMEN_DAMPING * omega_s])  # of the specimen, per its mass
+    acceleration = (np.array([1.0, 0.0, 0.0, 0.0, 0.0]) + share * pull) / (1.0 - share)
+    a = np.array(
+        [
+            [-2.0 * DAMPING * omega, -(omega**2), 0.0, 0.0, 0.0],
+            acceleration,
+            [0.0, 1.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 1.0],
+            -acceleration - pull,
+        ]
+    )
+    return a, np.array([[GAIN * omega**2], [0.0], [0.0], [0.0], [0.0]])
+
+
+def record(share: float, seed: int) -> Record:
+    """24 s under band-limited noise, with a transducer's noise."""
+    rng = np.random.default_rng(seed)
+    n = round(24.0 * RATE)
+    command = 0.1 * sosfilt(butter(2, [0.8, 22.0], "bandpass", fs=RATE, output="sos"), rng.standard_normal(n))
+    a, b = matrices(share)
+    system = (a, b, np.eye(5)[2:3], np.zeros((1, 1)))
+    _, position, _ = lsim(system, command, np.arange(n) / RATE, interp=False)
+    return Record(f"run{seed}", 1.0 / RATE, command, np.ravel(position) + 2e-6 * rng.standard_normal(n))
+
+
+def test_a_specimen_shows_in_the_response() -> None:
+    found = linear_table([record(SHARE, 1), record(SHARE, 2)])
+    assert found.specimen is not None
+    assert found.specimen.frequency == pytest.approx(FREQUENCY, rel=0.05)  # lines are 0.25 Hz apart
+    assert found.specimen.share == pytest.approx(SHARE, rel=0.15)
+    assert found.omega == pytest.approx(2.0 * math.pi * HYDRAULIC, rel=0.05)
+    assert found.gain == pytest.approx(GAIN, rel=0.05)
+
+
+def test_none_shows_where_none_is() -> None:
+    found = linear_table([record(0.0, 3), record(0.0, 4)])
+    assert found.specimen is None
+    assert found.omega == pytest.approx(2.0 * math.pi * HYDRAULIC, rel=0.03)
+    assert found.damping == pytest.approx(DAMPING, abs=0.03)
+
+
+def test_response_is_that_of_the_state_space() -> None:
+    omega = 2.0 * math.pi * np.array([1.0, 4.5, 5.2, 9.0, 14.0])
+    a, b = matrices(SHARE)
+    exact = [np.linalg.solve(1j * w * np.eye(5) - a, b)[1, 0] for w in omega]
+    numbers = np.array(
+        [GAIN, 0.0, 2 * math.pi * HYDRAULIC, DAMPING, SHARE, 2 * math.pi * FREQUENCY, SPECIMEN_DAMPING]
+    )
+    assert response(numbers, omega) == pytest.approx(np.array(exact), rel=1e-9)
+
+
+def test_a_turned_sign_is_said() -> None:
+    good = record(0.0, 5)
+    with pytest.raises(ShakeError, match="run5: the velocity goes against the command"):
+        linear_table([Record("run5", good.sample_time, -good.commands, good.position)])
