@@ -116,7 +116,9 @@ def named(case: str) -> Named:
     declared, learn = declared_fit(case)
     problem = problem_of(learn.records, [recording(case, 2, "hold")])
     pool = [c for c in effect_candidates() if c.effect in SHORT_LISTS.get(case, (c.effect,))]
-    return Named(forward_selection(problem, declared, tuple(pool)), problem)
+    return Named(
+        forward_selection(problem, declared, ModelStructure(load_table("bergamo"), (), candidates=tuple(pool))), problem
+    )
 
 
 @functools.cache
@@ -135,7 +137,7 @@ def command(case: str) -> Command:
     given += ["--tune"] if case == TUNED else []
     with (
         mock.patch.object(closing, "close_loop", kept),
-        mock.patch.object(close_loop_verb, "load_search", return_value=LEAN),
+        mock.patch.object(close_loop_verb, "search_settings", return_value=LEAN),
         contextlib.redirect_stdout(output),
         contextlib.redirect_stderr(io.StringIO()),
     ):

@@ -29,7 +29,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 def out(bags: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("identified") / "out"
     given = ["identify", "--learn", str(bags[0]), "--hold", str(bags[1]), "--out", str(folder)]
-    with mock.patch.object(command, "load_search", return_value=SEARCH.replace(starts=4, fitted_starts=1)):
+    with mock.patch.object(command, "search_settings", return_value=SEARCH.replace(starts=4, fitted_starts=1)):
         assert __main__.main(given) == 0
     return folder
 
@@ -82,7 +82,7 @@ def test_residual_tests_and_what_the_recordings_identify_are_reported(out: Path)
 def test_recordings_held_out_are_not_needed(
     bags: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with mock.patch.object(command, "load_search", return_value=SEARCH.replace(starts=1, fitted_starts=0)):
+    with mock.patch.object(command, "search_settings", return_value=SEARCH.replace(starts=1, fitted_starts=0)):
         assert __main__.main(["identify", "--learn", str(bags[0]), "--out", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
     assert "bulk_modulus.modulus" in printed

@@ -60,7 +60,7 @@ def close_loop(
     declared = fit_declared(problem, FreeParameters(model.table, model.free))
     selection = forward_selection(replace(problem, progress=progress), declared, model)
     found, standings, doubtful = judged(problem, selection)
-    if problem.estimation.records != list(estimation):
+    if sum(len(r.commands) for r in problem.estimation.records) < sum(len(r.commands) for r in estimation):
         problem.progress("final fit to all recordings", 0.8)
         problem, found = on_whole(problem, found, estimation)
     problem.progress("errors and what remains", 0.9)

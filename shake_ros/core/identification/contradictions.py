@@ -17,6 +17,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 
 GAIN, FREQUENCY = 1.5, 1.6  # factors beyond which no usual effect explains the difference
+WITHIN = 1.3  # factor by which the recordings must be seen beyond a hydraulic frequency that counts
 GAIN_FROM = ("valve.flow_coefficient", "body.piston_area", "supply.supply_pressure")
 FREQUENCY_FROM = ("bulk_modulus.modulus", "body.cylinder_volume", "body.table_mass", "body.piston_area")
 
@@ -45,7 +46,7 @@ def contradictions(table: TableParameters, records: Sequence[Record], unknown: C
         ),
     )
     found = []
-    for name, unit, origin, declared, seen, most in pairs[: 1 if measured.omega > measured.seen_to else 2]:
+    for name, unit, origin, declared, seen, most in pairs[: 2 if WITHIN * measured.omega < measured.seen_to else 1]:
         if any(number in unknown for number in origin) or max(declared / seen, seen / declared) < most:
             continue
         numbers = ", ".join(f"{number} = {table.value(number):g}" for number in origin)

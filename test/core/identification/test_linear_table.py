@@ -18,7 +18,7 @@ SHARE, FREQUENCY, SPECIMEN_DAMPING = 0.3, 5.0, 0.04
 
 
 def matrices(share: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """State space of oil column, rigid mass and specimen: states p, v, x, deflection and its rate; input the command."""
+    """State space of oil column, rigid mass and specimen: states p, v, x, deflection, its rate; input the command."""
     omega, omega_s = 2.0 * math.pi * HYDRAULIC, 2.0 * math.pi * FREQUENCY
     pull = np.array([0.0, 0.0, 0.0, omega_s**2, 2.0 * SPECIMEN_DAMPING * omega_s])  # of the specimen, per its mass
     acceleration = (np.array([1.0, 0.0, 0.0, 0.0, 0.0]) + share * pull) / (1.0 - share)
@@ -65,9 +65,7 @@ def test_response_is_that_of_the_state_space() -> None:
     omega = 2.0 * math.pi * np.array([1.0, 4.5, 5.2, 9.0, 14.0])
     a, b = matrices(SHARE)
     exact = [np.linalg.solve(1j * w * np.eye(5) - a, b)[1, 0] for w in omega]
-    numbers = np.array(
-        [GAIN, 0.0, 2 * math.pi * HYDRAULIC, DAMPING, SHARE, 2 * math.pi * FREQUENCY, SPECIMEN_DAMPING]
-    )
+    numbers = np.array([GAIN, 0.0, 2 * math.pi * HYDRAULIC, DAMPING, SHARE, 2 * math.pi * FREQUENCY, SPECIMEN_DAMPING])
     assert response(numbers, omega) == pytest.approx(np.array(exact), rel=1e-9)
 
 
