@@ -17,7 +17,7 @@ from shake_ros.core.identification.free_parameters import FreeParameter, free_pa
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import FULL, DeclaredModel
 from shake_ros.core.identification.reduced_model import REDUCED
-from shake_ros.core.identification.stages import Start
+from shake_ros.core.identification.stages import StartingPoint
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
@@ -61,9 +61,9 @@ def effect_candidates(model: DeclaredModel = FULL, table: TableParameters | None
     return tuple(scaled(c, table, reference) for c in fitting)
 
 
-def model_structure(begin: Start | TableParameters, model: DeclaredModel = FULL) -> ModelStructure:
+def model_structure(begin: StartingPoint | TableParameters, model: DeclaredModel = FULL) -> ModelStructure:
     """Where a fit of a model begins, with what it may move and the effects that it may lack."""
-    start = begin if isinstance(begin, Start) else Start.declared(begin, Prepared([], [], 1.0, ()))
+    start = begin if isinstance(begin, StartingPoint) else StartingPoint.declared(begin, Prepared([], [], 1.0, ()))
     free, late = tuple(free_parameters(model)), tuple(late_parameters(model))
     effects = effect_candidates(model, start.fitted)
     return ModelStructure(start.table, free, late, effects, model, start.fitted, start.shown)

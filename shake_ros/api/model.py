@@ -15,7 +15,7 @@ from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.nuisances import Prepared, prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record
-from shake_ros.core.identification.stages import Start, staged_start
+from shake_ros.core.identification.stages import StartingPoint, staged_start
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
@@ -69,14 +69,14 @@ class Model:
         """The table that a fit to these records starts from."""
         return self.table or self.declared.first_table(records).with_values(self.changes)
 
-    def begin(self, estimation: list[Record], validation: list[Record]) -> Start:
+    def begin(self, estimation: list[Record], validation: list[Record]) -> StartingPoint:
         """Where a fit begins, with the recordings as it takes them.
 
         Their offsets are taken out where the model counts these as nuisances.
         """
         declared = self.declared
         if not isinstance(declared, UnknownModel):
-            return Start.declared(self.start(estimation), Prepared(estimation, validation, 1.0, ()))
+            return StartingPoint.declared(self.start(estimation), Prepared(estimation, validation, 1.0, ()))
 
         def effects(table: TableParameters) -> dict[str, tuple[FreeParameter, ...]]:
             return {c.effect: c.free for c in effect_candidates(declared, table)}

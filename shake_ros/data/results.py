@@ -21,7 +21,7 @@ from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.refit import Refit
-from shake_ros.core.discovery.standing import Standing
+from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.uncertainty import Estimate
@@ -100,7 +100,7 @@ def _refit_json(refit: Refit) -> dict[str, Any]:
     }
 
 
-def _standing_json(standing: Standing) -> dict[str, Any]:
+def _standing_json(standing: EffectStanding) -> dict[str, Any]:
     return {
         "state": standing.state,
         "reason": standing.reason,
@@ -109,7 +109,7 @@ def _standing_json(standing: Standing) -> dict[str, Any]:
     }
 
 
-def _candidate_json(standing: Standing) -> dict[str, Any]:
+def _candidate_json(standing: EffectStanding) -> dict[str, Any]:
     named = {"effect": standing.effect, "place": standing.place, "alternatives": list(standing.alternatives)}
     return named | _standing_json(standing)
 
@@ -133,7 +133,7 @@ def _function_json(function: LearntFunction) -> dict[str, Any]:
     }
 
 
-def _step_json(step: ForwardStep, model: FittedModel, standing: Standing | None) -> dict[str, Any]:
+def _step_json(step: ForwardStep, model: FittedModel, standing: EffectStanding | None) -> dict[str, Any]:
     own = {f.name for f in step.chosen.candidate.free}
     best, second = step.chosen, step.ranking[1] if len(step.ranking) > 1 else None
     least = best.result.validation_cost

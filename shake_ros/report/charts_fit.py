@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from shake_ros.core.discovery.closed_form import ClosedForm
+from shake_ros.core.discovery.closed_form import FunctionForm
 from shake_ros.core.effects.unlisted import NODES
 from shake_ros.core.identification.diagnosis import Judgement
 from shake_ros.core.identification.fit import Fit
@@ -166,7 +166,7 @@ def residual_charts(
     return charts
 
 
-def unlisted_chart(fit: Fit, form: ClosedForm | None = None) -> Chart:
+def unlisted_chart(fit: Fit, form: FunctionForm | None = None) -> Chart:
     """The estimated function on its nodes, and its closed form."""
     table = fit.free.table(fit.x)
     low, high = (table.value(f"effects.unlisted.{end}") for end in ("low", "high"))

@@ -13,7 +13,7 @@ from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.standing import Standing
+from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Nuisance
@@ -137,7 +137,7 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
         page.paragraph("The search was ended before it was done; this is the best answer so far.")
 
 
-def _sentences(standing: Standing) -> list[str]:
+def _sentences(standing: EffectStanding) -> list[str]:
     return [sentence(line.strip()) for line in standing_lines(standing)]
 
 

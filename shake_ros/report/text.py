@@ -9,7 +9,7 @@ from itertools import zip_longest
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.discovery.standing import Standing
+from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.uncertainty import Estimate
@@ -72,7 +72,7 @@ def function_line(function: LearntFunction) -> str:
     )
 
 
-def standing_lines(standing: Standing) -> list[str]:
+def standing_lines(standing: EffectStanding) -> list[str]:
     """State of an effect with its worth and what rests on a bound."""
     lines = [f"  {standing.state}: {standing.reason}; without it the error is {standing.worth:.2f} times as large"]
     return lines + [f"  {name} rests on a bound: something else is missing" for name in standing.bounds]

@@ -11,7 +11,7 @@ from shake_ros.core.discovery.forward_selection import Selection, forward_select
 from shake_ros.core.discovery.problem import ModelStructure, Progress, ScoredFit, SearchProblem, linearised, patiently
 from shake_ros.core.discovery.remaining import Remaining, remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.discovery.standing import Standing, judged
+from shake_ros.core.discovery.standing import EffectStanding, judged
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 
@@ -30,8 +30,8 @@ class LoopClosure:
     remaining: Remaining
     noise: dict[str, float]
     model: DeclaredModel = FULL
-    standings: tuple[Standing, ...] = ()
-    candidates: tuple[Standing, ...] = ()
+    standings: tuple[EffectStanding, ...] = ()
+    candidates: tuple[EffectStanding, ...] = ()
     function: LearntFunction | None = None
 
     @property

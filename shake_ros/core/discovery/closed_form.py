@@ -89,7 +89,7 @@ FORMS: Mapping[str, Form] = {
 
 
 @dataclass(frozen=True)
-class ClosedForm:
+class FunctionForm:
     """A form fitted to nodes. misfit : weighted rms of its difference from them, of their weighted rms [-].
 
     cost : held-out residual with it, over that with the free function [-]; NaN where not simulated.
@@ -117,10 +117,10 @@ class LearntFunction:
     at: np.ndarray
     values: np.ndarray
     deviations: np.ndarray
-    form: ClosedForm
+    form: FunctionForm
 
 
-def fitted_forms(at: np.ndarray, values: np.ndarray, deviations: np.ndarray) -> list[ClosedForm]:
+def fitted_forms(at: np.ndarray, values: np.ndarray, deviations: np.ndarray) -> list[FunctionForm]:
     """Every form fitted to nodes, the best first.
 
     >>> s = np.linspace(-2.0, 2.0, 16)
@@ -142,7 +142,7 @@ def fitted_forms(at: np.ndarray, values: np.ndarray, deviations: np.ndarray) -> 
         criterion = 2.0 * float(best.cost) + len(best.x) * math.log(len(at))
         misfit = math.sqrt(2.0 * float(best.cost) / float(np.sum((weight * y) ** 2)))
         own = dict(_in_units(form, best.x, size, reach))
-        found.append(ClosedForm(name, form.text, own, size * form.y(s, *best.x), misfit, criterion))
+        found.append(FunctionForm(name, form.text, own, size * form.y(s, *best.x), misfit, criterion))
     return sorted(found, key=lambda f: f.criterion)
 
 

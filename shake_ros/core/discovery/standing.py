@@ -28,7 +28,7 @@ ESTABLISHED, LIKELY, ONE_OF_THESE, NOT_ESTABLISHED = "established", "likely", "o
 
 
 @dataclass(frozen=True)
-class Standing:
+class EffectStanding:
     """One effect as it stands in the final model.
 
     worth : rms residual of the validation data without it, over that with it [-]. reason : of the state, one phrase.
@@ -61,7 +61,7 @@ def alternatives(problem: SearchProblem, found: Selection, step: ForwardStep) ->
     return tuple(r.candidate.effect for r in tried if not distinguishable(found.final, r.result, settings, noise))
 
 
-def standing(problem: SearchProblem, found: Selection, step: ForwardStep) -> tuple[Standing, ScoredFit]:
+def standing(problem: SearchProblem, found: Selection, step: ForwardStep) -> tuple[EffectStanding, ScoredFit]:
     """How sure one effect is, and the final model without it."""
     settings, final = problem.settings, found.final
     candidate, noise = step.chosen.candidate, problem.validation.noise_cost()
@@ -83,17 +83,19 @@ def standing(problem: SearchProblem, found: Selection, step: ForwardStep) -> tup
         state, reason = ESTABLISHED, "needed, nothing else could stand for it, and the residual is near the noise"
     else:
         state, reason = LIKELY, "needed, though much is still unexplained"
-    return Standing(candidate.effect, candidate.place, state, worth, reason, others, bounds), reduced
+    return EffectStanding(candidate.effect, candidate.place, state, worth, reason, others, bounds), reduced
 
 
-def judged(problem: SearchProblem, found: Selection) -> tuple[Selection, tuple[Standing, ...], tuple[Standing, ...]]:
+def judged(
+    problem: SearchProblem, found: Selection
+) -> tuple[Selection, tuple[EffectStanding, ...], tuple[EffectStanding, ...]]:
     """The selection with what is established, likely or one of several; how each stands; and what is not established.
 
     Effects that are not established leave the model one by one, the one worth least first, and the others are judged
     again without it.
     """
     problem.progress("how sure is each?", 0.5)
-    dropped: list[Standing] = []
+    dropped: list[EffectStanding] = []
     while found.steps:
         each = [standing(problem, found, step) for step in found.steps]
         doubtful = [i for i, (s, _) in enumerate(each) if s.state == NOT_ESTABLISHED]

@@ -29,7 +29,7 @@ SHOWN = ("specimen_resonance", "accelerometer_lag")  # effects that show without
 
 
 @dataclass(frozen=True)
-class Start:
+class StartingPoint:
     """Where the whole fit begins.
 
     table : the declared one, fitted to pieces. data : recordings with the null shifts that it tells. shown : effects
@@ -42,12 +42,14 @@ class Start:
     shown: tuple[str, ...] = ()
 
     @classmethod
-    def declared(cls, table: TableParameters, data: Prepared) -> Start:
+    def declared(cls, table: TableParameters, data: Prepared) -> StartingPoint:
         """A declared table, from which the fit begins as it is."""
         return cls(table, data, table)
 
 
-def staged_start(model: UnknownModel, free: Sequence[FreeParameter], effects: EffectsOf, data: Prepared) -> Start:
+def staged_start(
+    model: UnknownModel, free: Sequence[FreeParameter], effects: EffectsOf, data: Prepared
+) -> StartingPoint:
     """Where the whole fit begins, for a table of which little is known.
 
     Parameters
@@ -65,7 +67,7 @@ def staged_start(model: UnknownModel, free: Sequence[FreeParameter], effects: Ef
     for _ in range(ROUNDS - 1):
         data = recentred(model, table, data)
         table = _fitted(model, moved, table, data)[1]
-    return Start(table.without(shown), recentred(model, table, data), table, shown)
+    return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
 
 
 def _fitted(
