@@ -108,8 +108,8 @@ def acceleration_spectra(
     >>> time = np.arange(20000) / 1000
     >>> run = sr.recording("sine", time, 0 * time, 0 * time, acceleration=np.sin(2 * np.pi * 2 * time))
     >>> found = sr.acceleration_spectra(run, damping=[0.05, 0.1], low=2.0, high=4.0, per_octave=1)
-    >>> found.acceleration.round(2).tolist()  # resonance: √(1 + 4ξ²)/(2ξ)
-    [[10.05, 1.35], [5.1, 1.35]]
+    >>> found.acceleration.round(2).tolist()  # at the resonance √(1 + 4ξ²)/(2ξ); above it the start from rest shows
+    [[10.05, 1.62], [5.1, 1.54]]
     """
     name, felt, step = _acceleration(source)
     top = HIGHEST / step

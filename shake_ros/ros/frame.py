@@ -102,6 +102,7 @@ class Frame:
             use_global_arguments=arguments is None,
         )
         self.claims = Claims(context.get_domain_id())
+        context.on_shutdown(self.claims.give_up)  # also where the node could not be built
         self.claims.take("node", self.node.get_fully_qualified_name())
         self.parameters = NodeParameters(self.node)
         self.realtime = self.settings(RealtimeParameters, "realtime", file="common").value

@@ -278,7 +278,7 @@ def test_lines_of_the_terminal_hold_values_errors_and_alternatives() -> None:
     width = next(line for line in lines if "spool_deadband" in line)
     assert re.search(r"effects\.spool_deadband\.width +0\.0\d+ +[\d.e-]+  -$", width)
     assert "at bound" in text.parameter_lines([Estimate("x", 1.0, None, "N")])[1]
-    step = dataclasses.replace(done.result.search.steps[0], alternatives=("slow_valve",))
-    search = dataclasses.replace(done.result.search, steps=(step,))
-    told = "\n".join(text.close_loop_lines(dataclasses.replace(done.result, search=search)))
+    (standing,) = done.result.standings
+    standings = (dataclasses.replace(standing, alternatives=("slow_valve",)),)
+    told = "\n".join(text.close_loop_lines(dataclasses.replace(done.result, standings=standings)))
     assert "(these recordings cannot tell it from slow_valve)" in told

@@ -19,9 +19,11 @@ def shown_steps(problem: SearchProblem, model: ModelStructure, declared: ScoredF
     settings, tried = problem.settings, len(model.candidates)
     left = [c for c in model.candidates if c.effect in model.shown]
     steps = list[ForwardStep]()
-    free = FreeParameters(model.fitted, [*model.free, *(p for c in left for p in c.free)])
+    own = [p for c in left for p in c.free]
+    free = FreeParameters(model.table, [*model.free, *own])  # a table that lacks them, so that each can be taken out
+    start = free.x_of({p.name: model.fitted.value(p.name) for p in (*model.free, *own)})
     problem.progress(f"with {' and '.join(c.effect for c in left)}", 0.0)
-    final = problem.fitted(free, free.start(), settings.converging_evaluations, settings.converged)
+    final = problem.fitted(free, start, settings.converging_evaluations, settings.converged)
     while left:
         reduced = [without(problem, final, c) if len(left) > 1 else declared for c in left]
         least = min(range(len(left)), key=lambda i: reduced[i].score)

@@ -115,7 +115,7 @@ def come_to_rest(reference: Array, sample_time: float) -> Array:
     """A reference (n, 3) that is faded to rest at mid-stroke over its last second, with a second of rest behind it.
 
     >>> rows = come_to_rest(np.tile([0.01, 0.0, 0.0], (3000, 1)), 1e-3)
-    >>> len(rows), rows[1999, 0], rows[2500, 0].round(6), rows[3000].tolist()
+    >>> len(rows), float(rows[1999, 0]), round(float(rows[2500, 0]), 6), rows[3000].tolist()
     (4000, 0.01, 0.005, [0.0, 0.0, 0.0])
     """
     left: Array = np.arange(len(reference), 0, -1, dtype=np.float64) * sample_time / FADE

@@ -1,0 +1,45 @@
+"""Effects that show without a search: in the model from the start, and kept only where it is better with them."""
+
+from __future__ import annotations
+
+import pytest
+from closed_loops import DEAD_BAND, declared_fit, problem_of, recording
+
+from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.elimination import without
+from shake_ros.core.discovery.problem import ModelStructure, SearchProblem
+from shake_ros.core.discovery.shown_effects import shown_steps
+from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.settings import load_table
+
+EFFECT, WIDTH = "spool_deadband", "effects.spool_deadband.width"
+
+
+def shown(case: str) -> tuple[SearchProblem, tuple[ForwardStep, ...]]:
+    """Steps where a dead band seems to show on a case's table."""
+    declared, learn = declared_fit(case)
+    problem = problem_of(learn.records, [recording(case, 2, "hold")])
+    table = load_table("bergamo")
+    pool = tuple(c for c in effect_candidates() if c.effect == EFFECT)
+    model = ModelStructure(
+        table,
+        tuple(free_parameters()),
+        candidates=pool,
+        fitted=table.with_values({WIDTH: 0.5 * DEAD_BAND}),
+        shown=(EFFECT,),
+    )
+    return problem, shown_steps(problem, model, problem.scored(declared))
+
+
+def test_what_shows_and_is_there_becomes_a_step_that_can_be_taken_out() -> None:
+    problem, (step,) = shown("spool_deadband")
+    fit = step.chosen.result.fit
+    assert step.chosen.candidate.effect == EFFECT
+    assert fit.free.table(fit.x).value(WIDTH) == pytest.approx(DEAD_BAND, rel=0.1)
+    reduced = without(problem, step.chosen.result, step.chosen.candidate)
+    assert EFFECT not in reduced.fit.free.table(reduced.fit.x).effects
+    assert reduced.validation_cost > 3.0 * step.chosen.result.validation_cost
+
+
+def test_what_only_seems_to_show_is_left_out() -> None:
+    assert shown("nothing")[1] == ()
