@@ -7,14 +7,10 @@ from collections.abc import Sequence
 from shake_ros.api.progress import Progress, Told
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification.models import MODELS
+from shake_ros.core.discovery.unlisted_functions import UNLISTED
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.data.results import close_loop_json
-from shake_ros.declared import model_structure
-from shake_ros.settings import load_search
-
-FULL = "full"
+from shake_ros.declared import model_structure, search_settings
 
 
 def lacking(
@@ -31,16 +27,15 @@ def lacking(
         return "one run does not tell what the model lacks; close_loop needs two"
     with Progress("close_loop on the runs", progress) as bar:
         found = closing.close_loop(
-            model_structure(model, MODELS[FULL]), runs[:1], runs[-1:], settings or load_search(), bar
-        )
-    steps = close_loop_json(found, (), (), FULL)["steps"]
-    names = [step["effect"] for step in steps if step["effect"] != "unlisted"]
-    if not steps:
+            model_structure(model), runs[:1], runs[-1:], settings or search_settings(), bar
+        ).standings
+    if not found:
         return (
             "close_loop on the runs finds nothing that the model lacks: the gains do not suit this table, "
             "and ./shake tune designs them"
         )
-    told = ", ".join(f"{s['effect']} ({s['place']}{_or(s['alternatives'])})" for s in steps)
+    names = [s.effect for s in found if s.effect != UNLISTED]
+    told = ", ".join(f"{s.effect} ({s.place}{_or(s.alternatives)})" for s in found)
     text = f"close_loop on the runs: the model lacks {told}"
     return f"{text}; --refit {' '.join(names)} fits it to the runs" if names else text
 

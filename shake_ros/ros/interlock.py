@@ -201,9 +201,8 @@ class NodeInterlock:
             self._look_for_two()
         if self._live.changed:
             self.core.apply(self._live.take())
-        if (
-            now := (self.core.stage, self.core.passes)
-        ) != self._told:  # a page shows it and the controller waits at once
+        now = self.core.stage, self.core.passes
+        if now != self._told:  # a page shows it and the controller waits at once
             self._told = now
             self._frame.diagnostics.publish()
         ledger = self.core.ledger

@@ -29,6 +29,7 @@ def shown_steps(problem: SearchProblem, model: ModelStructure, declared: ScoredF
         least = min(range(len(left)), key=lambda i: reduced[i].score)
         dropped = left.pop(least)
         if improves(final, reduced[least], settings, tried):
-            steps.append(ForwardStep(Refit(dropped, final, 0.0), (Refit(dropped, final, 0.0),)))
+            refit = Refit(dropped, final, 0.0)
+            steps.append(ForwardStep(refit, (refit,)))
         final = reduced[least]
     return tuple(reversed(steps))

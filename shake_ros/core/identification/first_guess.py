@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -38,25 +38,32 @@ class FirstGuess:
         return np.asarray(np.gradient(record.velocity, record.sample_time))
 
     def tables(
-        self, given: TableParameters, unknown: Sequence[str], model: DeclaredModel, more: Mapping[str, float]
+        self,
+        given: TableParameters,
+        unknown: Sequence[str],
+        model: DeclaredModel,
+        shown: Callable[[TableParameters], Mapping[str, float]] = lambda _: {},
     ) -> list[TableParameters]:
-        """The given table with guesses of what is unknown, the best first; more : effects by dotted name, as they are.
+        """The given table with guesses of what is unknown, the best first.
 
-        Where the response shows a specimen that the table does not have, it stands on it.
+        Parameters
+        ----------
+        shown : values by dotted name of the effects that each of them has on top.
         """
         problem = RecordingProblem(windows(self.records, PIECES), model)
         made = (self._made(given, unknown, r, f) for r, f in itertools.product(RESERVES, FRICTIONS))
-        tables = [table.with_values({**self._specimen(table, model), **more}) for table in made]
+        tables = [table.with_values(shown(table)) for table in made]
         rows = problem.residuals(np.array([t.vector() for t in tables]))
         costs = np.mean(np.nan_to_num(rows, nan=1e3, posinf=1e3, neginf=-1e3) ** 2, axis=1)
         return [tables[i] for i in np.argsort(costs)]
 
-    def _specimen(self, table: TableParameters, model: DeclaredModel) -> dict[str, float]:
-        mode, name = self.linear.specimen, "specimen_resonance"
-        if mode is None or not model.may_lack(name):
+    def specimen(self, table: TableParameters) -> dict[str, float]:
+        """The specimen that the response shows, by dotted name, on a table; empty where none shows."""
+        mode = self.linear.specimen
+        if mode is None:
             return {}
         values = {"mass": mode.share * table.moved_mass, "frequency": mode.frequency, "damping": mode.damping}
-        return {f"effects.{name}.{key}": value for key, value in values.items()}
+        return {f"effects.specimen_resonance.{key}": value for key, value in values.items()}
 
     def _made(self, given: TableParameters, unknown: Sequence[str], reserve: float, friction: float) -> TableParameters:
         area, drop = given.body.piston_area, given.supply.supply_pressure - given.supply.tank_pressure

@@ -26,6 +26,7 @@ EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
 ROUNDS = 2  # of null shifts and fit
 EffectsOf = Callable[[TableParameters], Mapping[str, Sequence[FreeParameter]]]
 SHOWN = ("specimen_resonance", "accelerometer_lag")  # effects that show without a search
+LAG = "effects.accelerometer_lag.time_constant"
 
 
 @dataclass(frozen=True)
@@ -57,11 +58,16 @@ def staged_start(
     free : parameters that a fit may move. effects : that a table may lack, with the parameters that a fit then moves.
     """
     assert model.table is not None
-    lagging = model.may_lack("accelerometer_lag") and data.accelerometer_lag > 0.0
-    more = {"effects.accelerometer_lag.time_constant": data.accelerometer_lag} if lagging else {}
-    guesses = FirstGuess(data.estimation).tables(model.table, model.unknown, model, more)[:GUESSES]
+    first = FirstGuess(data.estimation)
+    standing, lagging = model.may_lack("specimen_resonance"), model.may_lack("accelerometer_lag")
+    lag = {LAG: data.accelerometer_lag} if lagging and data.accelerometer_lag > 0.0 else {}
+
+    def shown_on(table: TableParameters) -> dict[str, float]:
+        return (first.specimen(table) if standing else {}) | lag
+
+    guesses = first.tables(model.table, model.unknown, model, shown_on)[:GUESSES]
     known = effects(guesses[0])
-    shown = tuple(e for e in SHOWN if e in known and e in guesses[0].effects and e not in model.table.effects)
+    shown = tuple(e for e in SHOWN if e in known and e in guesses[0].effects)
     moved = [*free, *(p for e in shown for p in known[e])]
     table = min((_fitted(model, moved, guess, data) for guess in guesses), key=lambda found: found[0])[1]
     for _ in range(ROUNDS - 1):

@@ -83,4 +83,4 @@ class UnknownModel(DeclaredModel):
     def first_table(self, records: list[Record]) -> TableParameters:
         """What is given, and for the rest a first guess from the recordings."""
         assert self.table is not None
-        return FirstGuess(records).tables(self.table, self.unknown, self, {})[0].without(("specimen_resonance",))
+        return FirstGuess(records).tables(self.table, self.unknown, self)[0]

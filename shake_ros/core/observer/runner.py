@@ -64,8 +64,8 @@ class Observer:
         if parameters.carries_table and model is None:
             named = getattr(parameters, "model", "")
             raise ShakeError(f"observer '{kind}': the table '{named}' of its model was not handed over")
-        ahead = self._model is not None and getattr(parameters, "predict", False)
-        self.lead = float(self._model.value(DELAY)) if self._model is not None and ahead else 0.0
+        predicts = getattr(parameters, "predict", False)
+        self.lead = float(self._model.value(DELAY)) if self._model is not None and predicts else 0.0
         record = NO_MODEL if self._model is None else FULL_LAYOUT.alone(self._model.vector())
         derived = parameters.derive(self.sample_time, self._model)
         self.compiled = Compiled(records(OBSERVERS, parameters, derived=derived), record)
