@@ -131,7 +131,7 @@ def _run(
             folder / "extended_table.yaml", result.final.table, "The declared table, fitted and extended by demo."
         )
         bar.span(0.85, 0.95)
-        model = str((folder / "extended_table.yaml").resolve())  # a relative one would lie beside the controller's file
+        model = folder / "extended_table.yaml"
         again = read_table_recording(record_run(work, "earthquake_again", settings, hidden, model, bar))
         for name in RUNS:
             shutil.move(work / name, folder / f"bag_{name}")  # may be another file system

@@ -47,14 +47,22 @@ def hide(settings: Mapping[str, Any], seed: int, effect: str | None) -> Hidden:
     return Hidden(chosen, table.with_values(values), seed)
 
 
-def record_run(work: Path, name: str, settings: Mapping[str, Any], hidden: Hidden, model: str, bar: Progress) -> Path:
-    """One recorded run over DDS with observer and controller carrying `model`; returns the bag's folder."""
+def record_run(
+    work: Path, name: str, settings: Mapping[str, Any], hidden: Hidden, model: str | Path, bar: Progress
+) -> Path:
+    """One recorded run over DDS with observer and controller carrying `model`; returns the bag's folder.
+
+    Parameters
+    ----------
+    work : folder of the bag and of what the run needs. model : a name of config/table, or the path of a file.
+    """
     from shake_ros.ros.experiment import Experiment, record
 
+    carried = str(model.resolve()) if isinstance(model, Path) else model  # a relative one would lie beside these files
     role = "excitation" if name == "excitation" else "earthquake"
     paths = {}
     for kind in ("observer", "controller"):
-        content = {**read_yaml(find(kind, settings[kind])), "model": model}
+        content = {**read_yaml(find(kind, settings[kind])), "model": carried}
         paths[kind] = work / f"{kind}_{name}.yaml"
         paths[kind].write_text(yaml.safe_dump(content), encoding="utf-8")
     experiment = Experiment(

@@ -144,6 +144,23 @@ def test_recorded_runs_have_sensor_noise_of_their_own(tmp_path: Path, monkeypatc
     assert len(set(seeds)) == 6
 
 
+def test_found_table_is_handed_over_wherever_the_demo_is_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    experiment = pytest.importorskip("shake_ros.ros.experiment")
+    monkeypatch.setattr(experiment, "record", lambda *_: None)
+    monkeypatch.chdir(tmp_path)
+    work, found = tmp_path / "work", Path("out/found.yaml")
+    work.mkdir()
+    found.parent.mkdir()
+    save_table(found, load_table("bergamo"), "found")
+    hidden = demo_runs.hide(SETTINGS, 1, None)
+    with contextlib.redirect_stderr(io.StringIO()), Progress("test") as bar:
+        demo_runs.record_run(work, "earthquake_again", SETTINGS, hidden, found, bar)
+    for kind in ("observer", "controller"):
+        assert read_yaml(work / f"{kind}_earthquake_again.yaml")["model"] == str(tmp_path / found)
+
+
 def followed(path: Path, share: float) -> TableRecording:
     """A recording whose true motion is `share` short of the reference."""
     wave = np.sin(2.0 * np.pi * TIME)
