@@ -130,7 +130,7 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
     if not steps:
         page.paragraph("No effect lowers the error on the validation data beyond chance.")
     for step, model, standing in zip_longest(steps, result.models, result.standings):
-        page.paragraph(" ".join([step_text(step, model), *(_sentences(standing) if standing else ())]))
+        page.paragraph(" ".join([step_text(step, model, standing), *(_sentences(standing) if standing else ())]))
     for doubtful in result.candidates:
         page.paragraph(" ".join([f"Not added: {doubtful.effect} ({doubtful.place}).", *_sentences(doubtful)]))
     if result.search.stopped:
@@ -141,8 +141,8 @@ def _sentences(standing: EffectStanding) -> list[str]:
     return [sentence(line.strip()) for line in standing_lines(standing)]
 
 
-def step_text(step: ForwardStep, model: FittedModel) -> str:
-    """An added effect with its values, and how sure it is."""
+def step_text(step: ForwardStep, model: FittedModel, standing: EffectStanding | None = None) -> str:
+    """An added effect with its values, and what could stand for it: in the final model, where that is judged."""
     chosen = step.chosen.candidate
     own = {f.name for f in chosen.free}
     values = [
@@ -150,11 +150,13 @@ def step_text(step: ForwardStep, model: FittedModel) -> str:
         for p in model.parameters
         if p.name in own and chosen.effect != "unlisted"
     ]
-    sure = (
-        f"These recordings cannot tell it from {', '.join(step.alternatives)}."
-        if step.alternatives
-        else f"The recordings tell it apart from the {len(step.ranking) - 1} other effects that were refitted."
-    )
+    others, refitted = standing.alternatives if standing else step.alternatives, len(step.ranking) - 1
+    if others:
+        sure = f"These recordings cannot tell it from {', '.join(others)}."
+    elif refitted:
+        sure = f"The recordings tell it apart from the {refitted} other effects that were refitted."
+    else:
+        sure = "It shows in the recordings without a search; no other effect was refitted in its place."
     shown = f": {', '.join(values)}" if values else ""
     return f"{chosen.effect} ({chosen.place}){shown}. {sure}"
 

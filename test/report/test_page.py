@@ -19,7 +19,7 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.report import charts_fit, text
 from shake_ros.report.chart import Chart, ChartSeries, Panel, packed
-from shake_ros.report.close_loop_page import close_loop_page
+from shake_ros.report.close_loop_page import close_loop_page, step_text
 from shake_ros.report.page import LARGEST, Bar, Made, Page, Source
 from shake_ros.report.readable import estimate_text, unit_of
 from shake_ros.report.sections import hydraulic_table
@@ -282,3 +282,11 @@ def test_lines_of_the_terminal_hold_values_errors_and_alternatives() -> None:
     standings = (dataclasses.replace(standing, alternatives=("slow_valve",)),)
     told = "\n".join(text.close_loop_lines(dataclasses.replace(done.result, standings=standings)))
     assert "(these recordings cannot tell it from slow_valve)" in told
+
+
+def test_effect_that_shows_is_not_said_to_be_told_from_others_that_nobody_tried() -> None:
+    done = command("spool_deadband").result
+    (step,) = done.search.steps
+    alone = dataclasses.replace(step, ranking=(step.chosen,))
+    assert "shows in the recordings without a search" in step_text(alone, done.final)
+    assert f"from the {len(step.ranking) - 1} other effects" in step_text(step, done.final)
