@@ -17,6 +17,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 __version__ = "1.0.0"
 
 PUBLIC = {  # name → module
+    "Campaign": "shake_ros.api.campaign",
+    "campaign": "shake_ros.api.campaign",
     "Discovery": "shake_ros.api.close_loop",
     "close_loop": "shake_ros.api.close_loop",
     "Comparison": "shake_ros.api.compare",
@@ -68,6 +70,8 @@ PUBLIC = {  # name → module
 }
 
 if TYPE_CHECKING:  # the same for type checkers and editors
+    from shake_ros.api.campaign import Campaign as Campaign
+    from shake_ros.api.campaign import campaign as campaign
     from shake_ros.api.close_loop import Discovery as Discovery
     from shake_ros.api.close_loop import close_loop as close_loop
     from shake_ros.api.compare import Comparison as Comparison

@@ -57,6 +57,9 @@ ENTRY_POINTS: dict[str, Entry] = {
         "shake_ros.cli.tune", "gains of a controller over loads and perturbed tables, as a new configuration"
     ),
     "compare": Entry("shake_ros.cli.compare", "the controllers side by side on references, loads and perturbed tables"),
+    "campaign": Entry(
+        "shake_ros.cli.campaign", "a study of many fits or loops, here or on a cluster; it can go on later"
+    ),
     "thd": Entry("shake_ros.cli.thd", "harmonic table of a recording"),
     "spectrum": Entry("shake_ros.cli.spectrum", "response spectra of recordings, at several dampings"),
     "multisine_split": Entry(

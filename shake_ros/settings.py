@@ -91,11 +91,16 @@ def read_yaml(path: Path) -> Any:
         raise ShakeError(f"{path}: cannot be read ({error.strerror})") from None
     except UnicodeDecodeError:
         raise ShakeError(f"{path}: is not UTF-8 text") from None
+    return value_of(text, str(path))
+
+
+def value_of(text: str, where: str) -> Any:
+    """What a text in YAML says; one clear line where it is malformed."""
     try:
         return yaml.load(text, Loader=_StrictLoader)
     except (yaml.YAMLError, *_CARELESS) as error:
         line = " ".join(str(error).split())
-        raise ShakeError(f"{path}: not valid YAML: {line[:300]}") from None
+        raise ShakeError(f"{where}: not valid YAML: {line[:300]}") from None
 
 
 def find(kind: str, name: str) -> Path:

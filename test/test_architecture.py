@@ -30,7 +30,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("core.iteration",),  # a model that each run corrects has the effects of core.discovery
     ("core.qualification",),  # a test's runs are an iteration
     ("settings", "realtime"),
-    ("declared",),
+    ("declared", "engine"),
     ("data", "bridge"),
     ("report",),
     ("api",),

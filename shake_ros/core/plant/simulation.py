@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 
@@ -116,9 +117,18 @@ def run(
     return out
 
 
+_most = {"threads": math.inf}
+
+
+def use_threads(most: float) -> None:
+    """Batches of this process take no more threads than this from now on: other processes have the other cores."""
+    _most["threads"] = most
+
+
 def workers() -> int:
-    """Number of threads for batches: the cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Number of threads for batches: the cores this process may use, or fewer as `use_threads` says."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return int(min(cores, _most["threads"]))
 
 
 def run_batch(

@@ -1,0 +1,1 @@
+"""Many independent tasks on this machine's cores or on a cluster: the same rows, to the last bit, on every engine."""

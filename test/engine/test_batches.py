@@ -1,0 +1,126 @@
+"""Tasks on worker processes: nothing is lost, doubled or changed, whatever happens to a worker."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.engine.batches import TaskOutcome, Task, function_of, run
+from shake_ros.engine.engine import Engine, engine
+from shake_ros.engine.processes import ProcessWorkers, WorkerDied
+
+TASKS = "benchmarks.campaign.tasks"
+
+
+def tasks(count: int, **more):
+    return (Task(str(seed), {"seed": seed, **more}) for seed in range(count))
+
+
+def outcomes(on: Engine, function: str, given) -> dict[str, TaskOutcome]:
+    found = [outcome for batch in run(on, f"{TASKS}:{function}", given) for outcome in batch]
+    assert len({o.task.key for o in found}) == len(found), "a task was done twice"
+    return {o.task.key: o for o in found}
+
+
+@pytest.fixture(scope="module")
+def two_workers():
+    with engine(workers=2) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def undisturbed() -> dict[str, str]:
+    """The figures as this process makes them."""
+    sums = function_of(f"{TASKS}:sums")
+    return {str(seed): json.dumps(sums(seed), sort_keys=True) for seed in range(60)}
+
+
+def test_the_rows_are_those_of_one_process_to_the_last_bit(two_workers, undisturbed):
+    found = outcomes(two_workers, "sums", tasks(60))
+    assert {key: o.figures for key, o in found.items()} == undisturbed
+
+
+def test_a_worker_killed_in_the_middle_changes_no_row(two_workers, undisturbed, tmp_path):
+    found = outcomes(two_workers, "deadly", tasks(60, bad=31, folder=str(tmp_path), times=1))
+    assert len(list(tmp_path.iterdir())) == 1
+    assert {key: o.figures for key, o in found.items()} == undisturbed
+
+
+def test_a_task_whose_worker_dies_twice_has_failed_and_the_rest_goes_on(two_workers, undisturbed, tmp_path):
+    found = outcomes(two_workers, "deadly", tasks(60, bad=31, folder=str(tmp_path), times=9))
+    assert len(list(tmp_path.iterdir())) == 2 + (len(found) < 60)
+    assert found.pop("31").failed == "its worker died twice"
+    assert {key: o.figures for key, o in found.items()} == {k: v for k, v in undisturbed.items() if k != "31"}
+
+
+def test_a_task_that_raises_says_why_and_the_others_are_done(two_workers):
+    found = outcomes(two_workers, "failing", tasks(6))
+    assert [found[str(seed)].failed for seed in range(4)] == [None, "ValueError: seed 1 is odd", None] + [
+        "ValueError: seed 3 is odd"
+    ]
+
+
+def test_tasks_are_asked_for_only_when_they_can_be_given_out(two_workers):
+    asked = 0
+
+    def counted():
+        nonlocal asked
+        for asked in range(1, 10_001):
+            yield Task(str(asked), {"seed": asked})
+
+    batches = run(two_workers, f"{TASKS}:busy", (Task(t.key, {**t.given, "seconds": 0.02}) for t in counted()))
+    for _ in range(6):
+        next(batches)
+    ahead = asked
+    batches.close()
+    assert ahead < 150
+
+
+def test_short_tasks_go_out_in_batches_that_take_a_tenth_of_a_second(two_workers):
+    given = (Task(str(seed), {"seed": seed, "seconds": 0.005}) for seed in range(240))
+    lengths = [sum(o.seconds for o in batch) for batch in run(two_workers, f"{TASKS}:busy", given)]
+    assert sorted(lengths)[len(lengths) // 2] > 0.1
+
+
+def test_a_call_that_kills_its_worker_takes_no_other_along():
+    with ProcessWorkers(1) as pool:
+        worker = pool.submit(os.getpid).result()
+        sleeping = pool.submit(time.sleep, 60.0)
+        after = pool.submit(os.getpid)
+        while not sleeping.running():
+            time.sleep(0.01)
+        time.sleep(0.1)
+        os.kill(worker, signal.SIGKILL)
+        with pytest.raises(WorkerDied):
+            sleeping.result()
+        assert after.result() not in (worker, os.getpid())
+
+
+def test_ended_at_once_no_worker_is_left():
+    pool = ProcessWorkers(1)
+    worker = pool.submit(os.getpid).result()
+    pool.submit(time.sleep, 60.0)
+    start = time.monotonic()
+    ending = threading.Thread(target=lambda: pool.shutdown(cancel_futures=True))
+    ending.start()
+    ending.join(20.0)
+    assert time.monotonic() - start < 20.0
+    assert not Path(f"/proc/{worker}").exists()
+
+
+@pytest.mark.parametrize("name", ["benchmarks.campaign.tasks:nobody", "no_such_module:f", "math", "math:pi"])
+def test_what_is_no_function_is_refused(name):
+    with pytest.raises(ShakeError, match="no function"):
+        function_of(name)
+
+
+def test_workers_are_at_least_one():
+    with pytest.raises(ShakeError, match="0 workers"), engine(workers=0):
+        pass

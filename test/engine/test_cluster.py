@@ -1,0 +1,91 @@
+"""Tasks on a Dask cluster: addresses that are refused, and the same rows as on this machine's processes."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+
+import pytest
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.engine.batches import Task, function_of, run
+from shake_ros.engine.cluster import check_address
+from shake_ros.engine.engine import engine
+
+HERE = importlib.util.find_spec("distributed") is not None
+needs_dask = pytest.mark.skipif(not HERE, reason="distributed is not installed: pip install 'shake_ros[cluster]'")
+
+
+@pytest.mark.parametrize(
+    "address", ["tls://10.0.0.5:8786", "tcp://127.0.0.1:8786", "tcp://[::1]:1", "tcp://localhost:1"]
+)
+def test_encrypted_addresses_and_those_of_this_machine_are_taken(address):
+    check_address(address)
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["tcp://10.0.0.5:8786", "tcp://example.org:8786", "tcp://localhost.example.org:1", "tcp://0.0.0.0:8786"],
+)
+def test_unencrypted_addresses_of_other_machines_are_refused(address):
+    with pytest.raises(ShakeError, match="not encrypted"):
+        check_address(address)
+
+
+@pytest.mark.parametrize(
+    "address", ["8786", "http://a:1", "tls://a", "tls://:1", "tls://a:b", "tls://a:1/x", "ucx://a:1"]
+)
+def test_what_is_no_address_is_refused(address):
+    with pytest.raises(ShakeError, match="neither"):
+        check_address(address)
+
+
+@pytest.mark.skipif(HERE, reason="distributed is installed")
+def test_where_dask_is_not_installed_a_line_says_what_to_install():
+    with pytest.raises(ShakeError, match=r"shake_ros\[cluster\]"), engine("tcp://127.0.0.1:1"):
+        pass
+
+
+def test_the_number_of_workers_is_the_clusters_own():
+    with pytest.raises(ShakeError, match="own"), engine("tcp://127.0.0.1:1", workers=2):
+        pass
+
+
+@needs_dask
+def test_a_worker_killed_on_the_cluster_changes_no_row(tmp_path):
+    import dask
+    from distributed import LocalCluster
+
+    def rows(address, times):
+        folder = tmp_path / str(times)
+        folder.mkdir()
+        given = (Task(str(s), {"seed": s, "bad": 31, "folder": str(folder), "times": times}) for s in range(60))
+        with engine(address) as on:
+            found = [o for batch in run(on, "benchmarks.campaign.tasks:deadly", given) for o in batch]
+        assert len(found) == 60
+        return {o.task.key: o.figures for o in found}
+
+    sums = function_of("benchmarks.campaign.tasks:sums")
+    wanted = {str(seed): json.dumps(sums(seed), sort_keys=True) for seed in range(60)}
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as cluster,
+    ):
+        address = cluster.scheduler_address
+        assert rows(address, 0) == wanted
+        assert rows(address, 1) == wanted
+        assert rows(address, 99) == {**wanted, "31": None}
+
+
+@needs_dask
+def test_where_nobody_answers_a_line_says_so(monkeypatch):
+    monkeypatch.setattr("shake_ros.engine.cluster.WAIT", 0.5)
+    with pytest.raises(ShakeError, match="no connection"), engine("tcp://127.0.0.1:9"):
+        pass
+
+
+@needs_dask
+def test_without_certificates_an_encrypted_address_says_so(monkeypatch):
+    monkeypatch.setattr("shake_ros.engine.cluster.WAIT", 0.5)
+    with pytest.raises(ShakeError, match="engine tls://127.0.0.1:9"), engine("tls://127.0.0.1:9"):
+        pass
