@@ -50,6 +50,7 @@ CASES = {
     "plant": Case(),
     "plant_composed": Case(composed=True),
     "bridge": Case(bridge=True),
+    "bridge_unscheduled": Case(bridge=True, fifo=False),
     "bridge_composed": Case(bridge=True, composed=True),
 }
 

@@ -24,7 +24,7 @@ import re
 import statistics
 import sys
 import time
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ SETTLING = 5.0  # at the start, which the nodes leave out of their figures too [
 STARTING = 120.0  # patience until the table runs [s]
 OWN_PRIORITY = 5
 SHORT = 60.0  # longest run of what is only there to compare with [s]
-COMPARED = ("usual", "unscheduled")
+COMPARED = ("usual", "unscheduled", "bridge_unscheduled")
 SAVED = Path(__file__).with_suffix(".txt")
 PERCENTILES = ("p50", "p99", "p999", "max")
 
@@ -85,8 +85,10 @@ def distribution(text: str, node: str, what: str) -> dict[str, float]:
     return dict(zip(words[::2], map(float, words[1::2]), strict=True))
 
 
-def measure(name: str, seconds: float, domain: int) -> dict[str, Any]:
-    """One run."""
+def measure(
+    name: str, seconds: float, domain: int, beside: AbstractContextManager[Any] | None = None
+) -> dict[str, Any]:
+    """One run; `beside` is there while it is watched."""
     case = CASES[name]
     with (
         emulator(case) as target,
@@ -113,7 +115,8 @@ def measure(name: str, seconds: float, domain: int) -> dict[str, Any]:
         processes = {one: process.pid for one, process in running.processes.items()}
         if target:
             processes["target_emulator"] = target.process.pid
-        found = watch(name, seconds, running, processes, reports, driver)
+        with beside or nullcontext():
+            found = watch(name, seconds, running, processes, reports, driver)
         running.stop()
         text = "".join(running.output(one) for one in running.processes)
         return found | figures(case, reports, text, target)
