@@ -17,7 +17,8 @@ def run_hidden(t, law, state, observer, seen, model, reference, feedforward, lat
     """The package's observer and law around the hidden table; a command acts `late` samples after its own, and then
     the table's own dead time. Rows of truth: position, velocity, acceleration; ends where a number is not finite."""
     y, d = np.zeros(hidden.STATES), np.zeros(hidden.STATES)
-    y[hidden.PA] = y[hidden.PB] = 0.5 * (t.supply + t.tank)
+    held = 0.5 * t.constant_force / t.area  # a table at rest is held by its oil
+    y[hidden.PA], y[hidden.PB] = 0.5 * (t.supply + t.tank) - held, 0.5 * (t.supply + t.tank) + held
     y[hidden.PS] = t.supply
     k, work = np.zeros((4, hidden.STATES)), np.zeros(hidden.STATES)
     h = hidden.SAMPLE / hidden.SUBSTEPS

@@ -324,6 +324,7 @@ def implicit_friction(t, y, h, per_mass, per_base):
 def step(t, y, time, h, u, k, work):
     """One step of size h in place under the command u."""
     wanted = min(max(u + t.valve_null_shift, -1.0), 1.0)
+    held = y[S] if y[DS] == 0.0 and abs(wanted - y[S]) <= t.spool_friction + t.spool_hysteresis else math.nan
     rates(t, y, time, wanted, 0.0, k[0])
     for stage, part in ((1, 0.5), (2, 0.5), (3, 1.0)):
         for i in range(STATES):
@@ -337,6 +338,8 @@ def step(t, y, time, h, u, k, work):
     omega = t.omega * (1.0 - t.slow_valve)
     slip = h * omega * omega * (t.spool_friction + t.spool_hysteresis)
     y[DS] = max(abs(y[DS]) - slip, 0.0) * (1.0 if y[DS] > 0.0 else -1.0)
+    if held == held:  # friction holds the spool; the step without it had moved it a little
+        y[S], y[DS] = held, 0.0
     if abs(y[S]) > 1.0:
         y[S], y[DS] = min(max(y[S], -1.0), 1.0), 0.0
     if t.accelerometer_lag > 0.0:

@@ -55,3 +55,17 @@ def test_the_independent_simulator_has_converged_in_its_step():
     usual = hidden_tables.record(table, excitation, 0.0, rng)["acceleration"]
     finer = hidden_tables.record(table, excitation, 0.0, rng, substeps=160)["acceleration"]
     assert np.std(usual - finer) < 2e-3 * np.std(finer)
+
+
+def test_friction_on_the_hidden_valves_spool_holds_it_until_the_command_is_strong_enough():
+    table = hidden_tables.declared_truth(1)._replace(spool_hysteresis=0.03)
+    y = np.zeros(hidden_tables.STATES)
+    y[hidden_tables.PA] = y[hidden_tables.PB] = y[hidden_tables.PS] = 1e7
+    stages, work = np.zeros((4, hidden_tables.STATES)), np.zeros(hidden_tables.STATES)
+    places = []
+    for command in (0.03, 0.06):
+        for _ in range(400):
+            hidden_tables.step(table, y, 0.0, 2.5e-5, command, stages, work)
+        places.append(y[hidden_tables.S])
+    assert places[0] == 0.0
+    assert 0.06 - 0.031 <= places[1] <= 0.06 + 0.031

@@ -47,6 +47,12 @@ class ClosedLoop:
     command: Array
     measured: Array
 
+    def after(self, seconds: float) -> ClosedLoop:
+        """The run from an instant on [s]."""
+        first = round(seconds / self.sample_time)
+        rows = self.reference, self.estimate, self.truth, self.command, self.measured
+        return ClosedLoop(self.sample_time, *(row[first:] for row in rows))
+
     def tracking_error(self, first: int = 0) -> Array:
         """(3,) rms(truth − reference)/rms(reference − mean) of position, velocity, acceleration from a sample on."""
         return normalised_error(self.reference[first:], self.truth[first:])

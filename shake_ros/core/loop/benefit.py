@@ -16,7 +16,7 @@ from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, run_batch, simulate
 from shake_ros.core.loop.linear_loop import Margins
-from shake_ros.core.loop.metrics import come_to_rest, ringing, still_moving
+from shake_ros.core.loop.metrics import SETTLING, come_to_rest, ringing, settle_first, still_moving
 from shake_ros.core.loop.trials import AT_REST, allowed_ringing
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
@@ -81,12 +81,16 @@ class TrackingBenefit:
 def worst_ringing(pair: Pair, tables: Sequence[TableParameters], reference: NDArray[np.float64], delay: int) -> float:
     """The largest ringing of a loop on several tables over what is allowed there [-]; infinite where it was lost."""
     observer, controller = pair
-    reference = come_to_rest(reference, controller.sample_time)
+    reference = settle_first(come_to_rest(reference, controller.sample_time), controller.sample_time)
     feedforward = controller.virtual.follow(reference) if controller.virtual else None
     loops = [Loop(table, observer, controller, reference, feedforward, delay=delay) for table in tables]
     allowed = allowed_ringing(controller, tables, reference, feedforward, delay)
-    shaken = run_batch(loops, lambda i, run: max(ringing(run) / allowed[i], still_moving(run) / AT_REST))
-    return max(shaken, default=0.0)
+
+    def rings(i: int, run: ClosedLoop) -> float:
+        settled = run.after(SETTLING)
+        return max(ringing(settled) / allowed[i], still_moving(settled) / AT_REST)
+
+    return max(run_batch(loops, rings), default=0.0)
 
 
 def benefit(
@@ -104,6 +108,8 @@ def benefit(
 ) -> TrackingBenefit:
     """Run the same loop twice on one table, with one model in observer and controller and with the other.
 
+    Each has settled at rest before the reference begins.
+
     Parameters
     ----------
     table : the plant. before, after : models. loops : observer and controller that carry a model.
@@ -115,7 +121,8 @@ def benefit(
     pairs = {"before": loops(before), "after": loops(after)}
     if tuned:
         pairs["tuned"] = tuned[0]
-    runs = {when: simulate(Loop(table, *pair, reference, delay=delay))[0] for when, pair in pairs.items()}
+    ahead = settle_first(reference, pairs["after"][1].sample_time)
+    runs = {when: simulate(Loop(table, *pair, ahead, delay=delay))[0].after(SETTLING) for when, pair in pairs.items()}
     part = reference[: round(seconds / pairs["after"][1].sample_time)]
     shaken = {when: worst_ringing(pairs[when], [table, *neighbours], part, delay) for when in pairs if when != "before"}
     margins = tuned[1] if tuned else None

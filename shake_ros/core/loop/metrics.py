@@ -29,6 +29,7 @@ AT_LIMIT = 1.0 - 1e-9  # share of the limit from which a command counts as limit
 STILL_MOVING = 0.5  # rms acceleration at the final rest, over that of the reference, from which a loop is unstable
 RINGING_ABOVE, RINGING_WINDOW = 15.0, 0.5  # [Hz], [s] of `ringing`
 FADE, REST = 1.0, 1.0  # [s] of `come_to_rest`
+SETTLING = 2.0  # [s] of `settle_first`
 LOST_TRACKING = 1.0  # position error from which it is: no better than a table that stands still
 
 
@@ -122,6 +123,20 @@ def come_to_rest(reference: Array, sample_time: float) -> Array:
     value, slope, curvature = smooth_step(left)
     fade = value, -slope / FADE, curvature / FADE**2
     return np.vstack([product(fade, columns(reference)), np.zeros((round(REST / sample_time), 3))])
+
+
+def settle_first(reference: Array, sample_time: float) -> Array:
+    """A reference (n, 3) behind SETTLING seconds of rest at its first place.
+
+    A table is at rest under its loop before a motion. A simulated one starts with equal pressures and a valve at its
+    electrical zero: under a constant force or with another null it first moves, which is no fault of what follows.
+
+    >>> settle_first(np.array([[0.01, 0.2, 3.0]]), 1.0).tolist()
+    [[0.01, 0.0, 0.0], [0.01, 0.0, 0.0], [0.01, 0.2, 3.0]]
+    """
+    ahead = np.zeros((round(SETTLING / sample_time), 3))
+    ahead[:, 0] = reference[0, 0]
+    return np.vstack([ahead, reference])
 
 
 def still_moving(run: ClosedLoop) -> float:

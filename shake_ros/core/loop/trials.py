@@ -2,8 +2,8 @@
 
 Every trial follows a reference under the virtual table of the one table that is known. A loop rings where its
 acceleration holds more beyond the reference's band than allowed, and more than the feedforward alone makes of the same
-neighbour: what a wrong feedforward shakes is no fault of the loop. The reference comes to rest at its end; a loop that
-still moves there rings as well.
+neighbour: what a wrong feedforward shakes is no fault of the loop. The loop settles at rest before the reference
+begins; that comes to rest at its end, and a loop that still moves there rings as well.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from shake_ros.core.control.law import LawParameters
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.loop.law_design import LAWS, WITHOUT_ACCELERATION, Common, near_surface
-from shake_ros.core.loop.metrics import AT_LIMIT, come_to_rest, ringing, still_moving
+from shake_ros.core.loop.metrics import AT_LIMIT, SETTLING, come_to_rest, ringing, settle_first, still_moving
 from shake_ros.core.loop.robust import DAMPINGS, JERKS, Design, Search
 from shake_ros.core.observer.linear import LinearObserver
 from shake_ros.core.observer.model import ModelObserver
@@ -91,7 +91,8 @@ def rounded(parameters: P) -> P:
 
 
 def trial(run: ClosedLoop, limit: float, stroke: float) -> Trial:
-    """The figures of a run."""
+    """The figures of a run once it has settled."""
+    run = run.after(SETTLING)
     largest = float(np.nanmax(np.abs(run.truth[:, 0]), initial=0.0)) / (0.5 * stroke)
     if not np.isfinite(run.truth).all():
         return Trial(np.full(3, math.inf), math.inf, math.inf, 1.0, largest)
@@ -112,7 +113,7 @@ def allowed_ringing(
 
     Parameters
     ----------
-    controller : whose feedforward it is. delay : samples by which a command acts late; each table's is longer than the
+    controller : whose feedforward it is. reference : of `settle_first`. delay : samples by which a command acts late; each table's is longer than the
     last one's by one, from none to `further` in turn.
     """
     if feedforward is None:
@@ -123,7 +124,8 @@ def allowed_ringing(
         Loop(table, None, law, reference, feedforward, seed=i, delay=delay + i % (further + 1))
         for i, table in enumerate(tables)
     ]
-    return [max(bound, OVER_FEEDFORWARD * r) for r in run_batch(loops, lambda _, run: ringing(run))]
+    shaken = run_batch(loops, lambda _, run: ringing(run.after(SETTLING)))
+    return [max(bound, OVER_FEEDFORWARD * r) for r in shaken]
 
 
 class Trials:
@@ -132,7 +134,8 @@ class Trials:
     def __init__(self, search: Search, reference: Array, fields: dict[str, object]) -> None:
         self.search, self.fields = search, fields
         self.s, self.table = search.s, search.tables[0]
-        self._reference = np.ascontiguousarray(come_to_rest(reference, search.s.sample_time))
+        dt = search.s.sample_time
+        self._reference = settle_first(come_to_rest(reference, dt), dt)
         self._feedforward = self.feedforward(self._reference)
         law = Controller("none", Hold(**fields), self.s.sample_time, self.table)  # type: ignore[arg-type]
         late = round(self.s.loop_delay / self.s.sample_time)

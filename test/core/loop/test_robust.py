@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.loop.metrics import come_to_rest, ringing, still_moving
+from shake_ros.core.loop.metrics import SETTLING, come_to_rest, ringing, settle_first, still_moving
 from shake_ros.core.loop.robust import (
     Load,
     RobustSettings,
@@ -18,6 +18,7 @@ from shake_ros.core.loop.robust import (
     points,
     uncertainty_of,
 )
+from shake_ros.core.loop.trials import trial
 from shake_ros.core.plant.linearisation import linearise, oil_column_frequency
 from shake_ros.settings import find, load_table, read_yaml
 
@@ -68,3 +69,17 @@ def test_limit_cycle_below_the_ringing_band_is_seen_at_the_rest_that_follows() -
     run = ClosedLoop(1e-3, wanted, wanted, found, wanted[:, 0], wanted)
     assert ringing(run) < 0.02
     assert math.isclose(still_moving(run), 0.2 / math.sqrt(2.0) / np.sqrt(np.mean(wanted[:, 2] ** 2)), rel_tol=0.01)
+
+
+def test_what_a_table_does_when_it_is_let_go_is_no_error_of_the_motion_that_follows() -> None:
+    t = np.arange(4000) * 1e-3
+    motion = np.column_stack([0.03 * np.sin(9.0 * t), 0.27 * np.cos(9.0 * t), -2.43 * np.sin(9.0 * t)])
+    wanted = settle_first(come_to_rest(motion, 1e-3), 1e-3)
+    found = wanted.copy()
+    letting_go = slice(0, round(0.9 * SETTLING / 1e-3))
+    found[letting_go, 2] += 4.0 * np.sin(2.0 * np.pi * 30.0 * np.arange(len(found))[letting_go] * 1e-3)
+    command = np.full(len(found), 0.1)
+    command[letting_go] = 1.0
+    judged = trial(ClosedLoop(1e-3, wanted, wanted, found, command, wanted), 1.0, 0.3)
+    assert judged.errors.tolist() == [0.0, 0.0, 0.0]
+    assert judged.ringing == judged.still == judged.at_limit == 0.0
