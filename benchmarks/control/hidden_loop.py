@@ -13,13 +13,15 @@ from shake_ros.core.observer.selected import step_observer
 
 
 @numba.njit(cache=True, nogil=True)
-def run_hidden(t, law, state, observer, seen, model, reference, feedforward, late, noise, space, truth, command):
+def run_hidden(
+    t, start, law, state, observer, seen, model, reference, feedforward, late, noise, space, truth, command
+):
     """The package's observer and law around the hidden table; a command acts `late` samples after its own, and then
-    the table's own dead time. Rows of truth: position, velocity, acceleration; ends where a number is not finite."""
+    the table's own dead time. It begins at rest at `start` [m]. Rows of truth: position, velocity, acceleration; ends where a number is not finite."""
     y, d = np.zeros(hidden.STATES), np.zeros(hidden.STATES)
     held = 0.5 * t.constant_force / t.area  # a table at rest is held by its oil
     y[hidden.PA], y[hidden.PB] = 0.5 * (t.supply + t.tank) - held, 0.5 * (t.supply + t.tank) + held
-    y[hidden.PS] = t.supply
+    y[hidden.PS], y[hidden.X], y[hidden.LAGX] = t.supply, start, start
     k, work = np.zeros((4, hidden.STATES)), np.zeros(hidden.STATES)
     h = hidden.SAMPLE / hidden.SUBSTEPS
     behind = round(t.command_delay / h) + late * hidden.SUBSTEPS

@@ -30,6 +30,7 @@ STILL_MOVING = 0.5  # rms acceleration at the final rest, over that of the refer
 RINGING_ABOVE, RINGING_WINDOW = 15.0, 0.5  # [Hz], [s] of `ringing`
 FADE, REST = 1.0, 1.0  # [s] of `come_to_rest`
 SETTLING = 2.0  # [s] of `settle_first`
+ASIDE = 0.002  # [m] from its reference at which a loop is closed that is looked at: a limit cycle needs a push to begin
 LOST_TRACKING = 1.0  # position error from which it is: no better than a table that stands still
 
 

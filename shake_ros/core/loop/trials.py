@@ -2,8 +2,8 @@
 
 Every trial follows a reference under the virtual table of the one table that is known. A loop rings where its
 acceleration holds more beyond the reference's band than allowed, and more than the feedforward alone makes of the same
-neighbour: what a wrong feedforward shakes is no fault of the loop. The loop settles at rest before the reference
-begins; that comes to rest at its end, and a loop that still moves there rings as well.
+neighbour: what a wrong feedforward shakes is no fault of the loop. The loop is closed a little aside of the
+reference and settles at rest before that begins; the reference comes to rest at its end, and a loop that still moves there rings as well.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from shake_ros.core.control.law import LawParameters
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.loop.law_design import LAWS, WITHOUT_ACCELERATION, Common, near_surface
-from shake_ros.core.loop.metrics import AT_LIMIT, SETTLING, come_to_rest, ringing, settle_first, still_moving
+from shake_ros.core.loop.metrics import ASIDE, AT_LIMIT, SETTLING, come_to_rest, ringing, settle_first, still_moving
 from shake_ros.core.loop.robust import DAMPINGS, JERKS, Design, Search
 from shake_ros.core.observer.linear import LinearObserver
 from shake_ros.core.observer.model import ModelObserver
@@ -173,6 +173,7 @@ class Trials:
                 self._feedforward,
                 seed=i,
                 delay=late + (i % (self.s.further_delay + 1)),
+                start=float(self._reference[0, 0]) + ASIDE,
             )
             for i, table in enumerate(self.search.tables)
         ]
