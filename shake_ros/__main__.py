@@ -5,6 +5,7 @@ Exit codes: 0 done, 2 wrong arguments or input (one line on standard error), 1 a
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import importlib
 import os
@@ -102,8 +103,11 @@ def program() -> int:
     A node ends there and then: all that it holds is closed by now, and to take its compiled code apart costs the
     interpreter half a second of processor time, which a graph of seven on a busy machine waits many seconds for.
     """
+    node = bool(sys.argv[1:]) and sys.argv[1] in NODES
+    if node:
+        faulthandler.enable()  # a crash, or SIGABRT to what hangs, tells where each thread is
     code = main()
-    if sys.argv[1:] and sys.argv[1] in NODES:
+    if node:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

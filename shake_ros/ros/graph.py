@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -34,6 +34,7 @@ PR_SET_PDEATHSIG = 1
 POLL = 0.02  # [s]
 GRACE = 10.0  # a node may take so long [s] to end after SIGINT
 ROOT = Path(__file__).resolve().parents[2]
+STACK = 40  # last lines of a node that does not end, with the stacks of its threads
 LEADER = "plant"  # its end is the end of a run
 CLOCKED = ("reference_generator",)  # keep a time of their own in real time, and read nothing then
 LAST = ("recorder",)  # stopped after all that it may still hear from
@@ -280,10 +281,19 @@ class Graph:
             try:
                 code = self.processes[name].wait(max(0.0, deadline - time.monotonic()))
             except subprocess.TimeoutExpired:
-                wrong.append(f"node {name} did not end within {GRACE:g} s of SIGINT")
+                wrong.append(self._overdue(name))
             else:
                 wrong += [self.failure(name)] if code not in (0, -signal.SIGINT) else []
         return wrong
+
+    def _overdue(self, name: str) -> str:
+        """Where a node stands that does not end; it is killed for that."""
+        process = self.processes[name]
+        process.send_signal(signal.SIGABRT)  # says it
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(GRACE)
+        tail = "\n".join(self.output(name).strip().splitlines()[-STACK:])
+        return f"node {name} did not end within {GRACE:g} s of SIGINT\n{tail}"
 
     def groups(self) -> list[list[str]]:
         """Names in the order in which they end: recorders last."""

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import shake_ros.ros.graph
 from shake_ros.core.quantities import UnknownName
 from shake_ros.ros.graph import Graph, GraphError, NodeSpec, awaited
 from shake_ros.ros.interface import TOPICS
@@ -89,6 +90,28 @@ def test_sigint_ends_every_node_cleanly(ros_domain) -> None:
         graph.stop()
         assert {process.returncode for process in graph.processes.values()} == {0}
         assert not any("Traceback" in graph.output(name) for name in graph.processes)
+
+
+def end_what_is_deaf(graph: Graph) -> None:
+    with graph:
+        while "deaf" not in graph.output("observer"):
+            time.sleep(0.01)
+        graph.stop()
+
+
+def test_node_that_does_not_end_is_named_with_where_it_stands(ros_domain, monkeypatch) -> None:
+    code = """if True:
+        import faulthandler, signal, time
+        faulthandler.enable()
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        def hangs(): time.sleep(60)
+        print("deaf", flush=True)
+        hangs()
+    """
+    monkeypatch.setattr(shake_ros.ros.graph, "GRACE", 0.2)
+    graph = Graph([NodeSpec("observer", program=(sys.executable, "-c", code))], domain_id=ros_domain)
+    with pytest.raises(GraphError, match=r"node observer did not end within 0.2 s of SIGINT\n(.*\n)*.* in hangs"):
+        end_what_is_deaf(graph)
 
 
 def test_nodes_die_with_the_process_that_started_them(ros_domain) -> None:
