@@ -1,56 +1,37 @@
-"""Is the effect that the demo hides the one it names?
+"""Is the effect that the demo hides the one it names? What the study `demo_seeds` measures.
 
-    python -m benchmarks.discovery.demo_seeds [--effects N] [--save]
+    ./shake campaign demo_seeds --out DIR
 
-Runs the command `demo` once for each effect that it can hide, each time with another seed and so on another table.
+Runs `demo` for each effect that it can hide, each time with another seed and so on another table.
 """
 
 from __future__ import annotations
 
-import argparse
-import contextlib
-import io
-import json
 import tempfile
 from pathlib import Path
+from typing import Any
 
-from shake_ros.__main__ import main as shake
+from shake_ros.api.demo import demo
 from shake_ros.settings import find, read_yaml
 
-HEAD = f"{'seed':>4}  {'hidden':<22}{'named':<46}{'held-out error before':>22}{'after':>10}{'seconds':>9}"
 
-
-def one(seed: int, effect: str) -> str:
-    """Run one demo; a line of the table."""
-    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
-        out = Path(folder) / "demo"
-        code = shake(["demo", "--seed", str(seed), "--hidden", effect, "--out", str(out)])
-        if code:
-            return f"{seed:>4}  {effect:<22}exit code {code}"
-        summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    found = summary["hidden"]
-    named = found["named"] or "nothing"
-    if found["alternatives"]:
-        named += f" (or {', '.join(found['alternatives'])})"
-    before, after = 100 * found["hold_before"], 100 * found["hold_after"]
-    return f"{seed:>4}  {effect:<22}{named:<46}{before:>20.2f} %{after:>8.2f} %{summary['seconds']:>9.0f}"
-
-
-def main() -> None:
-    """Print the table, and keep it beside this file with --save."""
+def rows(seeds: int) -> list[dict[str, Any]]:
+    """Each hidden effect so many times, every time on another table."""
     effects = sorted(read_yaml(find("demo", "demo"))["hidden"])
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--effects", type=int, default=len(effects), help="how many hidden effects")
-    parser.add_argument("--save", action="store_true", help="keep the table in demo_seeds.txt")
-    given = parser.parse_args()
-    lines = [HEAD]
-    print(HEAD, flush=True)
-    for seed, effect in enumerate(effects[: given.effects], 1):
-        lines.append(one(seed, effect))
-        print(lines[-1], flush=True)
-    if given.save:
-        Path(__file__).with_suffix(".txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return [{"effect": effect, "seed": k} for k, effect in enumerate(effects * seeds, 1)]
 
 
-if __name__ == "__main__":
-    main()
+def measure(effect: str, seed: int) -> dict[str, Any]:
+    """One demo: what it named, errors before and after."""
+    with tempfile.TemporaryDirectory() as folder:
+        summary = demo(Path(folder) / "demo", seed=seed, hidden=effect, progress=False).summary
+    found, tracking = summary["hidden"], summary["tracking"]
+    return {
+        "named": found["named"] or "nothing",
+        "alternatives": found["alternatives"],
+        "right": found["named"] == effect,
+        "before": found["hold_before"],
+        "after": found["hold_after"],
+        "tracking_before": tracking["before"],
+        "tracking_after": tracking["after"],
+    }

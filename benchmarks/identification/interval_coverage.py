@@ -1,6 +1,6 @@
-"""Do the stated standard errors cover the truth?
+"""Do the stated standard errors cover the truth? What the study `interval_coverage` measures.
 
-    python -m benchmarks.identification.interval_coverage [--seeds 100] [--forms own]
+    ./shake campaign interval_coverage --out DIR [--set forms=own]
 
 Recordings are made by another simulator, one table and one noise per seed, and it is counted how often the 90 %
 interval (value ± 1.645 standard errors) holds the true value. A parameter at a bound has no standard error and is
@@ -12,18 +12,17 @@ of the declared equations (plant/reference_model.py): no line of code in common,
 of an error-controlled Dormand–Prince method, sensors with noise and steps of their own; but the same regularised
 forms near rest, tanh(v/v_t) and the laminar stretch of the flow's root, and the valve's hysteresis as a play.
 
-`--forms other` takes the data from discovery/hidden_tables.py, where these three are other functions: friction
-saturates linearly (--saturation: width; by default that which takes as much off as the declared tanh does), the root
+`forms=other` takes the data from discovery/hidden_tables.py, where these three are other functions: friction
+saturates linearly (`saturation`: width; by default that which takes as much off as the declared tanh does), the root
 is rounded elsewhere, and the hysteresis is dry friction on the spool. There the fitted values are those with which
 the declared forms come nearest to the other ones, and the column "mean rel. error" is that shift; no interval that
-counts noise covers it, and the longer the recordings, the less. `--forms own` makes the data with the package's own
+counts noise covers it, and the longer the recordings, the less. `forms=own` makes the data with the package's own
 simulator.
 """
 
 from __future__ import annotations
 
-import argparse
-import time
+from typing import Any
 
 import numpy as np
 
@@ -37,11 +36,13 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate, estimates
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
+from shake_ros.core.quantities import unknown_name
 from shake_ros.declared import model_structure
 from shake_ros.settings import load_search, load_table
 
 SAME_DEFICIT = 2.0 * 0.693 * 1e-3  # ∫(1 − v/w) dv = ∫(1 − tanh(v/(1 mm/s))) dv for this width w [m/s]
 QUANTILE = 1.645  # of the 90 % interval
+FORMS = ("declared", "other", "own")
 SUBSTEPS = 25  # steps of the second writing per sample
 
 
@@ -91,38 +92,32 @@ def fitted(seed: int, length: float, forms: str, saturation: float) -> tuple[hid
     return truth, estimates(result, problem.estimation.blocks())
 
 
-def main() -> None:
-    """Run all seeds and print the coverage of each parameter."""
-    command = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    command.add_argument("--seeds", type=int, default=100)
-    command.add_argument("--length", type=float, default=1.0, help="scale of the recordings' durations")
-    command.add_argument(
-        "--saturation", type=float, default=SAME_DEFICIT, help="width of the data's dry friction [m/s]"
-    )
-    command.add_argument("--forms", choices=("declared", "other", "own"), default="declared", help="who makes the data")
-    given = command.parse_args()
-    scores: dict[str, list[float]] = {name: [] for name in hidden.DECLARED}
-    errors: dict[str, list[float]] = {name: [] for name in hidden.DECLARED}
-    late, start = 0, time.perf_counter()
-    for seed in range(given.seeds):
-        truth, found = fitted(seed, given.length, given.forms, given.saturation)
-        late += any(e.name not in hidden.DECLARED for e in found)
-        for e in found:
-            if e.name not in hidden.DECLARED:
-                continue  # the transition velocity has no true value where friction passes rest in another form
-            true = float(getattr(truth, hidden.DECLARED[e.name]))
-            if e.std_error:
-                scores[e.name].append((e.value - true) / e.std_error)
-                errors[e.name].append((e.value - true) / true)
-    print(f"{given.seeds} seeds, {time.perf_counter() - start:.0f} s; the transition velocity was freed in {late}")
-    head = f"{'parameter':28} {'cover':>6}  {'cases':>5}  {'mean score':>10}  {'rms score':>9}"
-    print(f"{head}  {'mean rel. error':>15}  {'rms rel. error':>14}")
-    for name, values in scores.items():
-        z, relative = np.array(values), np.array(errors[name])
-        cover = 100.0 * np.mean(np.abs(z) < QUANTILE)
-        row = f"{cover:5.1f}%  {len(z):5d}  {np.mean(z):10.2f}  {np.sqrt(np.mean(z**2)):9.2f}"
-        print(f"{name:28} {row}  {np.mean(relative):15.5f}  {np.sqrt(np.mean(relative**2)):14.5f}")
+def measure(seed: int, length: float, forms: str, saturation: float | None) -> dict[str, Any]:
+    """Which intervals of one seed hold the truth; a parameter at a bound has none and is left out.
+
+    Parameters
+    ----------
+    length : scale of the recordings' durations. forms : who makes the data: declared, other or own.
+    saturation : width of the data's dry friction [m/s], of the same deficit as the declared form's where None.
+    """
+    if forms not in FORMS:
+        raise unknown_name("forms", forms, FORMS)
+    truth, found = fitted(seed, length, forms, SAME_DEFICIT if saturation is None else saturation)
+    own = [e for e in found if e.name in hidden.DECLARED and e.std_error]
+    # the transition velocity has no true value where friction passes rest in another form
+    return {
+        "late": any(e.name not in hidden.DECLARED for e in found),
+        "parameters": [_judged(e, float(getattr(truth, hidden.DECLARED[e.name]))) for e in own],
+    }
 
 
-if __name__ == "__main__":
-    main()
+def _judged(estimate: Estimate, true: float) -> dict[str, Any]:
+    assert estimate.std_error
+    score = (estimate.value - true) / estimate.std_error
+    relative = (estimate.value - true) / true
+    return {
+        "parameter": estimate.name,
+        "score": score,
+        "relative_error": relative,
+        "covered": bool(abs(score) < QUANTILE),
+    }

@@ -17,7 +17,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.data.campaign_file import CampaignFile, FinishedRow
 from shake_ros.data.results import writing
 from shake_ros.data.study import Study, canonical, load_study
-from shake_ros.engine.batches import TaskOutcome, Task, run
+from shake_ros.engine.batches import Task, TaskOutcome, run
 from shake_ros.engine.engine import engine
 from shake_ros.engine.version import code_version
 from shake_ros.report.campaign_tables import section_table

@@ -15,7 +15,8 @@ from shake_ros.core.quantities import ShakeError, shown, strict_keys, unknown_na
 from shake_ros.engine.batches import function_of
 from shake_ros.settings import find, read_yaml
 
-KEYS = ("title", "measure", "rows", "same", "files", "report")
+KEYS = ("title", "measure", "rows", "same", "files", "order", "report")
+ORDERS = ("listed", "chance")
 NEEDED = ("title", "measure", "rows")
 RANGE = ("first", "last")
 LISTED = ("list", "with")
@@ -69,7 +70,16 @@ class Study:
     sections: tuple[StudySection, ...]
 
     def rows(self) -> Iterator[Row]:
-        """The rows in the study's order, each once."""
+        """The rows in the study's order, each once.
+
+        By `order: chance` they are shuffled, always alike: what is finished at any time is a sample of the whole.
+        """
+        if self.content.get("order", "listed") == "listed":
+            yield from self._listed_rows()
+        else:
+            yield from sorted(self._listed_rows(), key=lambda row: hashlib.sha256(canonical(row).encode()).digest())
+
+    def _listed_rows(self) -> Iterator[Row]:
         same = self.content.get("same") or {}
         seen = set()
         for number, block in enumerate(self.content["rows"]):
@@ -93,7 +103,9 @@ def canonical(value: Any) -> str:
 
 
 def content_hash(path: Any) -> str:
-    """Hash of a file, or of all files of a folder with their names."""
+    """Hash of a file, or of all files of a folder with their names; empty for a name of config/, which is code."""
+    if _is_name(path):
+        return ""
     whole = Path(str(path))
     files = sorted(p for p in whole.rglob("*") if p.is_file()) if whole.is_dir() else [whole]
     digest = hashlib.sha256()
@@ -107,6 +119,11 @@ def content_hash(path: Any) -> str:
             raise ShakeError(f"{file}: cannot be read ({error.strerror})") from None
         digest.update(f"{file.relative_to(whole)}\n".encode() + inner.digest())
     return digest.hexdigest()
+
+
+def _is_name(path: Any) -> bool:
+    """Whether a value is no path but the name of a configuration."""
+    return not Path(str(path)).exists() and not {"/", "."} & set(str(path))
 
 
 def load_study(name: str, changes: Mapping[str, Any] | None = None) -> Study:
@@ -137,6 +154,8 @@ def study_of(content: Any, name: str, where: str, changes: Mapping[str, Any]) ->
     files = given.get("files") or []
     if not isinstance(files, list) or not all(isinstance(f, str) for f in files):
         raise ShakeError(f"{where}: files: is not a list of names")
+    if given.get("order", "listed") not in ORDERS:
+        raise unknown_name("order", given["order"], ORDERS, where)
     _change(given, changes, where)
     listed = given.get("report") or []
     if not isinstance(listed, list):
@@ -219,7 +238,7 @@ def _check_rows(study: Study) -> None:
         for name in study.files:
             if name not in row:
                 raise ShakeError(f"{study.where}: files: no row has a value '{name}'")
-            if not Path(str(row[name])).exists():
+            if not _is_name(row[name]) and not Path(str(row[name])).exists():
                 raise ShakeError(f"{study.where}: {name}: {row[name]} does not exist")
     if not count:
         raise ShakeError(f"{study.where}: rows: there is none")

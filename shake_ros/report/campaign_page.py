@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from shake_ros.data.campaign_file import FinishedRow
-from shake_ros.data.study import StudySection, Study, canonical
+from shake_ros.data.study import Study, StudySection, canonical
 from shake_ros.report.campaign_tables import against, groups, in_both, numbers, section_table, share, shown
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page

@@ -27,6 +27,13 @@ def test_rows_are_the_products_of_the_blocks_in_order_each_once():
     assert rows == [(1, 10), (1, 20), (2, 10), (2, 20), (3, 10), (3, 20), (7, 20)]
 
 
+def test_by_chance_the_order_is_another_and_always_the_same():
+    one, two = (list(study(order="chance").rows()) for _ in range(2))
+    listed = list(study().rows())
+    assert one == two != listed
+    assert sorted(map(str, one)) == sorted(map(str, listed))
+
+
 def test_what_is_the_same_in_every_row_is_overruled_by_a_block():
     rows = list(study(same={"size": 5}, rows=[{"seed": [1]}, {"seed": [1], "size": [6]}]).rows())
     assert rows == [{"seed": 1, "size": 5}, {"seed": 1, "size": 6}]
@@ -78,7 +85,16 @@ def test_the_content_of_a_folder_is_that_of_its_files_with_their_names(tmp_path)
         ({"rows": [{"list": "benchmarks.campaign.tasks:nothing", "with": {"a": 1}}]}, "with: .*argument"),
         ({"measure": "benchmarks.campaign.tasks"}, "measure: .* is no function"),
         ({"measure": "nowhere.at.all:sums"}, "measure: .* is no function"),
-        ({"files": ["seed"]}, "seed: 1 does not exist"),
+        ({"files": ["sed"]}, "files: no row has a value 'sed'"),
+        (
+            {
+                "measure": "benchmarks.campaign.tasks:labelled",
+                "files": ["file"],
+                "rows": [{"seed": [1], "file": ["a/b"]}],
+            },
+            "file: a/b does not exist",
+        ),
+        ({"order": "backwards"}, "unknown order 'backwards'"),
         ({"files": "seed"}, "files: is not a list"),
         ({"report": [{"rates": ["even"]}]}, "report: 1: is not a mapping with one of the keys"),
         ({"report": [{"shares": ["even"], "colour": 1}]}, "unknown key 'colour'"),
@@ -93,7 +109,7 @@ def test_a_study_that_cannot_be_is_one_line(keys, said):
 
 
 def test_unknown_changes_list_what_there_is():
-    with pytest.raises(ShakeError, match="unknown value 'sed'.*known: seed, size"):
+    with pytest.raises(ShakeError, match=r"unknown value 'sed'.*known: seed, size"):
         study({"sed": 3})
 
 

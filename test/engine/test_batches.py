@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.engine.batches import TaskOutcome, Task, function_of, run
+from shake_ros.engine.batches import Task, TaskOutcome, function_of, run
 from shake_ros.engine.engine import Engine, engine
 from shake_ros.engine.processes import ProcessWorkers, WorkerDied
 
@@ -62,9 +62,8 @@ def test_a_task_whose_worker_dies_twice_has_failed_and_the_rest_goes_on(two_work
 
 def test_a_task_that_raises_says_why_and_the_others_are_done(two_workers):
     found = outcomes(two_workers, "failing", tasks(6))
-    assert [found[str(seed)].failed for seed in range(4)] == [None, "ValueError: seed 1 is odd", None] + [
-        "ValueError: seed 3 is odd"
-    ]
+    odd = ["ValueError: seed 1 is odd", "ValueError: seed 3 is odd"]
+    assert [found[str(seed)].failed for seed in range(4)] == [None, odd[0], None, odd[1]]
 
 
 def test_tasks_are_asked_for_only_when_they_can_be_given_out(two_workers):

@@ -87,5 +87,5 @@ def test_where_nobody_answers_a_line_says_so(monkeypatch):
 @needs_dask
 def test_without_certificates_an_encrypted_address_says_so(monkeypatch):
     monkeypatch.setattr("shake_ros.engine.cluster.WAIT", 0.5)
-    with pytest.raises(ShakeError, match="engine tls://127.0.0.1:9"), engine("tls://127.0.0.1:9"):
+    with pytest.raises(ShakeError, match=r"engine tls://127\.0\.0\.1:9"), engine("tls://127.0.0.1:9"):
         pass
