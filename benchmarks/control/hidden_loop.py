@@ -13,11 +13,12 @@ from shake_ros.core.observer.selected import step_observer
 
 
 @numba.njit(cache=True, nogil=True)
-def run_hidden(
-    t, start, law, state, observer, seen, model, reference, feedforward, late, noise, space, truth, command
-):
-    """The package's observer and law around the hidden table; a command acts `late` samples after its own, and then
-    the table's own dead time. It begins at rest at `start` [m]. Rows of truth: position, velocity, acceleration; ends where a number is not finite."""
+def run_hidden(t, start, law, state, observer, seen, model, reference, feedforward, late, noise, space, truth, command):
+    """The package's observer and law around the hidden table, which begins at rest at `start` [m].
+
+    A command acts `late` samples after its own, and then the table's own dead time. Rows of truth: position, velocity,
+    acceleration; ends where a number is not finite.
+    """
     y, d = np.zeros(hidden.STATES), np.zeros(hidden.STATES)
     held = 0.5 * t.constant_force / t.area  # a table at rest is held by its oil
     y[hidden.PA], y[hidden.PB] = 0.5 * (t.supply + t.tank) - held, 0.5 * (t.supply + t.tank) + held
@@ -25,13 +26,14 @@ def run_hidden(
     k, work = np.zeros((4, hidden.STATES)), np.zeros(hidden.STATES)
     h = hidden.SAMPLE / hidden.SUBSTEPS
     behind = round(t.command_delay / h) + late * hidden.SUBSTEPS
-    estimate, last = np.zeros(3), 0.0
+    estimate, last, measured = np.zeros(3), 0.0, np.full(4, np.nan)
     for i in range(len(reference)):
         truth[i, 2] = hidden.rates(t, y, i * hidden.SAMPLE, last, hidden.regular_friction(t, y), d)
         truth[i, 0], truth[i, 1] = y[hidden.X] + y[hidden.B], y[hidden.V] + y[hidden.DB]
         shown = y[hidden.LAGX] if t.position_sensor_lag > 0.0 else y[hidden.X]
         shown = round((shown + noise[i]) / hidden.POSITION_STEP) * hidden.POSITION_STEP
-        step_observer(seen, observer, model, shown, command[i - 1] if i > 0 else 0.0, hidden.SAMPLE, space, estimate)
+        measured[0] = shown
+        step_observer(seen, observer, model, measured, command[i - 1] if i > 0 else 0.0, hidden.SAMPLE, space, estimate)
         if not math.isfinite(estimate[2] + truth[i, 2]):
             return i
         state, command[i] = step_controller(state, law, feedforward[1][i], estimate, feedforward[0][i], hidden.SAMPLE)

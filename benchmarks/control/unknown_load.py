@@ -67,7 +67,7 @@ def run(
     y[hidden.PS] = t.supply
     k, extra = np.zeros((4, hidden.STATES)), np.zeros(hidden.STATES)
     h = hidden.SAMPLE / hidden.SUBSTEPS
-    estimate, last = np.zeros(3), 0.0
+    estimate, last, measured = np.zeros(3), 0.0, np.full(4, np.nan)
     for i in range(len(reference)):
         t = tables[0] if i < change else tables[1]
         truth[i, 2] = hidden.rates(t, y, i * hidden.SAMPLE, last, hidden.regular_friction(t, y), d)
@@ -79,7 +79,8 @@ def run(
         if follows:
             set_load(model, found[i, 0], found[i, 1], found[i, 2])
             set_load(virtual, found[i, 0], found[i, 1], found[i, 2])
-        step_observer(seen, observer, model, shown, before, hidden.SAMPLE, space, estimate)
+        measured[0] = shown
+        step_observer(seen, observer, model, measured, before, hidden.SAMPLE, space, estimate)
         if not math.isfinite(estimate[2] + truth[i, 2]):
             return i
         ahead, u, wanted = step_virtual(ahead, virtual, settings, rest, reference[i])

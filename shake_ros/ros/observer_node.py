@@ -1,4 +1,4 @@
-"""Node `observer`: position and valve command → estimate of position, velocity and acceleration.
+"""Node `observer`: position, other sensors where it takes them, valve command → position, velocity, acceleration.
 
 The parameter `observer` and those of the observer in use may change while it runs: what comes of it continues from the
 last estimate.
@@ -17,7 +17,10 @@ from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import Behaviour, Frame
 from shake_ros.ros.live_law import LiveLaw, Sets, variants
+from shake_ros.ros.other_sensors import OtherSensors
 from shake_ros.settings import load_table
+
+PATIENCE = 0.25  # [s] between looks at who is silent
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,10 @@ class ObserverNodeParameters(Parameters):
 
 
 class ObserverNode(Behaviour):
-    """Estimate k from measurement k and command k − 1; lock-step waits for both, real time takes the newest."""
+    """Estimate k from measurement k and command k − 1; lock-step waits for both, real time takes the newest.
+
+    An observer that takes accelerometer and pressures gets those of measurement k; without one it goes on and says so.
+    """
 
     def __init__(self, frame: Frame) -> None:
         super().__init__(frame)
@@ -43,9 +49,13 @@ class ObserverNode(Behaviour):
         self._u_stamp = -1
         self._writer = frame.writer(interface.ESTIMATE)
         self._writer.codec.lead = round(self._observer.lead * SECOND)
+        self._others = OtherSensors(frame, self._step_when_complete)
+        self._others.want(self._observer.parameters.sensors)
         frame.reader(interface.JOINT_STATES, self._on_measured)
         frame.reader(interface.VALVE_COMMAND, self._on_command)
         frame.diagnostics.condition = self._condition
+        if frame.lockstep:
+            frame.every(PATIENCE, self._be_patient)
 
     def _make(self, kind: str, sets: Sets) -> Observer:
         """An observer that has been compiled, so that its first sample is not late."""
@@ -55,26 +65,43 @@ class ObserverNode(Behaviour):
         return observer
 
     def _on_measured(self, stamp: int, position: float) -> None:
-        if not self.frame.lockstep or self._last_stamp < 0 or self._u_stamp >= self._last_stamp:
-            self._step(stamp, position)
-        else:
-            self._waiting = stamp, position
+        if self._waiting is not None and not self.frame.lockstep:  # a sensor has said nothing for a whole sample
+            waiting, self._waiting = self._waiting, None
+            self._others.give_up(waiting[0])
+            self._step(*waiting)
+        self._waiting = stamp, position
+        self._step_when_complete()
 
     def _on_command(self, stamp: int, u: float) -> None:
         self._u, self._u_stamp = u, stamp
-        if self._waiting is not None and stamp >= self._last_stamp:
+        self._step_when_complete()
+
+    def _commanded(self) -> bool:
+        """Whether the command of the sample before has come, which lock-step needs."""
+        return not self.frame.lockstep or self._last_stamp < 0 or self._u_stamp >= self._last_stamp
+
+    def _step_when_complete(self) -> None:
+        if self._waiting is not None and self._commanded() and self._others.complete(self._waiting[0]):
             waiting, self._waiting = self._waiting, None
             self._step(*waiting)
+
+    def _be_patient(self) -> None:
+        """Lock-step: go on without a sensor that stays silent."""
+        if self._waiting is not None and self._commanded() and self._others.patience(self._waiting[0]):
+            self._step_when_complete()
 
     def _step(self, stamp: int, position: float) -> None:
         if self._law.changed:
             self._observer = self._law.take()[0]
             self._writer.codec.lead = round(self._observer.lead * SECOND)
+            self._others.want(self._observer.parameters.sensors)
             if self._state is not None:
                 self._state = self._observer.started(self._estimate, self._u)
         if self._state is None:
             self._state = self._observer.initial_state(position)
-        self._state, self._estimate = self._observer.step(self._state, position, self._u)
+        others = self._others.readings(stamp)
+        self._state, self._estimate = self._observer.step(self._state, position, self._u, others)
+        self._others.doubt(self._observer.parameters.not_believed(self._state))
         self._last_stamp = stamp
         self._writer.send(stamp, *self._estimate.tolist())
         diagnostics = self.frame.diagnostics
@@ -87,7 +114,9 @@ class ObserverNode(Behaviour):
             return WARN, "waiting for the first measurement"
         ahead = f", {1e3 * self._observer.lead:.3g} ms ahead" if self._observer.lead > 0.0 else ""
         late = (self._last_stamp - self._u_stamp) / SECOND
-        return OK, f"{self._observer.kind}: running{ahead}, command of {late:.3f} s ago"
+        sensors = self._others.text()
+        level = OK if self._others.sound else WARN
+        return level, f"{self._observer.kind}: running{sensors}{ahead}, command of {late:.3f} s ago"
 
 
 build = ObserverNode

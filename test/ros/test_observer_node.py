@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -15,10 +16,13 @@ from rclpy.parameter import Parameter
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import ClosedLoop, simulate_closed_loop
 from shake_ros.core.control.runner import Controller
+from shake_ros.core.observer import OBSERVERS
+from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.table import Table
 from shake_ros.data.reference_program import build_program
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
+from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import Frame
 from shake_ros.ros.loop import build_node, ros_context
 from shake_ros.ros.observer_node import ObserverNode, build
@@ -41,19 +45,20 @@ def motion() -> ClosedLoop:
 class Bench:
     """The node, and in the same process what feeds it, hears it and sets its parameters, each through DDS."""
 
-    def __init__(self, domain: int, context: Any) -> None:
-        self.node = build_node(build, "observer", context, [*ARGUMENTS, "-p", "observer:=linear_bergamo"])
+    def __init__(self, domain: int, context: Any, observer: str = "linear_bergamo", sensors: Any = ()) -> None:
+        self.node = build_node(build, "observer", context, [*ARGUMENTS, "-p", f"observer:={observer}"])
         assert isinstance(self.node, ObserverNode)
         self.driver = Frame("driver", context, ARGUMENTS)
         self.positions = self.driver.writer(interface.JOINT_STATES)
         self.commands = self.driver.writer(interface.VALVE_COMMAND)
+        self.sensors = [self.driver.writer(topic) for topic in sensors]  # of the columns of `measured` from 1 on
         self.estimates: list[tuple[float, ...]] = []
         self.driver.reader(interface.ESTIMATE, lambda _stamp, *values: self.estimates.append(values))
         self.client = self.driver.node.create_client(SetParameters, "observer/set_parameters")
         self.executor = SingleThreadedExecutor(context=context)
         for one in (self.node.frame.node, self.driver.node):
             self.executor.add_node(one)
-        writers, readers = (self.positions, self.commands), (self.node._writer,)
+        writers, readers = (self.positions, self.commands, *self.sensors), (self.node._writer,)
         self.until(lambda: all(w.publisher.get_subscription_count() for w in (*writers, *readers)))
         self.until(self.client.service_is_ready)
 
@@ -74,12 +79,15 @@ class Bench:
         result = answer.result().results[0]
         return result.successful, result.reason
 
-    def play(self, run: ClosedLoop, first: int, last: int) -> np.ndarray:
-        """Samples first … last − 1 in lock-step; the estimates, (n, 3)."""
+    def play(self, run: ClosedLoop, first: int, last: int, silent: int = -1) -> np.ndarray:
+        """Samples first … last − 1 in lock-step, one sensor silent if wanted; the estimates, (n, 3)."""
         heard = len(self.estimates)
         for count, k in enumerate(range(first, last), heard + 1):
             stamp = SECOND + k * 1_000_000
             self.positions.send(stamp, run.measured[k, 0])
+            for column, writer in enumerate(self.sensors, 1):
+                if column != silent:
+                    writer.send(stamp, run.measured[k, column])
             self.until(lambda count=count: len(self.estimates) == count)
             self.commands.send(stamp, run.command[k])
         return np.array(self.estimates[heard:])
@@ -137,3 +145,44 @@ def test_gains_are_those_of_the_observer_in_use_and_change_it_while_it_runs(benc
     assert bench.node._observer.parameters.boundary1 == 2e-3
     successful, reason = bench.set("boundary1", -1.0)
     assert not successful and "boundary1" in reason
+
+
+@pytest.fixture
+def fused(ros_domain: int) -> Iterator[Bench]:
+    topics = (interface.IMU, interface.PRESSURE_A, interface.PRESSURE_B)
+    with ros_context([], domain_id=ros_domain) as context:
+        made = Bench(ros_domain, context, "fused", topics)
+        yield made
+        made.close()
+
+
+def test_observer_takes_every_sensor_and_goes_on_without_one_that_falls_silent(
+    fused: Bench, motion: ClosedLoop
+) -> None:
+    k = FIRST
+    before = fused.play(motion, k, k := k + 100)
+    assert fused.node._condition()[1].startswith("fused: running, with imu pressure_a pressure_b")
+    fused.play(motion, k, k := k + 60, silent=1)
+    level, said = fused.node._condition()
+    assert level == WARN
+    assert "with pressure_a pressure_b, without imu" in said
+    after = fused.play(motion, k, k := k + 100)
+    assert fused.node._condition()[0] == OK
+
+    kind, parameters = load_variant("observer", "fused", OBSERVERS)
+    same = Observer(kind, parameters, DT, load_table("bergamo"))
+    part = slice(FIRST, k)
+    others = motion.measured[part, 1:4].copy()
+    others[100:160, 0] = np.nan
+    expected = same.run(motion.measured[part, 0], motion.command[part], others)
+    np.testing.assert_allclose(before, expected[:100], atol=1e-12)
+    np.testing.assert_allclose(after, expected[160:], atol=1e-9)
+
+
+def test_sensor_that_says_no_number_is_left_out_for_as_long(fused: Bench, motion: ClosedLoop) -> None:
+    broken = dataclasses.replace(motion, measured=motion.measured.copy())
+    broken.measured[FIRST + 20 : FIRST + 30, 2] = np.nan
+    fused.play(broken, FIRST, FIRST + 25)
+    assert "without pressure_a" in fused.node._condition()[1]
+    fused.play(broken, FIRST + 25, FIRST + 40)
+    assert fused.node._condition()[0] == OK

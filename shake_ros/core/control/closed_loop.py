@@ -6,6 +6,7 @@ estimate k and reference k, then the plant advances under command k. A run equal
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -24,7 +25,9 @@ class Estimator(Protocol):
 
     def initial_state(self, position: float) -> Array: ...
 
-    def step(self, state: Array, measured_position: float, u_previous: float) -> tuple[Array, Any]: ...
+    def step(
+        self, state: Array, measured_position: float, u_previous: float, others: Sequence[float]
+    ) -> tuple[Array, Any]: ...
 
 
 class Schedule(Protocol):
@@ -89,7 +92,7 @@ def simulate_closed_loop(
     Parameters
     ----------
     table : the plant, with its sensors.
-    observer : estimates from the measured position; None hands the true states to the controller.
+    observer : estimates from the sensors that it takes; None hands the true states to the controller.
     controller, program : the law and what it follows.
     samples : length of the run.
     delay : samples by which a command reaches the valve late, as in a real-time loop without lock-step.
@@ -118,7 +121,8 @@ def simulate_closed_loop(
         else:
             if k == 0:
                 estimator = observer.initial_state(m.position)
-            estimator, estimate[k] = observer.step(estimator, m.position, u)
+            others = m.acceleration, m.pressure_a, m.pressure_b
+            estimator, estimate[k] = observer.step(estimator, m.position, u, others)
         reference[k] = program.at(k)
         law, u = controller.step(law, reference[k], estimate[k])
         command[k] = u

@@ -30,7 +30,7 @@ from shake_ros.core.plant.dead_time import DELAY, dead_time
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import acceleration_now, advance_sample
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.plant.simulation import initial_state
+from shake_ros.core.plant.simulation import initial_state, weigh
 from shake_ros.core.plant.states import BASE, CONTINUOUS, LAGGED_POSITION, POSITION, STATES, VELOCITY
 from shake_ros.core.quantities import OutOfBounds, ShakeError
 
@@ -193,6 +193,7 @@ class VirtualTable:
         vector = model.vector()
         self.record = FULL_LAYOUT.alone(vector)
         self.rest = initial_state(vector)
+        weigh(model, self.rest)
         lead = model.value(DELAY) if predict else 0.0
         whole, fraction = (0, 0.0) if predict else dead_time(model, sample_time)
         samples = max(whole + 1, round(horizon / sample_time + (whole + fraction)))

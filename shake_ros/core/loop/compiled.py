@@ -98,7 +98,7 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, added
         if observing[0].kind == 0.0:
             estimate[k] = truth[k]
         else:
-            step_observer(seen, observing, model, measured[k, 0], u, dt, space, estimate[k])
+            step_observer(seen, observing, model, measured[k], u, dt, space, estimate[k])
         if not math.isfinite(estimate[k, 0] + estimate[k, 1] + estimate[k, 2]):
             return k
         if commands.shape[0] > 0:

@@ -2,8 +2,8 @@
 
 Every trial follows a reference under the virtual table of the one table that is known. A loop rings where its
 acceleration holds more beyond the reference's band than allowed, and more than the feedforward alone makes of the same
-neighbour: what a wrong feedforward shakes is no fault of the loop. The loop is closed a little aside of the
-reference and settles at rest before that begins; the reference comes to rest at its end, and a loop that still moves there rings as well.
+neighbour: what a wrong feedforward shakes is no fault of the loop. The loop is closed a little aside of the reference
+and settles at rest before that begins; it comes to rest at its end, and a loop that still moves there rings as well.
 """
 
 from __future__ import annotations
@@ -113,8 +113,9 @@ def allowed_ringing(
 
     Parameters
     ----------
-    controller : whose feedforward it is. reference : of `settle_first`. delay : samples by which a command acts late; each table's is longer than the
-    last one's by one, from none to `further` in turn.
+    controller : whose feedforward it is. reference : of `settle_first`.
+    delay : samples by which a command acts late; each table's is longer than the last one's by one, from none to
+        `further` in turn.
     """
     if feedforward is None:
         return [bound] * len(tables)

@@ -1,12 +1,13 @@
-"""Observers: position measurement and command → position, velocity, acceleration.
+"""Observers: measurements and command → position, velocity, acceleration.
 
 One file per observer: a frozen `ObserverParameters` class with its number, what it derives once (gains, say) and the
-state that continues from an estimate, and a compiled `observe(state, p, model, position, command, dt, work, estimate)`,
+state that continues from an estimate, and a compiled `observe(state, p, model, measured, command, dt, work, estimate)`,
 which changes the state in place; `p` is the record of the parameters by name, `model` that of the table which some of
 them carry. To add one: write the file with the next number, add its row here, write config/observer/<name>.yaml;
 `selected`, `runner` and the contract tests take it from this table.
 """
 
+from shake_ros.core.observer.fused import FusedObserver
 from shake_ros.core.observer.law import ObserverParameters
 from shake_ros.core.observer.linear import LinearObserver
 from shake_ros.core.observer.model import ModelObserver
@@ -20,4 +21,5 @@ OBSERVERS: dict[str, type[ObserverParameters]] = {
     "model": ModelObserver,
     "robust_exact_differentiator": RobustExactDifferentiator,
     "model_sliding_mode": ModelSlidingModeObserver,
+    "fused": FusedObserver,
 }

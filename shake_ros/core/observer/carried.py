@@ -21,11 +21,11 @@ from shake_ros.core.plant.integration import (
 )
 from shake_ros.core.plant.parameters import TableParameters, records
 from shake_ros.core.plant.right_hand_side import active_states
-from shake_ros.core.plant.simulation import TOLERANCE, initial_state
+from shake_ros.core.plant.simulation import TOLERANCE, initial_state, weigh
 from shake_ros.core.plant.states import (
     BASE,
     BASE_RATE,
-    CONTINUOUS,
+    LAGGED_POSITION,
     POSITION,
     PRESSURE_A,
     PRESSURE_B,
@@ -35,7 +35,6 @@ from shake_ros.core.plant.states import (
 )
 
 CARRIED = ("pressure_per_acceleration", "dead_samples", "dead_fraction", "ahead")  # of `carried_numbers`
-WEIGHED = 3  # corrections of the load pressure at the start; its law is linear but for the chambers' limits
 
 
 def work() -> NDArray[np.float64]:
@@ -64,14 +63,7 @@ def copy_at(
     y[VELOCITY] = estimate[1]
     if command != 0.0:
         y[SPOOL] = spool_command(p, y, command)
-    rates = np.zeros(CONTINUOUS)
-    low, high = model.supply.tank_pressure, model.supply.supply_pressure
-    per_acceleration = model.moved_mass / model.body.acting_area
-    if estimate[1] != 0.0 or estimate[2] != 0.0:
-        for _ in range(WEIGHED):
-            push = per_acceleration * (estimate[2] - acceleration_now(p, y, rates))
-            y[PRESSURE_A] = min(max(y[PRESSURE_A] + push, low), high)
-            y[PRESSURE_B] = min(max(y[PRESSURE_B] - push, low), high)
+    weigh(model, y, float(estimate[2]))
     whole, _ = dead_time(model, sample_time)
     return np.concatenate([y, np.full(whole + 2, command)])
 
@@ -103,13 +95,22 @@ def motion_now(p, y, work, motion):  # type: ignore[no-untyped-def]
 
 
 @njit
-def motion_ahead(p, y, end, push, whole, fraction, dt, work, motion):  # type: ignore[no-untyped-def]
+def kicked(y, kick, dt):  # type: ignore[no-untyped-def]
+    """Place and velocity after an acceleration [m/s²] beside the model's, in place."""
+    y[POSITION] += 0.5 * dt * dt * kick
+    y[LAGGED_POSITION] += 0.5 * dt * dt * kick
+    y[VELOCITY] += dt * kick
+
+
+@njit
+def motion_ahead(p, y, end, push, kick, whole, fraction, dt, work, motion):  # type: ignore[no-untyped-def]
     """Motion when the next command begins to act, the dead time from now, under the commands that wait.
 
     Parameters
     ----------
     y : state whose commands stand in y[STATES:end]; not changed. push : load pressure that a disturbance adds to P_A
-        and takes from P_B each sample [Pa]. motion : as in `motion_now`
+        and takes from P_B each sample [Pa]. kick : acceleration by a force that the model lacks [m/s²].
+    motion : as in `motion_now`
     """
     later, past, samples = y[:STATES].copy(), y[STATES:end], int(whole)
     for i in range(samples + 1):
@@ -123,4 +124,6 @@ def motion_ahead(p, y, end, push, whole, fraction, dt, work, motion):  # type: i
             hold(p, later, past[0], 0.0, fraction * dt, active_states(p), work, False, TOLERANCE)
         later[PRESSURE_A] += part * push
         later[PRESSURE_B] -= part * push
+        kicked(later, kick, part * dt)
     motion_now(p, later, work, motion)
+    motion[2] += kick

@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import Parameters
 
+SENSORS = ("acceleration", "pressure_a", "pressure_b")  # beside the position, in the order of `measured`
+
 
 @dataclass(frozen=True)
 class ObserverParameters(Parameters):
     """Base of the observers' parameters."""
 
     code: ClassVar[int]  # number by which compiled code knows the observer, above zero
+    sensors: ClassVar[tuple[str, ...]] = ()  # of `SENSORS`: what it takes beside the position where it is there
     carries_table: ClassVar[bool] = False  # whether it needs the table that `model` names
     derived: ClassVar[tuple[str, ...]] = ()  # names of what `derive` gives
 
@@ -29,3 +32,7 @@ class ObserverParameters(Parameters):
     ) -> NDArray[np.float64]:
         """The state that continues from an estimate (3,) under the command that stands."""
         return np.array(estimate, dtype=np.float64)
+
+    def not_believed(self, state: NDArray[np.float64]) -> tuple[str, ...]:
+        """Names of sensors that are there and not taken, since they are far off what is expected or frozen."""
+        return ()

@@ -74,7 +74,7 @@ def kalman_gain(parameters: LinearObserver, sample_time: float) -> NDArray[np.fl
 
 
 @njit
-def observe(state, p, model, position, command, dt, work, estimate):  # type: ignore[no-untyped-def]
+def observe(state, p, model, measured, command, dt, work, estimate):  # type: ignore[no-untyped-def]
     """One sample, in place; arguments as in `sliding_mode.observe`, with a (4,) state."""
     opening = abs(command)
     phi, gamma = transition(p.beta1 + p.beta5 * opening, p.beta2 + p.beta4 * opening, dt)
@@ -82,7 +82,7 @@ def observe(state, p, model, position, command, dt, work, estimate):  # type: ig
     gains = (p.position_gain, p.velocity_gain, p.acceleration_gain)
     for i in range(3):
         estimate[i] = phi[i, 0] * state[0] + phi[i, 1] * state[1] + phi[i, 2] * state[2] + gamma[i] * jerk
-    innovation = position - estimate[0]
+    innovation = measured[0] - estimate[0]
     for i in range(3):
         estimate[i] += gains[i] * innovation
         state[i] = estimate[i]

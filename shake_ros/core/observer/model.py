@@ -58,17 +58,17 @@ class ModelObserver(LinearObserver):
 
 
 @njit
-def observe(state, p, model, position, command, dt, work, estimate):  # type: ignore[no-untyped-def]
+def observe(state, p, model, measured, command, dt, work, estimate):  # type: ignore[no-untyped-def]
     """One sample, in place.
 
     Parameters
     ----------
     state : (STATES + history + 1,) array: the copy's states, its past commands, the disturbance [m/s³]
-    model : the copy's record. p, position, command, dt, work, estimate : as in `sliding_mode.observe`
+    model : the copy's record. p, measured, command, dt, work, estimate : as in `sliding_mode.observe`
     """
     last = state.shape[0] - 1
     carry_copy(model, state, last, command, p.dead_samples, p.dead_fraction, dt, work)
-    innovation = position - sensed_position(model, state)
+    innovation = measured[0] - sensed_position(model, state)
     disturbance = state[last]
     state[POSITION] += p.position_gain * innovation
     state[LAGGED_POSITION] += p.position_gain * innovation
@@ -79,6 +79,6 @@ def observe(state, p, model, position, command, dt, work, estimate):  # type: ig
     state[last] = disturbance + p.disturbance_gain * innovation
     if p.ahead > 0.0:
         push = p.pressure_per_acceleration * dt * state[last]
-        motion_ahead(model, state, last, push, p.dead_samples, p.dead_fraction, dt, work, estimate)
+        motion_ahead(model, state, last, push, 0.0, p.dead_samples, p.dead_fraction, dt, work, estimate)
     else:
         motion_now(model, state, work, estimate)

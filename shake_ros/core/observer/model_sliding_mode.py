@@ -73,13 +73,13 @@ class ModelSlidingModeObserver(ObserverParameters):
 
 
 @njit
-def observe(state, p, model, position, command, dt, work, estimate):  # type: ignore[no-untyped-def]
+def observe(state, p, model, measured, command, dt, work, estimate):  # type: ignore[no-untyped-def]
     """One sample, in place; arguments as in `model.observe`."""
     last = state.shape[0] - 1
     carry_copy(model, state, last, command + state[last], p.dead_samples, p.dead_fraction, dt, work)
     # (5.48), first stage
     gain = p.lambda1
-    s = injection(position - sensed_position(model, state), gain, p.boundary1, dt)
+    s = injection(measured[0] - sensed_position(model, state), gain, p.boundary1, dt)
     state[POSITION] += dt * gain * s
     state[LAGGED_POSITION] += dt * gain * s
     if abs(s) < 1.0:  # E_2 (5.49)
@@ -96,6 +96,6 @@ def observe(state, p, model, position, command, dt, work, estimate):  # type: ig
                 s = injection(gain * s, p.lambda4, p.boundary4, dt)
                 state[last] += dt * p.lambda4 * s / p.jerk_per_command
     if p.ahead > 0.0:
-        motion_ahead(model, state, last, 0.0, p.dead_samples, p.dead_fraction, dt, work, estimate)
+        motion_ahead(model, state, last, 0.0, 0.0, p.dead_samples, p.dead_fraction, dt, work, estimate)
     else:
         motion_now(model, state, work, estimate)

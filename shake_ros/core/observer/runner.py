@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.carried import work
-from shake_ros.core.observer.law import ObserverParameters
+from shake_ros.core.observer.law import SENSORS, ObserverParameters
 from shake_ros.core.observer.selected import NO_MODEL, observe_run, step_of
 from shake_ros.core.packing import records
 from shake_ros.core.plant.dead_time import DELAY, delayed_by
@@ -18,6 +19,7 @@ from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
 
 Array = NDArray[np.float64]
+ABSENT = (math.nan,) * len(SENSORS)
 
 
 class Compiled(NamedTuple):
@@ -88,7 +90,9 @@ class Observer:
         """
         return self.parameters.started(estimate, command, self.sample_time, self._model)
 
-    def step(self, state: Array, measured_position: float, u_previous: float) -> tuple[Array, Array]:
+    def step(
+        self, state: Array, measured_position: float, u_previous: float, others: Sequence[float] = ABSENT
+    ) -> tuple[Array, Array]:
         """One sample.
 
         Parameters
@@ -96,6 +100,7 @@ class Observer:
         state : from `initial_state`, `started` or the step before; not changed.
         measured_position : now [m]
         u_previous : command held since the sample before [-]
+        others : acceleration [m/s²], P_A, P_B [Pa] now, NaN where there is no such sensor
 
         Returns
         -------
@@ -108,19 +113,21 @@ class Observer:
         if not (math.isfinite(measured_position) and math.isfinite(u_previous)):
             raise ShakeError(f"observer: position {measured_position!r}, command {u_previous!r} not finite")
         following, estimate = state.copy(), np.empty(3)
-        given = float(measured_position), float(u_previous), self.sample_time
+        measured = np.array([measured_position, *others])
+        given = measured, float(u_previous), self.sample_time
         self._step(following, *self.compiled, *given, self._work, estimate)
         if self._model is not None and not np.isfinite(estimate).all():
             raise ShakeError("observer: the model's state left the finite numbers")
         return following, estimate
 
-    def run(self, positions: Array, commands: Array) -> Array:
+    def run(self, positions: Array, commands: Array, others: Array | None = None) -> Array:
         """Estimates of a whole recording, (n, 3), from rest; the numbers of `step`, in compiled code.
 
         Parameters
         ----------
         positions : (n,) measured [m]
         commands : (n,) command k is held from sample k to the next [-]
+        others : (n, 3) acceleration [m/s²], P_A, P_B [Pa], NaN where there is no such sensor; None for none at all
 
         Raises
         ------
@@ -131,9 +138,13 @@ class Observer:
             raise ShakeError(f"observer: positions of shape {given.shape} and commands of shape {held.shape}")
         if not (np.isfinite(given).all() and np.isfinite(held).all()):
             raise ShakeError("observer: a position or command is not finite")
+        measured = np.full((given.size, 1 + len(SENSORS)), np.nan)
+        measured[:, 0] = given
+        if others is not None:
+            measured[:, 1:] = others
         estimates = np.empty((given.size, 3))
         state = self.initial_state(given[0])
-        observe_run(state, *self.compiled, given, held, self.sample_time, self._work, estimates)
+        observe_run(state, *self.compiled, measured, held, self.sample_time, self._work, estimates)
         if not np.isfinite(estimates).all():
             raise ShakeError("observer: the estimate left the finite numbers")
         return estimates

@@ -7,7 +7,7 @@ Nothing is looked up by name within a step. `runner.Observer.compiled` gives wha
     state = observer.initial_state(position)        # float64 array, its length depends on the kind
     space, estimate = work(), np.empty(3)           # made once, reused at every sample
     ...                                             # inside one njit function, at every sample:
-    step_observer(state, law, record, position, command, dt, space, estimate)
+    step_observer(state, law, record, measured, command, dt, space, estimate)
 
 changes `state` and `estimate` in place: the same numbers as `Observer.step`, which copies. `command` is the one held
 since the sample before, 0 at the first. Nothing is raised: an estimate that is not finite is the caller's to find.
@@ -37,13 +37,13 @@ observe = dispatch(__name__, OBSERVERS, "observe", "p.kind")
 @functools.cache
 def step_of(kind: str) -> Any:
     """`step_observer` for one kind alone, which compiles no other."""
-    arguments = "position, command, dt, space, estimate"
+    arguments = "measured, command, dt, space, estimate"
     source = f"def step_{kind}(state, law, record, {arguments}):\n    observe(state, law[0], record[0], {arguments})"
     return written(__name__, source, {"observe": kernel_of(OBSERVERS[kind], "observe")})
 
 
 @njit
-def step_observer(state, law, record, position, command, dt, space, estimate):  # type: ignore[no-untyped-def]
+def step_observer(state, law, record, measured, command, dt, space, estimate):  # type: ignore[no-untyped-def]
     """One sample.
 
     Parameters
@@ -51,25 +51,25 @@ def step_observer(state, law, record, position, command, dt, space, estimate):  
     state : its state, changed in place
     law : array of one record, of `OBSERVERS`
     record : the model's, array of one record; `NO_MODEL` for an observer that carries none
-    position : measured position now [m]
+    measured : now; position [m], acceleration [m/s²], P_A, P_B [Pa], NaN where there is no such sensor; more may follow
     command : u held since the sample before [-]
     dt : sample time [s]
     space : from `work`
     estimate : (3,) array for the result: position [m], velocity [m/s], acceleration [m/s²] now
     """
-    observe(state, law[0], record[0], position, command, dt, space, estimate)
+    observe(state, law[0], record[0], measured, command, dt, space, estimate)
 
 
 @njit
-def observe_run(state, law, record, positions, commands, dt, space, estimates):  # type: ignore[no-untyped-def]
+def observe_run(state, law, record, measured, commands, dt, space, estimates):  # type: ignore[no-untyped-def]
     """A whole run; arguments as in `step_observer`.
 
     Parameters
     ----------
-    positions : (n,) measured [m]
+    measured : (n, 4) rows as there
     commands : (n,) command k is held from sample k to the next [-]; none acts before the first
     estimates : (n, 3) array for the result
     """
-    for k in range(positions.shape[0]):
+    for k in range(measured.shape[0]):
         command = commands[k - 1] if k > 0 else 0.0
-        step_observer(state, law, record, positions[k], command, dt, space, estimates[k])
+        step_observer(state, law, record, measured[k], command, dt, space, estimates[k])

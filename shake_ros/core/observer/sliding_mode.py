@@ -47,7 +47,7 @@ def injection(error, gain, boundary, dt):  # type: ignore[no-untyped-def]
 
 
 @njit
-def observe(state, p, model, position, command, dt, work, estimate):  # type: ignore[no-untyped-def]
+def observe(state, p, model, measured, command, dt, work, estimate):  # type: ignore[no-untyped-def]
     """One sample, in place.
 
     Parameters
@@ -55,7 +55,7 @@ def observe(state, p, model, position, command, dt, work, estimate):  # type: ig
     state : (3,) array, estimate at the sample before; becomes that of now
     p : record of the observer
     model : record of the table that an observer may carry
-    position : measured position now [m]
+    measured : now; position [m], acceleration [m/s²], P_A, P_B [Pa], NaN where there is no such sensor
     command : u held since the sample before [-]
     dt : sample time [s]
     work : from `carried.work`
@@ -64,7 +64,7 @@ def observe(state, p, model, position, command, dt, work, estimate):  # type: ig
     following = advance(state, p, command, 0.0, dt)
     gain1, gain2, gain3 = p.lambda1, p.lambda2, p.lambda3
     # (5.48), first stage
-    s = injection(position - following[0], gain1, p.boundary1, dt)
+    s = injection(measured[0] - following[0], gain1, p.boundary1, dt)
     following[0] += dt * gain1 * s
     if abs(s) < 1.0:  # E_2: z̃_2 − ẑ_2 = λ_1 s (5.49)
         s = injection(gain1 * s, gain2, p.boundary2, dt)

@@ -9,9 +9,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from shake_ros.core.plant.cylinder import rest_pressures
-from shake_ros.core.plant.integration import OUTPUTS, simulate
+from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, simulate
 from shake_ros.core.plant.parameters import INDEX, TableParameters, records
 from shake_ros.core.plant.states import (
+    CONTINUOUS,
     FRICTION_AT_STOP,
     FRICTION_RISE,
     HELD_COMMAND,
@@ -33,6 +34,8 @@ from shake_ros.core.valve.detailed import VALVE_STATES, valve_at_rest
 
 TOLERANCE = 2e-6  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
 NOTHING = np.zeros(0)
+WEIGHED = 3  # corrections of the load pressure; its law is linear but for the chambers' limits
+BALANCED = 1e-9  # [m/s²] departure of the acceleration that is none
 COLUMNS = ("position", "velocity", "acceleration", "pressure_a", "pressure_b", "pressure_supply", "spool")
 
 
@@ -62,6 +65,22 @@ def initial_state(
     if vector[INDEX["valve.kind"]] == DETAILED:
         y[VALVE : VALVE + VALVE_STATES] = valve_at_rest(records(vector)[0], supply, tank)
     return y
+
+
+def weigh(table: TableParameters, y: np.ndarray, acceleration: float = 0.0) -> None:
+    """Give a state the load pressure that makes an acceleration [m/s²], as far as supply and tank allow, in place.
+
+    So a table at rest is held by its oil against a constant force or a spring.
+    """
+    p, rates = records(table.vector())[0], np.zeros(CONTINUOUS)
+    low, high = table.supply.tank_pressure, table.supply.supply_pressure
+    for _ in range(WEIGHED):
+        missing = acceleration - acceleration_now(p, y, rates)
+        if abs(missing) < BALANCED:
+            break
+        push = table.moved_mass / table.body.acting_area * missing
+        y[PRESSURE_A] = min(max(y[PRESSURE_A] + push, low), high)
+        y[PRESSURE_B] = min(max(y[PRESSURE_B] - push, low), high)
 
 
 def series(name: str, values: np.ndarray, length: int) -> np.ndarray:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.dispatch import kernel_of
 from shake_ros.core.observer import OBSERVERS, linear, selected
-from shake_ros.core.observer.runner import Observer
+from shake_ros.core.observer.runner import ABSENT, Observer
 from shake_ros.core.packing import records
 from shake_ros.core.plant import reduced
 from shake_ros.core.plant.table import Table
@@ -175,7 +175,7 @@ def test_sliding_mode_feeds_a_stage_only_once_the_one_before_has_reached_its_sur
 
     def fed(position: float) -> Array:
         estimate = np.empty(3)
-        step(np.zeros(3), law, selected.NO_MODEL, position, 0.0, DT, selected.work(), estimate)
+        step(np.zeros(3), law, selected.NO_MODEL, np.array([position, *ABSENT]), 0.0, DT, selected.work(), estimate)
         return estimate
 
     far = fed(1e-3)  # 1 mm: far beyond dt λ_1 = 30 µm
@@ -246,7 +246,8 @@ def whole_run(observer: Observer, positions: Array, commands: Array) -> Array:
     state, space, estimates = observer.initial_state(positions[0]), selected.work(), np.empty((len(positions), 3))
     for k, position in enumerate(positions):
         command = commands[k - 1] if k else 0.0
-        selected.step_observer(state, *observer.compiled, position, command, DT, space, estimates[k])
+        measured = np.array([position, *ABSENT])
+        selected.step_observer(state, *observer.compiled, measured, command, DT, space, estimates[k])
     return estimates
 
 
@@ -292,6 +293,6 @@ def test_compiled_observer_equals_plain_python(name: str) -> None:
     results = []
     for function in (observe, plain):
         state, estimate = parameters.started(np.array([0.0, 0.1, 1.0]), 0.0, DT, None), np.empty(3)
-        function(state, p, selected.NO_MODEL[0], 2e-5, 0.1, DT, selected.work(), estimate)
+        function(state, p, selected.NO_MODEL[0], np.array([2e-5, *ABSENT]), 0.1, DT, selected.work(), estimate)
         results.append(np.append(state, estimate))
     np.testing.assert_allclose(*results, rtol=1e-14)  # numba takes a whole power by multiplication

@@ -23,7 +23,7 @@ def differentiated(order: int, positions: Array, bound: float | None = None, dt:
     law, step = records(OBSERVERS, parameters, derived=parameters.derive(dt, None)), step_of(NAME)
     state, estimates = np.zeros(4), np.empty((len(positions), 3))
     for k, position in enumerate(positions):
-        step(state, law, NO_MODEL, position, 0.0, dt, SPACE, estimates[k])
+        step(state, law, NO_MODEL, np.array([position]), 0.0, dt, SPACE, estimates[k])
     return estimates
 
 
@@ -54,7 +54,7 @@ def test_raw_states_lag_by_half_a_sample_and_the_outputs_do_not() -> None:
     positions, motion = polynomial([0.0, 0.0, 1.0], 600)
     state, estimate = np.zeros(4), np.empty(3)
     for position in positions:
-        step(state, law, NO_MODEL, position, 0.0, DT, SPACE, estimate)
+        step(state, law, NO_MODEL, np.array([position]), 0.0, DT, SPACE, estimate)
     assert motion[-1, 1] - state[1] == pytest.approx(0.5 * 2.0 * DT, rel=1e-6)
     assert estimate[1] == pytest.approx(motion[-1, 1], abs=1e-10)
 
