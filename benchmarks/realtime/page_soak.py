@@ -144,6 +144,26 @@ def heap(driver: Any) -> float:
     return float(next(one["value"] for one in metrics if one["name"] == "JSHeapUsedSize")) / 1e6
 
 
+class Memory(threading.Thread):
+    """Resident memory of a process all the time [MiB], until `stop`."""
+
+    def __init__(self, process: int) -> None:
+        super().__init__(daemon=True)
+        self._process, self._stopped = process, threading.Event()
+        self.found = [resident(process)]
+        self.start()
+
+    def run(self) -> None:
+        while not self._stopped.wait(1.0):
+            self.found.append(resident(self._process))
+
+    def stop(self) -> list[float]:
+        """Growth over the first and over the second half."""
+        self._stopped.set()
+        half = self.found[len(self.found) // 2]
+        return [half - self.found[0], self.found[-1] - half]
+
+
 def reads_nothing(address: str, cookie: str) -> socket.socket:
     """An operator's page that opens its line and never reads."""
     host = address.split("/")[2]
@@ -200,7 +220,7 @@ def with_page(seconds: float, arguments: list[str], listener: Listener, domain: 
         client = reads_nothing(address, f"{cookie['name']}={cookie['value']}")
         time.sleep(min(SETTLING, seconds / 4))
         page = lab.node("page")
-        held, used, memory = heap(driver), processor_time(page), resident(page)
+        held, used, memory = heap(driver), processor_time(page), Memory(page)
         frames, draws = driver.execute_script("return [shake.stats.frames, shake.stats.draws]")
         begun = time.monotonic()
         found = count("with the page", seconds, listener)
@@ -212,7 +232,7 @@ def with_page(seconds: float, arguments: list[str], listener: Listener, domain: 
             "draws": (then[1] - draws) / lasted,
             "heap": heap(driver) - held,
             "held": held,
-            "memory": resident(page) - memory,
+            **dict(zip(("first half", "second half"), memory.stop(), strict=True)),
         }
         client.close()
         return found
@@ -257,7 +277,8 @@ def main() -> int:
         f"processor of the page's node  {100 * told['processor']:.1f} % of a core (wanted: < 25)\n"
         f"frames that came              {told['frames']:.1f} /s (wanted: >= 25), drawn {told['draws']:.1f} /s\n"
         f"heap of the page              {told['held']:.1f} MB, grown by {told['heap']:.1f} MB (wanted: < 20)\n"
-        f"memory of the page's node     grown by {told['memory']:.1f} MiB, beside a client that reads nothing\n"
+        f"memory of the page's node     grown by {told['first half']:.1f} MiB in the first half, "
+        f"{told['second half']:.1f} in the second, beside a client that reads nothing\n"
     )
     print(text, end="")
     if given.save:

@@ -1,6 +1,6 @@
 """A graph of seven nodes brought up and taken down again and again: no crash, no hang, no process left.
 
-    python -m benchmarks.realtime.up_and_down [--times 50] [--domain 0] [--save]
+    python -m benchmarks.realtime.up_and_down [--times 50] [--minutes 4] [--domain 0] [--save]
 
 Each time every node reports on /diagnostics, then SIGINT ends all of them with exit code 0, the recorder last. Says how
 long that took and how many segments of shared memory are left; --save writes it to up_and_down.txt.
@@ -9,6 +9,7 @@ long that took and how many segments of shared memory are left; --save writes it
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import statistics
 import sys
@@ -31,11 +32,14 @@ def segments() -> int:
     return sum(path.name.startswith("fastrtps") for path in SHARED_MEMORY.iterdir()) if SHARED_MEMORY.is_dir() else 0
 
 
-def again_and_again(times: int, domain: int) -> list[tuple[float, float]]:
+def again_and_again(times: int, domain: int, minutes: float = math.inf) -> list[tuple[float, float]]:
     """Seconds until every node runs, and until all have ended, each time; raises GraphError where one does not."""
-    found = []
+    found: list[tuple[float, float]] = []
+    first = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         for number in tqdm(range(times), disable=not sys.stderr.isatty()):
+            if time.monotonic() - first > 60.0 * minutes:
+                break
             bag = Path(folder) / f"run_{number}"
             nodes = [
                 NodeSpec("plant"),
@@ -63,10 +67,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--times", type=int, default=50)
     parser.add_argument("--domain", type=int, default=int(os.environ.get("ROS_DOMAIN_ID", "0")))
+    parser.add_argument("--minutes", type=float, default=math.inf, help="begin none after so many")
     parser.add_argument("--save", action="store_true", help=f"write {SAVED.name} as well")
     given = parser.parse_args()
     before = segments()
-    found = again_and_again(given.times, given.domain)
+    found = again_and_again(given.times, given.domain, given.minutes)
     up, down = (sorted(column) for column in zip(*found, strict=True))
     text = (
         f"python -m benchmarks.realtime.up_and_down --times {given.times}   ({os.cpu_count()} cores, load "

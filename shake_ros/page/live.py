@@ -55,10 +55,13 @@ class LivePage:
             await self.socket.send_bytes(data)
 
     async def frames(self) -> None:
-        """The newest buckets, again and again."""
+        """The newest buckets, again and again; the pace is kept, however long a frame takes."""
         store = self.server.site.store
+        clock = asyncio.get_running_loop().time
+        due = clock()
         while True:
-            await asyncio.sleep(FRAME)
+            due = max(due + FRAME, clock())
+            await asyncio.sleep(due - clock())
             if self.paused:
                 continue
             if store.epoch != self._epoch:

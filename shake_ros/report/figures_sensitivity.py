@@ -33,7 +33,9 @@ def motion_figure(study: ParameterStudy, frequency: float) -> Figure:
             run = run - run.mean() if column == 0 else run
             axes.plot(t, run, color=COLOURS[i % len(COLOURS)], linewidth=1.4, label=label(study, float(value)))
         tidy(axes, "time [s]" if column == ROWS[-1][1] else "", name)
-    np.ravel(panels)[0].legend(frameon=False, fontsize=9, ncols=len(study.values), loc="upper right")
+    np.ravel(panels)[0].legend(
+        frameon=False, fontsize=9, ncols=len(study.values), loc="lower right", bbox_to_anchor=(1.0, 1.0)
+    )
     return figure
 
 

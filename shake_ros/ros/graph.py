@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib
+import math
 import os
 import signal
 import subprocess
@@ -28,7 +29,7 @@ from rclpy.node import Node
 from shake_ros.core.quantities import unknown_name
 from shake_ros.entry_points import NODES
 from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, REFERENCE, TOPICS
-from shake_ros.ros.loop import NodeLoop, build_node, ros_context, stopped_by_signals
+from shake_ros.ros.loop import TAKEN_DOWN, NodeLoop, build_node, ros_context, stopped_by_signals
 
 PR_SET_PDEATHSIG = 1
 POLL = 0.02  # [s]
@@ -341,4 +342,4 @@ def run_composed(
                     loop.add(build_node(build, node.executable, context, arguments))
                 loop.run()
         finally:
-            loop.close()
+            loop.close(TAKEN_DOWN if until_signal else math.inf)

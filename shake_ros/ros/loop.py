@@ -17,12 +17,14 @@ from __future__ import annotations
 import ctypes
 import functools
 import gc
+import math
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import rclpy
@@ -36,7 +38,8 @@ from rclpy.utilities import remove_ros_args
 from shake_ros import realtime
 from shake_ros.core.quantities import ShakeError
 from shake_ros.ros.diagnostics import OK, WARN
-from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.farewell import ends_within
+from shake_ros.ros.frame import FAREWELL, Behaviour, Frame
 from shake_ros.ros.parameter_files import ParameterFiles
 from shake_ros.settings import config_folder
 
@@ -47,6 +50,7 @@ MARGIN = 150_000  # the executor gives back the thread so long before a deadline
 REPORT_PERIOD = 1.0  # of /diagnostics [s]
 IMPATIENT = 2.0  # after a signal, the next one means that the node hangs [s]
 SLOW_START = 2.0  # from then on a start says that it compiles [s]
+TAKEN_DOWN = 3.0  # from then on the middleware is not waited for [s], but that lock-step readers have their time first
 PR_SET_TIMERSLACK = 29
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 LOCAL = ("LOCALHOST", "OFF")
@@ -188,18 +192,23 @@ class NodeLoop:
             last = count
             count += 1
 
-    def close(self) -> None:
-        """Let every node finish, then take it down."""
-        for behaviour in self.behaviours:
-            try:
-                behaviour.finish()
-                if not behaviour.frame.lockstep:
-                    for line in behaviour.frame.diagnostics.whole_run.lines():
-                        behaviour.frame.node.get_logger().info(line)
-            finally:
-                self.executor.remove_node(behaviour.frame.node)
-                behaviour.frame.close()
-        self.executor.shutdown()
+    def close(self, patience: float = math.inf) -> None:
+        """Let every node finish, then take it down; the process ends where that takes longer than `patience` [s]."""
+        failed = int(sys.exc_info()[0] is not None)
+        with ExitStack() as watched:
+            for behaviour in self.behaviours:
+                try:
+                    behaviour.finish()
+                    if not behaviour.frame.lockstep:
+                        for line in behaviour.frame.diagnostics.whole_run.lines():
+                            behaviour.frame.node.get_logger().info(line)
+                finally:
+                    if behaviour is self.behaviours[-1] and math.isfinite(patience):
+                        patience += FAREWELL * behaviour.frame.lockstep
+                        watched.enter_context(ends_within(patience, failed))
+                    self.executor.remove_node(behaviour.frame.node)
+                    behaviour.frame.close()
+            self.executor.shutdown()
         realtime.release_collector()
 
 
@@ -318,7 +327,7 @@ def main(build: Build, name: str, arguments: Sequence[str]) -> int:
             loop.run()
         finally:
             loop.running = True
-            loop.close()
+            loop.close(TAKEN_DOWN)
             for number in SIGNALS:  # a late one must not disturb what is taken down from here on
                 signal.signal(number, signal.SIG_IGN)
     return 0
