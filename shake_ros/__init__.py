@@ -21,6 +21,8 @@ PUBLIC = {  # name → module
     "campaign": "shake_ros.api.campaign",
     "Discovery": "shake_ros.api.close_loop",
     "close_loop": "shake_ros.api.close_loop",
+    "Commission": "shake_ros.api.commission",
+    "commission": "shake_ros.api.commission",
     "Comparison": "shake_ros.api.compare",
     "compare": "shake_ros.api.compare",
     "Demo": "shake_ros.api.demo",
@@ -74,6 +76,8 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.campaign import campaign as campaign
     from shake_ros.api.close_loop import Discovery as Discovery
     from shake_ros.api.close_loop import close_loop as close_loop
+    from shake_ros.api.commission import Commission as Commission
+    from shake_ros.api.commission import commission as commission
     from shake_ros.api.compare import Comparison as Comparison
     from shake_ros.api.compare import compare as compare
     from shake_ros.api.demo import Demo as Demo

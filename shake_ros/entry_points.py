@@ -56,6 +56,7 @@ ENTRY_POINTS: dict[str, Entry] = {
     "tune": Entry(
         "shake_ros.cli.tune", "gains of a controller over loads and perturbed tables, as a new configuration"
     ),
+    "commission": Entry("shake_ros.cli.commission", "the guided way on a new table: run, learn, gains, go higher"),
     "compare": Entry("shake_ros.cli.compare", "the controllers side by side on references, loads and perturbed tables"),
     "campaign": Entry(
         "shake_ros.cli.campaign", "a study of many fits or loops, here or on a cluster; it can go on later"

@@ -8,11 +8,12 @@ it by an extended Kalman filter on
 with d the disturbance of the pressures [m/s³], f an acceleration by a force that the model lacks, b the accelerometer's
 bias [m/s²] and l what it shows behind its lag. The position is z_1, the accelerometer l + b (z_3 + b without a lag),
 the chamber pressures z_3 − f: a force that the model lacks moves the table and is no pressure. d wanders; f and b fade
-with their time constants, so that they stay bounded where no sensor tells them. The covariance is part of the state and
-each sample takes the sensors that it has, one after the other; one that is lost is left out and the rest take over at
-gains of their own, without a bump. A reading counts at most `gate` standard deviations off what is expected. A sensor
-that is further off, or shows the same number again and again, for `patience` is no longer believed, until it has
-changed and been within as long. Not in the thesis.
+with their time constants, so that they stay bounded where no sensor tells them; without pressures f does not move, and
+all that the model lacks counts as pressure. The covariance is part of the state and each sample takes the sensors that
+it has, one after the other; one that is lost is left out and the rest take over at gains of their own, without a bump.
+A reading counts at most `gate` standard deviations off what is expected. A sensor that is further off, or shows the
+same number again and again, for `patience` is no longer believed, until it has changed and been within as long. Not in
+the thesis.
 
 Verified against: the filter's steady gain by the Riccati equation; a model equal to the plant; a sensor that is lost,
 frozen or biased in the middle of a run.
@@ -105,8 +106,8 @@ class FusedObserver(LinearObserver):
 
 
 @njit
-def advance_covariance(covariance, p, command, dt):  # type: ignore[no-untyped-def]
-    """P ← Φ P Φᵀ + Q of e over a sample, in place."""
+def advance_covariance(covariance, p, command, pressed, dt):  # type: ignore[no-untyped-def]
+    """P ← Φ P Φᵀ + Q of e over a sample, in place; f only moves where the pressures tell it (`pressed`)."""
     opening = abs(command)
     phi, gamma = transition(p.beta1 + p.beta5 * opening, p.beta2 + p.beta4 * opening, dt)
     step = np.zeros((UNKNOWNS, UNKNOWNS))
@@ -122,7 +123,7 @@ def advance_covariance(covariance, p, command, dt):  # type: ignore[no-untyped-d
     for j in range(UNKNOWNS):  # behind the lag: the acceleration at the sample's end
         step[L, j] += p.lag_share * step[2, j]
     covariance[:] = step @ covariance @ step.T
-    force = p.force_noise * p.force_noise * dt  # moves f and, as a force, the acceleration
+    force = p.force_noise * p.force_noise * dt if pressed else 0.0  # moves f and, as a force, the acceleration
     covariance[2, 2] += p.jerk_noise * p.jerk_noise * dt + force
     covariance[2, F] += force
     covariance[F, 2] += force
@@ -206,7 +207,8 @@ def observe(state, p, model, measured, command, dt, work, estimate):  # type: ig
     kicked(state, own[1], dt)
     own[1] *= 1.0 - dt / p.force_memory
     own[2] *= 1.0 - dt / p.bias_memory
-    advance_covariance(covariance, p, command, dt)
+    pressed = math.isfinite(measured[2] + measured[3]) and own[WATCHES + 4 + OUT] == 0.0
+    advance_covariance(covariance, p, command, pressed, dt)
     motion_now(model, state, work, estimate)
     own[3] += p.lag_share * (estimate[2] + own[1] - own[3])
     found, patient, misled = np.zeros(UNKNOWNS), p.patient_samples, False
@@ -218,7 +220,7 @@ def observe(state, p, model, measured, command, dt, work, estimate):  # type: ig
         expected = (1.0 + model.accelerometer_scale_error) * own[3] + model.accelerometer_bias_bias + own[2]
         shown = BEHIND_LAG if p.lag_share < 1.0 else WITHOUT_LAG
         misled = correct(found, covariance, shown, measured[1] - expected, p.acceleration_noise, p.gate, watch, patient)
-    if math.isfinite(measured[2]) and math.isfinite(measured[3]):
+    if math.isfinite(measured[2] + measured[3]):
         watch, pressure = own[WATCHES + 4 : SIZE], load_pressure(model, measured[2], measured[3])
         see(watch, pressure)
         per_pressure = 1.0 / (p.pressure_per_acceleration * (1.0 + model.body_area_ratio))  # of P_L [m/s²/Pa]

@@ -1,0 +1,244 @@
+"""`commission`: the guided way on a new table: gentle motion, model, gains, higher level, each step released."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from shake_ros.api.commission_files import HELD, CommissionSettings, interlock_of, load_commission
+from shake_ros.api.commission_step import Step, announced, page_run, watched
+from shake_ros.api.identify import identify
+from shake_ros.api.model import Model
+from shake_ros.api.model import model as model_of
+from shake_ros.api.progress import Progress, Told
+from shake_ros.api.read import Recordings
+from shake_ros.api.result_table import ResultTable, percent
+from shake_ros.api.simulate import Simulation, controller_of, observer_of, simulate
+from shake_ros.api.tune_table import TunedTable, tune_table
+from shake_ros.core.control.runner import Controller
+from shake_ros.core.identification.recordings import RecordingProblem
+from shake_ros.core.identification.uncertainty import known_covariance
+from shake_ros.core.loop.metrics import come_to_rest
+from shake_ros.core.loop.robust import Uncertainty
+from shake_ros.core.observer.runner import Observer
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.reference_program import build_program
+from shake_ros.data.results import write_folder, write_json
+from shake_ros.report.commission_page import commission_page
+from shake_ros.settings import load_table, save_table
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, repr=False)
+class Commission:
+    """What came of it. steps : that were run. reason : why it ended before the last one, empty where it did not."""
+
+    steps: tuple[Step, ...]
+    settings: CommissionSettings
+    reason: str
+
+    @property
+    def complete(self) -> bool:
+        """Whether every step was released, run and sound."""
+        return not self.reason
+
+    @property
+    def tuned(self) -> TunedTable | None:
+        """The last observer and gains that are sound, with their table."""
+        return next((s.tuned for s in reversed(self.steps) if s.tuned is not None and s.tuned.sound), None)
+
+    @property
+    def frame(self) -> ResultTable:
+        """The steps: level, loop, errors, what the model explains."""
+        rows = [
+            (f"{step.level:g}", step.loop, *(step.error or (np.nan,) * 3), step.explained, step.held or "no hold")
+            for step in self.steps
+        ]
+        names = ("position", "velocity", "acceleration", "model's error")
+        return ResultTable(("level", "loop", *names, "interlock"), rows, dict.fromkeys(names, percent))
+
+    def report(self, folder: str | Path, force: bool = False, command: str = "") -> Path:
+        """Write table.yaml, controller.yaml, observer.yaml, interlock.yaml, the page, its figures and the recordings.
+
+        Raises
+        ------
+        ShakeError : the folder is there and `force` is not given.
+        """
+
+        def fill(out: Path) -> None:
+            if self.tuned is not None:
+                save_table(out / "table.yaml", self.tuned.table, "Found by commission.")
+                self.tuned.write(out)
+            text = yaml.safe_dump(dict(self.steps[-1].interlock), sort_keys=False) if self.steps else ""
+            head = f"# Limits of level {self.steps[-1].level:g}, by commission.\n" if self.steps else ""
+            (out / "interlock.yaml").write_text(head + text, encoding="utf-8")
+            page = commission_page([page_run(i, step) for i, step in enumerate(self.steps)], *self._told(), command)
+            (out / "commission.html").write_text(page, encoding="utf-8")
+            write_json(out / "commission.json", self.content())
+            for step in self.steps:
+                step.run.write(out / "recordings" / step.run.recording.name)
+
+        write_folder(Path(folder), fill, force=force)
+        return Path(folder)
+
+    def _told(self) -> tuple[str, list[str]]:
+        """The verdict, and lines on table and gains."""
+        last = self.steps[-1] if self.steps else None
+        verdict = "Complete: every step was released, run and sound." if self.complete else f"Ended: {self.reason}."
+        if self.tuned is None:
+            return verdict, ["No gains that are sound were found."]
+        lines = [
+            "table.yaml is the fitted table, controller.yaml and observer.yaml the loop that was made for it; "
+            "the nodes take them by path.",
+            f"{self.tuned.best.kind}, {self.tuned.best.design.bandwidth:.1f} rad/s; margins on the linear model where "
+            f"least robust: {self.tuned.margins.text}.",
+            *self.tuned.findings,
+        ]
+        return verdict, lines + ([f"interlock.yaml has the limits of level {last.level:g}."] if last else [])
+
+    def content(self) -> dict[str, Any]:
+        """All figures, for JSON."""
+        steps = [
+            {
+                "level": step.level,
+                "loop": step.loop,
+                "limits": dict(step.limits),
+                "error": list(step.error) if step.error else None,
+                "held": step.held,
+                "model_error": step.explained,
+                "gains": step.tuned.content() if step.tuned else None,
+            }
+            for step in self.steps
+        ]
+        return {"schema": "shake_ros.commission/1", "complete": self.complete, "reason": self.reason, "steps": steps}
+
+    def __repr__(self) -> str:
+        return f"{self.frame!r}\n{self.reason or 'complete'}"
+
+
+@dataclass
+class _Laboratory:
+    """The simulated table with its first loop, and what is known of it."""
+
+    plant: TableParameters
+    declared: Model
+    settings: CommissionSettings
+    delay: int
+    tell: Told
+    runs: list[Simulation] = field(default_factory=list)
+
+    def first_loop(self) -> tuple[Observer, Controller]:
+        dt = self.settings.numbers.sample_time
+        return observer_of(self.settings.observer, dt, None), controller_of(self.settings.controller, dt, None)
+
+    def motion(self, level: float) -> Array:
+        """The reference at a level, faded to rest, (n, 3)."""
+        dt = self.settings.numbers.sample_time
+        rows = build_program(self.settings.reference, dt).samples(0, round(self.settings.seconds / dt))
+        return level * come_to_rest(rows, dt)
+
+    def play(self, level: float, loop: tuple[Observer, Controller], interlock: Mapping[str, Any]) -> Step:
+        """Run a level under a loop; what lies behind a hold of the interlock does not count."""
+        observer, controller = loop
+        name = f"step_{len(self.runs) + 1}_level_{level:g}"
+        run = simulate(
+            self.plant,
+            self.motion(level),
+            self.settings.numbers.sample_time,
+            controller=controller,
+            observer=observer,
+            delay=self.delay,
+            seed=len(self.runs) + 1,
+        )
+        held, kept = watched(run, interlock)
+        limits = {name: float(interlock["causes"][name]["threshold"]) for name in HELD}
+        error = None if held else tuple(float(e) for e in run.error["error"])
+        part = Simulation(replace(run.recording.between(0.0, kept) if held else run.recording, name=name))
+        self.runs.append(part)
+        return Step(level, controller.kind, limits, interlock, part, error, held)  # type: ignore[arg-type]
+
+    def learn(self) -> tuple[float, TunedTable]:
+        """Model and gains by all runs so far: the model's error on the newest one, and the gains."""
+        data = Recordings([run.recording for run in self.runs])
+        fitted = identify(self.declared, data, progress=self.tell)
+        blocks = RecordingProblem(list(fitted.estimation)).blocks()
+        known = Uncertainty(*known_covariance(fitted.fit.fit, blocks))
+        error = float(fitted.error["acceleration"][-1])  # of the newest run
+        return error, tune_table(fitted.table, uncertainty=known, laws=self.settings.laws, progress=self.tell)
+
+
+def commission(
+    table: str | Path | TableParameters = "bergamo",
+    *,
+    set: Mapping[str, float] | None = None,  # noqa: A002 (the command's option has this name)
+    model: Model | None = None,
+    settings: str = "default",
+    delay: int = 1,
+    release: Callable[[str], bool] = lambda _: True,
+    progress: Told = True,
+) -> Commission:
+    """Bring a simulated table into service: run, learn, make gains, go higher; each run is released before it.
+
+    Parameters
+    ----------
+    table : the table as it is declared: a name of config/table, a YAML file, or a table.
+    set : values in which the simulated table differs from that, by dotted name or its last part; nothing is told them.
+    model : what is fitted; the declared table's full model where not given.
+    settings : config/commission/NAME.yaml or a file.
+    delay : samples by which a command reaches the valve late.
+    release : is told what the next run will be, and says whether it may begin.
+    progress : show it, or a function to tell what is being done and which part is done.
+
+    Raises
+    ------
+    ShakeError
+        Unknown names; a loop that is lost; an interlock that does not let commands act.
+
+    Examples
+    --------
+    >>> import shake_ros as sr
+    >>> refused = sr.commission("bergamo", release=lambda text: False, progress=False)
+    >>> refused.complete, refused.reason
+    (False, 'level 0.1 was not released')
+    """
+    s = load_commission(settings)
+    declared = table if isinstance(table, TableParameters) else load_table(str(table))
+    if declared.layout is not FULL_LAYOUT:
+        raise ShakeError(f"commission needs a table with a valve and hydraulics, not one of {declared.layout.name}")
+    changes = {FULL_LAYOUT.full_name(name, "set"): float(value) for name, value in (set or {}).items()}
+    known = model or model_of("full", declared)
+    with Progress("commission", progress) as bar:
+        lab = _Laboratory(declared.with_values(changes), known, s, delay, bar)
+        steps, reason = _climb(lab, release)
+    return Commission(tuple(steps), s, reason)
+
+
+def _climb(lab: _Laboratory, release: Callable[[str], bool]) -> tuple[list[Step], str]:
+    """The steps up to the first one that is not released, held or not sound; why, empty where none."""
+    s, steps = lab.settings, list[Step]()
+    loop, named = lab.first_loop(), f"{s.controller}, {s.observer}"
+    for number, level in enumerate((*s.levels, s.levels[-1])):
+        last = number == len(s.levels)
+        interlock = interlock_of(s, lab.motion(level), s.levels[0] / level)
+        if not release(announced(number, level, lab.motion(level), named, interlock, last)):
+            return steps, f"level {level:g} was not released"
+        step = lab.play(level, loop, interlock)
+        steps.append(step)
+        if step.held:
+            return steps, f"level {level:g}: the interlock held: {step.held}"
+        if last:
+            break
+        explained, tuned = lab.learn()
+        steps[-1] = replace(step, explained=explained, tuned=tuned)
+        if not tuned.sound:
+            return steps, f"after level {level:g} no gains are sound: {'; '.join(tuned.findings)}"
+        loop, named = tuned.loop(s.numbers.sample_time), f"{tuned.best.kind} of level {level:g}"
+    return steps, ""

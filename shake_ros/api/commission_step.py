@@ -1,0 +1,108 @@
+"""A step of `commission`: what the operator reads before it, the interlock beside it, what the page shows of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.api.commission_files import HELD, interlock_parameters
+from shake_ros.api.simulate import Simulation
+from shake_ros.api.tune_table import TunedTable
+from shake_ros.core.quantities import ShakeError
+from shake_ros.core.safety.interlock import Interlock
+from shake_ros.core.safety.stages import RUN
+from shake_ros.report.commission_page import CommissionRun
+
+Array = NDArray[np.float64]
+SECOND = 1_000_000_000  # [ns]
+UNITS = {"position_hard": "m", "velocity": "m/s", "acceleration": "m/s²", "tracking_error": "m"}
+LONGEST_START = 60.0  # [s] within which the interlock must let commands act
+
+
+@dataclass(frozen=True)
+class Step:
+    """A run that was released, and what was learnt of it.
+
+    Attributes
+    ----------
+    level : part of the reference. loop : of the law. limits : of the interlock, by the names of `HELD`.
+    run : whole, or up to where the interlock held. error : of position, velocity, acceleration [-], of a whole run.
+    held : what the interlock said, empty where it did not. explained : error of the fitted model's acceleration on
+    the newest run [-]. tuned : observer and gains for the model that was fitted.
+    """
+
+    level: float
+    loop: str
+    limits: Mapping[str, float]
+    interlock: Mapping[str, Any]
+    run: Simulation
+    error: tuple[float, float, float] | None
+    held: str = ""
+    explained: float | None = None
+    tuned: TunedTable | None = None
+
+
+def watched(run: Simulation, content: Mapping[str, Any]) -> tuple[str, float]:
+    """What the interlock would say to a run first, and when [s]; empty and the run's length where it lets it pass."""
+    lock, dt = Interlock(interlock_parameters(content), enabled=True), run.sample_time
+    r, now = run.recording, 0
+    assert r.pressure_supply is not None and r.acceleration is not None and r.reference is not None
+    assert r.valve_command is not None
+    period = round(dt * SECOND)
+    while lock.stage != RUN:  # pressure comes up at rest
+        if now > LONGEST_START * SECOND:
+            raise ShakeError("commission: the interlock does not come to the stage `run`")
+        lock.command(now, 0.0)
+        lock.act(now)
+        now += period
+    for k in range(len(r.time)):
+        lock.observe(now, r.position[k], r.acceleration[k], r.pressure_supply[k], r.reference[k, 0])
+        lock.command(now, r.valve_command[k])
+        lock.act(now)
+        for trip in lock.trips:
+            if trip.cause in HELD:
+                return f"{trip.cause} {trip.value:.3g} beyond {trip.limit:.3g} at {k * dt:.3f} s", k * dt
+        now += period
+    return "", len(r.time) * dt
+
+
+def announced(number: int, level: float, motion: Array, loop: str, interlock: Mapping[str, Any], last: bool) -> str:
+    """What the operator reads before a run is released."""
+    x, v, a = np.max(np.abs(motion), axis=0).tolist()
+    limit = {name: float(interlock["causes"][name]["threshold"]) for name in HELD}
+    return (
+        f"step {number + 1}, level {level:g}{', for the evidence' if last else ''}: {1e3 * x:.1f} mm, {v:.3f} m/s, "
+        f"{a:.2f} m/s²; loop: {loop}; the interlock holds beyond {1e3 * limit['position_hard']:.1f} mm, "
+        f"{limit['velocity']:.3f} m/s, {limit['acceleration']:.2f} m/s², or {1e3 * limit['tracking_error']:.1f} mm "
+        "from the reference"
+    )
+
+
+def page_run(number: int, step: Step) -> CommissionRun:
+    """A step as the page shows it."""
+    r = step.run.recording
+    assert r.reference is not None and r.valve_command is not None and r.acceleration is not None
+    learnt = []
+    if step.explained is not None:
+        learnt.append(
+            f"The model fitted to all runs so far misses {100.0 * step.explained:.2f} % of this one's acceleration."
+        )
+    if step.tuned is not None:
+        learnt.append(f"Gains for it: {step.tuned.best.kind}; {step.tuned.margins.text}.")
+        learnt += step.tuned.findings
+    return CommissionRun(
+        f"Step {number + 1}, level {step.level:g}",
+        step.loop,
+        [(name, f"{value:.4g} {UNITS[name]}") for name, value in step.limits.items()],
+        step.error,
+        step.held,
+        learnt,
+        r.time,
+        r.reference,
+        np.column_stack([r.position, step.run.velocity, r.acceleration]),
+        r.valve_command,
+    )

@@ -1,0 +1,107 @@
+"""Commissioning: each step is released, the limits grow with it, what it leaves loads, and a hold ends it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+import shake_ros as sr
+from shake_ros.__main__ import main
+from shake_ros.api.commission import Commission
+from shake_ros.api.commission_files import HELD, interlock_of, load_commission
+from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.observer import OBSERVERS
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.reference_program import build_program
+from shake_ros.settings import config_folder, load_interlock, load_table, load_variant
+
+SOFT = {"bulk_modulus.modulus": 7e8}
+
+
+def settings(folder: Path, **changes: object) -> str:
+    """The default way, shortened."""
+    content = yaml.safe_load((config_folder() / "commission" / "default.yaml").read_text(encoding="utf-8"))
+    content |= {"seconds": 4.0, "levels": [0.5], "laws": ["three_variable"]}
+    numbers = content["numbers"] | {k: v for k, v in changes.items() if k in content["numbers"]}
+    content |= {k: v for k, v in changes.items() if k in content} | {"numbers": numbers}
+    path = folder / "way.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def way(tmp_path_factory: pytest.TempPathFactory) -> tuple[Commission, list[str], Path]:
+    folder = tmp_path_factory.mktemp("commission")
+    said: list[str] = []
+
+    def release(text: str) -> bool:
+        said.append(text)
+        return True
+
+    found = sr.commission("bergamo", set=SOFT, settings=settings(folder), release=release, progress=False)
+    return found, said, found.report(folder / "out")
+
+
+def test_gains_of_the_first_level_follow_better_than_the_first_loop(way: tuple[Commission, list[str], Path]) -> None:
+    found, said, _ = way
+    assert found.complete
+    assert len(said) == len(found.steps) == 2
+    assert "6.0 mm from the reference" in said[0]
+    first, last = (step.error for step in found.steps)
+    assert first and last
+    assert last[1] < 0.3 * first[1]
+    assert last[2] < 0.15
+    tuned = found.tuned
+    assert tuned is not None
+    assert tuned.table.value("bulk_modulus.modulus") == pytest.approx(7e8, rel=0.03)
+
+
+def test_what_it_leaves_is_read_by_path(way: tuple[Commission, list[str], Path]) -> None:
+    found, _, out = way
+    table = load_table(str(out / "table.yaml"))
+    assert table.value("bulk_modulus.modulus") == pytest.approx(7e8, rel=0.03)
+    assert load_variant("controller", str(out / "controller.yaml"), CONTROLLERS)[0] == "three_variable"
+    assert load_variant("observer", str(out / "observer.yaml"), OBSERVERS)[0] == "model"
+    limits = load_interlock(str(out / "interlock.yaml"))
+    assert {name: limits.response(name).threshold for name in HELD} == dict(found.steps[-1].limits)
+    assert json.loads((out / "commission.json").read_text(encoding="utf-8"))["complete"] is True
+    assert len(sr.read(*sorted((out / "recordings").iterdir()))) == 2
+    page = (out / "commission.html").read_text(encoding="utf-8")
+    assert "Step 2, level 0.5" in page and "three_variable" in page
+
+
+def test_limits_grow_with_the_level_and_stay_within_the_outermost_ones() -> None:
+    own = load_commission("default")
+    motion = build_program("earthquake", 0.001).samples(0, 8000)
+    low, high = (
+        [interlock_of(own, k * motion, own.levels[0] / k)["causes"][n]["threshold"] for n in HELD] for k in (0.1, 1.0)
+    )
+    outermost = [load_interlock("bergamo").response(name).threshold for name in HELD]
+    assert all(a < b <= c for a, b, c in zip(low, high, outermost, strict=True))
+
+
+def test_interlock_that_holds_ends_the_way_with_what_it_saw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = settings(tmp_path, margin=1.0, distance=2e-4)
+    assert main(["commission", "--yes", "--config", given, "--out", str(tmp_path / "out")]) == 1
+    assert "tracking_error" in capsys.readouterr().err.splitlines()[-1]
+    steps = json.loads((tmp_path / "out" / "commission.json").read_text(encoding="utf-8"))["steps"]
+    assert len(steps) == 1 and steps[0]["error"] is None
+    assert not (tmp_path / "out" / "controller.yaml").exists()
+
+
+def test_nobody_at_the_terminal_releases_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with open("/dev/null", encoding="utf-8") as nobody:
+        monkeypatch.setattr("sys.stdin", nobody)
+        assert main(["commission", "--out", str(tmp_path / "out")]) == 2
+    assert "--yes" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_levels_that_do_not_grow_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ShakeError, match=r"levels \[0\.4, 0\.2\] must grow"):
+        load_commission(settings(tmp_path, levels=[0.4, 0.2]))
