@@ -23,7 +23,7 @@ RATES = (204.8, 256.0, 500.0, 512.0, 1000.0)  # sampling of laboratories [Hz]
 RUNS = ("learn_quake", "learn_random", "learn_quake_low", "hold_quake", "hold_random")
 UNTOLD = (  # what no recording of a strange table tells from its own unknown numbers
     *("valve_null_shift", "slow_valve", "tank_back_pressure", "dead_volume", "payload_error", "accelerometer_bias"),
-    "command_delay",
+    *("command_delay", "spool_hysteresis"),
 )
 EFFECTS = tuple(n for n, h in hidden.HIDDEN.items() if h.listed and n not in UNTOLD)
 COUNTS = (0, 1, 1, 2, 2, 3, 4)  # effects hidden in a case, drawn from these
@@ -106,6 +106,7 @@ def table(rng: Any) -> hidden.Truth:
     flow = gain * area / math.sqrt(0.5 * (supply - tank))
     friction = mass * 10.0 ** rng.uniform(-1.3, 0.0)
     stiff = math.sqrt(modulus * mass / volume) / area
+    spool_friction = float(rng.choice((0.0, 5e-4, 1e-3, 2e-3)))
     return hidden.Truth(
         area=area,
         volume=volume,
@@ -114,7 +115,7 @@ def table(rng: Any) -> hidden.Truth:
         tank=tank,
         omega=2.0 * math.pi * rng.uniform(40.0, 140.0),
         damping=rng.uniform(0.6, 1.0),
-        spool_friction=0.0,
+        spool_friction=spool_friction,
         underlap=rng.uniform(0.0, 0.006),
         flow=flow,
         modulus=modulus,

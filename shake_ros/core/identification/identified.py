@@ -62,6 +62,7 @@ QUANTITIES: dict[str, tuple[Callable[[TableParameters], float], str]] = {
     ),
     "valve_damping": (lambda t: t.value("valve.damping"), "-"),
     "valve_underlap": (lambda t: t.value("valve.underlap"), "-"),
+    "valve_hysteresis": (lambda t: t.value("valve.hysteresis"), "-"),
     "command_delay": (lambda t: t.value("effects.command_delay.delay"), "s"),
     "coulomb_friction_per_mass": (lambda t: t.value("friction.coulomb_level") / moved(t), "m/s^2"),
     "breakaway_friction_per_mass": (

@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import ClassVar, final
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 
 from shake_ros.core.identification.noise import periodic_deviation, resolution, white_deviation
@@ -32,16 +33,21 @@ MODEL_FLOOR = 2e-3  # weights do not fall below this part of a channel's rms: no
 
 
 def low_pass(values: np.ndarray, sample_time: float) -> np.ndarray:
-    """Zero-phase Butterworth low-pass along the last axis; below 100 Hz sampling the values pass unchanged."""
-    if CUTOFF >= 0.4 / sample_time:
-        return np.asarray(values)
-    sections = butter(ORDER, CUTOFF * 2.0 * sample_time, output="sos")
+    """Zero-phase Butterworth low-pass along the last axis, below 100 Hz sampling at 0.4 of the rate."""
+    sections = butter(ORDER, min(CUTOFF * 2.0 * sample_time, 0.8), output="sos")
     return np.asarray(sosfiltfilt(sections, values, axis=-1))
 
 
 def derivative(position: np.ndarray, sample_time: float) -> np.ndarray:
-    """Low-passed central difference of a position, shape (n,) [m] → [m/s]."""
-    return low_pass(np.gradient(position, sample_time), sample_time)
+    """Low-passed derivative of a position, shape (n,) [m] → [m/s], by a spline of fifth order through its samples.
+
+    A central difference shows sin(ωT)/(ωT) of the velocity: at 200 Hz sampling 6 % less at 20 Hz.
+    """
+    beyond = min(round(2.0 / (CUTOFF * sample_time)), len(position) - 1)  # an end of its own would amplify the noise
+    extended = np.pad(position, beyond, mode="reflect", reflect_type="odd")
+    time = sample_time * np.arange(len(extended))
+    slope = make_interp_spline(time, extended, k=min(5, len(extended) - 1)).derivative()(time)
+    return low_pass(slope, sample_time)[beyond : beyond + len(position)]
 
 
 @dataclass(frozen=True)

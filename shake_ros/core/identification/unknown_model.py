@@ -61,6 +61,7 @@ class UnknownModel(DeclaredModel):
         """Whether an effect may be missing: not one that the table has, nor one that a free number stands for."""
         stands_for = {"payload_error": "body.table_mass", "dead_volume": "body.cylinder_volume"}
         stands_for |= {"slow_valve": "valve.natural_frequency", "tank_back_pressure": "body.table_mass"}
+        stands_for |= {"spool_hysteresis": "valve.hysteresis"}
         has = self.table is not None and effect in self.table.effects
         return not has and effect != "accelerometer_bias" and stands_for.get(effect) not in self.unknown
 

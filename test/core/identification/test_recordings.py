@@ -55,15 +55,25 @@ def test_low_pass_works_along_the_last_axis() -> None:
     assert low_pass(rows, 0.001)[1] == pytest.approx(low_pass(rows[1], 0.001))
 
 
-def test_recordings_of_100_hz_pass_the_low_pass_unchanged() -> None:
-    values = np.random.default_rng(0).standard_normal(500)
-    assert np.array_equal(low_pass(values, 0.01), values)
+def test_recordings_of_100_hz_keep_what_a_table_does() -> None:
+    slow = np.sin(2.0 * np.pi * 15.0 * 0.01 * np.arange(500))
+    assert low_pass(slow, 0.01)[50:-50] == pytest.approx(slow[50:-50], abs=1e-3)
 
 
-def test_derivative_of_a_measured_sine_is_its_velocity() -> None:
-    omega = 2.0 * np.pi * 3.0
-    velocity = derivative(0.05 * np.sin(omega * TIME), 0.001)
-    assert velocity[500:-500] == pytest.approx(0.05 * omega * np.cos(omega * TIME)[500:-500], abs=1e-3)
+@pytest.mark.parametrize("rate", [100.0, 204.8, 1000.0])
+@pytest.mark.parametrize("frequency", [3.0, 20.0])
+def test_derivative_of_a_measured_sine_is_its_filtered_velocity_at_any_rate(rate: float, frequency: float) -> None:
+    time, omega = np.arange(0.0, 6.0, 1.0 / rate), 2.0 * np.pi * frequency
+    found = derivative(0.05 * np.sin(omega * time), 1.0 / rate)
+    inner = slice(len(time) // 4, -len(time) // 4)
+    wanted = low_pass(0.05 * omega * np.cos(omega * time), 1.0 / rate)
+    assert found[inner] == pytest.approx(wanted[inner], abs=2e-3 * 0.05 * omega)
+
+
+def test_noise_of_a_position_does_not_run_away_at_the_ends_of_the_velocity() -> None:
+    ends = [derivative(np.random.default_rng(k).standard_normal(3000), 0.001)[[0, -1]] for k in range(40)]
+    inner = derivative(np.random.default_rng(99).standard_normal(3000), 0.001)[500:-500]
+    assert np.sqrt(np.mean(np.square(ends))) < 6.0 * np.std(inner)
 
 
 @pytest.mark.parametrize("hidden", [Hidden(), Hidden(dead_band=0.02)])
