@@ -57,7 +57,7 @@ def close_loop(
         raises `Stopped`, the search ends with what it has.
     """
     problem = SearchProblem.of(model, estimation, validation, settings, patiently(progress))
-    declared = fit_declared(problem, FreeParameters(model.table, model.free))
+    declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
     selection = forward_selection(replace(problem, progress=progress), declared, model)
     found, standings, doubtful = judged(problem, selection)
     if sum(len(r.commands) for r in problem.estimation.records) < sum(len(r.commands) for r in estimation):

@@ -64,8 +64,8 @@ def random_starts(free: FreeParameters, count: int, factor: float, seed: int = 0
     return starts
 
 
-def fit_declared(problem: SearchProblem, free: FreeParameters) -> Fit:
-    """Fit the declared model from several starts."""
+def fit_declared(problem: SearchProblem, free: FreeParameters, shown: bool = False) -> Fit:
+    """Fit the declared model from several starts; only roughly where effects are known to show that it lacks."""
     settings, pieces = problem.settings, problem.estimation_pieces
     problem.progress("declared model: starts", 0.0)
     starts = random_starts(free, settings.starts, settings.start_factor)
@@ -78,7 +78,8 @@ def fit_declared(problem: SearchProblem, free: FreeParameters) -> Fit:
         short.append(fit(pieces, free, starts[index], evaluations=most, tolerance=tolerance))
     best = min(short, key=lambda f: f.cost)
     problem.progress("declared model: fit", (len(chosen) + 1) / (len(chosen) + 2))
-    most, tolerance = settings.declared_evaluations, settings.converged
+    most = settings.declared_evaluations if shown else settings.converging_evaluations
+    tolerance = settings.converged
     return fit(problem.estimation, free, best.x, evaluations=most, tolerance=tolerance)
 
 

@@ -9,11 +9,14 @@ from shake_ros.core.identification.free_parameters import FreeParameters
 
 
 def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect) -> ScoredFit:
-    """The fit with an effect taken out and everything else refitted."""
+    """The fit with an effect taken out and everything else refitted; remembered, since elimination and standing ask."""
     settings, result, names = problem.settings, current.fit, {f.name for f in dropped.free}
     keep = [i for i, f in enumerate(result.free.free) if f.name not in names]
-    free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])
-    return problem.fitted(free, result.x[keep], settings.continued_evaluations, settings.converged)
+    key = (dropped.effect, result.free.names, result.x.tobytes())
+    if key not in problem.reduced:
+        free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])
+        problem.reduced[key] = problem.fitted(free, result.x[keep], settings.continued_evaluations, settings.converged)
+    return problem.reduced[key]
 
 
 def eliminate(

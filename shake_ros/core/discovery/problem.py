@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -103,7 +103,8 @@ class ScoredFit:
 class SearchProblem:
     """Estimation and validation data with pieces of both, the parameters that may be freed late, settings, progress.
 
-    progress : called with what is being done and the part of the step that is done.
+    progress : called with what is being done and the part of the step that is done. reduced : fits without an effect
+    that have been made.
     """
 
     estimation: RecordingProblem
@@ -113,6 +114,7 @@ class SearchProblem:
     late: tuple[FreeParameter, ...]
     settings: SearchSettings
     progress: Progress
+    reduced: dict[Any, ScoredFit] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(
@@ -157,7 +159,7 @@ class SearchProblem:
 
     def on_whole(self, estimation: Sequence[Record]) -> SearchProblem:
         """The same problem with all of the estimation data."""
-        return replace(self, estimation=RecordingProblem(list(estimation), self.estimation.model))
+        return replace(self, estimation=RecordingProblem(list(estimation), self.estimation.model), reduced={})
 
     def at_noise(self, current: ScoredFit) -> bool:
         """Whether a fit leaves nothing above the sensor noise, on either set of recordings."""
