@@ -10,8 +10,8 @@ import numpy as np
 
 from shake_ros.api.read import Recordings
 from shake_ros.api.result_table import ResultTable
+from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.identification.contradictions import contradictions
-from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.nuisances import Prepared, prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record
@@ -78,8 +78,8 @@ class Model:
         if not isinstance(declared, UnknownModel):
             return StartingPoint.declared(self.start(estimation), Prepared(estimation, validation, 1.0, ()))
 
-        def effects(table: TableParameters) -> dict[str, tuple[FreeParameter, ...]]:
-            return {c.effect: c.free for c in effect_candidates(declared, table)}
+        def effects(table: TableParameters) -> dict[str, CandidateEffect]:
+            return {c.effect: c for c in effect_candidates(declared, table)}
 
         return staged_start(declared, free_parameters(declared), effects, prepared(estimation, validation))
 

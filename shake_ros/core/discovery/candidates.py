@@ -11,6 +11,8 @@ from shake_ros.core.identification.free_parameters import FreeParameter, free_pa
 from shake_ros.core.plant.parameters import FIELDS, TableParameters
 from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
 
+OPTIONAL = {"resembles", "usual", "together"}
+
 
 @dataclass(frozen=True)
 class CandidateEffect:
@@ -19,6 +21,7 @@ class CandidateEffect:
     effect : its name. free : the parameters a refit frees. trials : values by dotted name, the strength first.
     place, depends_on : where it acts and on what. resembles : effects that recordings can hardly tell from it, which
     are refitted beside it though screening may pass them over. usual : values met on real tables by dotted name.
+    together : values from which it takes part in a fit with many effects at once; empty where it does not.
     """
 
     effect: str
@@ -28,6 +31,7 @@ class CandidateEffect:
     depends_on: tuple[str, ...]
     resembles: tuple[str, ...] = ()
     usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    together: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def strength(self) -> FreeParameter:
@@ -53,8 +57,8 @@ def candidates(
     for effect, entry in strict_keys(content, EFFECTS, where, kind="effect").items():
         if model not in EFFECTS[effect].models:
             continue
-        if not isinstance(entry, Mapping) or set(entry) - {"resembles", "usual"} != {"free", "trials"}:
-            more = "may have 'resembles' and 'usual'"
+        if not isinstance(entry, Mapping) or set(entry) - OPTIONAL != {"free", "trials"}:
+            more = "may have " + ", ".join(sorted(OPTIONAL))
             raise ShakeError(f"{where}: {effect}: needs the keys 'free' and 'trials', {more}")
         resembles = tuple(entry.get("resembles", ()))
         for other in resembles:
@@ -71,8 +75,11 @@ def candidates(
         except (AttributeError, TypeError, ValueError):
             raise ShakeError(f"{where}: {effect}: usual: needs [low, high] for each name") from None
         strict_keys(usual, own, where)
+        together = {prefix + name: float(v) for name, v in entry.get("together", {}).items()}
+        strict_keys(together, own, where)
         kind = EFFECTS[effect]
-        result.append(CandidateEffect(effect, free, trials, kind.place, kind.depends_on, resembles, usual))
+        found = CandidateEffect(effect, free, trials, kind.place, kind.depends_on, resembles, usual, together)
+        result.append(found)
     return tuple(result)
 
 

@@ -286,6 +286,11 @@ class RecordingProblem:
         parts += [(vectors[:, [i]] - value) / deviation for i, value, deviation in self.model.priors]
         return np.concatenate(parts, axis=1)
 
+    @property
+    def count(self) -> int:
+        """Number of residuals."""
+        return sum((len(r.commands) - r.start) * (1 if r.acceleration is None else 2) for r in self.records)
+
     def noise_cost(self) -> float:
         """Mean square of the weighted residuals that the sensor noise alone would leave [-]."""
         total = count = 0.0

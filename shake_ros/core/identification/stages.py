@@ -1,7 +1,8 @@
 """The first stages of a fit to recordings of a table without a data sheet.
 
-The best first guesses are fitted briefly to pieces of the recordings; then the null shift of each recording is read off
-the free run over the whole of it, whose mean velocity it moves, and what is left of the fit begins from there.
+The best first guesses are fitted briefly to pieces of the recordings, where that leaves much with several effects at
+once (joint_start.py); then the null shift of each recording is read off the free run over the whole of it, whose mean
+velocity it moves, and what is left of the fit begins from there.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.identified import velocity_gain
+from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
 from shake_ros.core.identification.nuisances import Nuisance, Prepared
 from shake_ros.core.identification.recordings import Record, RecordingProblem, low_pass, windows
 from shake_ros.core.identification.unknown_model import UnknownModel
@@ -24,7 +26,9 @@ PIECES, PIECE = 18.0, 6.0  # of the recordings that the first fit sees, and leng
 GUESSES = 2  # that are fitted
 EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
 ROUNDS = 2  # of null shifts and fit
-EffectsOf = Callable[[TableParameters], Mapping[str, Sequence[FreeParameter]]]
+FAR = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
+JOINED = 0.5  # part of the cost that these may leave
+EffectsOf = Callable[[TableParameters], Mapping[str, JoiningEffect]]
 SHOWN = ("specimen_resonance", "accelerometer_lag")  # effects that show without a search
 LAG = "effects.accelerometer_lag.time_constant"
 
@@ -34,7 +38,7 @@ class StartingPoint:
     """Where the whole fit begins.
 
     table : the declared one, fitted to pieces. data : recordings with the null shifts that it tells. shown : effects
-    that sensors and linear response show without a search; `fitted` is the table with them.
+    that sensors, linear response and a fit with many effects show without a search; `fitted` is the table with them.
     """
 
     table: TableParameters
@@ -55,7 +59,7 @@ def staged_start(
 
     Parameters
     ----------
-    free : parameters that a fit may move. effects : that a table may lack, with the parameters that a fit then moves.
+    free : parameters that a fit may move. effects : that a table may lack.
     """
     assert model.table is not None
     first = FirstGuess(data.estimation)
@@ -68,12 +72,26 @@ def staged_start(
     guesses = first.tables(model.table, model.unknown, model, shown_on)[:GUESSES]
     known = effects(guesses[0])
     shown = tuple(e for e in SHOWN if e in known and e in guesses[0].effects)
-    moved = [*free, *(p for e in shown for p in known[e])]
-    table = min((_fitted(model, moved, guess, data) for guess in guesses), key=lambda found: found[0])[1]
+
+    def moved(names: Sequence[str]) -> list[FreeParameter]:
+        return [*free, *(p for e in names for p in known[e].free)]
+
+    cost, table = min((_fitted(model, moved(shown), guess, data) for guess in guesses), key=lambda found: found[0])
+    pieces = _pieces(model, data)
+    if cost > 0.5 * FAR**2 * pieces.noise_cost() * pieces.count:
+        joined, more = joint_start(pieces, moved(shown), known, guesses[0])
+        with_more, joined = _fitted(model, moved((*shown, *more)), joined, data)
+        if with_more < JOINED * cost:
+            table, shown = joined, (*shown, *more)
     for _ in range(ROUNDS - 1):
         data = recentred(model, table, data)
-        table = _fitted(model, moved, table, data)[1]
+        table = _fitted(model, moved(shown), table, data)[1]
     return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
+
+
+def _pieces(model: UnknownModel, data: Prepared) -> RecordingProblem:
+    """What the first fits see."""
+    return RecordingProblem(windows(data.estimation, PIECES, PIECE), model)
 
 
 def _fitted(
@@ -81,8 +99,7 @@ def _fitted(
 ) -> tuple[float, TableParameters]:
     """Cost and table of a short fit to pieces."""
     parameters = FreeParameters(start, free)
-    problem = RecordingProblem(windows(data.estimation, PIECES, PIECE), model)
-    found = fit(problem, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    found = fit(_pieces(model, data), parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
     return found.cost, parameters.table(found.x)
 
 

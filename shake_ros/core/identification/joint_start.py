@@ -1,0 +1,76 @@
+"""Several effects at once from a first guess: which of them a fit with all of them on holds on to.
+
+A model that lacks two or three effects bends far away from the truth before any single one helps: where there is a dead
+band, friction takes its place, and each effect is then tried on top of the wrong friction. So where the fit of the
+declared model stays far above the noise, the effects that can begin from nothing are all freed together from the first
+guess; those whose loss would cost the most (Wald's statistic on the linearised fit) stay, the others are dropped, and
+the fit is repeated with what stays. Whether each is needed is decided by the search, as for any other effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
+from shake_ros.core.identification.recordings import RecordingProblem
+from shake_ros.core.plant.parameters import TableParameters
+
+EVALUATIONS, TOLERANCE = 12, 1e-3  # enough to tell what the fit wants
+LEAST = 0.5  # relative rise of the cost without an effect from which it stays
+MOST = 4  # effects that stay
+
+
+class JoiningEffect(Protocol):
+    """An effect as it may take part. together : values, by dotted name, from which it does; empty where it cannot.
+
+    free : its parameters that a fit may move. trials : values at which it is tried alone.
+    """
+
+    @property
+    def free(self) -> tuple[FreeParameter, ...]:
+        """Its parameters."""
+
+    @property
+    def trials(self) -> tuple[Mapping[str, float], ...]:
+        """Values of all of them."""
+
+    @property
+    def together(self) -> Mapping[str, float]:
+        """Where it begins beside others."""
+
+
+def loss(found: Fit, names: Sequence[str]) -> float:
+    """Relative rise of the cost to first order where parameters go to zero and all others adjust [-]."""
+    chosen = [found.free.names.index(name) for name in names]
+    covariance = np.linalg.pinv(found.jacobian.T @ found.jacobian)[np.ix_(chosen, chosen)]
+    x = found.x[chosen]
+    return float(x @ np.linalg.pinv(covariance) @ x) / max(2.0 * found.cost, 1e-300)
+
+
+def joint_start(
+    problem: RecordingProblem,
+    free: Sequence[FreeParameter],
+    known: Mapping[str, JoiningEffect],
+    guess: TableParameters,
+) -> tuple[TableParameters, tuple[str, ...]]:
+    """The guess fitted with every effect that can take part, without those that the fit can do without; what stays.
+
+    Parameters
+    ----------
+    problem : pieces of the recordings. free : what the fit moves beside the effects. known : effects by name.
+    guess : table from which the fit begins; effects that it has do not take part.
+    """
+    part = {name: effect for name, effect in known.items() if effect.together and name not in guess.effects}
+    values: dict[str, float] = {}
+    for effect in part.values():
+        values |= {**effect.trials[0], **effect.together}
+    own = {name: [p for p in effect.free if p.name in effect.together] for name, effect in part.items()}
+    parameters = FreeParameters(guess.with_values(values), [*free, *(p for each in own.values() for p in each)])
+    found = fit(problem, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    losses = {name: loss(found, [p.name for p in each]) for name, each in own.items()}
+    stay = tuple(sorted((n for n in losses if losses[n] > LEAST), key=lambda n: -losses[n]))[:MOST]
+    return parameters.table(found.x).without([name for name in part if name not in stay]), stay
