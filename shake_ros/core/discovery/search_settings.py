@@ -28,7 +28,7 @@ class SearchSettings(Parameters):
     start_factor: float = quantity("-", "largest factor between a start and the declared value", low=1.0)
     start_evaluations: int = quantity("-", "most trial points of a fit from a start", low=1)
     start_tolerance: float = quantity("-", "relative change at which such a fit stops", low=1e-12, high=1.0)
-    declared_evaluations: int = quantity("-", "most trial points of the declared fit; where no effect shows no fewer than converging", low=1)
+    declared_evaluations: int = quantity("-", "most trial points of the declared fit, if effects show", low=1)
     converged: float = quantity("-", "relative change at which a converged fit stops", low=1e-12, high=1.0)
     # parameters freed late
     late_multiples: tuple[float, ...] = quantity("-", "multiples of a late parameter that are screened", low=0.0)
