@@ -51,3 +51,10 @@ def failing(seed: int) -> dict[str, Any]:
 def labelled(seed: int, file: str) -> dict[str, Any]:
     """What a file holds."""
     return {"seed": seed, "text": Path(file).read_text(encoding="utf-8")}
+
+
+def counted(seed: int, folder: str) -> dict[str, Any]:
+    """Leaves a byte in a file of its own each time, and takes a moment."""
+    with (Path(folder) / str(seed)).open("ab") as file:
+        file.write(b"x")
+    return busy(seed, 0.01)

@@ -32,7 +32,8 @@ class Progress:
         self._told = told
         self._drawn = told is True and (notebook or sys.stderr.isatty())
         form = NOTEBOOK if notebook else TERMINAL
-        self._bar = tqdm(total=1.0, desc=title, bar_format=form, disable=not self._drawn, file=sys.stderr)
+        # without a bar no lock of tqdm's, which a process that is ended at once would leave behind
+        self._bar = tqdm(total=1.0, desc=title, bar_format=form, file=sys.stderr) if self._drawn else None
         self._title = title
         self._text = ""
         self._low, self._high = 0.0, 1.0
@@ -49,7 +50,7 @@ class Progress:
     def __call__(self, text: str, part: float) -> None:
         """Say what is being done and which part of the present span is done; the bar never goes back."""
         whole = self._low + (self._high - self._low) * min(max(part, 0.0), 1.0)
-        if self._drawn:
+        if self._bar is not None:
             self._bar.n = max(self._bar.n, whole)
             self._bar.set_description_str(f"{self._title}: {text}")
         elif callable(self._told):
@@ -68,7 +69,8 @@ class Progress:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None and self._drawn:
-            self._bar.n = 1.0
-            self._bar.refresh()
-        self._bar.close()
+        if self._bar is not None:
+            if kind is None:
+                self._bar.n = 1.0
+                self._bar.refresh()
+            self._bar.close()

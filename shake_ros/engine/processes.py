@@ -66,7 +66,7 @@ class ProcessWorkers(ThreadPoolExecutor):
         """End the processes; with `cancel_futures` at once, whatever they do."""
         if cancel_futures:
             for seat in self._all:
-                seat.end()
+                seat.end(at_once=True)
         super().shutdown(wait, cancel_futures=cancel_futures)
         for seat in self._all:
             seat.end()
@@ -112,16 +112,19 @@ class _Seat:
                 watched.close()
             self._pool = pool
         if self._over or self._pool is None:
-            self.end()
+            self.end(at_once=True)
             raise WorkerDied
         return self._pool
 
-    def end(self) -> None:
+    def end(self, *, at_once: bool = False) -> None:
+        """Let the process end when it has done what it does, or at once."""
         self._over = True
-        if self._life is not None:
+        if at_once and self._life is not None:
             self._life.close()
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
+        if self._life is not None:
+            self._life.close()
 
 
 @contextmanager

@@ -128,11 +128,17 @@ def changes_of(section: StudySection, rows: Sequence[FinishedRow]) -> list[tuple
     found = []
     for (name,), some in groups(replace(section, by=(of,)), rows):
         readings = [
-            Reading(str(row.value(when)), {p: (v["value"], v["std_error"]) for p, v in row.value(column).items()})
+            Reading(
+                str(row.value(when)), {_named(p, v): (v["value"], v["std_error"]) for p, v in row.value(column).items()}
+            )
             for row in sorted(some, key=lambda row: str(row.value(when)))
         ]
         found.append((str(name), step_changes(readings)))
     return found
+
+
+def _named(parameter: str, told: Mapping[str, Any]) -> str:
+    return f"{parameter} [{told['unit']}]" if told.get("unit") else parameter
 
 
 def _changes(section: StudySection, rows: Sequence[FinishedRow]) -> Table:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import shutil
+import subprocess
 
 import pytest
 
@@ -75,6 +77,34 @@ def test_a_worker_killed_on_the_cluster_changes_no_row(tmp_path):
         assert rows(address, 0) == wanted
         assert rows(address, 1) == wanted
         assert rows(address, 99) == {**wanted, "31": None}
+
+
+@needs_dask
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed: no certificate can be made")
+def test_an_encrypted_cluster_is_reached_with_the_certificates_of_dasks_configuration(tmp_path):
+    import dask
+    from distributed import LocalCluster, Security
+
+    key, cert = tmp_path / "key.pem", tmp_path / "cert.pem"
+    made = f"req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost -keyout {key} -out {cert}"
+    subprocess.run(["openssl", *made.split()], check=True, capture_output=True)
+    tls = {
+        f"distributed.comm.tls.{who}.{what}": str(path)
+        for who in ("scheduler", "worker", "client")
+        for what, path in (("cert", cert), ("key", key))
+    }
+    with (
+        dask.config.set({"distributed.comm.tls.ca-file": str(cert), **tls}),
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, dashboard_address=None, security=Security(require_encryption=True)
+        ) as cluster,
+    ):
+        address = cluster.scheduler_address
+        assert address.startswith("tls://")
+        given = (Task(str(seed), {"seed": seed}) for seed in range(3))
+        with engine(address) as on:
+            found = [o for batch in run(on, "benchmarks.campaign.tasks:nothing", given) for o in batch]
+    assert sorted(o.figures for o in found) == ['{"seed": 0}', '{"seed": 1}', '{"seed": 2}']
 
 
 @needs_dask
