@@ -1,9 +1,10 @@
 """What the commands find on data that nobody here made: python -m benchmarks.discovery.measured_data [--only NAME …].
 
 Runs the commands of the package on the recordings under --shared (default: ../shared beside the repository) and prints
-what they find: the effects that close_loop names on the six sealed tables, with its errors before and after on the
-recordings held out; the electric table with the reduced model; the EMPS axis; delay and gain of the MTS actuator. The
-commands are printed too; what they leave is in out/measured_data. Nothing of the data is part of the repository.
+what they find: the effects that close_loop names on the six sealed tables and on the four without a data sheet, with
+its errors before and after on the recordings held out; the electric table with the reduced model; the EMPS axis; delay
+and gain of the MTS actuator. The commands are printed too; what they leave is in out/measured_data. Nothing of the data
+is part of the repository.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from benchmarks import ROOT
 from shake_ros import __main__ as shake_ros
 
 SEALED = ("s1", "s2", "s3", "s4", "s5", "s6")
+FOREIGN = ("f1", "f2", "f3", "f4")
 ELECTRIC_LEARN = ("SineA02F02", "SineA05F03", "SineA3F08", "RandomA1F05", "SawtoothA1F04")
 ELECTRIC_HOLD = ("seisme", "RandomA4F1", "SquareA05F1", "SineA1F1")
 ELECTRIC_COLUMNS = ("--time", "t_s", "--command", "ut", "--position", "position")
@@ -59,14 +61,23 @@ def verdict(out: Path, channel: str, seconds: float) -> str:
 
 
 def sealed(data: Path, out: Path) -> None:
-    """The six sealed tables."""
-    for name in SEALED:
-        folder = data / "sealed" / name
+    """The six sealed tables, declared by a data sheet."""
+    tables(data, out, SEALED)
+
+
+def foreign(data: Path, out: Path) -> None:
+    """The four tables without a data sheet."""
+    tables(data, out, FOREIGN, "--config", "unknown")
+
+
+def tables(data: Path, out: Path, names: Sequence[str], *options: str) -> None:
+    """Close the loop on some of the sealed tables."""
+    for folder in (data / "sealed" / name for name in names):
         if not folder.is_dir():
             continue
         learn, hold = sorted(folder.glob("learn_*")), sorted(folder.glob("hold_*"))
-        place = out / name
-        _, seconds = command("close_loop", "--learn", *learn, "--hold", *hold, "--out", place, "--force")
+        place = out / folder.name
+        _, seconds = command("close_loop", *options, "--learn", *learn, "--hold", *hold, "--out", place, "--force")
         print(verdict(place, "acceleration", seconds), flush=True)
 
 
@@ -107,7 +118,13 @@ def mts(data: Path, out: Path) -> None:
     print("\n".join("  " + line for line in printed.splitlines()))
 
 
-DATA: dict[str, Callable[[Path, Path], None]] = {"sealed": sealed, "electric": electric, "emps": emps, "mts": mts}
+DATA: dict[str, Callable[[Path, Path], None]] = {
+    "sealed": sealed,
+    "foreign": foreign,
+    "electric": electric,
+    "emps": emps,
+    "mts": mts,
+}
 
 
 def main(given: Sequence[str] = tuple(sys.argv[1:])) -> None:
