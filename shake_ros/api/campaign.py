@@ -91,7 +91,7 @@ class Campaign:
 
 def _reasons(failed: Sequence[FinishedRow]) -> str:
     reasons = [str(row.failed) for row in failed]
-    most = sorted(set(reasons), key=lambda text: -reasons.count(text))
+    most = sorted(set(reasons), key=lambda text: (-reasons.count(text), text))
     more = f", and {len(most) - 3} more" if len(most) > 3 else ""
     return "; ".join(f"{text} ({reasons.count(text)})" for text in most[:3]) + more
 

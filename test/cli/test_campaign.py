@@ -71,7 +71,7 @@ def test_a_study_is_run_once_and_then_only_shown(study, tmp_path, processes, cap
 
 def test_stopped_by_ctrl_c_it_keeps_what_it_has_and_goes_on_with_the_rest(tmp_path):
     study, out = tmp_path / "busy.yaml", tmp_path / "out"
-    text = STUDY.format(function="busy").replace("size: [100, 200]", "seconds: [0.01, 0.02]")
+    text = STUDY.format(function="busy").replace("size: [100, 200]", "seconds: [0.05, 0.1]")
     study.write_text(text[: text.index("report:")])
     command = [sys.executable, "-m", "shake_ros", "campaign", str(study), "--out", str(out), "--workers", "1"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
