@@ -75,7 +75,7 @@ def standing(problem: SearchProblem, found: Selection, step: ForwardStep) -> tup
         state, reason = NOT_ESTABLISHED, "its strength rests on a bound: it does the work of something that is missing"
     elif not improves(final, reduced, settings):
         state, reason = NOT_ESTABLISHED, "the model does as well without it"
-    elif not near and reduced.validation_cost - final.validation_cost < settings.worth_of_likely * unexplained:
+    elif reduced.validation_cost - final.validation_cost < settings.worth_of_likely * unexplained:
         state, reason = NOT_ESTABLISHED, "worth less than what is still unexplained, which may replace it"
     elif others:
         state, reason = ONE_OF_THESE, "another effect would do as well in its place"

@@ -83,10 +83,27 @@ def staged_start(
         with_more, joined = _fitted(model, moved((*shown, *more)), joined, data)
         if with_more < JOINED * cost:
             table, shown = joined, (*shown, *more)
+            cost = with_more
+    again, anew = _fitted(model, moved(shown), with_friction_of(guesses[0], table, model), data)
+    table = anew if again < cost else table
     for _ in range(ROUNDS - 1):
         data = recentred(model, table, data)
         table = _fitted(model, moved(shown), table, data)[1]
     return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
+
+
+def with_friction_of(guess: TableParameters, table: TableParameters, model: UnknownModel) -> TableParameters:
+    """A table with the friction of a first guess, per mass, where it is unknown.
+
+    Friction bends first where an effect is missing, and may stay in that valley once the effect is there.
+    """
+    heavier = table.moved_mass / guess.moved_mass
+    values = {
+        name: guess.value(name) * (heavier if "N" in guess.fields[name].metadata["unit"] else 1.0)
+        for name in model.unknown
+        if name.startswith("friction.")
+    }
+    return table.with_values(values)
 
 
 def _pieces(model: UnknownModel, data: Prepared) -> RecordingProblem:
