@@ -293,15 +293,13 @@ class RecordingProblem:
 
     def noise_cost(self) -> float:
         """Mean square of the weighted residuals that the sensor noise alone would leave [-]."""
-        total = count = 0.0
+        total = 0.0
         for record, w_v, w_a in zip(self.records, self.velocity_weights, self.acceleration_weights, strict=True):
             n = len(record.commands) - record.start
             total += n * (w_v * record.velocity_noise()) ** 2
-            count += n
             if record.acceleration is not None:
                 total += n * (w_a * record.acceleration_noise()) ** 2
-                count += n
-        return float(total / count)
+        return float(total / self.count)
 
     def blocks(self) -> np.ndarray:
         """Number of the block of time that each residual belongs to, shape (n,): velocity and acceleration share it."""

@@ -76,19 +76,18 @@ def staged_start(
     def moved(names: Sequence[str]) -> list[FreeParameter]:
         return [*free, *(p for e in names for p in known[e].free)]
 
-    cost, table = min((_fitted(model, moved(shown), guess, data) for guess in guesses), key=lambda found: found[0])
     pieces = _pieces(model, data)
+    cost, table = min((_fitted(pieces, moved(shown), guess) for guess in guesses), key=lambda found: found[0])
     if cost > 0.5 * FAR**2 * pieces.noise_cost() * pieces.count:
         joined, more = joint_start(pieces, moved(shown), known, guesses[0])
-        with_more, joined = _fitted(model, moved((*shown, *more)), joined, data)
+        with_more, joined = _fitted(pieces, moved((*shown, *more)), joined)
         if with_more < JOINED * cost:
-            table, shown = joined, (*shown, *more)
-            cost = with_more
-    again, anew = _fitted(model, moved(shown), with_friction_of(guesses[0], table, model), data)
+            cost, table, shown = with_more, joined, (*shown, *more)
+    again, anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], table, model))
     table = anew if again < cost else table
     for _ in range(ROUNDS - 1):
         data = recentred(model, table, data)
-        table = _fitted(model, moved(shown), table, data)[1]
+        table = _fitted(_pieces(model, data), moved(shown), table)[1]
     return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
 
 
@@ -112,11 +111,11 @@ def _pieces(model: UnknownModel, data: Prepared) -> RecordingProblem:
 
 
 def _fitted(
-    model: UnknownModel, free: Sequence[FreeParameter], start: TableParameters, data: Prepared
+    pieces: RecordingProblem, free: Sequence[FreeParameter], start: TableParameters
 ) -> tuple[float, TableParameters]:
     """Cost and table of a short fit to pieces."""
     parameters = FreeParameters(start, free)
-    found = fit(_pieces(model, data), parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    found = fit(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
     return found.cost, parameters.table(found.x)
 
 

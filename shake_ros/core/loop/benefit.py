@@ -16,8 +16,8 @@ from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, run_batch, simulate
 from shake_ros.core.loop.linear_loop import Margins
-from shake_ros.core.loop.metrics import ASIDE, SETTLING, come_to_rest, ringing, settle_first, still_moving
-from shake_ros.core.loop.trials import AT_REST, allowed_ringing
+from shake_ros.core.loop.metrics import SETTLING, ringing, settle_first, still_moving
+from shake_ros.core.loop.trials import AT_REST, allowed_ringing, looked_at
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 
@@ -81,9 +81,8 @@ class TrackingBenefit:
 def worst_ringing(pair: Pair, tables: Sequence[TableParameters], reference: NDArray[np.float64], delay: int) -> float:
     """The largest ringing of a loop on several tables over what is allowed there [-]; infinite where it was lost."""
     observer, controller = pair
-    reference = settle_first(come_to_rest(reference, controller.sample_time), controller.sample_time)
+    reference, begin = looked_at(reference, controller.sample_time)
     feedforward = controller.virtual.follow(reference) if controller.virtual else None
-    begin = float(reference[0, 0]) + ASIDE
     loops = [Loop(t, observer, controller, reference, feedforward, delay=delay, start=begin) for t in tables]
     allowed = allowed_ringing(controller, tables, reference, feedforward, delay)
 

@@ -100,6 +100,15 @@ def trial(run: ClosedLoop, limit: float, stroke: float) -> Trial:
     return Trial(run.tracking_error(), ringing(run), still_moving(run), at_limit, largest)
 
 
+def looked_at(reference: Array, sample_time: float) -> tuple[Array, float]:
+    """What a loop that is looked at follows, and the position at which it is closed [m].
+
+    It settles at rest first, a little aside, and comes to rest at the end.
+    """
+    rows = settle_first(come_to_rest(reference, sample_time), sample_time)
+    return rows, float(rows[0, 0]) + ASIDE
+
+
 def allowed_ringing(
     controller: Controller,
     tables: Sequence[TableParameters],
@@ -135,8 +144,7 @@ class Trials:
     def __init__(self, search: Search, reference: Array, fields: dict[str, object]) -> None:
         self.search, self.fields = search, fields
         self.s, self.table = search.s, search.tables[0]
-        dt = search.s.sample_time
-        self._reference = settle_first(come_to_rest(reference, dt), dt)
+        self._reference, self._start = looked_at(reference, search.s.sample_time)
         self._feedforward = self.feedforward(self._reference)
         law = Controller("none", Hold(**fields), self.s.sample_time, self.table)  # type: ignore[arg-type]
         late = round(self.s.loop_delay / self.s.sample_time)
@@ -174,7 +182,7 @@ class Trials:
                 self._feedforward,
                 seed=i,
                 delay=late + (i % (self.s.further_delay + 1)),
-                start=float(self._reference[0, 0]) + ASIDE,
+                start=self._start,
             )
             for i, table in enumerate(self.search.tables)
         ]
