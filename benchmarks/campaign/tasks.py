@@ -58,3 +58,10 @@ def counted(seed: int, folder: str) -> dict[str, Any]:
     with (Path(folder) / str(seed)).open("ab") as file:
         file.write(b"x")
     return busy(seed, 0.01)
+
+
+def held(seed: int, first: int, folder: str) -> dict[str, Any]:
+    """Some work; from the seed `first` on it waits until the folder holds a file `go`."""
+    while seed >= first and not (Path(folder) / "go").exists():
+        time.sleep(0.01)
+    return busy(seed, 0.02)
