@@ -38,6 +38,7 @@ FIGURES: dict[str, Drawing] = {
     "valve_frequency": Drawing(
         "shake_ros.report.figures_valve:frequency_response", "frequency response of both valves"
     ),
+    "flow_force": Drawing("shake_ros.report.figures_valve:flow_force", "axial flow force on the spool, and what it does"),
     **{
         name: Drawing("shake_ros.report.figures_effects:effect_figure", f"what {name} does to a 2 Hz and a 5 Hz sine")
         for name in EFFECTS

@@ -1,4 +1,4 @@
-"""Figures 6.10 and 6.11: steps of the two-stage valve and the second-order model by themselves; both over frequency."""
+"""Figures 6.10 and 6.11: steps of the two-stage valve and the second-order model by themselves; both over frequency; flow force."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from shake_ros.core.analysis.describing_function import fundamental
+from shake_ros.core.packing import record
 from shake_ros.core.quantities import Parameters
 from shake_ros.core.valve import VALVES
+from shake_ros.core.valve.flow_force import steady_force
 from shake_ros.core.valve.response import linear_response, valve_response
 from shake_ros.report.style import COLOURS, new_figure, tidy
 from shake_ros.settings import find, load_table, load_variant, read_yaml
@@ -87,4 +89,35 @@ def frequency_response() -> Figure:
     gain.legend(frameon=False, fontsize=9, loc="lower left")
     tidy(gain, "", "gain [dB]")
     tidy(phase, "frequency [Hz]", "phase [°]")
+    return figure
+
+
+def flow_force() -> Figure:
+    """Steady flow force over the spool at three load pressures, and the steps of figure 6.10 with it and with a spring.
+
+    The spring is that of the valve without: force against the spool's way, and spool after steps of the command.
+    """
+    content, valves, supply, tank = settings()
+    spring: Any = valves["two-stage"]
+    jets: Any = load_variant("valve", content["with_flow_force"], VALVES)[1]
+    p, middle = record("valve", VALVES, jets), 0.5 * (supply + tank)
+    figure = new_figure(8.0, 6.0)
+    force, steps = figure.subplots(2, 1)
+    spool = np.linspace(-1.0, 1.0, 201)
+    for load, colour in zip(content["load_pressures"], COLOURS, strict=False):
+        ports = middle + 0.5 * load, middle - 0.5 * load, 0.0, 0.0
+        drawn = [steady_force(p, x, ports, supply, tank) for x in spool]
+        force.plot(100.0 * spool, drawn, color=colour, label=f"load pressure {1e-5 * load:+.0f} bar")
+    straight = spring.flow_force_stiffness * spring.spool_stroke * spool
+    force.plot(100.0 * spool, straight, "--", color=COLOURS[3], label="constant spring")
+    dt = content["sample_time"]
+    t = np.arange(round(content["seconds"] / dt)) * dt
+    for label, valve, style in (("flow force", jets, "-"), ("constant spring", spring, "--")):
+        for i, size in enumerate(content["steps"]):
+            reached = valve_response(valve, np.full(len(t), size), dt, supply, tank)
+            steps.plot(1e3 * t, 100.0 * reached, style, color=COLOURS[0], label=label if i == 0 else None)
+    for axes in (force, steps):
+        axes.legend(frameon=False, fontsize=9)
+    tidy(force, "spool position [%]", "flow force [N]")
+    tidy(steps, "time [ms]", "spool position [%]")
     return figure

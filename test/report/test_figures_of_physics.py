@@ -52,3 +52,11 @@ def test_figure_6_11_is_the_full_step_of_a_valve_of_150_hz() -> None:
     # (3.19): an overshoot of exp(−π D/√(1 − D²)) = 3.3 % after π/(ω √(1 − D²)) = 2.9 ms, but the spool stops at 1
     assert spool.max() <= 1.0 + 1e-9
     assert 1.0 < time[int(np.argmax(spool >= 0.9))] < 2.9
+
+
+def test_flow_force_is_odd_without_load_and_leaves_the_spool_short_of_the_command() -> None:
+    force, steps = figures_valve.flow_force().axes
+    without_load = force.lines[1].get_ydata()
+    np.testing.assert_allclose(without_load, -without_load[::-1], atol=1e-9)
+    ends = [line.get_ydata()[-1] for line in steps.lines]
+    assert all(0.8 * spring < jets < spring for jets, spring in zip(ends[:5], ends[5:], strict=True))

@@ -21,6 +21,7 @@ from shake_ros.core.effects.effect import PLACES, Effect
 from shake_ros.core.effects.entrained_air import EntrainedAir
 from shake_ros.core.effects.film_friction import FilmFriction
 from shake_ros.core.effects.friction_asymmetry import FrictionAsymmetry
+from shake_ros.core.effects.oil_warming import OilWarming
 from shake_ros.core.effects.payload_error import PayloadError
 from shake_ros.core.effects.position_dependent_friction import PositionDependentFriction
 from shake_ros.core.effects.position_sensor_lag import PositionSensorLag
@@ -52,6 +53,7 @@ EFFECTS: dict[str, type[Effect]] = {
     "entrained_air": EntrainedAir,
     "soft_zone": SoftZone,
     "dead_volume": DeadVolume,
+    "oil_warming": OilWarming,
     "friction_asymmetry": FrictionAsymmetry,
     "position_dependent_friction": PositionDependentFriction,
     "presliding_friction": PreslidingFriction,

@@ -110,6 +110,6 @@ def value(p, kind, argument):
 
 
 @njit
-def follows_clock(p):
+def is_of_time(p):
     """Whether the function is one of time."""
     return p.unlisted_kind == FLOW_GAIN_OF_TIME or p.unlisted_kind == SUPPLY_OF_PHASE

@@ -6,11 +6,14 @@ the same equations written a second time (benchmarks/plant/reference_model.py).
 
 from __future__ import annotations
 
+import math
+
 from shake_ros.core.bulk_modulus.constant import CODE as CONSTANT
 from shake_ros.core.bulk_modulus.ifas import mixture
 from shake_ros.core.bulk_modulus.selected import modulus
 from shake_ros.core.compiled import kernel
 from shake_ros.core.effects.asymmetric_flow_gain import flow_factor
+from shake_ros.core.effects.oil_warming import lightness, stiffness, thickness, warmer
 from shake_ros.core.effects.soft_zone import exchanged
 from shake_ros.core.effects.soft_zone import factor as soft_zone_factor
 from shake_ros.core.effects.spool_deadband import effective_spool
@@ -45,6 +48,11 @@ def port_flows(p, spool, clock, pressure_a, pressure_b, pressure_supply):
     c_v = p.valve_flow_coefficient * flow_factor(spool, p.asymmetric_flow_gain_asymmetry)
     c_v *= 1.0 + unlisted(p, FLOW_GAIN_OF_OPENING, spool) + unlisted(p, FLOW_GAIN_OF_TIME, clock)
     delta = p.valve_laminar_pressure
+    if p.oil_warming_rate != 0.0:
+        rise = warmer(clock, p.oil_warming_rate)
+        lighter = lightness(rise, p.oil_warming_expansion)
+        c_v /= math.sqrt(lighter)
+        delta *= thickness(rise, p.oil_warming_viscosity_decay) ** 2 / lighter
     p_t = p.supply_tank_pressure + p.tank_back_pressure_pressure
     plus = c_v * opening(x_e, p.valve_underlap, p.valve_radial_clearance)
     minus = c_v * opening(-x_e, p.valve_underlap, p.valve_radial_clearance)
@@ -139,14 +147,20 @@ def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
     e_a, e_b = chamber_moduli(p, p_a, p_b)
     stiffer = 1.0 + unlisted(p, STIFFNESS_OF_LOAD_PRESSURE, load_pressure(p, p_a, p_b))
     v_a, v_b = chamber_volumes(p, piston, dead)
-    across = p.leakage_internal * (p_a - p_b)  # (3.25)
+    internal, external = p.leakage_internal, p.leakage_external
+    if p.oil_warming_rate != 0.0:
+        rise = warmer(clock, p.oil_warming_rate)
+        stiffer *= stiffness(rise, p.oil_warming_modulus_slope)
+        thinner = 1.0 / thickness(rise, p.oil_warming_viscosity_decay)
+        internal, external = internal * thinner, external * thinner
+    across = internal * (p_a - p_b)  # (3.25)
     if p.turbulent_leakage_coefficient != 0.0:
         across += p.turbulent_leakage_coefficient * sroot(p_a - p_b, p.valve_laminar_pressure)
     across += unlisted(p, LEAKAGE_OF_LOAD_PRESSURE, p_a - p_b)
     swept = p.body_piston_area * piston_velocity
-    rates[PRESSURE_A] = stiffer * e_a / v_a * (q_a - p.leakage_external * p_a - across - swept)  # (6.5), (3.23)
+    rates[PRESSURE_A] = stiffer * e_a / v_a * (q_a - external * p_a - across - swept)  # (6.5), (3.23)
     rates[PRESSURE_B] = (
-        stiffer * e_b / v_b * (-q_b - p.leakage_external * p_b + across + p.body_area_ratio * swept)
+        stiffer * e_b / v_b * (-q_b - external * p_b + across + p.body_area_ratio * swept)
     )  # (6.6), (3.23)
     if p.soft_zone_exchange != 0.0 and p.soft_zone_depth != 0.0:
         k_a, k_b, compliance = stiffer * e_a / v_a, stiffer * e_b / v_b, exchange_compliance(p, p_a, p_b)

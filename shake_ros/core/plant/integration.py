@@ -16,13 +16,19 @@ import numpy as np
 
 from shake_ros.core.compiled import kernel, njit
 from shake_ros.core.effects.presliding_friction import deflection
-from shake_ros.core.effects.unlisted import follows_clock
 from shake_ros.core.friction.armstrong import CODE as ARMSTRONG
 from shake_ros.core.friction.armstrong import dwelt
 from shake_ros.core.friction.selected import is_dynamic
 from shake_ros.core.plant.dormand_prince import PATH, STAGE, STAGES, dormand_prince, workspace
 from shake_ros.core.plant.hydraulics import chamber_pressure
-from shake_ros.core.plant.right_hand_side import active_states, contact_end, right_hand_side, table_rates
+from shake_ros.core.plant.right_hand_side import (
+    active_states,
+    contact_end,
+    follows_clock,
+    right_hand_side,
+    table_rates,
+    valve_load,
+)
 from shake_ros.core.plant.spool_path import spool_path
 from shake_ros.core.plant.states import (
     BRISTLE,
@@ -163,7 +169,8 @@ def hold_detailed(p, y, u, force, duration, n, work, known, tolerance):
     for _ in range(parts):
         p_s = y[PRESSURE_SUPPLY] if p.supply_droop_resistance != 0.0 else p.supply_supply_pressure
         before = valve[VALVE_SPOOL] / p.valve_spool_stroke
-        carry_valve(p, valve, wanted, p_s, p_t, y[VALVE_TIME], part, valve_k, valve_stage)
+        load = valve_load(p, y, force, n, work[0])
+        carry_valve(p, valve, wanted, p_s, p_t, load, y[VALVE_TIME], part, valve_k, valve_stage)
         y[VALVE_TIME] = (y[VALVE_TIME] + part) % (1.0 / p.valve_dither_frequency)
         y[SPOOL] = before
         y[SPOOL_RATE] = (valve[VALVE_SPOOL] / p.valve_spool_stroke - before) / part

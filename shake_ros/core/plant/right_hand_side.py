@@ -10,6 +10,7 @@ from shake_ros.core.compiled import kernel
 from shake_ros.core.effects.base_flexibility import base_acceleration
 from shake_ros.core.effects.coupling_backlash import contact_force, has_play
 from shake_ros.core.effects.film_friction import film_rate
+from shake_ros.core.effects.oil_warming import thickness, warmer
 from shake_ros.core.effects.position_dependent_friction import dry_level
 from shake_ros.core.effects.presliding_friction import deflection
 from shake_ros.core.effects.specimen_resonance import spring_force
@@ -18,6 +19,7 @@ from shake_ros.core.effects.unlisted import (
     FORCE_OF_POSITION,
     FORCE_OF_VELOCITY,
     FRICTION_OF_POSITION,
+    is_of_time,
 )
 from shake_ros.core.effects.unlisted import value as unlisted
 from shake_ros.core.friction.selected import (
@@ -64,6 +66,7 @@ from shake_ros.core.plant.states import (
     VELOCITY,
 )
 from shake_ros.core.valve.detailed import CODE as DETAILED
+from shake_ros.core.valve.flow_force import acts
 from shake_ros.core.valve.simplified import spool_acceleration
 
 
@@ -86,6 +89,12 @@ def active_states(p):
     ):
         return EXTENDED
     return DECLARED
+
+
+@kernel
+def follows_clock(p):
+    """Whether the rates depend on the time of the recording."""
+    return p.oil_warming_rate != 0.0 or is_of_time(p)
 
 
 @kernel
@@ -119,6 +128,8 @@ def friction_force(p, velocity, position, displacement, start, velocity_start, m
     else:
         dry, sign, micro = dry_friction(p, velocity, displacement, start, velocity_start, memory)
         viscous = viscous_coefficient(p, velocity)
+    if p.oil_warming_rate != 0.0:
+        viscous *= thickness(warmer(start[CLOCK], p.oil_warming_rate), p.oil_warming_viscosity_decay)
     if p.presliding_friction_distance > 0.0 and not is_dynamic(p):
         sign = deflection(start[BRISTLE], displacement, p.presliding_friction_distance)
     dry = dry_level(dry, position, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature)
@@ -213,6 +224,19 @@ def table_rates(p, y, start, external_force, n, rates):
     if p.frame_storeys > 0.0:
         on_table += foot_force(y, STOREY, p.frame_stiffness, p.frame_damping)
     return extended_rates(p, y, q_s, on_rod, on_table, mass, split, piston_velocity, rates)
+
+
+@kernel
+def valve_load(p, y, force, n, rates):
+    """Pressures of the chambers [Pa] and their rates [Pa/s], as the flow force of the detailed valve takes them.
+
+    rates : work, shape (≥ n,). Rates of zero where no flow force acts.
+    """
+    p_a, p_b = chamber_pressure(p, y[PRESSURE_A]), chamber_pressure(p, y[PRESSURE_B])
+    if not acts(p):
+        return p_a, p_b, 0.0, 0.0
+    table_rates(p, y, y, force, n, rates)
+    return p_a, p_b, rates[PRESSURE_A], rates[PRESSURE_B]
 
 
 @kernel

@@ -31,6 +31,7 @@ import numpy as np
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import Parameters, quantity
+from shake_ros.core.valve.flow_force import acts, flow_force
 from shake_ros.core.valve.ports import sroot
 
 CURRENT, FLAPPER, FLAPPER_RATE, NOZZLE_1, NOZZLE_2, OUTLET, SPOOL, SPOOL_RATE = range(8)
@@ -71,7 +72,7 @@ class DetailedValve(Parameters):
     spool_mass: float = quantity("kg", "mass M_s of the spool", low=1e-4, high=10.0)
     spool_damping: float = quantity("N*s/m", "viscous friction w_s of the spool", low=0.0, high=1e4)
     spool_stroke: float = quantity("m", "largest spool displacement x_s,max", low=1e-5, high=1e-1)
-    flow_force_stiffness: float = quantity("N/m", "axial flow force F_ax per spool displacement", low=0.0, high=1e7)
+    flow_force_stiffness: float = quantity("N/m", "spring in place of the flow force F_ax", low=0.0, high=1e7)
     feedback_stiffness: float = quantity("N", "torque of the feedback spring per deflection K_fbs", low=0.0, high=1e6)
     feedback_length: float = quantity("m", "length l_fbs of the feedback spring", low=1e-4, high=1.0)
     electrical_gain: float = quantity("-", "electrical spool feedback K_sp, 0 for mechanical", low=0.0, high=100.0)
@@ -86,6 +87,15 @@ class DetailedValve(Parameters):
     laminar_pressure: float = quantity("Pa", "pressure drop of the laminar-turbulent transition", low=1.0, high=1e6)
     radial_clearance: float = quantity(
         "-", "radial clearance c_rs of the spool, per stroke", low=0.0, high=0.1, default=0.0
+    )
+    jet_cosine: float = quantity(
+        "-", "cosine of the jets' angle to the spool, 0 for no steady flow force", low=0.0, high=1.0, default=0.0
+    )
+    damping_length_a: float = quantity(
+        "m", "way L_A of port A's oil along the spool, positive where it damps", low=-0.1, high=0.1, default=0.0
+    )
+    damping_length_b: float = quantity(
+        "m", "way L_B of port B's oil along the spool, positive where it damps", low=-0.1, high=0.1, default=0.0
     )
 
 
@@ -147,8 +157,10 @@ def stop_torque(p, flapper, flapper_rate):
 
 
 @njit
-def valve_rates(p, y, u, p_s, p_t, rates):
+def valve_rates(p, y, u, p_s, p_t, load, rates):
     """Rates of the eight states under command u [-], supply and tank pressure [Pa], into `rates`.
+
+    load : P_A, P_B [Pa] and their rates [Pa/s], for the flow force alone.
 
     Coulomb friction of the spool is not among them: `valve_step` applies it to the speed, where it can also hold.
     """
@@ -181,19 +193,22 @@ def valve_rates(p, y, u, p_s, p_t, rates):
 
     force = p.valve_spool_area * (p_n2 - p_n1) - p.valve_spool_damping * v_s - p.valve_flow_force_stiffness * x_s
     force -= spring / (p.valve_flapper_length + p.valve_feedback_length)
+    if acts(p):
+        stroke = p.valve_spool_stroke
+        force -= flow_force(p, x_s / stroke, v_s / stroke, load, p_s, p_t)
     rates[SPOOL] = v_s
     rates[SPOOL_RATE] = force / p.valve_spool_mass  # (3.13)
 
 
 @njit
-def valve_step(p, y, u, p_s, p_t, h, k, stage):
+def valve_step(p, y, u, p_s, p_t, load, h, k, stage):
     """One classical Runge–Kutta step of size h in place; the spool stops at its ends. k (4, 8), stage (8,): work."""
-    valve_rates(p, y, u, p_s, p_t, k[0])
+    valve_rates(p, y, u, p_s, p_t, load, k[0])
     for j in range(1, 4):
         part = h if j == 3 else 0.5 * h
         for i in range(VALVE_STATES):
             stage[i] = y[i] + part * k[j - 1, i]
-        valve_rates(p, stage, u, p_s, p_t, k[j])
+        valve_rates(p, stage, u, p_s, p_t, load, k[j])
     for i in range(VALVE_STATES):
         y[i] += h / 6.0 * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i])
     if p.valve_spool_friction > 0.0:  # F_cs of (3.13): takes away speed, at most all of it
@@ -207,14 +222,19 @@ def valve_step(p, y, u, p_s, p_t, h, k, stage):
 
 
 @njit
-def carry_valve(p, y, u, p_s, p_t, time, duration, k, stage):
-    """The valve carried in place over `duration` under a held command and the dither, from the instant `time` [s]."""
+def carry_valve(p, y, u, p_s, p_t, load, time, duration, k, stage):
+    """The valve carried in place over `duration` under a held command and the dither, from the instant `time` [s].
+
+    load : as in `valve_rates` at the start; the pressures go on evenly.
+    """
     steps = max(1, math.ceil(duration / SUBSTEP - 1e-9))
     h = duration / steps
     omega = 2.0 * math.pi * p.valve_dither_frequency
     for i in range(steps):
         dither = p.valve_dither_amplitude * math.sin(omega * (time + (i + 0.5) * h))
-        valve_step(p, y, u + dither, p_s, p_t, h, k, stage)
+        middle = (i + 0.5) * h
+        now = load[0] + middle * load[2], load[1] + middle * load[3], load[2], load[3]
+        valve_step(p, y, u + dither, p_s, p_t, now, h, k, stage)
 
 
 @njit

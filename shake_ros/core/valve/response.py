@@ -1,4 +1,4 @@
-"""A valve by itself: the spool under a given command, both models, for their step and frequency responses.
+"""A valve by itself without load: the spool under a given command, both models; step and frequency responses.
 
 Source: thesis figures 6.10, 6.11 (steps). Verified against the closed form of (3.19) and against each other.
 """
@@ -15,6 +15,7 @@ from shake_ros.core.packing import record
 from shake_ros.core.quantities import Parameters
 from shake_ros.core.valve import VALVES, detailed
 from shake_ros.core.valve.detailed import VALVE_STATES, carry_valve, valve_at_rest
+from shake_ros.core.valve.flow_force import no_load
 from shake_ros.core.valve.simplified import limited_motion
 
 SMALL = 1e-3  # [-] amplitude of the frequency response of the linearised valve
@@ -28,7 +29,7 @@ def respond_detailed(p, commands, dt, p_s, p_t):
     spool = np.empty(commands.shape[0])
     for i in range(commands.shape[0]):
         spool[i] = y[detailed.SPOOL] / p.valve_spool_stroke
-        carry_valve(p, y, commands[i], p_s, p_t, i * dt, dt, k, stage)
+        carry_valve(p, y, commands[i], p_s, p_t, no_load(p_s, p_t), i * dt, dt, k, stage)
     return spool
 
 
@@ -91,7 +92,7 @@ def linearised(
 
     def rates(y: NDArray[np.float64], u: float) -> NDArray[np.float64]:
         out = np.zeros(VALVE_STATES)
-        detailed.valve_rates(p, y, u, supply, tank, out)
+        detailed.valve_rates(p, y, u, supply, tank, no_load(supply, tank), out)
         return out[1:]
 
     columns = [

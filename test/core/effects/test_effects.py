@@ -33,6 +33,7 @@ STRENGTHS = {  # a strength at which the effect shows in a run of 0.6 s
     "entrained_air": 0.03,
     "soft_zone": 0.7,
     "dead_volume": 5e-5,
+    "oil_warming": 20.0,
     "friction_asymmetry": 0.5,
     "position_dependent_friction": 6000.0,
     "presliding_friction": 1e-3,

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from valve_of_the_sheet import SUPPLY, TANK, rates_of_the_sheet, step
 
 from shake_ros.core.packing import record
 from shake_ros.core.plant.simulation import run
@@ -15,7 +16,7 @@ from shake_ros.core.valve import VALVES, detailed
 from shake_ros.core.valve.response import linear_response, linearised, valve_response
 from shake_ros.settings import load_table, load_variant
 
-SUPPLY, TANK = 206e5, 1e5
+NO_LOAD = (103.5e5, 103.5e5, 0.0, 0.0)
 DT = 1e-4
 
 
@@ -27,10 +28,6 @@ def valve():
 @pytest.fixture(scope="module")
 def simplified():
     return load_table("bergamo").valve
-
-
-def step(size, samples=300):
-    return np.where(np.arange(samples) < 10, 0.0, size)
 
 
 def loop_width(valve, amplitude=0.05):
@@ -50,7 +47,7 @@ def test_at_rest_all_flows_balance(valve):
     p = record("valve", VALVES, valve)
     rest = detailed.valve_at_rest(p, SUPPLY, TANK)
     rates = np.zeros(8)
-    detailed.valve_rates(p, rest, 0.0, SUPPLY, TANK, rates)
+    detailed.valve_rates(p, rest, 0.0, SUPPLY, TANK, NO_LOAD, rates)
     assert TANK < rest[detailed.OUTLET] < rest[detailed.NOZZLE_1] < SUPPLY
     assert np.abs(rates[[detailed.FLAPPER_RATE, detailed.SPOOL_RATE]]).max() < 1e-9
     assert np.abs(rates).max() < 100.0  # Pa/s
@@ -122,45 +119,6 @@ def test_electrical_feedback_replaces_the_spring(valve):
     assert spool[-1] == pytest.approx(0.2, rel=0.05)
 
 
-def rates_of_the_sheet(v, y, u, p_s, p_t):
-    """(3.1)–(3.16) once more, from the equation sheet: the rates of all eight states within the stops."""
-    i, x_f, v_f, p_1, p_2, p_3, x_s, v_s = y
-    wanted = v.amplifier_gain * (u - v.electrical_gain * x_s / v.spool_stroke)
-    i = i if v.coil_time else wanted
-    x_g = x_f * v.armature_length / v.flapper_length
-    flux = (
-        ((v.magnetomotive_force + i * v.turns) / (v.air_gap - x_g)) ** 2,
-        ((v.magnetomotive_force - i * v.turns) / (v.air_gap + x_g)) ** 2,
-    )
-    motor = 4e-7 * math.pi * v.air_gap_area * v.armature_length / 4.0 * (flux[0] - flux[1])
-    ratio = [1.0 + (4.0 * v.discharge * (v.nozzle_gap + way * x_f) / v.nozzle_diameter) ** 2 for way in (1.0, -1.0)]
-    nozzle = math.pi / 4.0 * v.nozzle_diameter**2
-    jets = v.flapper_length * nozzle * (ratio[0] * (p_1 - p_3) - ratio[1] * (p_2 - p_3))
-    ball = x_f * (1.0 + v.feedback_length / v.flapper_length) + x_s
-    ball = math.copysign(max(abs(ball) - v.ball_clearance, 0.0), ball)
-    spring = v.feedback_stiffness * ball
-    torque = motor + jets - spring - v.flapper_damping * v_f - v.flexure_stiffness * x_f
-
-    def through(area, drop):
-        return v.discharge * area * math.sqrt(2.0 * drop / v.density)
-
-    curtain = [math.pi * v.nozzle_diameter * (v.nozzle_gap + way * x_f) for way in (1.0, -1.0)]
-    out_1, out_2 = through(curtain[0], p_1 - p_3), through(curtain[1], p_2 - p_3)
-    in_1, in_2 = through(v.inlet_area, p_s - p_1), through(v.inlet_area, p_s - p_2)
-    spool = v.spool_area * (p_2 - p_1) - v.spool_damping * v_s - v.flow_force_stiffness * x_s
-    spool -= spring / (v.flapper_length + v.feedback_length)
-    return [
-        (wanted - i) / v.coil_time if v.coil_time else 0.0,
-        v_f,
-        torque * v.flapper_length / v.armature_inertia,
-        v.modulus / v.chamber_volume * (in_1 - out_1 + v.spool_area * v_s),
-        v.modulus / v.chamber_volume * (in_2 - out_2 - v.spool_area * v_s),
-        v.modulus / v.outlet_volume * (out_1 + out_2 - through(v.outlet_area, p_3 - p_t)),
-        v_s,
-        spool / v.spool_mass,
-    ]
-
-
 @pytest.mark.parametrize(
     "changes",
     [{}, {"coil_time": 2e-4}, {"ball_clearance": 2e-6}, {"electrical_gain": 0.7, "feedback_stiffness": 0.0}],
@@ -174,7 +132,7 @@ def test_rates_are_those_of_the_equation_sheet(valve, changes):
         x_f, x_s = draw.uniform(-0.9, 0.9, 2) * (valve.nozzle_gap, valve.spool_stroke)
         i, v_f, v_s, u = draw.uniform(-1.0, 1.0, 4) * (valve.amplifier_gain, 0.05, 0.5, 1.0)
         y = np.array([i, x_f, v_f, *pressures, x_s, v_s])
-        detailed.valve_rates(p, y, u, SUPPLY, TANK, out)
+        detailed.valve_rates(p, y, u, SUPPLY, TANK, NO_LOAD, out)
         np.testing.assert_allclose(out, rates_of_the_sheet(valve, y, u, SUPPLY, TANK), rtol=1e-6)
 
 
