@@ -38,7 +38,9 @@ FIGURES: dict[str, Drawing] = {
     "valve_frequency": Drawing(
         "shake_ros.report.figures_valve:frequency_response", "frequency response of both valves"
     ),
-    "flow_force": Drawing("shake_ros.report.figures_valve:flow_force", "axial flow force on the spool, and what it does"),
+    "flow_force": Drawing(
+        "shake_ros.report.figures_valve:flow_force", "axial flow force, and steps of the spool with it"
+    ),
     **{
         name: Drawing("shake_ros.report.figures_effects:effect_figure", f"what {name} does to a 2 Hz and a 5 Hz sine")
         for name in EFFECTS

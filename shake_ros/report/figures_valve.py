@@ -1,4 +1,4 @@
-"""Figures 6.10 and 6.11: steps of the two-stage valve and the second-order model by themselves; both over frequency; flow force."""
+"""Figures 6.10, 6.11: steps of the two-stage valve and the second-order model; both over frequency; flow force."""
 
 from __future__ import annotations
 
