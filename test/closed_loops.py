@@ -134,7 +134,7 @@ def command(case: str) -> Command:
 
     output, out = io.StringIO(), folder / "out"
     given = ["close_loop", "--learn", str(learn), "--hold", str(hold), "--out", str(out)]
-    given += ["--tune", "--force"] if case == TUNED else []  # gains even where no loop holds on every neighbour
+    given += ["--tune"] if case == TUNED else []
     with (
         mock.patch.object(closing, "close_loop", kept),
         mock.patch.object(close_loop_verb, "search_settings", return_value=LEAN),

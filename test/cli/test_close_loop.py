@@ -93,7 +93,8 @@ def test_gains_made_for_the_found_table_stand_beside_before_and_after() -> None:
     assert content["tuned"]["acceleration"] < content["before"]["acceleration"]
     assert content["tuned"]["position"] < 0.01
     assert content["ringing"]["tuned"] < 0.2 * content["ringing"]["after"]
-    assert ("ring as well on a neighbour: do not use them" in done.printed) == (content["ringing"]["tuned"] > 1.0)
+    assert content["ringing"]["tuned"] < 1.0  # a table whose oil column is hardly damped in slow motion
+    assert "do not use them" not in done.printed
     assert content["margins"]["sensitivity"] < 1.8
     assert "declared → extended model → with gains for it" in done.printed
     page = (done.out / "report.html").read_text(encoding="utf-8")

@@ -4,6 +4,10 @@ Neighbours are draws of the table's uncertain parameters under other loads and s
 points over its operating range (places of the stroke, speeds, and load pressures within and beyond a soft zone), with
 further dead time; the observer carries the table itself. For every observer and every damping of the oil column by the
 acceleration the largest bandwidth is sought at which the sensitivity |1/(1 + L)| stays below its bound on all of them.
+
+A valve damps the oil column by K_c = dq/dP, which grows with its opening, and friction that falls with speed takes
+damping away: the column of a table with little leakage is well damped at 0.1 m/s and hardly at all in slow motion. The
+nonlinear loop passes there at each reversal. A design that is `calm` holds in slow motion as well.
 """
 
 from __future__ import annotations
@@ -44,6 +48,8 @@ INTEGRAL = 8.0  # the integral acts below the bandwidth over this
 SLOWEST = 0.02  # of the largest bandwidth: the smallest that is tried
 HALVINGS = 6  # of the bandwidth's interval
 HARDEST = 10  # linear models on which a bandwidth is sought; it is then held against all
+SLOW = 0.2  # of the speed of the linear models: slow motion
+CALM_DAMPING, CALM_JERK = 0.6, 0.3  # of the design that shakes the least of those that are tried
 OSCILLATING = 0.5  # damping ratio below which a pair of poles counts as the oil column
 
 
@@ -207,6 +213,24 @@ def cases(tables: Sequence[TableParameters], s: RobustSettings) -> list[LinearCa
     return found
 
 
+def slow_cases(tables: Sequence[TableParameters], s: RobustSettings) -> list[LinearCase]:
+    """The same in slow motion; a neighbour that does not move steadily there is left out."""
+    found = []
+    try:
+        carried = linear_at(tables[0], operating_point(tables[0], 0.0, SLOW * s.velocity), s.loop_delay, s.sample_time)
+    except ShakeError:
+        return []
+    for table in tables:
+        try:
+            state = operating_point(table, 0.0, SLOW * s.velocity)
+        except ShakeError:
+            continue
+        for further in range(s.further_delay + 1):
+            plant = linear_at(table, state, s.loop_delay + further * s.sample_time, s.sample_time)
+            found.append(LinearCase(plant, carried))
+    return found
+
+
 def observer_of(beta: ReducedParameters, jerk: float, s: RobustSettings) -> LinearObserver:
     """The observer whose gain belongs to a white jerk."""
     noise = {"position_noise": s.position_noise, "jerk_noise": jerk, "disturbance_noise": WANDER * jerk}
@@ -220,6 +244,7 @@ class Search:
         self.s, self.tables = s, tables
         self.beta = softest(tables[0], points(tables[0], s))
         self.cases = cases(tables, s)
+        self.slow = slow_cases(tables, s)
         mass = tables[0].moved_mass + tables[0].value("effects.payload_error.mass")
         self._per_acceleration = mass / tables[0].body.acting_area
         self.slowest = SLOWEST * s.fastest
@@ -265,16 +290,24 @@ class Search:
             low, high = (middle, high) if holds(middle) else (low, middle)
         return self.design(low, damping, jerk)
 
-    def best(self, dampings: Sequence[float]) -> Design | None:
-        """The fastest design over the observers and these dampings that holds on all linear models."""
+    def best(
+        self, dampings: Sequence[float], jerks: Sequence[float] = JERKS, slow: Sequence[LinearCase] = ()
+    ) -> Design | None:
+        """The fastest design over these dampings and observers that holds on all linear models, and on `slow` ones."""
+        cases = [*self.cases, *slow]
         middle = self.design(0.2 * self.s.fastest, max(dampings) / 2.0, JERKS[1])
-        order = np.argsort([-value for value in self.worst(middle, self.cases)])
-        hardest = [self.cases[i] for i in order[:HARDEST]]
-        tried = (self.fastest(damping, jerk, hardest) for damping in dampings for jerk in JERKS)
+        order = np.argsort([-value for value in self.worst(middle, cases)])
+        hardest = [cases[i] for i in order[:HARDEST]]
+        tried = (self.fastest(damping, jerk, hardest) for damping in dampings for jerk in jerks)
         found = sorted((d for d in tried if d), key=lambda d: -d.bandwidth)
         for design in found[:2]:
             while design.bandwidth > self.slowest:
-                if max(self.worst(design, self.cases)) <= self.s.sensitivity:
+                if max(self.worst(design, cases)) <= self.s.sensitivity:
                     return design
                 design = self.design(0.8 * design.bandwidth, design.damping, design.jerk)
         return None
+
+    def calm(self, dampings: Sequence[float]) -> Design | None:
+        """The fastest design that holds in slow motion too, well damped where these dampings allow; None without."""
+        damped = self.best([CALM_DAMPING], [CALM_JERK], self.slow) if CALM_DAMPING in dampings else None
+        return damped or self.best(dampings, slow=self.slow)

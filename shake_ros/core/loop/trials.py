@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -38,7 +38,7 @@ OVER_FEEDFORWARD = 1.3  # times the ringing of the feedforward alone, which a lo
 AT_REST = 0.1  # rms of the acceleration at rest over the reference's, from which a loop rings
 RINGING = 0.5  # rms of the acceleration's error above 15 Hz over the reference's
 SLOWER = 0.65  # of a bandwidth that rang
-SLOWEST = 4  # times a design is slowed down
+SLOWEST = 4  # bandwidths of the calm design that are tried
 
 
 @dataclass(frozen=True)
@@ -192,42 +192,52 @@ class Trials:
         """Ringing on each table over what is allowed there; above 1 the loop rings."""
         return [max(t.ringing / self._allowed[i], t.still / AT_REST) for i, t in enumerate(trials)]
 
-    def tried(self, kind: str, design: Design) -> TriedLaw | None:
-        """A law, slowed down until it does not ring; None where the law cannot be made of the design."""
+    def attempts(self, design: Design, calm: Design | None) -> Iterator[Design]:
+        """The design, then the calm one slower and slower; the same damping keeps the oil column quiet."""
+        yield design
+        base = calm or design
+        for k in range(0 if calm else 1, SLOWEST):
+            yield self.search.design(base.bandwidth * SLOWER**k, base.damping, base.jerk)
+
+    def tried(self, kind: str, design: Design, calm: Design | None = None) -> TriedLaw | None:
+        """A law on the first attempt on which it does not ring, or on which it rings the least.
+
+        None where the law cannot be made of any.
+        """
         common = Common(self.fields, self.search.beta)
-        slowed, found = 1.0, None
-        for _ in range(SLOWEST):
-            now = self.search.design(design.bandwidth * slowed, design.damping * slowed, design.jerk)
+        found: TriedLaw | None = None
+        for now in self.attempts(design, calm):
             parameters = LAWS[kind](near_surface(kind, now.feedback), common)
             if parameters is None:
-                break
+                continue
             parameters = rounded(parameters)
             trials = self.run(parameters, kind, now)
             rings = max(self.rings(trials))
-            found = TriedLaw(kind, parameters, now, tuple(trials), rings, slowed)
+            if found is None or rings < found.rings:
+                slowed = min(now.bandwidth / design.bandwidth, 1.0)
+                found = TriedLaw(kind, parameters, now, tuple(trials), rings, slowed)
             if rings <= 1.0:
                 break
-            slowed *= SLOWER
         return found
 
 
 def try_laws(
     trials: Trials, laws: Sequence[str], tell: Callable[[str, float], None] = lambda *_: None
 ) -> list[TriedLaw]:
-    """Each law on the fastest design that is sound for it, else the slowest; best first.
+    """Each law on the fastest design that is sound for it, else the slowest; best first, then what rings the least.
 
     A law that cannot be made of its design is left out.
     """
     search, found = trials.search, list[TriedLaw]()
     tell("bandwidths on the linear models", 0.1)
-    designs = {
-        True: search.best([d for d in DAMPINGS if d > 0.0]) if set(laws) - set(WITHOUT_ACCELERATION) else None,
-        False: search.best([0.0]) if set(laws) & set(WITHOUT_ACCELERATION) else None,
-    }
     slowest = search.design(search.slowest, 0.0, JERKS[-1])
+    designs = {}
+    for damped in {kind not in WITHOUT_ACCELERATION for kind in laws}:
+        dampings = [d for d in DAMPINGS if d > 0.0] if damped else [0.0]
+        designs[damped] = search.best(dampings) or slowest, search.calm(dampings)
     for k, kind in enumerate(laws):
         tell(f"{kind} on {len(search.tables)} tables", 0.3 + 0.7 * k / len(laws))
-        law = trials.tried(kind, designs[kind not in WITHOUT_ACCELERATION] or slowest)
+        law = trials.tried(kind, *designs[kind not in WITHOUT_ACCELERATION])
         if law:
             found.append(law)
-    return sorted(found, key=lambda law: law.score)
+    return sorted(found, key=lambda law: (law.score, law.rings))
