@@ -7,11 +7,15 @@ parameters by name. The feedforward is an argument of `step`, so that any law al
 config/controller/<name>.yaml; `selected`, `runner` and the contract tests take it from this table.
 """
 
+from shake_ros.core.control.differential_pressure import DifferentialPressure
+from shake_ros.core.control.feedforward_minimal_control import FeedforwardMinimalControl
 from shake_ros.core.control.feedforward_pi import FeedforwardPI
 from shake_ros.core.control.hold import Hold
 from shake_ros.core.control.law import LawParameters
+from shake_ros.core.control.linear_quadratic import LinearQuadratic
 from shake_ros.core.control.minimal_control_synthesis import MinimalControlSynthesis
 from shake_ros.core.control.pid import PID
+from shake_ros.core.control.reaction_compensation import ReactionCompensation
 from shake_ros.core.control.sliding_mode import SlidingMode
 from shake_ros.core.control.super_twisting import SuperTwisting
 from shake_ros.core.control.super_twisting_implicit import SuperTwistingImplicit
@@ -26,4 +30,8 @@ CONTROLLERS: dict[str, type[LawParameters]] = {
     "super_twisting_implicit": SuperTwistingImplicit,
     "three_variable": ThreeVariable,
     "minimal_control_synthesis": MinimalControlSynthesis,
+    "linear_quadratic": LinearQuadratic,
+    "differential_pressure": DifferentialPressure,
+    "feedforward_minimal_control": FeedforwardMinimalControl,
+    "reaction_compensation": ReactionCompensation,
 }

@@ -19,8 +19,8 @@ from shake_ros.settings import config_folder, load_table, load_variant
 
 DT = 0.001
 CONFIGURATIONS = sorted(p.stem for p in (config_folder() / "controller").glob("*.yaml"))
-INTEGRATING = ["feedforward_pi", "sliding_mode", "super_twisting", "pid"]
-LAWS = [*INTEGRATING, "super_twisting_implicit", "three_variable", "minimal_control_synthesis"]
+INTEGRATING = ["feedforward_pi", "sliding_mode", "super_twisting", "pid", "linear_quadratic"]
+LAWS = [n for n in CONTROLLERS if n != "none"]
 
 
 def beta_of(parameters: Any) -> Any:
