@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from shake_ros.api.fitted import Data, recordings
 from shake_ros.api.iterated import Iterated
 from shake_ros.api.simulated_table import SimulatedTable
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.iteration.drive import Iteration, Run, error_in_band, next_drive, verdict
+from shake_ros.core.iteration.drive import Iteration, Run, drive_from_best, error_in_band, verdict
 from shake_ros.core.iteration.drive import iterate as corrected
 from shake_ros.core.iteration.model import iterate_model, refit
 from shake_ros.core.plant.parameters import TableParameters
@@ -25,6 +24,7 @@ from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import find, load_table, read_yaml
 
 Array = NDArray[np.float64]
+OTHER_LOAD = 0.02  # of the moved mass, from which a weighed specimen is another
 Learn = Callable[[TableParameters, Sequence[Record]], TableParameters]
 
 
@@ -82,7 +82,7 @@ def iterate(
     if before is not None:
         fitted = learn(before, found[-1:].records())
         return Iterated(found.names, missed, sample_time, model=fitted, **known)
-    drive, factor = next_drive(target, made, sample_time, parameters)
+    drive, factor = drive_from_best(target, made, missed, sample_time, parameters)
     return Iterated(found.names, missed, sample_time, drive, factor, **known)
 
 
@@ -101,7 +101,7 @@ def iterate_simulated(
     ----------
     wanted, settings, refit : as in `iterate`. table : the simulated table, or the name of its configuration.
     runs : most runs. model : of the feedforward and of an observer that has a model, with `refit` of the first run; the
-        table as it is declared where not given.
+        table as it is declared where not given. Without `refit` its specimen is weighed by the forces of the first run.
 
     Raises
     ------
@@ -118,8 +118,8 @@ def iterate_simulated(
     if before is not None:
         models, missed, reason = iterate_model(first[:, 2], before, played.record, learn, parameters)
     else:
-        play = partial(played.acceleration, carried)
-        references, missed, reason = corrected(first[:, 2], first, play, dt, parameters)
+        player = _Player(played, carried)
+        references, missed, reason = corrected(first[:, 2], first, player.play, dt, parameters, player.learnt)
     names, best = tuple(f"run {k + 1}" for k in range(len(missed))), int(np.argmin(missed))
     known: dict[str, Any] = {
         "simulated": played,
@@ -130,7 +130,33 @@ def iterate_simulated(
     }
     if before is not None:
         return Iterated(names, tuple(missed), dt, model=models[best], **known)
-    return Iterated(names, tuple(missed), dt, references[best], **known)
+    return Iterated(names, tuple(missed), dt, references[best], model=player.models[best], **known)
+
+
+class _Player:
+    """Plays drives under a model whose specimen is weighed after the first run.
+
+    Attributes
+    ----------
+    models : that each run was made under.
+    """
+
+    def __init__(self, table: SimulatedTable, model: TableParameters) -> None:
+        self.table, self.model, self.models = table, model, list[TableParameters]()
+
+    def play(self, reference: Array, number: int) -> Array:
+        """The accelerometer's record of a run."""
+        self.models.append(self.model)
+        return self.table.acceleration(self.model, reference, number)
+
+    def learnt(self) -> bool:
+        """Whether the first run's forces tell another specimen than the model has."""
+        if len(self.models) > 1:
+            return False
+        weighed = self.table.weighed(self.model)
+        changed = abs(weighed.moved_mass / self.model.moved_mass - 1.0) > OTHER_LOAD
+        self.model = weighed if changed else self.model
+        return changed
 
 
 def _growth(missed: Sequence[float], parameters: Iteration) -> str:

@@ -36,7 +36,7 @@ class Iterated:
     runs : names of the runs so far. missed : error of their acceleration within the band [-].
     drive : position, velocity, acceleration of the next run, shape (n, 3) [m, m/s, m/s²]; None where the model is
     fitted. sample_time : [s]. factor : by which the drive was scaled to stay within its limits [-].
-    model : fitted to the last run; None where the drive is corrected.
+    model : fitted to the last run, or that of the best run where its drive was corrected on a simulated table.
     simulated : the simulated table, where the runs were made on it. reason : why its runs ended.
     wrong : that the runs diverge or have not converged; empty where nothing is wrong.
     first_model : of the first run's feedforward, where there was one. records : the runs as a fit takes them.
@@ -97,7 +97,7 @@ class Iterated:
 
         def fill(work: Path) -> None:
             if self.model is not None:
-                save_table(work / "model.yaml", self.model, "Fitted to the last run by iterate.")
+                save_table(work / "model.yaml", self.model, "The model of the next run, by iterate.")
             if self.drive is not None:
                 _write_drive(work, out, self.drive, self.sample_time)
             write_json(work / "iteration.json", {"schema": "shake_ros.iterate/1", "error_in_band": list(self.missed)})

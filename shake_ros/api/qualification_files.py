@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from shake_ros.api.own_loop import OWN
 from shake_ros.core.qualification.judge import Rules, SpectrumJudgement
 from shake_ros.core.qualification.motion import MotionParameters
 from shake_ros.core.qualification.required import FORMULAS, POINTS, RequiredSpectrum, from_points
@@ -22,9 +23,16 @@ SPECTRA, RULES = "required_spectra", "qualification_rules"
 class QualificationLoop(Parameters):
     """The loop under which a test runs."""
 
-    controller: str = choice("a name of config/controller")
-    observer: str = choice("a name of config/observer")
+    controller: str = choice("a name of config/controller, or own")
+    observer: str = choice("a name of config/observer, or own")
     sample_time: float = quantity("s", "of the loop", low=1e-4, high=0.02)
+
+    @property
+    def is_own(self) -> bool:
+        """Whether observer and controller are made for the model; ShakeError where one of them alone is."""
+        if (self.controller == OWN) is not (self.observer == OWN):
+            raise ShakeError(f"loop: controller {self.controller}, observer {self.observer}: own goes for both or none")
+        return self.controller == OWN
 
 
 @dataclass(frozen=True)

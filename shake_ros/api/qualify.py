@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.iterate import Learn, learning
+from shake_ros.api.own_loop import OwnLoop, own_loop
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.qualification import Qualification, searched_in
 from shake_ros.api.qualification_files import (
@@ -21,8 +22,10 @@ from shake_ros.api.qualification_files import (
     load_settings,
 )
 from shake_ros.api.simulate import Simulation, simulate
+from shake_ros.core.control.runner import Controller
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.iteration.drive import integrate
+from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.qualification.motion import REST, Demand, check_sampling, demand, refusal, synthesise
 from shake_ros.core.qualification.required import RequiredSpectrum
@@ -41,24 +44,32 @@ LAST_SEED, MOST_DELAY = 1_000_000, 1000
 
 @dataclass
 class _Laboratory:
-    """The simulated table of a test, and the recordings made on it."""
+    """The simulated table of a test, the loop made for its model where it has one, and the recordings made on it."""
 
     plant: TableParameters
     settings: QualificationSettings
     delay: int
     seed: int
+    own: OwnLoop | None
     recordings: list[TableRecording]
+
+    def loop(self, model: TableParameters) -> tuple[str | Observer, str | Controller]:
+        """Observer and controller with a model, or the names of those that take one."""
+        loop = self.settings.loop
+        if self.own is None:
+            return loop.observer, loop.controller
+        return self.own.of(model, loop.sample_time, self.delay * loop.sample_time)
 
     def play(self, model: TableParameters, drive: Array, name: str, number: int) -> TableRecording:
         """One recorded run."""
-        loop = self.settings.loop
+        observer, controller = self.loop(model)
         try:
             run: Simulation = simulate(
                 self.plant,
                 drive,
-                loop.sample_time,
-                controller=loop.controller,
-                observer=loop.observer,
+                self.settings.loop.sample_time,
+                controller=controller,
+                observer=observer,
                 model=model,
                 delay=self.delay,
                 seed=1000 * self.seed + number,
@@ -121,7 +132,7 @@ def qualify(
     check_sampling(wanted, step)
     learn, _ = learning(carried, refit)
     test = Test(wanted, code, plant, chosen.motion_for(code), chosen.running, step)
-    laboratory = _Laboratory(plant, chosen, delay, seed, [])
+    laboratory = _Laboratory(plant, chosen, delay, seed, None, [])
     band = SearchBand(chosen.search.low, chosen.search.high, plant.body.piston_area, plant.body.area_ratio)
     with Progress("qualify", progress) as bar:
         bar("making the motion", 0.0)
@@ -129,6 +140,8 @@ def qualify(
         why = refusal(motion, plant, test.motion)
         if why:
             raise ShakeError(f"{wanted.name}: {why}")
+        if chosen.loop.is_own:
+            laboratory.own = own_loop(carried)
         bar(_described(motion, demand(motion, plant, test.motion)), 0.0)
         before = _search(laboratory, carried, "search_before", chosen.search, band, step)
         made, reason = _runs(test, laboratory, motion, carried, None if refit is None else learn, bar)

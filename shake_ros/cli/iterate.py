@@ -9,6 +9,7 @@ from pathlib import Path
 
 from shake_ros.api.iterate import iterate, iterate_simulated
 from shake_ros.api.iterated import Iterated
+from shake_ros.api.own_loop import OWN
 from shake_ros.api.read import read
 from shake_ros.api.simulated_table import SimulatedTable
 from shake_ros.cli.fitting import change
@@ -19,7 +20,8 @@ METHOD = """\
 BAG… are runs of the same motion, oldest first, each recorded from the start of its reference, with imu and reference.
 DIR gets report.html, drive.csv (time and acceleration) and drive.yaml, a reference: -p reference:=DIR/drive.yaml
 plays it.
-With --simulate the runs are made on the closed loop of the core, and the response spectra are in the report.
+With --simulate the runs are made on the closed loop of the core, under gains that are made for the table, and the
+response spectra are in the report; the specimen is weighed by the forces of the first run, and DIR gets model.yaml.
 Runs are ranked by what they missed within the band; exit code 1 where they diverge or have not converged, with the
 effect that the model lacks, as close_loop finds it in the runs.
 With --refit the motion stays as it is and the model of the feedforward is fitted to the last run, the parameters of
@@ -44,10 +46,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="with --simulate: change it"
     )
-    p.add_argument("--observer", default="model_soft_zone", help="with --simulate (default: model_soft_zone)")
-    p.add_argument(
-        "--controller", default="super_twisting_model", help="with --simulate (default: super_twisting_model)"
-    )
+    p.add_argument("--observer", default=OWN, help="with --simulate (default: own, made for --table)")
+    p.add_argument("--controller", default=OWN, help="with --simulate (default: own, made for --table)")
     p.add_argument(
         "--model",
         help="table of the model feedforward and of an observer that has a model (default with --simulate: --table as "
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str]) -> int:
         print(f"{path}: acceleration missed by {100.0 * error:.2f} % within the band")
     if result.factor < 1.0:
         print(f"the next drive was scaled by {result.factor:.3f} to stay within its limits")
-    if result.model is None:
+    if result.drive is not None:
         print(f"next drive: {given.out / 'drive.yaml'}")
     else:
         print(f"model of the next run: {given.out / 'model.yaml'}")

@@ -1,12 +1,15 @@
 """Drive-file iteration: the reference of the next run from the acceleration that the last one missed.
 
-A shaking table is driven again and again with the same motion; what it missed is known after each run:
+A shaking table is driven again and again with the same motion; what it missed is known after each run. From the drive
+of the run that missed least:
 
     D' (f) = D(f) + L(f) [W(f) − A(f)],  L = μ B(f) γ²(f) H*(f) / (|H|² + ε max|H|²)
 
 with the drive D (the acceleration of the reference that is played), the wanted W and achieved acceleration A, the band
-B with soft edges, and H = S_AD/S_DD, γ² = |S_AD|²/(S_AA S_DD) from the runs themselves, averaged over neighbouring
-frequencies: learning is slow where the table does not answer in proportion. The drive is made to end at rest, its
+B with soft edges, and H = (S_AD + δ)/(S_DD + δ), δ = ε² max S_DD, γ² = |S_AD|²/(S_AA S_DD) from the runs themselves,
+averaged over neighbouring frequencies: learning is slow where the table does not answer in proportion. δ lets H go
+over into 1, a loop that follows, where the drive has no power: there S_AD/S_DD is noise over nothing, of any size, and
+max|H|² would leave no learning at all. The drive is made to end at rest, its
 position and velocity follow by exact integration, and it is scaled back as a whole where it would leave its limits.
 
 The iteration stops where the error is small enough or no longer falls; the best drive is kept.
@@ -23,10 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
+from shake_ros.core.reference.motion import smooth_step
 
 Array = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 EDGE = 0.25  # of a corner frequency, over which the band fades
+FADE = 0.5  # [s] at either end, over which a correction fades
 
 
 @dataclass(frozen=True)
@@ -91,8 +96,12 @@ def _averaged(spectrum: NDArray[np.generic], width: int) -> Complexes:
     return np.convolve(padded, window / window.sum(), mode="valid")[: len(spectrum)]
 
 
-def response(runs: Sequence[Run], sample_time: float, smoothing: float) -> tuple[Complexes, Array]:
+def response(
+    runs: Sequence[Run], sample_time: float, smoothing: float, regularisation: float
+) -> tuple[Complexes, Array]:
     """(H, γ²) of achieved over drive at the frequencies of `rfft`, from all runs.
+
+    Where the drives have less than `regularisation` times their largest amplitude, H goes over into 1: a loop follows.
 
     Raises
     ------
@@ -108,7 +117,8 @@ def response(runs: Sequence[Run], sample_time: float, smoothing: float) -> tuple
     power = _averaged(np.sum([np.abs(d) ** 2 for d in given], axis=0), width).real
     answered = _averaged(np.sum([np.abs(a) ** 2 for a in answer], axis=0), width).real
     tiny = np.finfo(float).tiny
-    return cross / np.maximum(power, tiny), np.abs(cross) ** 2 / np.maximum(power * answered, tiny)
+    unknown = max(regularisation**2 * float(np.max(power)), tiny)
+    return (cross + unknown) / (power + unknown), np.abs(cross) ** 2 / np.maximum(power * answered, tiny)
 
 
 def integrate(acceleration: Array, sample_time: float) -> Array:
@@ -120,11 +130,16 @@ def integrate(acceleration: Array, sample_time: float) -> Array:
 
 
 def at_rest_in_the_end(correction: Array, sample_time: float) -> Array:
-    """The correction less a smooth course that takes its last velocity and position to zero, and its ends as well."""
+    """The correction, faded in and out, less a smooth course that takes its last velocity and position to zero.
+
+    Faded and not tilted: a ramp that takes ends of 0.02 m/s² to zero moves a table by a decimetre within 10 s.
+    """
     tau = np.linspace(0.0, 1.0, len(correction))
     weight = 16.0 * tau**2 * (1.0 - tau) ** 2
     shapes = np.column_stack([weight, weight * (tau - 0.5)])
-    corrected = correction - correction[0] * (1.0 - tau) - correction[-1] * tau
+    place = np.arange(len(correction), dtype=np.float64)
+    length = min(FADE, 0.1 * len(correction) * sample_time)
+    corrected = correction * smooth_step(np.minimum(place, place[::-1]) * sample_time / length)[0]
     ends = np.column_stack([integrate(shape, sample_time)[-1, :2] for shape in shapes.T])
     missing = integrate(corrected, sample_time)[-1, :2]
     return corrected - shapes @ np.linalg.solve(ends, missing)
@@ -144,7 +159,7 @@ def next_drive(wanted: Array, runs: Sequence[Run], sample_time: float, parameter
     scaled to stay within its limits, 1 where it had not
     """
     p = parameters
-    found, coherence = response(runs, sample_time, p.smoothing)
+    found, coherence = response(runs, sample_time, p.smoothing, p.regularisation)
     last = runs[-1]
     if len(wanted) != len(last.drive):
         raise ShakeError(f"iteration: {len(wanted)} samples are wanted, the run has {len(last.drive)}")
@@ -159,6 +174,20 @@ def next_drive(wanted: Array, runs: Sequence[Run], sample_time: float, parameter
     largest = np.max(np.abs(states), axis=0) / np.array([p.position_limit, p.velocity_limit, p.acceleration_limit])
     factor = 1.0 / max(1.0, float(np.max(largest)))
     return states * factor, factor
+
+
+def drive_from_best(
+    wanted: Array, runs: Sequence[Run], errors: Sequence[float], sample_time: float, parameters: Iteration
+) -> tuple[Array, float]:
+    """`next_drive` from the run of the least error, with half the learning gain for each run since that missed more.
+
+    A correction that made it worse is not built upon: where the drive has little power its response is known badly.
+    """
+    best = int(np.argmin(errors))
+    since = len(errors) - 1 - best
+    ordered = [run for k, run in enumerate(runs) if k != best] + [runs[best]]
+    slower = parameters.replace(learning_gain=parameters.learning_gain * 0.5**since)
+    return next_drive(wanted, ordered, sample_time, slower)
 
 
 def converged(errors: Sequence[float], parameters: Iteration) -> str:
@@ -202,7 +231,12 @@ def verdict(errors: Sequence[float], parameters: Iteration) -> str:
 
 
 def iterate(
-    wanted: Array, first: Array, play: Callable[[Array, int], Array], sample_time: float, parameters: Iteration
+    wanted: Array,
+    first: Array,
+    play: Callable[[Array, int], Array],
+    sample_time: float,
+    parameters: Iteration,
+    learnt: Callable[[], bool] = lambda: False,
 ) -> tuple[list[Array], list[float], str]:
     """Run after run until `converged`.
 
@@ -210,6 +244,7 @@ def iterate(
     ----------
     wanted : (n,) acceleration [m/s²]. first : (n, 3) reference of the first run.
     play : plays a reference (n, 3) in the run of this number and returns the measured acceleration, (n,).
+    learnt : asked after each run whether it changed what plays; the drive then begins anew from `first`.
 
     Returns
     -------
@@ -223,4 +258,9 @@ def iterate(
         reason = converged(errors, parameters)
         if reason:
             return references, errors, reason
-        references.append(next_drive(wanted, runs, sample_time, parameters)[0])
+        if learnt():
+            runs.clear()
+            references.append(first)
+        else:
+            since = errors[-len(runs) :]
+            references.append(drive_from_best(wanted, runs, since, sample_time, parameters)[0])

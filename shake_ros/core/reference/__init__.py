@@ -10,11 +10,12 @@ from collections.abc import Callable
 from typing import Any
 
 from shake_ros.core.quantities import Parameters
-from shake_ros.core.reference import earthquake, multisine, none, pulse, sine, step, sweep
+from shake_ros.core.reference import earthquake, multisine, none, pulse, sine, sine_beat, step, sweep
 from shake_ros.core.reference.motion import Motion
 
 REFERENCES: dict[str, type[Parameters]] = {
     "sine": sine.SineParameters,
+    "sine_beat": sine_beat.SineBeatParameters,
     "multisine": multisine.MultisineParameters,
     "sweep": sweep.SweepParameters,
     "pulse": pulse.PulseParameters,
@@ -25,6 +26,7 @@ REFERENCES: dict[str, type[Parameters]] = {
 
 MOTIONS: dict[str, Callable[[Any, float, Any], Motion]] = {
     "sine": sine.motion,
+    "sine_beat": sine_beat.motion,
     "multisine": multisine.motion,
     "sweep": sweep.motion,
     "pulse": pulse.motion,

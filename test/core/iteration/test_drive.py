@@ -74,15 +74,41 @@ def test_drive_is_scaled_into_its_limits_as_a_whole() -> None:
 
 def test_response_of_a_linear_table_is_found_with_coherence_one() -> None:
     wanted = burst()
-    found, coherence = iteration.response([iteration.Run(wanted, 0.5 * wanted)], DT, 0.6)
+    found, coherence = iteration.response([iteration.Run(wanted, 0.5 * wanted)], DT, 0.6, 0.0)
     inside = slice(16, 80)  # 2 … 10 Hz
     np.testing.assert_allclose(found[inside], 0.5, rtol=1e-9)
     np.testing.assert_allclose(coherence[inside], 1.0, rtol=1e-9)
 
 
+def test_noise_of_the_accelerometer_does_not_move_the_next_drive_aside() -> None:
+    wanted = np.pad(burst(), 2000)  # a ramp from end to end of the noise's 0.05 m/s² would reach decimetres
+    noise = 0.05 * np.random.RandomState(5).standard_normal(len(wanted))
+    drive, _ = iteration.next_drive(wanted, [iteration.Run(wanted, wanted + noise)], DT, settings())
+    assert np.max(np.abs(drive[:, 0] - iteration.integrate(wanted, DT)[:, 0])) < 0.002
+
+
+def test_noise_where_the_drive_has_no_power_does_not_stop_the_learning() -> None:
+    # above 8 Hz the drive is silent and the accelerometer is not: S_AD/S_DD has any size there
+    frequency = iteration.frequencies(len(burst()), DT)
+    wanted = np.fft.irfft(np.fft.rfft(burst()) * (frequency < 8.0), len(burst()))
+    achieved = 0.7 * wanted + 0.01 * np.std(wanted) * np.random.RandomState(2).standard_normal(len(wanted))
+    drive, _ = iteration.next_drive(wanted, [iteration.Run(wanted, achieved)], DT, settings(learning_gain=1.0))
+    before, after = (iteration.error_in_band(wanted, 0.7 * d, DT, settings()) for d in (wanted, drive[:, 2]))
+    assert before > 0.2
+    assert after < 0.05
+
+
+def test_next_drive_is_built_on_the_best_run_with_half_the_gain_after_a_worse_one() -> None:
+    wanted = burst()
+    good, bad = iteration.Run(wanted, 0.9 * wanted), iteration.Run(2.0 * wanted, 1.8 * wanted)
+    one, _ = iteration.drive_from_best(wanted, [good], [0.1], DT, settings())
+    again, _ = iteration.drive_from_best(wanted, [good, bad], [0.1, 0.8], DT, settings())
+    np.testing.assert_allclose(again[:, 2] - wanted, 0.5 * (one[:, 2] - wanted), atol=0.02 * np.std(one[:, 2] - wanted))
+
+
 def test_runs_of_different_lengths_are_refused() -> None:
     with pytest.raises(ShakeError, match="one length"):
-        iteration.response([iteration.Run(np.zeros(5), np.zeros(6))], DT, 0.6)
+        iteration.response([iteration.Run(np.zeros(5), np.zeros(6))], DT, 0.6, 0.0)
 
 
 def test_harmonics_of_a_lagging_loop_are_cancelled() -> None:

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference import filter as reference_filter
-from shake_ros.core.reference import multisine, pulse, sweep
+from shake_ros.core.reference import multisine, pulse, sine_beat, sweep
 from shake_ros.core.reference.motion import smooth_step
 from shake_ros.core.reference.shaping import window
 
@@ -179,6 +179,28 @@ def test_sweep_is_set_by_position_then_velocity_then_acceleration() -> None:
 def test_sweep_down_is_as_good_as_up() -> None:
     states, _ = sweep.motion(SWEEP.replace(start_frequency=20.0, end_frequency=0.5), 0.001)
     assert np.all(np.max(np.abs(states), axis=0) < (0.0501, 0.2505, 3.01))
+
+
+BEATS = sine_beat.SineBeatParameters(frequencies="2 5", amplitude=1.5, cycles=5, beats=2, pause=2.0)
+
+
+def test_beats_swell_to_their_amplitude_and_end_where_they_began() -> None:
+    states, _ = sine_beat.motion(BEATS, 0.001)
+    assert len(states) == 1 + 2 * 4500 + 2 * 3000  # 5 cycles of 2 Hz and of 5 Hz, each with its pause
+    assert np.max(np.abs(states[:, 2])) == pytest.approx(1.5, rel=0.02)
+    for end in (4500, 9000, 12000, 15000):
+        assert np.abs(states[end]) == pytest.approx(0.0, abs=1e-9)
+    spectrum = np.abs(np.fft.rfft(states[9000:10000, 2], 20000))
+    assert np.argmax(spectrum) / 20.0 == pytest.approx(5.0, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("frequencies", "said"),
+    [("2 two", "are not numbers"), ("", "positive numbers"), ("-1", "positive numbers"), ("600", "half the sampling")],
+)
+def test_beats_that_cannot_be_made_say_why(frequencies: str, said: str) -> None:
+    with pytest.raises(ShakeError, match=said):
+        sine_beat.motion(BEATS.replace(frequencies=frequencies), 0.001)
 
 
 def test_pulses_alternate_and_return_to_zero() -> None:
