@@ -222,7 +222,8 @@ class Checker:
             return
         kind = "table" if kind == "model" else kind
         known = {path.stem for path in (config_folder() / kind).glob("*.yaml")}
-        assert name in known or name in MADE or (self.laboratory / name).exists(), f"no {kind} {name}"
+        own = name == "own" and kind in ("observer", "controller")  # made for the table
+        assert own or name in known or name in MADE or (self.laboratory / name).exists(), f"no {kind} {name}"
 
     def node(self, node: str, words: list[str]) -> None:
         for flag, word in zip(words[::2], words[1::2], strict=True):
