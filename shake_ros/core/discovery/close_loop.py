@@ -75,6 +75,7 @@ def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Reco
     whole, settings = problem.on_whole(estimation), problem.settings
 
     def fitted(final: ScoredFit) -> ScoredFit:
-        return whole.fitted(final.fit.free, final.fit.x, settings.converging_evaluations, settings.converged)
+        most, tolerance = settings.converging_evaluations, settings.converged
+        return whole.fitted(final.fit.free, final.fit.x, most, tolerance, near=True)
 
     return whole, found.on(lambda m: whole.scored(linearised(whole.estimation, m.fit)), fitted)

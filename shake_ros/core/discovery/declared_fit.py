@@ -13,6 +13,7 @@ import numpy as np
 from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, mean_square
 from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.axis_model import InverseDynamics
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -75,7 +76,7 @@ def fit_declared(problem: SearchProblem, free: FreeParameters, shown: bool = Fal
     most, tolerance, short = settings.start_evaluations, settings.start_tolerance, list[Fit]()
     for index in chosen:
         problem.progress("declared model: fit", (len(short) + 1) / (len(chosen) + 2))
-        short.append(fit(pieces, free, starts[index], evaluations=most, tolerance=tolerance))
+        short.append(approached(pieces, free, starts[index], evaluations=most, tolerance=tolerance))
     best = min(short, key=lambda f: f.cost)
     problem.progress("declared model: fit", (len(chosen) + 1) / (len(chosen) + 2))
     most, tolerance = settings.declared_evaluations, settings.converged

@@ -39,7 +39,7 @@ def with_late_parameters(problem: SearchProblem, current: ScoredFit) -> ScoredFi
             continue
         free = current.fit.free.extended([parameter])
         start = np.append(current.fit.x, free.start()[-1])
-        tried = problem.fitted(free, start, settings.converging_evaluations, settings.converged)
+        tried = problem.fitted(free, start, settings.converging_evaluations, settings.converged, near=True)
         helps = current.estimation_cost - tried.estimation_cost > settings.late_gain * above
         if helps and tried.validation_cost < current.validation_cost:
             current = tried

@@ -16,6 +16,7 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, RecordingProblem, windows
@@ -94,6 +95,11 @@ class ScoredFit:
     validation_blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
+    def preliminary(self) -> bool:
+        """Whether it is a fit to pieces."""
+        return len(self.validation_blocks) == 0
+
+    @property
     def score(self) -> float:
         """Geometric mean of the two costs: small where both sets of recordings agree."""
         return math.sqrt(self.estimation_cost * self.validation_cost)
@@ -136,15 +142,18 @@ class SearchProblem:
             pieces.append(RecordingProblem(windows(list(records), settings.piece_seconds), model.simulator))
         return cls(whole[0], whole[-1], pieces[0], pieces[-1], model.late, settings, progress)
 
-    def fitted(self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float) -> ScoredFit:
-        """A fit to the estimation data from `start`, scored."""
-        return self.scored(fit(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance))
+    def fitted(
+        self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float, *, near: bool = False
+    ) -> ScoredFit:
+        """A fit to the estimation data from `start`, which may be `near` its end, scored."""
+        way = fit if near else approached
+        return self.scored(way(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance))
 
     def fitted_to_pieces(
         self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float
     ) -> ScoredFit:
         """A fit to pieces of the estimation data; its validation cost is that of whole recordings all the same."""
-        result = fit(self.estimation_pieces, free, start, evaluations=evaluations, tolerance=tolerance)
+        result = approached(self.estimation_pieces, free, start, evaluations=evaluations, tolerance=tolerance)
         return ScoredFit(result, mean_square(result.residuals), mean_square(self._validation_residuals(result)))
 
     def scored(self, result: Fit) -> ScoredFit:

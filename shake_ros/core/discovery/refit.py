@@ -120,5 +120,5 @@ def best_start(
 
 def continued(problem: SearchProblem, tried: Refit, evaluations: int, tolerance: float) -> Refit:
     """A refit continued on the whole estimation data."""
-    start = tried.result.fit
-    return replace(tried, result=problem.fitted(start.free, start.x, evaluations, tolerance))
+    start, near = tried.result.fit, not tried.result.preliminary
+    return replace(tried, result=problem.fitted(start.free, start.x, evaluations, tolerance, near=near))

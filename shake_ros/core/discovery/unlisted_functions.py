@@ -8,6 +8,7 @@ comes from the spectrum of the residual multiplied by its sensitivity to the sup
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -19,6 +20,7 @@ from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearise
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.effects import unlisted as law
+from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.fit import Fit, Problem, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recordings import RecordingProblem
@@ -252,11 +254,19 @@ class WithNodePrior:
     Each node and each second difference of neighbours counts as one more residual.
     """
 
-    def __init__(self, problem: Problem, free: FreeParameters, kind: FunctionKind, settings: SearchSettings) -> None:
+    def __init__(
+        self, problem: RecordingProblem, free: FreeParameters, kind: FunctionKind, settings: SearchSettings
+    ) -> None:
         self._problem, self._scale = problem, kind.scale
         self._node, self._curvature = settings.node_deviation, settings.curvature_deviation
         names = list(free.base.fields)
         self._columns = [names.index(name) for name in NODE_NAMES]
+
+    def drawn(self, injection: float) -> WithNodePrior:
+        """The same with drawn runs."""
+        problem = copy.copy(self)
+        problem._problem = self._problem.drawn(injection)
+        return problem
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Weighted residuals with those of the prior behind them, shape (m, n)."""
@@ -272,7 +282,7 @@ def fit_function(problem: SearchProblem, found: ScreenedFunction) -> Fit:
     costs = np.sum(np.nan_to_num(pieces.residuals(free.vectors(rows)), nan=1e3) ** 2, axis=1)
     start, most = rows[int(np.argmin(costs))], settings.function_evaluations
     first = WithNodePrior(pieces, free, found.kind, settings)
-    result = fit(first, free, start, evaluations=most, tolerance=settings.function_first_tolerance)
+    result = approached(first, free, start, evaluations=most, tolerance=settings.function_first_tolerance)
     whole = WithNodePrior(problem.estimation, free, found.kind, settings)
     result = fit(whole, free, result.x, evaluations=most, tolerance=settings.function_tolerance)
     return replace(linearised(problem.estimation, result), evaluations=result.evaluations)

@@ -24,7 +24,7 @@ class AxisModel(DeclaredModel):
     driven_by = "force"
     candidates_file = "axis_effects"
 
-    def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
+    def simulate(self, vectors: np.ndarray, record: Record, _injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration for rows of parameters."""
         start = initial_state(record.track[0], record.velocity[0])
         out = run_batch(vectors, start, record.commands, record.sample_time, record.track, standing=record.standing)

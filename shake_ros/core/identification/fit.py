@@ -7,7 +7,7 @@ inward at a bound, with a step of a small part of each parameter's scale. Loss (
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -39,6 +39,10 @@ class Fit:
     jacobian: np.ndarray
     cost: float
     evaluations: int
+
+    def after(self, evaluations: int) -> Fit:
+        """The same, as the end of so many evaluations more."""
+        return replace(self, evaluations=self.evaluations + evaluations)
 
     def __post_init__(self) -> None:
         if self.x.shape != (len(self.free.names),):

@@ -14,7 +14,8 @@ from typing import Protocol
 
 import numpy as np
 
-from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.approach import approached
+from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recordings import RecordingProblem
 from shake_ros.core.plant.parameters import TableParameters
@@ -70,7 +71,7 @@ def joint_start(
         values |= {**effect.trials[0], **effect.together}
     own = {name: [p for p in effect.free if p.name in effect.together] for name, effect in part.items()}
     parameters = FreeParameters(guess.with_values(values), [*free, *(p for each in own.values() for p in each)])
-    found = fit(problem, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    found = approached(problem, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
     losses = {name: loss(found, [p.name for p in each]) for name, each in own.items()}
     stay = tuple(sorted((n for n in losses if losses[n] > LEAST), key=lambda n: -losses[n]))[:MOST]
     return parameters.table(found.x).without([name for name in part if name not in stay]), stay

@@ -7,6 +7,7 @@ position-dependent effects follow the measured position.
 
 from __future__ import annotations
 
+import copy
 import math
 from abc import ABC, abstractmethod
 from concurrent.futures import ThreadPoolExecutor
@@ -20,7 +21,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from shake_ros.core.identification.noise import periodic_deviation, resolution, white_deviation
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
-from shake_ros.core.plant.simulation import initial_state, run, run_batch, workers
+from shake_ros.core.plant.simulation import UNSEEN, initial_state, run, run_batch, workers
 from shake_ros.core.plant.states import CLOCK, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
@@ -71,6 +72,12 @@ class Record:
     def __post_init__(self) -> None:
         object.__setattr__(self, "velocity", derivative(self.position, self.sample_time))
         object.__setattr__(self, "track", low_pass(self.position, self.sample_time))
+
+    @cached_property
+    def motion(self) -> np.ndarray:
+        """Velocity [m/s] and acceleration [m/s²], NaN without, shape (n, 2)."""
+        none = np.full(len(self.commands), np.nan)
+        return np.column_stack([self.velocity, none if self.acceleration is None else self.acceleration])
 
     @property
     def start(self) -> int:
@@ -141,13 +148,14 @@ class DeclaredModel(ABC):
     ----------
     layout : of its tables; its name is the model's. driven_by : signal of a recording that a Record's `commands` are.
     candidates_file : file of config/discovery with the effects it may lack. nuisances : whether the offset of each
-    channel and recording is estimated with every fit.
+    channel and recording is estimated with every fit. injects : whether a run can be drawn towards the measurement.
     """
 
     layout: ClassVar[TableLayout]
     driven_by: ClassVar[str] = "valve_command"
     candidates_file: ClassVar[str]
     nuisances: ClassVar[bool] = False
+    injects: ClassVar[bool] = False
 
     @property
     def name(self) -> str:
@@ -168,8 +176,11 @@ class DeclaredModel(ABC):
         return True
 
     @abstractmethod
-    def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
-        """Unfiltered velocity [m/s] and acceleration [m/s²] for rows of parameters, each of shape (m, n)."""
+    def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0, /) -> tuple[np.ndarray, np.ndarray]:
+        """Unfiltered velocity [m/s] and acceleration [m/s²] for rows of parameters, each of shape (m, n).
+
+        injection : rate at which a model that `injects` is drawn towards what was measured [1/s].
+        """
 
     @abstractmethod
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
@@ -204,15 +215,16 @@ class FullModel(DeclaredModel):
 
     layout = FULL_LAYOUT
     candidates_file = "effects"
+    injects = True
 
-    def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
+    def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration for rows of parameters."""
+        measured = record.motion if injection > 0.0 else UNSEEN
         starts = np.array([initial_state(v, record.track[0]) for v in vectors])
         starts[:, VELOCITY] = record.velocity[0]
         starts[:, CLOCK] = record.begin
-        out = run_batch(
-            vectors, starts, record.commands, record.sample_time, track=record.track, standing=record.standing
-        )
+        given, standing = (vectors, starts, record.commands, record.sample_time), record.standing
+        out = run_batch(*given, track=record.track, standing=standing, measured=measured, injection=injection)
         return out[:, :, 0], out[:, :, 1]
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
@@ -246,6 +258,7 @@ class RecordingProblem:
     def __init__(self, records: list[Record], model: DeclaredModel = FULL) -> None:
         self.records = records
         self.model = model
+        self.injection = 0.0
         self.velocity_weights = []
         self.acceleration_weights = []
         for r in records:
@@ -258,9 +271,15 @@ class RecordingProblem:
             else:
                 self.acceleration_weights.append(0.0)
 
+    def drawn(self, injection: float) -> RecordingProblem:
+        """The same with runs that are drawn towards the measurement at a rate [1/s], where the model can."""
+        problem = copy.copy(self)
+        problem.injection = injection if self.model.injects else 0.0
+        return problem
+
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
         """Filtered velocity and acceleration of one recording, each of shape (m, n)."""
-        velocity, acceleration = self.model.simulate(vectors, record)
+        velocity, acceleration = self.model.simulate(vectors, record, self.injection)
         velocity = low_pass(velocity, record.sample_time)
         if self.model.nuisances:
             velocity = self._with_offset(velocity, record.velocity, record.start)

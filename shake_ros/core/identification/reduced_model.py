@@ -29,7 +29,7 @@ class ReducedModel(DeclaredModel):
         starts = np.array([initial_state(v, place, speed, standing) for v in vectors])
         return run_batch(vectors, starts, record.commands, record.sample_time, record.track, standing=standing)
 
-    def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
+    def simulate(self, vectors: np.ndarray, record: Record, _injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration for rows of parameters."""
         out = self._runs(vectors, record)
         return out[:, :, 1], out[:, :, 2]

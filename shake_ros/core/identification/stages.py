@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.first_guess import FirstGuess
-from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
@@ -115,7 +115,7 @@ def _fitted(
 ) -> tuple[float, TableParameters]:
     """Cost and table of a short fit to pieces."""
     parameters = FreeParameters(start, free)
-    found = fit(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    found = approached(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
     return found.cost, parameters.table(found.x)
 
 

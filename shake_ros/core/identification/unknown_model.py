@@ -36,6 +36,7 @@ class UnknownModel(DeclaredModel):
     layout = FULL_LAYOUT
     candidates_file = "effects"
     nuisances: ClassVar[bool] = True
+    injects: ClassVar[bool] = True
 
     table: TableParameters | None = None
     unknown: tuple[str, ...] = ()
@@ -65,9 +66,9 @@ class UnknownModel(DeclaredModel):
         has = self.table is not None and effect in self.table.effects
         return not has and effect != "accelerometer_bias" and stands_for.get(effect) not in self.unknown
 
-    def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
+    def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration for rows of parameters."""
-        return FULL.simulate(vectors, record)
+        return FULL.simulate(vectors, record, injection)
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.simulation.COLUMNS."""

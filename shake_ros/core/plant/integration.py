@@ -257,9 +257,24 @@ def acceleration_now(p, y, rates):
     return right_hand_side(p, y, y, y[HELD_COMMAND], 0.0, active_states(p), rates)
 
 
+@kernel
+def inject(p, y, velocity, acceleration, part):
+    """Correct velocity and load pressure by a part of what the sensors show beyond the simulation, in place.
+
+    A Luenberger correction: the acceleration's error is that of the force of the oil, split between the chambers.
+    velocity [m/s], acceleration [m/s²] : measured less simulated; what is not finite corrects nothing.
+    """
+    if math.isfinite(velocity):
+        y[VELOCITY] += part * velocity
+    if math.isfinite(acceleration):
+        push = 0.5 * part * acceleration * (p.body_table_mass + p.body_specimen_mass) / p.body_piston_area
+        y[PRESSURE_A] = max(y[PRESSURE_A] + push, min(y[PRESSURE_A], 0.0))
+        y[PRESSURE_B] = max(y[PRESSURE_B] - push / p.body_area_ratio, min(y[PRESSURE_B], 0.0))
+
+
 @njit
-def simulate(p, commands, standing, forces, track, y0, dt, tolerance, out):
-    """Free-running simulation under recorded commands.
+def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, tolerance, out):
+    """Simulation under recorded commands: a free run, or one that is drawn towards what was measured.
 
     Parameters
     ----------
@@ -267,13 +282,15 @@ def simulate(p, commands, standing, forces, track, y0, dt, tolerance, out):
     forces : external force, shape (n,) or (0,) [N].
     track : measured position, shape (n,) or (0,) [m]: where given, the position is set to it at every sample, so that
         volumes and position-dependent effects see the true place though a free run would drift off the stroke.
+    measured : velocity [m/s] and acceleration [m/s²], shape (n, 2) or (0, 2): where given, the run is drawn towards
+        them at the rate `injection` [1/s].
     y0 : state at the first sample, shape (STATES,). dt : [s]. tolerance : relative local error of a step.
     out : result, shape (n, OUTPUTS), row k is the instant t_k, before command k acts.
     """
     y = y0.copy()
     work = workspace()
     delay = p.command_delay_delay / dt
-    following = track.shape[0] > 0
+    following, drawn = track.shape[0] > 0, measured.shape[0] > 0
     acceleration = acceleration_now(p, y, work[STAGE])
     force, known = 0.0, False
     for i in range(commands.shape[0]):
@@ -282,8 +299,10 @@ def simulate(p, commands, standing, forces, track, y0, dt, tolerance, out):
             y[POSITION] = track[i]
             y[LAGGED_POSITION] += shift
         outputs(p, y, acceleration, out[i])
+        if drawn:
+            inject(p, y, measured[i, 0] - out[i, 1], measured[i, 1] - out[i, 2], min(injection * dt, 0.5))
         before, force = force, forces[i] if forces.shape[0] > 0 else 0.0
         late, timely, fraction = delayed(commands, i, delay, standing)
-        known = known and force == before and not following
+        known = known and force == before and not following and not drawn
         acceleration = advance_sample(p, y, late, timely, fraction, force, dt, work, known, tolerance)
         known = True

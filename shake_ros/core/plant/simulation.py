@@ -34,6 +34,7 @@ from shake_ros.core.valve.detailed import VALVE_STATES, valve_at_rest
 
 TOLERANCE = 2e-6  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
 NOTHING = np.zeros(0)
+UNSEEN = np.zeros((0, 2))  # no measurement that draws the run
 WEIGHED = 3  # corrections of the load pressure; its law is linear but for the chambers' limits
 BALANCED = 1e-9  # [m/s²] departure of the acceleration that is none
 COLUMNS = ("position", "velocity", "acceleration", "pressure_a", "pressure_b", "pressure_supply", "spool")
@@ -132,7 +133,7 @@ def run(
     start = float(np.ravel(position)[0])
     y0 = initial_state(vector, start) if state is None else state
     out = np.empty((len(commands), OUTPUTS))
-    simulate(records(vector)[0], commands, float(standing), forces, track, y0, sample_time, tolerance, out)
+    simulate(records(vector)[0], commands, float(standing), forces, track, UNSEEN, 0.0, y0, sample_time, tolerance, out)
     return out
 
 
@@ -158,6 +159,8 @@ def run_batch(
     *,
     track: np.ndarray = NOTHING,
     standing: float = 0.0,
+    measured: np.ndarray = UNSEEN,
+    injection: float = 0.0,
     columns: tuple[int, ...] = (1, 2),
     tolerance: float = TOLERANCE,
 ) -> np.ndarray:
@@ -167,6 +170,8 @@ def run_batch(
     ----------
     vectors : shape (m, len(NAMES)). starts : first states, shape (m, STATES). commands : shape (n,) or (m, n) [-].
     track : measured position, shape (n,) [m], or empty. standing : as in `run` [-].
+    measured, injection : velocity [m/s] and acceleration [m/s²], shape (n, 2), NaN where there is none, towards which
+        the runs are drawn, and the rate [1/s].
     columns : which of COLUMNS to keep.
 
     Returns
@@ -183,7 +188,8 @@ def run_batch(
 
     def one(i: int) -> None:
         out = np.empty((length, OUTPUTS))
-        simulate(rows[i], each[i % len(each)], standing, NOTHING, track, starts[i], sample_time, tolerance, out)
+        given = (rows[i], each[i % len(each)], standing, NOTHING, track, measured, injection)
+        simulate(*given, starts[i], sample_time, tolerance, out)
         result[i] = out[:, columns]
 
     with ThreadPoolExecutor(workers()) as pool:

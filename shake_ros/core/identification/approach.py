@@ -1,0 +1,38 @@
+"""A fit that begins with drawn runs: simulations corrected towards the measurement, whose error is nearly linear.
+
+A free run keeps every error of phase of the oil column and every late crossing of a threshold, so its sum of squares is
+a maze of narrow valleys in which Gauss-Newton steps take off some per cent each. A run that is corrected by what the
+sensors show beyond it (`inject` in plant/integration.py), as an observer is, forgets such errors within 1/INJECTION;
+its prediction error leads to the neighbourhood of the solution in a few steps. The free run has the last word: the end
+of that way is a start, taken where the free run is better there.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from shake_ros.core.identification.fit import Fit, Problem, fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+
+INJECTION = 40.0  # [1/s] slow beside the oil column, fast beside the time over which a free run loses its phase
+EVALUATIONS, TOLERANCE = 12, 1e-3  # of a fit of drawn runs, at most and at least
+
+
+class DrawableProblem(Problem, Protocol):
+    """A problem whose runs may be drawn towards the measurement at a rate [1/s]; 0 for free runs."""
+
+    def drawn(self, injection: float) -> Problem:
+        """The same problem with drawn runs."""
+
+
+def approached(
+    problem: DrawableProblem, free: FreeParameters, start: np.ndarray, *, evaluations: int = 40, tolerance: float = 1e-4
+) -> Fit:
+    """`fit` to free runs from the better of `start` and where a fit of drawn runs leads from there."""
+    most, least = min(EVALUATIONS, evaluations), max(TOLERANCE, tolerance)
+    led = fit(problem.drawn(INJECTION), free, start, evaluations=most, tolerance=least)
+    costs = np.nan_to_num(np.sum(problem.residuals(free.vectors(np.array([start, led.x]))) ** 2, axis=1), nan=np.inf)
+    found = fit(problem, free, led.x if costs[1] < costs[0] else start, evaluations=evaluations, tolerance=tolerance)
+    return found.after(led.evaluations + 2)
