@@ -22,6 +22,7 @@ from shake_ros.core.friction.selected import is_dynamic
 from shake_ros.core.plant.dormand_prince import PATH, STAGE, STAGES, dormand_prince, workspace
 from shake_ros.core.plant.hydraulics import chamber_pressure
 from shake_ros.core.plant.right_hand_side import (
+    SHORTEST_LAG,
     active_states,
     contact_end,
     follows_clock,
@@ -236,7 +237,7 @@ def advance_sample(p, y, late, timely, fraction, force, dt, work, known, toleran
 def sensed_velocity(p, y):
     """Rate of what the position transducer shows [m/s]."""
     tau = p.position_sensor_lag_time_constant
-    return (y[POSITION] - y[LAGGED_POSITION]) / tau if tau > 0.0 else y[VELOCITY]
+    return (y[POSITION] - y[LAGGED_POSITION]) / max(tau, SHORTEST_LAG) if tau > 0.0 else y[VELOCITY]
 
 
 @kernel

@@ -69,6 +69,8 @@ from shake_ros.core.valve.detailed import CODE as DETAILED
 from shake_ros.core.valve.flow_force import acts
 from shake_ros.core.valve.simplified import spool_acceleration
 
+SHORTEST_LAG = 1e-4  # [s] of a sensor; a shorter one, which no recording shows, acts as this: it would only be stiff
+
 
 @kernel
 def active_states(p):
@@ -302,7 +304,9 @@ def extended_rates(p, y, q_s, on_rod, on_table, mass, split, piston_velocity, ra
         storey_rates(y, STOREY, storeys, p.frame_mass, p.frame_stiffness, p.frame_damping, acceleration, rates)
     rates[FRICTION_MEMORY] = memory_rate(p, piston_velocity, y[FRICTION_MEMORY])
     tau_a = p.accelerometer_lag_time_constant
-    rates[LAGGED_ACCELERATION] = (acceleration - y[LAGGED_ACCELERATION]) / max(tau_a, 1e-5) if tau_a > 0.0 else 0.0
+    rates[LAGGED_ACCELERATION] = (
+        (acceleration - y[LAGGED_ACCELERATION]) / max(tau_a, SHORTEST_LAG) if tau_a > 0.0 else 0.0
+    )
     tau_x = p.position_sensor_lag_time_constant
-    rates[LAGGED_POSITION] = (y[POSITION] - y[LAGGED_POSITION]) / max(tau_x, 1e-5) if tau_x > 0.0 else 0.0
+    rates[LAGGED_POSITION] = (y[POSITION] - y[LAGGED_POSITION]) / max(tau_x, SHORTEST_LAG) if tau_x > 0.0 else 0.0
     return acceleration

@@ -1,0 +1,69 @@
+"""Fits that begin with drawn runs: on recordings of a soft zone, made by the tests' own model, and where they cannot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hidden_table import OWN, SAMPLE_TIME, record
+
+from shake_ros.core.identification.approach import INJECTION, approached
+from shake_ros.core.identification.axis_model import AXIS
+from shake_ros.core.identification.fit import fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.settings import load_table
+
+TRUE = {
+    "friction.coulomb_level": OWN["coulomb"],
+    "friction.stribeck_rise": OWN["rise"],
+    "friction.stribeck_decay": OWN["decay"],
+    "friction.viscous": OWN["viscous"],
+    "bulk_modulus.modulus": OWN["modulus"],
+    "leakage.internal": OWN["internal"],
+    "leakage.external": OWN["external"],
+    "valve.flow_coefficient": OWN["flow"],
+}
+SOFT = next(c for c in effect_candidates() if c.effect == "soft_zone")
+
+
+def problem(seconds: float = 8.0, **own: float) -> RecordingProblem:
+    made = record(5, seconds, **own)
+    return RecordingProblem([Record("made", SAMPLE_TIME, made.commands, made.position, made.acceleration)])
+
+
+def of(table: TableParameters) -> np.ndarray:
+    return table.vector()[None, :]
+
+
+def mean_square(residuals: np.ndarray) -> float:
+    return float(np.mean(residuals**2))
+
+
+def test_drawn_runs_of_a_wrong_table_stay_near_the_measurement_and_those_of_the_right_one_where_they_are() -> None:
+    free_runs, true = problem(4.0), load_table("bergamo").with_values(TRUE)
+    drawn, wrong = free_runs.drawn(INJECTION), true.with_values({"bulk_modulus.modulus": 0.7 * OWN["modulus"]})
+    far, near = (mean_square(p.residuals(of(wrong))) for p in (free_runs, drawn))
+    assert near < 0.5 * far
+    right, still = (mean_square(p.residuals(of(true))) for p in (free_runs, drawn))
+    assert still == pytest.approx(right, rel=0.3)
+    assert right < 0.05 * near
+    assert np.array_equal(free_runs.drawn(0.0).residuals(of(wrong)), free_runs.residuals(of(wrong)))
+
+
+def test_a_soft_zone_is_reached_where_steps_on_free_runs_stay_behind() -> None:
+    recorded = problem(soft_zone_depth=0.6)
+    base = load_table("bergamo").with_values({"bulk_modulus.modulus": 0.6 * OWN["modulus"]})
+    free = FreeParameters(base.with_values(SOFT.trials[1]), [*free_parameters(), *SOFT.free])
+    directly = fit(recorded, free, free.start(), evaluations=25, tolerance=1e-5)
+    led = approached(recorded, free, free.start(), evaluations=25, tolerance=1e-5)
+    assert led.evaluations < directly.evaluations
+    assert led.cost < 0.75 * directly.cost
+    assert mean_square(led.residuals) < 1.3 * recorded.noise_cost()
+
+
+def test_a_model_that_cannot_be_drawn_runs_freely() -> None:
+    force = np.sin(np.arange(2000) * 0.01)
+    recorded = RecordingProblem([Record("axis", 1e-3, force, np.cumsum(np.cumsum(force)) * 1e-9)], AXIS)
+    assert recorded.drawn(INJECTION).injection == 0.0
