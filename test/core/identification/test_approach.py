@@ -1,4 +1,4 @@
-"""Fits that begin with drawn runs: on recordings of a soft zone, made by the tests' own model, and where they cannot."""
+"""Fits that begin with drawn runs: a soft zone, made by the tests' own model; and a model that cannot be drawn."""
 
 from __future__ import annotations
 
