@@ -58,7 +58,7 @@ def taken_over(problem: SearchProblem, best: Refit, other: Refit) -> Refit:
         left |= {strength: candidate.neutral + part * (full - candidate.neutral)} if part > 0.0 else {}
         free = FreeParameters(base.with_values(left), [*(start.free.free[i] for i in keep), *more])
         tolerance = settings.converged if part == 0.0 else settings.takeover_tolerance
-        result = problem.fitted(free, x, settings.continued_evaluations, tolerance)
+        result = problem.fitted(free, x, settings.continued_evaluations, tolerance, near=True)
         x = result.fit.x
     return replace(other, result=result) if result.fit.cost < other.result.fit.cost else other
 

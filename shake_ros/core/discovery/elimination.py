@@ -7,15 +7,21 @@ from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.identification.free_parameters import FreeParameters
 
+FAR = 10.0  # times the score: without such an effect the model is so much worse that its fit need not converge
+
 
 def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect) -> ScoredFit:
     """The fit with an effect taken out and everything else refitted; remembered, since elimination and standing ask."""
     settings, result, names = problem.settings, current.fit, {f.name for f in dropped.free}
+    most = settings.continued_evaluations
     keep = [i for i, f in enumerate(result.free.free) if f.name not in names]
     key = (dropped.effect, result.free.names, result.x.tobytes())
     if key not in problem.reduced:
         free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])
-        problem.reduced[key] = problem.fitted(free, result.x[keep], settings.continued_evaluations, settings.converged)
+        reduced = problem.fitted(free, result.x[keep], most, settings.first_tolerance)
+        if reduced.score < FAR * current.score:
+            reduced = problem.fitted(free, reduced.fit.x, most, settings.converged, near=True)
+        problem.reduced[key] = reduced
     return problem.reduced[key]
 
 

@@ -146,15 +146,22 @@ class SearchProblem:
         self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float, *, near: bool = False
     ) -> ScoredFit:
         """A fit to the estimation data from `start`, which may be `near` its end, scored."""
-        way = fit if near else approached
-        return self.scored(way(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance))
+        if near:
+            return self.scored(fit(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance))
+        return self.scored(self._approached(self.estimation, free, start, evaluations, tolerance))
 
     def fitted_to_pieces(
         self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float
     ) -> ScoredFit:
         """A fit to pieces of the estimation data; its validation cost is that of whole recordings all the same."""
-        result = approached(self.estimation_pieces, free, start, evaluations=evaluations, tolerance=tolerance)
+        result = self._approached(self.estimation_pieces, free, start, evaluations, tolerance)
         return ScoredFit(result, mean_square(result.residuals), mean_square(self._validation_residuals(result)))
+
+    def _approached(
+        self, problem: RecordingProblem, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float
+    ) -> Fit:
+        near = self.settings.much_left * problem.noise_cost()
+        return approached(problem, free, start, evaluations=evaluations, tolerance=tolerance, near=near)
 
     def scored(self, result: Fit) -> ScoredFit:
         """A fit with its costs, the validation cost block by block as well."""

@@ -24,15 +24,27 @@ class DrawableProblem(Problem, Protocol):
     """A problem whose runs may be drawn towards the measurement at a rate [1/s]; 0 for free runs."""
 
     def drawn(self, injection: float) -> Problem:
-        """The same problem with drawn runs."""
+        """The same problem with drawn runs; itself where its runs cannot be drawn."""
 
 
 def approached(
-    problem: DrawableProblem, free: FreeParameters, start: np.ndarray, *, evaluations: int = 40, tolerance: float = 1e-4
+    problem: DrawableProblem,
+    free: FreeParameters,
+    start: np.ndarray,
+    *,
+    evaluations: int = 40,
+    tolerance: float = 1e-4,
+    near: float = 0.0,
 ) -> Fit:
-    """`fit` to free runs from the better of `start` and where a fit of drawn runs leads from there."""
+    """`fit` to free runs from the better of `start` and where a fit of drawn runs leads from there.
+
+    near : mean square of the residuals at which the start is near the end, and no way to it is needed.
+    """
+    drawn = problem.drawn(INJECTION)
+    if drawn is problem or np.mean(problem.residuals(free.vectors(start))[0] ** 2) <= near:
+        return fit(problem, free, start, evaluations=evaluations, tolerance=tolerance)
     most, least = min(EVALUATIONS, evaluations), max(TOLERANCE, tolerance)
-    led = fit(problem.drawn(INJECTION), free, start, evaluations=most, tolerance=least)
+    led = fit(drawn, free, start, evaluations=most, tolerance=least)
     costs = np.nan_to_num(np.sum(problem.residuals(free.vectors(np.array([start, led.x]))) ** 2, axis=1), nan=np.inf)
     found = fit(problem, free, led.x if costs[1] < costs[0] else start, evaluations=evaluations, tolerance=tolerance)
     return found.after(led.evaluations + 2)

@@ -273,8 +273,10 @@ class RecordingProblem:
 
     def drawn(self, injection: float) -> RecordingProblem:
         """The same with runs that are drawn towards the measurement at a rate [1/s], where the model can."""
+        if not self.model.injects:
+            return self
         problem = copy.copy(self)
-        problem.injection = injection if self.model.injects else 0.0
+        problem.injection = injection
         return problem
 
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:

@@ -29,6 +29,12 @@ NOISE, FORCE, INERTIA = np.random.default_rng(3).standard_normal((3, 500))
 class OneForTheOther:
     """More mass and more friction, or a back pressure: only the ratio of force to inertia shows."""
 
+    def drawn(self, _injection: float) -> OneForTheOther:
+        return self
+
+    def noise_cost(self) -> float:
+        return 0.01
+
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         viscous, mass, tank = vectors[:, COLUMNS].T
         heavier, weaker = 1.0 + mass / 650.0, 1.0 - tank / 2e7
@@ -73,6 +79,12 @@ ONE: Any = SimpleNamespace(names=("x",), low=np.array([-3.0]), high=np.array([3.
 
 class TwoValleys:
     """Residuals x² − 1 and 0.3 (x − 1): nought at 1, a worse valley of its own near −0.95."""
+
+    def drawn(self, _injection: float) -> TwoValleys:
+        return self
+
+    def noise_cost(self) -> float:
+        return 0.0
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         return np.hstack([vectors**2 - 1.0, 0.3 * (vectors - 1.0)])

@@ -39,6 +39,12 @@ class Hidden:
     def blocks(self) -> np.ndarray:
         return np.arange(len(NOISE)) // 100
 
+    def drawn(self, _injection: float) -> Hidden:
+        return self
+
+    def noise_cost(self) -> float:
+        return 0.01
+
 
 def problem_of(hidden: Any) -> SearchProblem:
     return SearchProblem(hidden, hidden, hidden, hidden, (), load_search(), lambda text, part: None)
