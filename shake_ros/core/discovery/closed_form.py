@@ -58,10 +58,10 @@ FORMS: Mapping[str, Form] = {
         tuple((a, g) for a in (2.0, -2.0) for g in PLACES),
     ),
     "bump": Form(
-        "a exp(−(s − m)²/(2 w²))",
-        ("a", "m@", "w@"),
-        lambda s, a, m, w: a * np.exp(-0.5 * ((s - m) / max(abs(w), 1e-3)) ** 2),
-        tuple((a, m, w) for a in (1.0, -1.0) for m in PLACES for w in (0.1, 0.3)),
+        "b + a exp(−(s − m)²/(2 w²))",
+        ("a", "m@", "w@", "b"),
+        lambda s, a, m, w, b: b + a * np.exp(-0.5 * ((s - m) / max(abs(w), 1e-3)) ** 2),
+        tuple((a, m, w, 0.0) for a in (1.0, -1.0) for m in PLACES for w in (0.1, 0.3)),
     ),
     "wave": Form(
         "a sin(2π s/l + p)",

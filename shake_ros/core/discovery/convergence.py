@@ -18,7 +18,7 @@ from shake_ros.core.identification.free_parameters import FreeParameters
 def converge(problem: SearchProblem, current: ScoredFit, refits: tuple[Refit, ...]) -> tuple[list[Refit], list[Refit]]:
     """The best refit with its rivals, all converged; and the rest as it is.
 
-    A rival comes near the best or resembles it; what does not improve on the model as it stands is none.
+    A rival is one of the nearest to the best or resembles it; what does not improve on the model as it stands is none.
     """
     settings = problem.settings
     most, tolerance = settings.converging_evaluations, settings.converged
@@ -26,9 +26,10 @@ def converge(problem: SearchProblem, current: ScoredFit, refits: tuple[Refit, ..
     best = continued(problem, refits[0], most, tolerance)
     improved = (1.0 - 0.5 * settings.least_validation_gain) * current.score
 
+    near = [r for r in refits[1:] if r.score < settings.rival * best.score][: settings.most_continued]
+
     def is_rival(r: Refit) -> bool:
-        near = r.score < settings.rival * best.score or r.candidate.effect in best.candidate.resembles
-        return near and r.score < improved
+        return (r in near or r.candidate.effect in best.candidate.resembles) and r.score < improved
 
     def converged(r: Refit) -> Refit:
         done = continued(problem, r, most, tolerance)
