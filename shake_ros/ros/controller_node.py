@@ -14,6 +14,7 @@ from shake_ros.ros import interface
 from shake_ros.ros.added_harmonics import AddedHarmonics
 from shake_ros.ros.conversions import SECOND, Values
 from shake_ros.ros.diagnostics import ERROR, OK, WARN
+from shake_ros.ros.followed_load import FollowedLoad
 from shake_ros.ros.frame import Behaviour, Frame
 from shake_ros.ros.lab_watch import TABLES
 from shake_ros.ros.live_law import LiveLaw, Sets, variants
@@ -31,6 +32,7 @@ class ControllerNodeParameters(Parameters):
     switch_time: float = quantity("s", "time in which the bump of a change of controller fades", low=0.01, high=10.0)
     stale_after: float = quantity("s", "an older reference is followed as a position at rest", low=0.001, high=10.0)
     harmonic_cancellation: bool = choice("whether harmonics are added to a periodic reference", live=True)
+    load: str = choice("configuration in config/load by which the specimen is followed, empty for none")
 
 
 class ControllerNode(Behaviour):
@@ -39,7 +41,8 @@ class ControllerNode(Behaviour):
     In real time it rests at a command of zero while the table's interlock lets none pass, so that no integral winds up;
     then it begins anew, without a bump. In lock-step it does not: what comes outside the samples would change a run.
 
-    With `harmonic_cancellation` it reads the accelerometer as well; in lock-step that of sample k.
+    With `harmonic_cancellation` it reads the accelerometer as well; in lock-step that of sample k. With `load` it reads
+    position and accelerometer, and its virtual table carries the specimen that they tell.
     """
 
     def __init__(self, frame: Frame) -> None:
@@ -67,6 +70,8 @@ class ControllerNode(Behaviour):
         self._apart = 0  # samples in a row that did not
         self._harmonics = AddedHarmonics(frame, self._step_when_complete)
         self._harmonics.switch(own.harmonic_cancellation)
+        self._load = FollowedLoad(frame, own.load, self._step_when_complete)
+        self._load.serve(self._controller)
         frame.diagnostics.condition = self._condition
         frame.diagnostics.values["limited"] = lambda: self._limited
 
@@ -74,6 +79,8 @@ class ControllerNode(Behaviour):
         """A controller that has been compiled, so that its first sample is not late."""
         table = load_table(sets[""].model) if sets[""].model else None
         controller = Controller(kind, sets[""], self.frame.sample_time, table)
+        if self._own.value.load and controller.model is None:
+            raise ShakeError(f"load: the controller '{kind}' carries no table whose specimen could be followed")
         controller.step(controller.initial_state(), REST, REST)
         return controller
 
@@ -99,8 +106,8 @@ class ControllerNode(Behaviour):
 
     def _step_when_complete(self, stamp: int) -> None:
         """In lock-step: the command of a sample whose reference, estimate and acceleration (if needed) have come."""
-        complete = stamp == self._reference_stamp == self._estimate_stamp and self._harmonics.has(stamp)
-        if self.frame.lockstep and complete:
+        complete = stamp == self._reference_stamp == self._estimate_stamp
+        if self.frame.lockstep and complete and self._harmonics.has(stamp) and self._load.has(stamp):
             self._step(stamp)
 
     def _change(self) -> None:
@@ -109,6 +116,7 @@ class ControllerNode(Behaviour):
         new, renamed = self._law.take()
         if renamed:
             self._state = switch(self._controller, self._state, new, self._u, own.switch_time)
+        self._load.serve(new)
         self._controller = new
         self._harmonics.switch(own.harmonic_cancellation)
 
@@ -118,8 +126,10 @@ class ControllerNode(Behaviour):
         self._check_instant()
         wanted = self._harmonics.added(stamp, self._reference)
         if self._rests:
+            self._load.pause()
             self._state, self._u = self._controller.initial_state(), 0.0
         else:
+            self._load.step(stamp, self._u, self._controller)
             self._state, self._u = self._controller.step(self._state, wanted, self._estimate)
         self._writer.send(stamp, self._u)
         self._limited += abs(self._u) >= self._controller.parameters.limit
@@ -145,7 +155,8 @@ class ControllerNode(Behaviour):
             return WARN, f"waiting for the first {missing}"
         if self._apart:
             return ERROR, "the estimate stands at another instant than the controller predicts to"
-        return OK, f"{self._controller.kind}: {'at rest, the table takes no command' if self._rests else 'running'}"
+        state = "at rest, the table takes no command" if self._rests else "running"
+        return WARN if self._load.text() else OK, f"{self._controller.kind}: {state}{self._load.text()}"
 
 
 build = ControllerNode

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
@@ -16,6 +17,7 @@ from rclpy.parameter import Parameter
 
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller, switch
+from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import ShakeError
 from shake_ros.ros import interface
 from shake_ros.ros.controller_node import ControllerNode, build
@@ -23,7 +25,7 @@ from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import ERROR
 from shake_ros.ros.frame import Frame
 from shake_ros.ros.loop import build_node, ros_context
-from shake_ros.settings import load_variant
+from shake_ros.settings import config_folder, load_table, load_variant
 
 DT = 0.001
 TIMEOUT = 60.0
@@ -179,3 +181,41 @@ def test_command_does_not_wind_up_while_the_interlock_lets_none_pass(ros_domain)
         released = np.abs(commands(100))
         assert released[0] < 0.01 and released.max() < 0.2
         node.frame.close()
+
+
+def test_feedforward_carries_the_load_that_is_followed_as_in_the_core(ros_domain, tmp_path) -> None:
+    """A table with 500 kg instead of the 200 kg that are known, sample by sample in lock-step."""
+    content = yaml.safe_load((config_folder() / "controller" / "super_twisting_tuned.yaml").read_text(encoding="utf-8"))
+    law = tmp_path / "law.yaml"
+    law.write_text(yaml.safe_dump(content | {"model": "bergamo"}), encoding="utf-8")
+    heavy = Table(load_table("bergamo").with_values({"body.specimen_mass": 500.0}), DT, seed=4)
+    given = ["-p", f"controller:={law}", "-p", "load:=default"]
+    with ros_context([], domain_id=ros_domain) as context:
+        node = build_node(build, "controller", context, [*ARGUMENTS, *given])
+        assert isinstance(node, ControllerNode)
+        state, rows = heavy.initial_state(), []
+        for k in range(400):
+            m, stamp = heavy.measure(state, k), SECOND + k * 1_000_000
+            node._on_reference(stamp, *motion(k))
+            node._on_estimate(stamp, m.truth_position, m.truth_velocity, m.truth_acceleration)
+            node._load._on_position(stamp, m.position)
+            assert len(rows) == node.frame.diagnostics.cycles  # it waits for the accelerometer
+            node._load._on_acceleration(stamp, m.acceleration)
+            rows.append((m.position, m.acceleration, node._u))
+            state = heavy.advance(state, node._u)
+        controller, followed = node._controller, node._load
+        assert controller.virtual is not None and followed._tracker is not None
+        told, errors = followed._tracker.run(*np.array(rows).T)
+        carried = controller.virtual.record[0]
+        assert carried["body_specimen_mass"] == pytest.approx(told[-1, 0] + told[-1, 1], rel=1e-9)
+        assert carried["body_specimen_mass"] > 202.0
+        shown = {name: read() for name, read in node.frame.diagnostics.values.items()}
+        assert shown["load_rigid_kg"] == f"{told[-1, 0]:.3g} ± {errors[0]:.2g}"
+        assert shown["load_believed"] is True
+        node.frame.close()
+
+
+def test_load_cannot_be_followed_by_a_controller_without_a_table(ros_domain) -> None:
+    given = [*ARGUMENTS, "-p", "controller:=feedforward_pi_tuned", "-p", "load:=default"]
+    with ros_context([], domain_id=ros_domain) as context, pytest.raises(ShakeError, match="carries no table"):
+        build_node(build, "controller", context, given)

@@ -31,6 +31,7 @@ from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import acceleration_now, advance_sample
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.plant.simulation import initial_state, weigh
+from shake_ros.core.plant.specimen import set_load
 from shake_ros.core.plant.states import BASE, CONTINUOUS, LAGGED_POSITION, POSITION, STATES, VELOCITY
 from shake_ros.core.quantities import OutOfBounds, ShakeError
 
@@ -220,6 +221,10 @@ class VirtualTable:
         if not math.isfinite(following[HEAD + VELOCITY]):
             raise ShakeError("controller: the virtual table left the finite numbers")
         return following, float(u), virtual
+
+    def carry_load(self, rigid: float, swaying: float, pitch: float) -> None:
+        """Give the copy another specimen from the next sample on; arguments as of `plant.specimen.set_load`."""
+        set_load(self.record, rigid, swaying, pitch)
 
     def follow(self, references: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Commands (n,) [-] and motion (n, 3) of the virtual table along a reference (n, 3), as `step` makes them.

@@ -49,7 +49,7 @@ SLOWEST = 0.02  # of the largest bandwidth: the smallest that is tried
 HALVINGS = 6  # of the bandwidth's interval
 HARDEST = 10  # linear models on which a bandwidth is sought; it is then held against all
 SLOW = 0.2  # of the speed of the linear models: slow motion
-CALM_DAMPING, CALM_JERK = 0.6, 0.3  # of the design that shakes the least of those that are tried
+CALM_DAMPING, CALM_JERK = 0.8, 0.3  # of the design that shakes the least
 OSCILLATING = 0.5  # damping ratio below which a pair of poles counts as the oil column
 
 
@@ -307,7 +307,15 @@ class Search:
                 design = self.design(0.8 * design.bandwidth, design.damping, design.jerk)
         return None
 
-    def calm(self, dampings: Sequence[float]) -> Design | None:
-        """The fastest design that holds in slow motion too, well damped where these dampings allow; None without."""
-        damped = self.best([CALM_DAMPING], [CALM_JERK], self.slow) if CALM_DAMPING in dampings else None
-        return damped or self.best(dampings, slow=self.slow)
+    def calm(self, dampings: Sequence[float]) -> list[Design]:
+        """What to fall back on where the fastest design rings: well damped and holding in slow motion too.
+
+        Where no such design holds: one that holds in slow motion as it can, then one that is well damped. A law without
+        a gain of the acceleration has no damping to give.
+        """
+        as_it_can = self.best(dampings, slow=self.slow)
+        if max(dampings) == 0.0:
+            return [as_it_can] if as_it_can else []
+        both = self.best([CALM_DAMPING], [CALM_JERK], self.slow)
+        found = [both] if both else [as_it_can, self.best([CALM_DAMPING], [CALM_JERK])]
+        return [design for design in found if design]

@@ -37,8 +37,8 @@ WANTED = np.array([0.005, 0.03, 0.15])  # errors of position, velocity and accel
 OVER_FEEDFORWARD = 1.3  # times the ringing of the feedforward alone, which a loop may have
 AT_REST = 0.1  # rms of the acceleration at rest over the reference's, from which a loop rings
 RINGING = 0.5  # rms of the acceleration's error above 15 Hz over the reference's
-SLOWER = 0.65  # of a bandwidth that rang
-SLOWEST = 4  # bandwidths of the calm design that are tried
+SLOWER = 0.6  # of a bandwidth that rang
+SLOWEST = 5  # bandwidths of a calm design that are tried
 
 
 @dataclass(frozen=True)
@@ -192,14 +192,14 @@ class Trials:
         """Ringing on each table over what is allowed there; above 1 the loop rings."""
         return [max(t.ringing / self._allowed[i], t.still / AT_REST) for i, t in enumerate(trials)]
 
-    def attempts(self, design: Design, calm: Design | None) -> Iterator[Design]:
-        """The design, then the calm one slower and slower; the same damping keeps the oil column quiet."""
+    def attempts(self, design: Design, calm: Sequence[Design]) -> Iterator[Design]:
+        """The design, then calm ones slower and slower; the same damping keeps the oil column quiet."""
         yield design
-        base = calm or design
-        for k in range(0 if calm else 1, SLOWEST):
-            yield self.search.design(base.bandwidth * SLOWER**k, base.damping, base.jerk)
+        for base in calm or [design]:
+            for k in range(0 if calm else 1, SLOWEST):
+                yield self.search.design(base.bandwidth * SLOWER**k, base.damping, base.jerk)
 
-    def tried(self, kind: str, design: Design, calm: Design | None = None) -> TriedLaw | None:
+    def tried(self, kind: str, design: Design, calm: Sequence[Design] = ()) -> TriedLaw | None:
         """A law on the first attempt on which it does not ring, or on which it rings the least.
 
         None where the law cannot be made of any.

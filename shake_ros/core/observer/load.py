@@ -10,8 +10,9 @@ the recursive prediction error method (Ljung and Söderström 1983) with a param
 counts, without the accelerometer's bias and most of its noise. P never exceeds its first value and θ stays within
 bounds, so a motion that tells nothing changes nothing. ε is bounded, since friction that breaks away elsewhere than in
 the model is no mass. The frequency has several valleys: each part of its band has a tracker, and the one leads whose ε²
-has been the least of late. The load that is told follows the leader smoothly, so that what is scheduled by it does not
-jump. Not in the thesis.
+has been the least of late. One copy more keeps the specimen that the table is known with: the leader is believed only
+where its ε² is clearly the smaller of the two, else the known specimen is told. The load that is told follows smoothly,
+so that what is scheduled by it does not jump. Not in the thesis.
 
 Verified against: tables of known specimens, rigid and swaying, and one whose frequency drops.
 """
@@ -31,6 +32,7 @@ from shake_ros.core.plant.dead_time import dead_time, delayed_by
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import acceleration_now
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.plant.specimen import set_load
 from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, VELOCITY
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 
@@ -41,6 +43,7 @@ STEPS = (0.1, 0.05, 0.05)  # of the copies, over the spreads
 BOUND = 3.0  # times the expected error: bound of ε
 LEAST = 0.5  # [kg] of m_q, so that the specimen's states are never at rest for good
 BETTER = 0.9  # of the leader's ε² that another tracker must fall below to lead
+CLEARLY = 0.7  # of the known specimen's ε² that the leader must fall below to be believed
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,7 @@ class Fixed(NamedTuple):
     step: Array  # (3,) by which the copies differ
     low: Array  # (trackers, 3)
     high: Array  # (trackers, 3)
+    known: Array  # (3,) θ of the specimen that the table is known with
     whole: int
     fraction: float
     dt: float
@@ -94,16 +98,11 @@ class State(NamedTuple):
     copies: Array  # (trackers, 4, states and past commands)
     passed: Array  # (trackers, 4, 3) low-passes of ε and ψ
     leader: NDArray[np.int64]  # (1,)
+    believed: NDArray[np.int64]  # (1,) whether the leader is
+    known: Array  # (states and past commands,) the copy with the known specimen
+    known_passed: Array  # (3,) low-passes of its ε
+    known_cost: Array  # (1,) its mean of ε² of late [m²/s⁴]
     told: Array  # (3,) θ that is told
-
-
-@njit
-def set_load(model, rigid, swaying, pitch):  # type: ignore[no-untyped-def]
-    """Give a table's record another specimen, in place."""
-    p = model[0]
-    p.body_specimen_mass = rigid + swaying
-    p.specimen_resonance_mass = swaying
-    p.specimen_resonance_frequency = math.exp(pitch)
 
 
 @njit
@@ -147,6 +146,13 @@ def learn(theta, covariance, slope, error, low, high, fixed):  # type: ignore[no
 
 
 @njit
+def faded(cost, error, fixed):  # type: ignore[no-untyped-def]
+    """The mean of ε² of late after a sample, of ε within its bound [m²/s⁴]."""
+    bounded = min(max(error, -fixed.bound), fixed.bound)
+    return fixed.fade * cost + (1.0 - fixed.fade) * bounded * bounded
+
+
+@njit
 def track(state, fixed, model, position, acceleration, command, work):  # type: ignore[no-untyped-def]
     """One sample, in place.
 
@@ -167,8 +173,7 @@ def track(state, fixed, model, position, acceleration, command, work):  # type: 
             away = answer(model, copies[i], command, position, fixed, work) - own
             slope[i] = band(away / fixed.step[i], state.passed[k, i], fixed)
         error = band(acceleration - own, state.passed[k, UNKNOWNS], fixed)
-        bounded = min(max(error, -fixed.bound), fixed.bound)
-        state.cost[k] = fixed.fade * state.cost[k] + (1.0 - fixed.fade) * bounded * bounded
+        state.cost[k] = faded(state.cost[k], error, fixed)
         if math.isfinite(error + slope[0] + slope[1] + slope[2]):
             learn(theta, state.covariance[k], slope, error, fixed.low[k], fixed.high[k], fixed)
         else:
@@ -176,8 +181,13 @@ def track(state, fixed, model, position, acceleration, command, work):  # type: 
     best = np.argmin(state.cost)
     if state.cost[best] < BETTER * state.cost[state.leader[0]]:
         state.leader[0] = best
+    set_load(model, fixed.known[RIGID], fixed.known[SWAYING], fixed.known[PITCH])
+    own = answer(model, state.known, command, position, fixed, work)
+    state.known_cost[0] = faded(state.known_cost[0], band(acceleration - own, state.known_passed, fixed), fixed)
+    state.believed[0] = state.cost[state.leader[0]] < CLEARLY * state.known_cost[0]
+    aim = state.theta[state.leader[0]] if state.believed[0] else fixed.known
     for i in range(UNKNOWNS):
-        state.told[i] += fixed.smooth * (state.theta[state.leader[0], i] - state.told[i])
+        state.told[i] += fixed.smooth * (aim[i] - state.told[i])
 
 
 @njit
@@ -216,6 +226,7 @@ class LoadTracker:
             step=spread * STEPS,
             low=low,
             high=high,
+            known=self._known(),
             whole=int(whole),
             fraction=float(fraction),
             dt=dt,
@@ -229,6 +240,14 @@ class LoadTracker:
             smooth=-math.expm1(-dt / p.smooth),
         )
 
+    def _known(self) -> Array:
+        """θ of the table's own specimen."""
+        swaying = self.table.value("effects.specimen_resonance.mass")
+        rigid = self.table.value("body.specimen_mass") - swaying
+        return np.array(
+            [rigid, max(swaying, LEAST), math.log(self.table.value("effects.specimen_resonance.frequency"))]
+        )
+
     def initial_state(self, position: float = 0.0) -> State:
         """Trackers at rest at a position [m], their frequencies evenly spaced in ln f."""
         n = self.parameters.trackers
@@ -240,7 +259,11 @@ class LoadTracker:
         covariance = np.tile(np.diag(self.fixed.spread**2), (n, 1, 1))
         copies = np.tile(one, (n, UNKNOWNS + 1, 1))
         passed, leader = np.zeros((n, UNKNOWNS + 1, 3)), np.zeros(1, dtype=np.int64)
-        return State(theta, covariance, np.zeros(n), copies, passed, leader, theta[0].copy())
+        told = self.fixed.known.copy()
+        return State(
+            theta, covariance, np.zeros(n), copies, passed, leader, np.zeros(1, dtype=np.int64), one.copy(),
+            np.zeros(3), np.zeros(1), told,
+        )  # fmt: skip
 
     def run(self, positions: Array, accelerations: Array, commands: Array) -> tuple[Array, Array]:
         """The load over a recording, from rest.
