@@ -38,6 +38,10 @@ FIGURES: dict[str, Drawing] = {
     "valve_frequency": Drawing(
         "shake_ros.report.figures_valve:frequency_response", "frequency response of both valves"
     ),
+    "describing_functions": Drawing(
+        "shake_ros.report.figures_linear:describing_functions", "gain and phase of the table over amplitude (4.3)"
+    ),
+    "oil_spring": Drawing("shake_ros.report.figures_linear:oil_spring", "frequency of the oil column along the stroke"),
     "flow_force": Drawing(
         "shake_ros.report.figures_valve:flow_force", "axial flow force, and steps of the spool with it"
     ),

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 from shake_ros.api.fitted import Data, fit_data
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable, percent
-from shake_ros.api.schedule_models import ValidationRuns, compare, simulated
-from shake_ros.core.identification.schedule import WINDOW, Training
+from shake_ros.api.schedule_models import SeedResult, ValidationRuns, chosen, compare, simulated
+from shake_ros.core.identification.network import Training
+from shake_ros.core.identification.schedule import WINDOW
 from shake_ros.core.quantities import ShakeError, strict_keys
 from shake_ros.data.results import write_folder, write_json
 from shake_ros.settings import find, load_table, read_yaml
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 CHANNELS = ("velocity", "acceleration")
 KEYS = {
     *("table", "truth", "effect", "parameters", "sample_time", "amplitudes", "frequencies", "doubling", "sum", "seed"),
+    "seeds",
 }
 
 
@@ -31,13 +33,24 @@ class ScheduleComparison:
 
     Attributes
     ----------
-    training : of the network. compared : free runs over the validation data.
+    seeds : one network for each, on the windows that it has not seen. compared : free runs over the validation data.
     change : when the amplitude doubles in the first of them [s]; None for recordings of one's own.
     """
 
-    training: Training
+    seeds: Sequence[SeedResult]
     compared: Sequence[ValidationRuns]
     change: float | None
+
+    @property
+    def training(self) -> Training:
+        """Of the network that runs over the validation data: the one with the least error on the part to stop by."""
+        return chosen(self.seeds)
+
+    @property
+    def windows(self) -> ResultTable:
+        """Error of the free run over the windows held out, by seed and by what gives the parameters [-]."""
+        entries = [(one.seed, name, *errors) for one in self.seeds for name, errors in one.errors.items()]
+        return ResultTable(("seed", "parameters", *CHANNELS), entries, dict.fromkeys(CHANNELS, percent))
 
     @property
     def content(self) -> dict[str, Any]:
@@ -46,6 +59,19 @@ class ScheduleComparison:
         content: dict[str, Any] = {
             "schema": "shake_ros.schedule/1",
             "training": {"learn": t.learn, "stop": t.stop, "test": t.test, "epochs": t.epochs},
+            "seeds": [
+                {
+                    "seed": one.seed,
+                    "epochs": one.training.epochs,
+                    "kept": one.training.kept,
+                    "learn": one.training.learn,
+                    "stop": one.training.stop,
+                    "test": one.training.test,
+                    "radial_basis": one.radial_basis,
+                    "windows": {n: dict(zip(CHANNELS, e, strict=True)) for n, e in one.errors.items()},
+                }
+                for one in self.seeds
+            ],
             "error": {c.record.name: {name: c.error(name) for name in c.runs} for c in self.compared},
         }
         if self.change is not None:
@@ -81,7 +107,7 @@ class ScheduleComparison:
 
         content = self.content
         data = [(c.record, c.runs) for c in self.compared]
-        page = schedule_page(self.training, data, content, self.change, command)
+        page = schedule_page(self.seeds, self.training, data, content, self.change, command)
 
         def fill(out: Path) -> None:
             write_json(out / "report.json", content)

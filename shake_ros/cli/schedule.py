@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 
 from shake_ros.api.schedule import ScheduleComparison, schedule
+from shake_ros.api.schedule_models import SeedResult
 from shake_ros.cli import fitting
 from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.core.quantities import ShakeError
@@ -30,12 +31,25 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
+def seed_line(one: SeedResult) -> str:
+    """A row of the table of the seeds."""
+    t = one.training
+    numbers = (
+        f"{one.seed:>4}{t.epochs:>8}{t.kept:>6}{t.learn:>8.2g}{t.stop:>7.2f}{t.test:>7.2f}{one.radial_basis:>8.2f}"
+    )
+    return numbers + "  " + "".join(f"{100 * v:>17.2f} / {100 * a:.2f} %" for v, a in one.errors.values())
+
+
 def lines(result: ScheduleComparison) -> list[str]:
     """What is printed."""
     t = result.training
     parts = f"to learn {t.learn:.2g}, to stop by {t.stop:.2g}, to test {t.test:.2g}"
     found = [
-        f"network: {t.epochs} epochs, mean square of the scaled error {parts}",
+        "windows held out: mean square of the scaled error of theta, where the mean gives 1; error of the free run",
+        f"{'seed':>4}{'epochs':>8}{'kept':>6}{'learn':>8}{'stop':>7}{'test':>7}{'radial':>8}  "
+        + "".join(f"{name + ' v / a':>28}" for name in result.seeds[0].errors),
+        *map(seed_line, result.seeds),
+        f"network that runs below: {t.epochs} epochs, kept is {t.kept}; {parts}",
         f"{'free-run error on what was held out':<44}{'velocity':>12}{'acceleration':>14}",
     ]
     for recording, model, velocity, felt in result.error.cells():

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from shake_ros.core.quantities import Parameters
-from shake_ros.core.reference import earthquake, multisine, none, pulse, sine, sine_beat, step, sweep
+from shake_ros.core.reference import earthquake, multisine, none, pulse, random_binary, sine, sine_beat, step, sweep
 from shake_ros.core.reference.motion import Motion
 
 REFERENCES: dict[str, type[Parameters]] = {
@@ -19,6 +19,7 @@ REFERENCES: dict[str, type[Parameters]] = {
     "multisine": multisine.MultisineParameters,
     "sweep": sweep.SweepParameters,
     "pulse": pulse.PulseParameters,
+    "random_binary": random_binary.RandomBinaryParameters,
     "step": step.StepParameters,
     "earthquake": earthquake.EarthquakeParameters,
     "none": none.NoneParameters,
@@ -30,6 +31,7 @@ MOTIONS: dict[str, Callable[[Any, float, Any], Motion]] = {
     "multisine": multisine.motion,
     "sweep": sweep.motion,
     "pulse": pulse.motion,
+    "random_binary": random_binary.motion,
     "step": step.motion,
     "earthquake": earthquake.motion,
     "none": none.motion,

@@ -1,0 +1,208 @@
+"""A network with two hidden layers of sigmoid neurons, trained with Levenberg–Marquardt (4.12); a radial-basis one.
+
+The thesis's network (6.3.5) has 100 neurons in each layer, so some 1e4 weights on a few hundred errors. The step of
+(4.12), (J'J + μ I)⁻¹ J'r, is taken as J'(J J' + μ I)⁻¹ r, which is the same and solves for the errors instead of the
+weights: no other library is needed for it. Training stops after 1000 epochs or at a mean square of 1e-6, as printed, or
+where the part to stop by has not improved for 30 epochs, where the print waits for 1000; kept are the weights that were
+best on that part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import RBFInterpolator
+
+from shake_ros.core.quantities import ShakeError
+
+HIDDEN = (100, 100)  # neurons of the two hidden layers
+EPOCHS, GOAL, PATIENCE = 1000, 1e-6, 30  # of the training (6.3.5)
+DAMPING, TENFOLD, HEAVIEST = 1e-2, 10.0, 1e10  # first damping μ of (4.12), its factor, and where it gives up
+SMOOTHING = 1.0  # of the radial-basis network: a ridge as strong as one sample
+
+
+def sigmoid(x: np.ndarray) -> np.ndarray:
+    """1/(1 + exp(−x)), shape as x."""
+    return np.asarray(0.5 * (1.0 + np.tanh(0.5 * x)))
+
+
+@dataclass(frozen=True)
+class Network:
+    """Two hidden layers of sigmoid neurons, a linear output; weights of shape (n,), scaling of inputs and outputs."""
+
+    weights: np.ndarray
+    input_mean: np.ndarray
+    input_spread: np.ndarray
+    output_mean: np.ndarray
+    output_spread: np.ndarray
+    hidden: tuple[int, int] = HIDDEN
+
+    @staticmethod
+    def size(outputs: int, hidden: tuple[int, int] = HIDDEN) -> int:
+        """Number of weights."""
+        a, b = hidden
+        return 2 * a + a + a * b + b + b * outputs + outputs
+
+    def with_weights(self, weights: np.ndarray) -> Network:
+        """The same scaling with other weights."""
+        scaling = self.input_mean, self.input_spread, self.output_mean, self.output_spread
+        return Network(weights, *scaling, self.hidden)
+
+    def layers(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Matrix and bias of each layer."""
+        found, first, rows = [], 0, len(self.input_mean)
+        for width in (*self.hidden, len(self.output_mean)):
+            last = first + rows * width
+            found.append((self.weights[first:last].reshape(rows, width), self.weights[last : last + width]))
+            first, rows = last + width, width
+        return found
+
+    def scaled(self, inputs: np.ndarray) -> np.ndarray:
+        """Outputs in spreads about their mean for rows of inputs, shape (m, 2) → (m, outputs)."""
+        (w_1, b_1), (w_2, b_2), (w_3, b_3) = self.layers()
+        x = (np.atleast_2d(inputs) - self.input_mean) / self.input_spread
+        return np.asarray(sigmoid(sigmoid(x @ w_1 + b_1) @ w_2 + b_2) @ w_3 + b_3)
+
+    def derivative(self, inputs: np.ndarray) -> np.ndarray:
+        """Of `scaled` by the weights, shape (m · outputs, n)."""
+        (w_1, b_1), (w_2, b_2), (w_3, _) = self.layers()
+        x = (np.atleast_2d(inputs) - self.input_mean) / self.input_spread
+        z_1 = sigmoid(x @ w_1 + b_1)
+        z_2 = sigmoid(z_1 @ w_2 + b_2)
+        m, last = len(x), w_3.shape[1]
+        d_2 = w_3.T[None] * (z_2 * (1.0 - z_2))[:, None, :]  # (m, outputs, second layer)
+        d_1 = (d_2 @ w_2.T) * (z_1 * (1.0 - z_1))[:, None, :]
+        own = np.eye(last)[None]
+        parts = (
+            x[:, None, :, None] * d_1[:, :, None, :],
+            d_1,
+            z_1[:, None, :, None] * d_2[:, :, None, :],
+            d_2,
+            z_2[:, None, :, None] * own[:, :, None, :],
+            np.broadcast_to(own, (m, last, last)),
+        )
+        return np.concatenate([p.reshape(m * last, -1) for p in parts], axis=1)
+
+    def __call__(self, inputs: np.ndarray) -> np.ndarray:
+        """Outputs for rows of inputs, shape (m, 2) → (m, outputs)."""
+        return np.asarray(self.output_mean + self.output_spread * self.scaled(inputs))
+
+
+@dataclass(frozen=True)
+class Split:
+    """Numbers of the samples to learn from, to stop by and to test on: 80, 10 and 10 % (6.3.5)."""
+
+    learn: np.ndarray
+    stop: np.ndarray
+    test: np.ndarray
+
+    @classmethod
+    def drawn(cls, count: int, seed: int) -> Split:
+        """A random split; ShakeError where there are too few samples for three parts."""
+        if count < 5:
+            raise ShakeError(f"{count} windows are too few to learn from, to stop by and to test on: 5 needed")
+        order = np.random.default_rng(seed).permutation(count)
+        tenth = max(count // 10, 1)
+        return cls(order[2 * tenth :], order[tenth : 2 * tenth], order[:tenth])
+
+
+@dataclass(frozen=True)
+class Training:
+    """A trained network.
+
+    Attributes
+    ----------
+    split : of the samples. curves : mean squares of the scaled outputs' error on the parts to learn from, to stop by
+    and to test on after every epoch, shape (epochs + 1, 3). kept : epoch of the weights.
+    """
+
+    network: Network
+    split: Split
+    curves: np.ndarray
+    kept: int
+
+    @property
+    def epochs(self) -> int:
+        """Of the whole training."""
+        return len(self.curves) - 1
+
+    @property
+    def learn(self) -> float:
+        """Mean square of the scaled error on the part to learn from."""
+        return float(self.curves[self.kept, 0])
+
+    @property
+    def stop(self) -> float:
+        """The same on the part to stop by."""
+        return float(self.curves[self.kept, 1])
+
+    @property
+    def test(self) -> float:
+        """The same on the part to test on; predicting the mean gives about 1."""
+        return float(self.curves[self.kept, 2])
+
+
+def first_network(inputs: np.ndarray, outputs: np.ndarray, seed: int, hidden: tuple[int, int] = HIDDEN) -> Network:
+    """A network before its training, scaled to the samples that it will learn from, its weights drawn."""
+    rng, widths = np.random.default_rng([seed, 1]), (inputs.shape[1], *hidden, outputs.shape[1])
+    drawn = []
+    for rows, columns in zip(widths, widths[1:], strict=False):
+        drawn += [rng.standard_normal(rows * columns) / np.sqrt(rows), rng.standard_normal(columns)]
+    scaling = (v for data in (inputs, outputs) for v in (np.mean(data, axis=0), np.maximum(np.std(data, axis=0), 1e-9)))
+    return Network(np.concatenate(drawn), *scaling, hidden)
+
+
+def train(inputs: np.ndarray, outputs: np.ndarray, seed: int = 0, hidden: tuple[int, int] = HIDDEN) -> Training:
+    """Train a network with Levenberg–Marquardt.
+
+    Parameters
+    ----------
+    inputs : amplitude and frequency, shape (m, 2). outputs : parameters, shape (m, p).
+    seed : of the split and of the first weights. hidden : neurons of the two layers.
+
+    Raises
+    ------
+    ShakeError : too few samples to split.
+    """
+    split = Split.drawn(len(inputs), seed)
+    parts = split.learn, split.stop, split.test
+    network = first_network(inputs[split.learn], outputs[split.learn], seed, hidden)
+    wanted = (outputs - network.output_mean) / network.output_spread
+
+    def squares(candidate: Network) -> tuple[float, ...]:
+        error = candidate.scaled(inputs) - wanted
+        return tuple(float(np.mean(error[part] ** 2)) for part in parts)
+
+    curves, best, kept, damping = [squares(network)], network, 0, DAMPING
+    while len(curves) <= EPOCHS and len(curves) - 1 - kept < PATIENCE and curves[-1][0] > GOAL:
+        error = (network.scaled(inputs[split.learn]) - wanted[split.learn]).ravel()
+        jacobian = network.derivative(inputs[split.learn])
+        gram = jacobian @ jacobian.T
+        while damping < HEAVIEST:
+            step = jacobian.T @ np.linalg.solve(gram + damping * np.eye(len(error)), error)  # (4.12)
+            moved = network.with_weights(network.weights - step)
+            found = squares(moved)
+            if found[0] < curves[-1][0]:
+                break
+            damping *= TENFOLD
+        else:
+            break
+        network, damping = moved, damping / TENFOLD
+        curves.append(found)
+        if found[1] < curves[kept][1]:
+            best, kept = network, len(curves) - 1
+    return Training(best, split, np.array(curves), kept)
+
+
+def radial_basis(inputs: np.ndarray, outputs: np.ndarray, split: Split) -> float:
+    """Mean square of the scaled error on the test part of a network of thin plates on every sample learnt from.
+
+    scipy's `RBFInterpolator` with a ridge; the error is in the spreads of the part learnt from, as in `Training`.
+    """
+    means, spreads = (f(inputs[split.learn], axis=0) for f in (np.mean, np.std))
+    x = (inputs - means) / np.maximum(spreads, 1e-9)
+    mean, spread = np.mean(outputs[split.learn], axis=0), np.maximum(np.std(outputs[split.learn], axis=0), 1e-9)
+    y = (outputs - mean) / spread
+    found = RBFInterpolator(x[split.learn], y[split.learn], smoothing=SMOOTHING)(x[split.test])
+    return float(np.mean((found - y[split.test]) ** 2))
