@@ -37,7 +37,9 @@ def learning_chart(training: Training) -> Chart:
     """Mean squares of the scaled error after every epoch, on the three parts."""
     names = ("to learn", "before"), ("to stop by", "measured"), ("to test", "after")
     series = (ChartSeries(n, training.curves[:, k], colour) for k, (n, colour) in enumerate(names))
-    panel = Panel("mean square of the scaled error [-]", np.arange(len(training.curves)), tuple(series), log=True)
+    panel = Panel(
+        "mean square of the scaled error [-]", np.arange(float(len(training.curves))), tuple(series), log=True
+    )
     caption = f"Error over the training; predicting the mean gives 1. Kept are the weights of epoch {training.kept}."
     return Chart("training", "epoch", (panel,), caption)
 
@@ -89,13 +91,13 @@ def schedule_page(
     page.table(["seed", "epochs", "kept", *errors, *(f"acceleration, {name}" for name in names)], rows)
     page.chart(learning_chart(training))
     page.heading("Error of the free run on the validation data")
-    rows = dict(content["error"])
+    errors_of = dict(content["error"])
     for key, title in (("within_window", "first two seconds after the change"), ("later", "later")):
         if "after_change" in content:
-            rows[title] = content["after_change"][key]
+            errors_of[title] = content["after_change"][key]
     table = [
         [title, name, *(percent(e.get(c)) for c in ("velocity", "acceleration"))]
-        for title, models in rows.items()
+        for title, models in errors_of.items()
         for name, e in models.items()
     ]
     page.table(["recording", "model", "velocity", "acceleration"], table)

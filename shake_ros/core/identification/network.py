@@ -149,8 +149,9 @@ def first_network(inputs: np.ndarray, outputs: np.ndarray, seed: int, hidden: tu
     drawn = []
     for rows, columns in zip(widths, widths[1:], strict=False):
         drawn += [rng.standard_normal(rows * columns) / np.sqrt(rows), rng.standard_normal(columns)]
-    scaling = (v for data in (inputs, outputs) for v in (np.mean(data, axis=0), np.maximum(np.std(data, axis=0), 1e-9)))
-    return Network(np.concatenate(drawn), *scaling, hidden)
+    means = [np.mean(data, axis=0) for data in (inputs, outputs)]
+    spreads = [np.maximum(np.std(data, axis=0), 1e-9) for data in (inputs, outputs)]
+    return Network(np.concatenate(drawn), means[0], spreads[0], means[1], spreads[1], hidden)
 
 
 def train(inputs: np.ndarray, outputs: np.ndarray, seed: int = 0, hidden: tuple[int, int] = HIDDEN) -> Training:
