@@ -37,9 +37,7 @@ def learning_chart(training: Training) -> Chart:
     """Mean squares of the scaled error after every epoch, on the three parts."""
     names = ("to learn", "before"), ("to stop by", "measured"), ("to test", "after")
     series = (ChartSeries(n, training.curves[:, k], colour) for k, (n, colour) in enumerate(names))
-    panel = Panel(
-        "mean square of the scaled error [-]", np.arange(float(len(training.curves))), tuple(series), log=True
-    )
+    panel = Panel("mean square error [-]", np.arange(float(len(training.curves))), tuple(series), log=True)
     caption = f"Error over the training; predicting the mean gives 1. Kept are the weights of epoch {training.kept}."
     return Chart("training", "epoch", (panel,), caption)
 
