@@ -36,6 +36,7 @@ FUNCTIONS = {  # kind of effects/unlisted.py → its quantity, label and scale
     6: ("load_pressure", "relative change of stiffness [-]", 1.0),
     7: ("time", "relative change of flow gain [-]", 1.0),
     8: ("phase", "relative change of supply pressure [-]", 1.0),
+    9: ("position", "relative change of dry friction [-]", 1.0),
 }
 SHOWN = 2.0  # of a recording at first [s]
 GROUPS = 30  # of the abscissa of a residual

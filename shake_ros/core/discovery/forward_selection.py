@@ -17,7 +17,7 @@ from shake_ros.core.discovery.decision import ForwardStep, decide, improves
 from shake_ros.core.discovery.elimination import eliminate
 from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, Stopped
-from shake_ros.core.discovery.refined_nodes import with_refined_nodes
+from shake_ros.core.discovery.refined_nodes import refined_function
 from shake_ros.core.discovery.refit import Refit, ranked, refit, rounds
 from shake_ros.core.discovery.screening import screen
 from shake_ros.core.discovery.shown_effects import shown_steps
@@ -115,7 +115,7 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
         if step is None:
             break
         if step.chosen.candidate.effect == UNLISTED:
-            step = with_refined_nodes(problem, step)
+            step = refined_function(problem, step)
         found = found.with_step(step)
         yield found
         left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)

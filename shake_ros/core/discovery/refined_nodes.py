@@ -14,6 +14,7 @@ import numpy as np
 
 from shake_ros.core.discovery.closed_form import FORMS, FunctionForm, fitted_forms
 from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import SearchProblem
 from shake_ros.core.discovery.unlisted_functions import NODE_NAMES, PREFIX
 from shake_ros.core.effects.unlisted import FORCE_OF_POSITION, NODES, SUPPLY_OF_PHASE
@@ -52,6 +53,16 @@ def better_range(kind: int, low: float, high: float, form: FunctionForm) -> Rang
         if flank < 0.4 * (high - low) and low < middle < high:
             return middle - flank, middle + flank
     return None
+
+
+def refined_function(problem: SearchProblem, step: ForwardStep) -> ForwardStep:
+    """A step that adds a function, with its nodes where they are needed and with late parameters freed, if that helps.
+
+    In steps that add a listed effect late parameters are freed before the decision (convergence.py).
+    """
+    step = with_refined_nodes(problem, step)
+    better = replace(step.chosen, result=with_late_parameters(problem, step.chosen.result))
+    return replace(step, chosen=better, ranking=(better, *step.ranking[1:]))
 
 
 def with_refined_nodes(problem: SearchProblem, step: ForwardStep) -> ForwardStep:

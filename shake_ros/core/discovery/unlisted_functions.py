@@ -54,6 +54,9 @@ OF_MOTION = (
     FunctionKind(law.FORCE_OF_VELOCITY, "velocity", "friction", ("velocity",), "N", 100.0, -1e5, 1e5),
 )
 OF_HYDRAULICS = (
+    FunctionKind(
+        law.FRICTION_FACTOR_OF_POSITION, "position", "friction", ("position", "direction"), "-", 0.2, -0.95, 20.0
+    ),
     FunctionKind(law.FLOW_GAIN_OF_OPENING, "valve_opening", "valve", ("valve_opening",), "-", 0.05, -0.95, 2.0),
     FunctionKind(law.LEAKAGE_OF_LOAD_PRESSURE, "load_pressure", "flow", ("load_pressure",), "m^3/s", 2e-6, -1e-3, 1e-3),
     FunctionKind(
@@ -120,7 +123,7 @@ def best_function(problem: SearchProblem, current: ScoredFit) -> FunctionSearch:
         candidate = CandidateEffect(UNLISTED, own, (), f.kind.place, f.kind.depends_on)
         refits.append(Refit(candidate, problem.scored(fit_function(problem, f)), f.gain))
     best = min(refits, key=lambda r: r.result.validation_cost, default=None)
-    return FunctionSearch({(f.kind.place, f.kind.quantity): f.gain for f in found}, best)
+    return FunctionSearch({(f.kind.place, f.kind.quantity): f.gain for f in reversed(found)}, best)
 
 
 def screen_functions(problem: SearchProblem, current: Fit) -> list[ScreenedFunction]:

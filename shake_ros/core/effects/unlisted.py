@@ -14,6 +14,7 @@ Beyond its range a force of position goes on with the slope of its end, as a spr
     6  relative change of stiffness [-] of load pressure  E (1 + y(P_L))
     7  relative change of flow gain [-] of time           C_v (1 + y(t))
     8  relative change of supply pressure [-] of the phase of a period high − low   P_s (1 + y(t mod T))
+    9  relative change of all dry friction [-] of position, as where a seal presses harder  (1 + y(x))
 
 Kinds 1 to 3 exist for a force-driven axis as well. The function of kind 8 is periodic. Time counts from the start of a
 recording. Absent at kind 0. The search names it `unlisted` where the residual stands above the noise and no listed
@@ -39,6 +40,7 @@ LEAKAGE_OF_LOAD_PRESSURE = 5
 STIFFNESS_OF_LOAD_PRESSURE = 6
 FLOW_GAIN_OF_TIME = 7
 SUPPLY_OF_PHASE = 8
+FRICTION_FACTOR_OF_POSITION = 9
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class Unlisted(Effect):
     depends_on: ClassVar[tuple[str, ...]] = ()
     models: ClassVar[tuple[str, ...]] = ("full", "axis")
 
-    kind: int = quantity("-", "what the function is of and where it acts, 0 for absent", low=0, high=8, default=0)
+    kind: int = quantity("-", "what the function is of and where it acts, 0 for absent", low=0, high=9, default=0)
     low: float = quantity("-", "argument at the first node, in its unit", default=-1.0)
     high: float = quantity("-", "argument at the last node, in its unit", default=1.0)
     node_00: float = quantity("-", "value at node 0, in the unit of the kind", default=0.0)

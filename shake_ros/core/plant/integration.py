@@ -192,14 +192,16 @@ def hold(p, y, u, force, duration, n, work, known, tolerance):
 @kernel
 def accelerometer(p, y, acceleration):
     """What the accelerometer's output is before noise: lag, scale, bias [m/s²]."""
-    a = y[LAGGED_ACCELERATION] if p.accelerometer_lag_time_constant > 0.0 else acceleration
+    shown = min(p.accelerometer_lag_time_constant / SHORTEST_LAG, 1.0)
+    a = acceleration if shown <= 0.0 else acceleration + shown * (y[LAGGED_ACCELERATION] - acceleration)
     return (1.0 + p.accelerometer_scale_error) * a + p.accelerometer_bias_bias
 
 
 @kernel
 def position_sensor(p, y):
     """What the position transducer's output is before noise [m]."""
-    return y[LAGGED_POSITION] if p.position_sensor_lag_time_constant > 0.0 else y[POSITION]
+    shown = min(p.position_sensor_lag_time_constant / SHORTEST_LAG, 1.0)
+    return y[POSITION] if shown <= 0.0 else y[POSITION] + shown * (y[LAGGED_POSITION] - y[POSITION])
 
 
 @kernel
@@ -237,7 +239,10 @@ def advance_sample(p, y, late, timely, fraction, force, dt, work, known, toleran
 def sensed_velocity(p, y):
     """Rate of what the position transducer shows [m/s]."""
     tau = p.position_sensor_lag_time_constant
-    return (y[POSITION] - y[LAGGED_POSITION]) / max(tau, SHORTEST_LAG) if tau > 0.0 else y[VELOCITY]
+    if tau <= 0.0:
+        return y[VELOCITY]
+    shown = min(tau / SHORTEST_LAG, 1.0)
+    return (1.0 - shown) * y[VELOCITY] + shown * (y[POSITION] - y[LAGGED_POSITION]) / max(tau, SHORTEST_LAG)
 
 
 @kernel

@@ -18,6 +18,7 @@ from shake_ros.core.effects.supply_droop import pressure_rate
 from shake_ros.core.effects.unlisted import (
     FORCE_OF_POSITION,
     FORCE_OF_VELOCITY,
+    FRICTION_FACTOR_OF_POSITION,
     FRICTION_OF_POSITION,
     is_of_time,
 )
@@ -69,7 +70,7 @@ from shake_ros.core.valve.detailed import CODE as DETAILED
 from shake_ros.core.valve.flow_force import acts
 from shake_ros.core.valve.simplified import spool_acceleration
 
-SHORTEST_LAG = 1e-4  # [s] of a sensor; a shorter one, which no recording shows, acts as this: it would only be stiff
+SHORTEST_LAG = 1e-4  # [s] of a sensor's state; of a shorter lag, which would only be stiff, the sensor shows a part
 
 
 @kernel
@@ -135,6 +136,7 @@ def friction_force(p, velocity, position, displacement, start, velocity_start, m
     if p.presliding_friction_distance > 0.0 and not is_dynamic(p):
         sign = deflection(start[BRISTLE], displacement, p.presliding_friction_distance)
     dry = dry_level(dry, position, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature)
+    dry *= 1.0 + unlisted(p, FRICTION_FACTOR_OF_POSITION, position)
     dry += unlisted(p, FRICTION_OF_POSITION, position)
     dry *= 1.0 + p.friction_asymmetry_asymmetry * sign
     dry *= 1.0 - p.film_friction_relief * film

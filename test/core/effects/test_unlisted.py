@@ -36,6 +36,10 @@ SAME_AS_A_LISTED_LAW = {
         unnamed(unlisted.FRICTION_OF_POSITION, -0.05, 0.05, 500.0 + 3e3 * ramp(-0.05, 0.05)),
         {"friction.coulomb_level": 580.0, "effects.position_dependent_friction.gradient": 3e3},
     ),
+    "a factor of friction that position leaves alone is another level": (
+        unnamed(unlisted.FRICTION_FACTOR_OF_POSITION, -0.05, 0.05, np.full(unlisted.NODES, 0.5)),
+        {name: 1.5 * BERGAMO.value(name) for name in ("friction.coulomb_level", "friction.stribeck_rise")},
+    ),
     "force of velocity is viscous": (
         unnamed(unlisted.FORCE_OF_VELOCITY, -0.5, 0.5, 800.0 * ramp(-0.5, 0.5)),
         {"friction.viscous": 802.0},
