@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.iterate import Learn, learning
-from shake_ros.api.own_loop import OwnLoop, own_loop
+from shake_ros.api.own_loop import FUSED, OwnLoop, own_loop
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.qualification import Qualification, searched_in
 from shake_ros.api.qualification_files import (
@@ -59,6 +59,15 @@ class _Laboratory:
         if self.own is None:
             return loop.observer, loop.controller
         return self.own.of(model, loop.sample_time, self.delay * loop.sample_time)
+
+    @property
+    def words(self) -> str:
+        """Controller and observer, for the certificate."""
+        loop = self.settings.loop
+        if self.own is None:
+            return f"{loop.controller}, {loop.observer}"
+        told = "" if self.own.sound else ", which ring on a neighbour of it"
+        return f"{self.own.kind}, {FUSED}, gains made for the model{told}"
 
     def play(self, model: TableParameters, drive: Array, name: str, number: int) -> TableRecording:
         """One recorded run."""
@@ -156,7 +165,7 @@ def qualify(
         if isinstance(model, TableParameters)
         else str(model),
         "instruments": f"simulated sensors, accelerometer noise {plant.sensors.acceleration_noise:g} m/s² rms",
-        "loop": f"{chosen.loop.controller}, {chosen.loop.observer}, {1e-3 / step:g} kHz",
+        "loop": f"{laboratory.words}, {1e-3 / step:g} kHz",
         "date": when,
         "seed": str(seed),
     }

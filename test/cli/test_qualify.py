@@ -64,6 +64,7 @@ def test_certificate_has_page_paper_figures_and_recordings(certificate: Path) ->
     told = json.loads((certificate / "certificate.json").read_text(encoding="utf-8"))
     assert told["passed"] is True
     assert told["about"]["specimen"] == "cabinet 7"
+    assert told["about"]["loop"] == "three_variable, fused_accelerometer, gains made for the model, 1 kHz"
     assert set(told["sha256"]) == {
         f"{name}/{file}"
         for name in ("search_before", "run_1", "search_after")
