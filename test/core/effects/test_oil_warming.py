@@ -7,7 +7,9 @@ import pytest
 
 from shake_ros.core.effects.oil_warming import OilWarming
 from shake_ros.core.fluid.oil import Oil
-from shake_ros.core.identification.recordings import FULL, Record
+from shake_ros.core.identification.fit import fit
+from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
+from shake_ros.core.identification.recordings import FULL, Record, RecordingProblem
 from shake_ros.core.plant.parameters import records
 from shake_ros.core.plant.right_hand_side import active_states, right_hand_side
 from shake_ros.core.plant.simulation import initial_state, run
@@ -64,3 +66,17 @@ def test_a_piece_of_a_recording_is_as_warm_as_the_recording_was_there() -> None:
         FULL.run(one, record)[:, 2] for record, one in ((later, table), (at_start, table), (at_start, warm(10.0)))
     )
     assert np.std(warmed - reached) < 0.1 * np.std(warmed - cold)
+
+
+def test_a_fit_finds_the_drift_that_a_recording_was_made_with() -> None:
+    """0.2 K/s beside a modulus and a leakage that are free as well, within four standard errors."""
+    time, noise = np.arange(12000) * 1e-3, np.random.default_rng(1).standard_normal((2, 12000))
+    u = sum(a * np.sin(2.0 * np.pi * f * time) for a, f in ((0.15, 3.0), (0.1, 7.3), (0.05, 17.0)))
+    out = run(TABLE.with_values({"effects.oil_warming.rate": 0.2}), u, 1e-3)
+    record = Record("warm", 1e-3, u, out[:, 0] + 8e-6 * noise[0], out[:, 2] + 0.02 * noise[1])
+    scales = {"bulk_modulus.modulus": 1e8, "leakage.external": 1e-12, "effects.oil_warming.rate": 0.02}
+    free = FreeParameters(TABLE, [free_parameter(n, {"scale": s}, "here") for n, s in scales.items()])
+    found = fit(RecordingProblem([record]), free, free.start(), evaluations=15)
+    deviation = np.sqrt(np.linalg.inv(found.jacobian.T @ found.jacobian)[-1, -1]) * 0.02
+    assert deviation < 0.01
+    assert abs(0.02 * found.x[-1] - 0.2) < 4.0 * deviation
