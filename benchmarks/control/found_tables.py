@@ -288,6 +288,8 @@ def summary(rows: dict[str, dict[str, Any]]) -> list[str]:
         )
     key, row = max(rows.items(), key=lambda item: float(item[1][LOOPS[-1]]["let_go"]))
     lines.append(f"while the loop with gains settled the table moved at most {row[LOOPS[-1]]['let_go']:.1f} mm ({key})")
+    sound = sum(row["sound"] for row in rows.values())
+    lines.append(f"tune calls its gains sound, on the table and all its neighbours, on {sound} of {len(rows)}")
     took = [row["processor"] for row in rows.values() if "processor" in row]
     if took:
         lines.append(f"tuning took {np.median(took):.1f} s of processor time in the median of {len(took)}")
