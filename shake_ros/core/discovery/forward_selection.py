@@ -15,6 +15,7 @@ from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.convergence import converge, reconverged, refined
 from shake_ros.core.discovery.decision import ForwardStep, decide, improves
 from shake_ros.core.discovery.elimination import eliminate
+from shake_ros.core.discovery.joint_steps import joint_steps
 from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, Stopped
 from shake_ros.core.discovery.refined_nodes import refined_function
@@ -109,6 +110,13 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
         yield found
         if improved and step is None:
             continue  # the model without a further effect had not converged: look again at what it leaves now
+        together = joint_steps(problem, model, current) if step is None and not found.steps else ()
+        if together:
+            for shown in together:
+                found = found.with_step(shown)
+            left = tuple(c for c in left if c.effect not in {s.chosen.candidate.effect for s in together})
+            yield found
+            continue
         step, functions = or_function(problem, current, step, ranking)
         found = replace(found, functions=functions)
         yield found
