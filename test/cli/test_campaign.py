@@ -77,7 +77,9 @@ def test_stopped_by_ctrl_c_it_keeps_what_it_has_and_goes_on_with_the_rest(tmp_pa
     )
     command = [sys.executable, "-m", "shake_ros", "campaign", str(study), "--out", str(out), "--workers", "1"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a child of tests in the background ignores it
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True)
+    signal.signal(signal.SIGINT, before)
     deadline = time.monotonic() + 240.0
     while time.monotonic() < deadline and not (out.exists() and _count(out) > 5):
         time.sleep(0.02)

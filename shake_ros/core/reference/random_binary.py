@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import max_len_seq
 
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 from shake_ros.core.reference.motion import Array, EarthquakeRecord, Motion, sample_times, smooth_step
@@ -32,6 +31,8 @@ def levels(bits: int) -> Array:
     >>> levels(3).tolist()
     [1.0, 1.0, 1.0, -1.0, 1.0, -1.0, -1.0]
     """
+    from scipy.signal import max_len_seq  # slow to import, and only this reference needs it
+
     return np.asarray(2.0 * max_len_seq(bits)[0] - 1.0)
 
 

@@ -14,7 +14,7 @@ from shake_ros.settings import load_table
 POOL = effect_candidates()
 LISTED = """
     spool_deadband spool_hysteresis asymmetric_flow_gain valve_null_shift slow_valve turbulent_leakage
-    supply_droop tank_back_pressure pressure_dependent_bulk_modulus entrained_air soft_zone dead_volume oil_warming
+    supply_droop tank_back_pressure pressure_dependent_bulk_modulus entrained_air soft_zone dead_volume
     friction_asymmetry position_dependent_friction presliding_friction film_friction quadratic_drag
     constant_force stiffness_to_ground specimen_resonance coupling_backlash base_flexibility payload_error
     accelerometer_scale accelerometer_bias accelerometer_lag position_sensor_lag command_delay
