@@ -34,6 +34,16 @@ OWN = {
     "flow": 1.9e-7,
     "sharp": 4e-4,
 }
+TRUE = {  # the same as parameters of a table
+    "friction.coulomb_level": OWN["coulomb"],
+    "friction.stribeck_rise": OWN["rise"],
+    "friction.stribeck_decay": OWN["decay"],
+    "friction.viscous": OWN["viscous"],
+    "bulk_modulus.modulus": OWN["modulus"],
+    "leakage.internal": OWN["internal"],
+    "leakage.external": OWN["external"],
+    "valve.flow_coefficient": OWN["flow"],
+}
 
 
 class Hidden(NamedTuple):
@@ -150,4 +160,4 @@ def open_loop(commands: np.ndarray, table: Constants, hidden: Hidden | None = No
     return closed_loop(commands, none, start, table, hidden or Hidden(), 0.0, STEPS, SAMPLE_TIME)[:, 2]
 
 
-__all__ = ["Constants", "Hidden", "Recorded", "constants", "excitation", "open_loop", "record"]
+__all__ = ["OWN", "TRUE", "Constants", "Hidden", "Recorded", "constants", "excitation", "open_loop", "record"]

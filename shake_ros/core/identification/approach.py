@@ -41,10 +41,14 @@ def approached(
     near : mean square of the residuals at which the start is near the end, and no way to it is needed.
     """
     drawn = problem.drawn(INJECTION)
-    if drawn is problem or np.mean(problem.residuals(free.vectors(start))[0] ** 2) <= near:
+    if drawn is problem or (begun := _cost(problem, free, start)) <= near:
         return fit(problem, free, start, evaluations=evaluations, tolerance=tolerance)
     most, least = min(EVALUATIONS, evaluations), max(TOLERANCE, tolerance)
     led = fit(drawn, free, start, evaluations=most, tolerance=least)
-    costs = np.nan_to_num(np.sum(problem.residuals(free.vectors(np.array([start, led.x]))) ** 2, axis=1), nan=np.inf)
-    found = fit(problem, free, led.x if costs[1] < costs[0] else start, evaluations=evaluations, tolerance=tolerance)
-    return found.after(led.evaluations + 2)
+    better = led.x if _cost(problem, free, led.x) < begun else start
+    return fit(problem, free, better, evaluations=evaluations, tolerance=tolerance).after(led.evaluations + 2)
+
+
+def _cost(problem: Problem, free: FreeParameters, x: np.ndarray) -> float:
+    """Mean square of the residuals; inf where the run ends in no number."""
+    return float(np.nan_to_num(np.mean(problem.residuals(free.vectors(x))[0] ** 2), nan=np.inf))

@@ -8,6 +8,7 @@ position-dependent effects follow the measured position.
 from __future__ import annotations
 
 import copy
+import functools
 import math
 from abc import ABC, abstractmethod
 from concurrent.futures import ThreadPoolExecutor
@@ -99,9 +100,7 @@ class Record:
 
     def velocity_noise(self) -> float:
         """Standard deviation of the noise that passes the velocity filter [m/s], not below that of its rounding."""
-        rng = np.random.default_rng(0)
-        white = rng.standard_normal(20000)
-        gain = float(np.std(derivative(white, self.sample_time)[1000:-1000]))
+        gain = velocity_noise_gain(self.sample_time)
         if "velocity" in self.noise_from_periods:
             rounding = gain * resolution(self.position) / math.sqrt(12.0)
             return max(self.noise_from_periods["velocity"], rounding)
@@ -111,6 +110,13 @@ class Record:
         """Standard deviation of the acceleration noise [m/s²]."""
         assert self.acceleration is not None
         return self.noise_from_periods.get("acceleration", white_deviation(self.acceleration))
+
+
+@functools.cache
+def velocity_noise_gain(sample_time: float) -> float:
+    """Standard deviation of the filtered velocity per standard deviation of white noise on the position [1/s]."""
+    white = np.random.default_rng(0).standard_normal(20000)
+    return float(np.std(derivative(white, sample_time)[1000:-1000]))
 
 
 def relative_error(measured: np.ndarray, simulated: np.ndarray) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hidden_table import OWN, SAMPLE_TIME, record
+from hidden_table import OWN, SAMPLE_TIME, TRUE, record
 
 from shake_ros.core.identification.approach import INJECTION, approached
 from shake_ros.core.identification.axis_model import AXIS
@@ -15,16 +15,6 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import load_table
 
-TRUE = {
-    "friction.coulomb_level": OWN["coulomb"],
-    "friction.stribeck_rise": OWN["rise"],
-    "friction.stribeck_decay": OWN["decay"],
-    "friction.viscous": OWN["viscous"],
-    "bulk_modulus.modulus": OWN["modulus"],
-    "leakage.internal": OWN["internal"],
-    "leakage.external": OWN["external"],
-    "valve.flow_coefficient": OWN["flow"],
-}
 SOFT = next(c for c in effect_candidates() if c.effect == "soft_zone")
 
 

@@ -4,20 +4,9 @@ from __future__ import annotations
 
 import pytest
 from closed_loops import declared_fit
-from hidden_table import OWN
+from hidden_table import TRUE
 
 from shake_ros.core.identification.uncertainty import estimates
-
-TRUE = {
-    "friction.coulomb_level": OWN["coulomb"],
-    "friction.stribeck_rise": OWN["rise"],
-    "friction.stribeck_decay": OWN["decay"],
-    "friction.viscous": OWN["viscous"],
-    "bulk_modulus.modulus": OWN["modulus"],
-    "leakage.internal": OWN["internal"],
-    "leakage.external": OWN["external"],
-    "valve.flow_coefficient": OWN["flow"],
-}
 
 
 @pytest.mark.parametrize("name", TRUE)
