@@ -331,6 +331,20 @@ def figure_names() -> frozenset[str]:
     return frozenset(name.replace(".", "_") for name in re.findall(r"^  (\S+) ", page.stdout, re.MULTILINE))
 
 
+@pytest.mark.parametrize("page", [page for page in PAGES if page.startswith("docs/") and page != "docs/index.md"])
+def test_every_page_of_the_manual_stands_in_a_table_of_contents(page: str) -> None:
+    """As `./shake docs` demands it."""
+    listed = {
+        (contents.parent / entry).relative_to(ROOT).as_posix()
+        for contents in ROOT.glob("docs/**/*.md")
+        for kind, body in FENCE.findall(contents.read_text(encoding="utf-8"))
+        if kind == "{toctree}"
+        for entry in body.split()
+        if not entry.startswith(":")
+    }
+    assert page.removesuffix(".md") in listed
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_every_path_that_is_named_exists(page: str) -> None:
     for path in PATHS.findall(prose(page)):
