@@ -3,10 +3,10 @@
     PAUSES=FOLDER python -m benchmarks.realtime.traced NODE ROS_ARGUMENTS   # into FOLDER/NODE.json
 
 A pause is a step (a tick, a datagram or a message) that comes more than LIMIT after it was due. What the thread did
-since the step before is added up from what Python and Linux count: the garbage collector (`gc.callbacks`), the report
-on /diagnostics, the interlock's look into the graph that DDS discovered, the executor beyond the time it was given,
-waiting for a processor (/proc/self/task/*/schedstat), page faults (`getrusage`), own computation (the thread's
-processor time without these); the rest it slept, so its timer or its input was late.
+since the step before is added up from what Python and Linux count: the garbage collector in any thread of the process
+(`gc.callbacks`), the report on /diagnostics, the interlock's look into the graph that DDS discovered, the executor
+beyond the time it was given, waiting for a processor (/proc/self/task/*/schedstat), page faults (`getrusage`), own
+computation (the thread's processor time without these); the rest it slept, so its timer or its input was late.
 """
 
 from __future__ import annotations
@@ -46,14 +46,17 @@ class Tracer:
         self.steps = self.faults = 0
         self._before: dict[str, int] = {}
         self._first = self._thread = self._schedstat = 0
-        self._collecting = 0
+        self._collecting = self._elsewhere = 0
         gc.callbacks.append(self._collector)
 
     def _collector(self, phase: str, _info: dict[str, int]) -> None:
         if phase == "start":
             self._collecting = time.monotonic_ns()
-        elif threading.get_native_id() == self._thread:
-            self.spent["collector"] += time.monotonic_ns() - self._collecting
+            return
+        took = time.monotonic_ns() - self._collecting
+        self.spent["collector"] += took
+        if threading.get_native_id() != self._thread:  # it has the interpreter's lock: the stepping thread sleeps
+            self._elsewhere += took
 
     def timed(self, part: str, owner: Any, name: str, allowed: bool = False) -> None:
         """Count the time of a method under `part`; where `allowed`, only beyond its first argument [s]."""
@@ -88,6 +91,7 @@ class Tracer:
             "processor": time.thread_time_ns(),
             "waited": waited,
             "faults": usage.ru_minflt + usage.ru_majflt,
+            "elsewhere": self._elsewhere,
             **self.spent,
         }
         before, self._before = self._before, present
@@ -97,9 +101,9 @@ class Tracer:
         since = {name: present[name] - value for name, value in before.items()}
         self.faults += since["faults"]
         if since["at"] > PERIOD + LIMIT:
-            own = since["processor"] - sum(since[part] for part in PARTS)
+            own = since["processor"] - sum(since[part] for part in PARTS) + since["elsewhere"]
             known = {part: since[part] for part in PARTS} | {"computation": max(0, own), "waited": since["waited"]}
-            asleep = since["at"] - since["processor"] - since["waited"]
+            asleep = since["at"] - since["processor"] - since["waited"] - since["elsewhere"]
             parts = {name: value / 1e6 for name, value in {**known, "asleep": max(0, asleep)}.items()}
             self.pauses.append({"late": (since["at"] - PERIOD) / 1e6, **parts, "faults": since["faults"]})
 

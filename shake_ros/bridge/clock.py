@@ -83,10 +83,11 @@ class TargetClock:
         first = self._least[0]
         t = np.array([one[0] - first[0] for one in self._least], dtype=np.float64)
         d = np.array([one[1] - first[1] for one in self._least], dtype=np.float64)
-        slope, height = np.polyfit(t, d, 1)
-        self._drift = float(slope)
+        middle, height = float(t.mean()), float(d.mean())
+        t -= middle
+        self._drift = float(t @ d) / float(t @ t)
         self._origin = now
-        self._offset = first[1] + round(float(height + slope * (now - first[0])))
+        self._offset = first[1] + round(height + self._drift * (now - first[0] - middle))
 
     def _at(self, target_time: int) -> int:
         return self._offset + round(self._drift * (target_time - self._origin))

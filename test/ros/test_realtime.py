@@ -179,6 +179,20 @@ def test_collector_that_is_held_works_when_told_and_is_let_go_as_it_was() -> Non
     assert realtime.in_force().endswith("collector at work")
 
 
+def test_what_a_late_import_leaves_is_held_as_well() -> None:
+    realtime.hold_collector()
+    try:
+        held = gc.get_freeze_count()
+        few = [[] for _ in range(100)]
+        realtime.collect()
+        assert gc.get_freeze_count() == held
+        many = [[] for _ in range(2 * realtime.MANY)]
+        realtime.collect()
+        assert gc.get_freeze_count() >= held + len(few) + len(many)
+    finally:
+        realtime.release_collector()
+
+
 def test_a_processor_that_is_not_there_is_named() -> None:
     wanted = RealtimeParameters(True, 0, 4095, False, False)
     assert realtime.ask_for(wanted) == "real time: runs without processor 4095 (Invalid argument)"

@@ -51,6 +51,7 @@ class Interlock:
         self._position = math.nan
         self._holding = False
         self._away = 0.0  # at full span and not yet at the reference [s]; infinite once there
+        sensors.prepare()
         self._memory = sensors.fresh_memory()
         self._values = np.zeros(len(SENSED))
         self._limits = np.zeros(len(SENSED))

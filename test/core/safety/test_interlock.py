@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.quantities import ShakeError
+from shake_ros.core.safety import sensors
 from shake_ros.core.safety.causes import ACTIONS, CAUSES, HYDRAULIC, InterlockParameters
 from shake_ros.core.safety.interlock import ERROR, OK, WARN, Interlock
 from shake_ros.core.safety.stages import HIGH, LOW, OFF, RUN
@@ -47,6 +48,15 @@ def running(name: str = "bergamo", **causes: dict[str, Any]) -> Interlock:
         made.act(k * MS)
     assert made.stage == RUN and made.gain == 1.0
     return made
+
+
+def test_first_sample_finds_the_look_at_it_compiled(monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr(sensors, "watch", lambda *given: asked.append([type(one) for one in given]) or 0)
+    made = Interlock(parameters("bergamo"), enabled=True)
+    made.observe(MS, 0.0, 0.0, SUPPLY)
+    prepared, first = asked
+    assert prepared == first
 
 
 def test_fresh_command_acts(lock) -> None:
