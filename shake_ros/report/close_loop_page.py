@@ -106,11 +106,24 @@ def error_meaning(model: FittedModel) -> str:
     return f"error of the free run, {channel}, {'validation' if model.validation else 'estimation'} data"
 
 
+def _title(step: ForwardStep, function: LearntFunction | None = None) -> str:
+    """An effect by its name; one without a name by what it depends on and the form that it has."""
+    chosen = step.chosen.candidate
+    if chosen.effect != "unlisted":
+        return chosen.effect
+    depends = ", ".join(name.replace("_", " ") for name in chosen.depends_on)
+    return f"a function of {depends}" + (f" ({function.form.name})" if function else "")
+
+
+def _named(result: LoopClosure) -> str:
+    return ", ".join(_title(step, result.function) for step in result.search.steps) or "nothing"
+
+
 def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | None) -> None:
     """What is missing, how sure that is, and what it is worth, as cards and a sentence each."""
     page.heading("What was found, and how sure")
     steps, rest = result.search.steps, result.remaining
-    named = ", ".join(s.chosen.candidate.effect for s in steps) or "nothing"
+    named = _named(result)
     place = ", ".join(dict.fromkeys(s.chosen.candidate.place for s in steps))
     before, after = (percent(mean_error(m.validation)) for m in (result.baseline, result.final))
     cards = [
@@ -130,7 +143,8 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
     if not steps:
         page.paragraph("No effect lowers the error on the validation data beyond chance.")
     for step, model, standing in zip_longest(steps, result.models, result.standings):
-        page.paragraph(" ".join([step_text(step, model, standing), *(_sentences(standing) if standing else ())]))
+        said = _sentences(standing) if standing else []
+        page.paragraph(" ".join([step_text(step, model, standing, result.function), *said]))
     for doubtful in result.candidates:
         page.paragraph(" ".join([f"Not added: {doubtful.effect} ({doubtful.place}).", *_sentences(doubtful)]))
     if result.search.stopped:
@@ -141,7 +155,12 @@ def _sentences(standing: EffectStanding) -> list[str]:
     return [sentence(line.strip()) for line in standing_lines(standing)]
 
 
-def step_text(step: ForwardStep, model: FittedModel, standing: EffectStanding | None = None) -> str:
+def step_text(
+    step: ForwardStep,
+    model: FittedModel,
+    standing: EffectStanding | None = None,
+    function: LearntFunction | None = None,
+) -> str:
     """An added effect with its values, and what could stand for it: in the final model, where that is judged."""
     chosen = step.chosen.candidate
     own = {f.name for f in chosen.free}
@@ -158,33 +177,33 @@ def step_text(step: ForwardStep, model: FittedModel, standing: EffectStanding | 
     else:
         sure = "It shows in the recordings without a search; no other effect was refitted in its place."
     shown = f": {', '.join(values)}" if values else ""
-    return f"{chosen.effect} ({chosen.place}){shown}. {sure}"
+    return f"{_title(step, function)}, place {chosen.place}{shown}. {sure}"
 
 
 def step_section(page: Page, step: ForwardStep, without: ScoredFit, function: LearntFunction | None = None) -> None:
     """Why this effect and not another."""
     chosen = step.chosen.candidate
-    page.heading(f"Why {chosen.effect} and not another")
+    page.heading(f"Why {_title(step, function)} and not another")
     page.paragraph((EFFECTS[chosen.effect].__doc__ or "").strip().splitlines()[0])
     sizes = [math.sqrt(r.score) for r in step.ranking]
-    why = f"It takes the residual from {math.sqrt(without.score):.3g} to {sizes[0]:.3g} times the noise"
+    why = f"It takes the residual from {_times(math.sqrt(without.score))} to {_times(sizes[0])} times the noise"
     if len(step.ranking) > 1:
         least = min(range(1, len(sizes)), key=lambda k: sizes[k])
-        why += f"; {step.ranking[least].candidate.effect}, the next, leaves {sizes[least]:.3g}"
+        why += f"; {step.ranking[least].candidate.effect}, the next, leaves {_times(sizes[least])}"
         if sizes[least] < sizes[0]:
             why += ", but " + (
                 "with values that are not seen on real tables" if not step.ranking[least].usual else "not beyond chance"
             )
     page.paragraph(f"{why}. {SIZE}")
     widest = max(math.sqrt(without.score), *sizes)
-    rows: list[list[str | Bar]] = [["without", "", *_sizes(without, widest), ""]]
+    rows: list[list[str | Bar]] = [["without", *_sizes(without, widest, "", "")]]
     for r, size in zip(step.ranking, sizes, strict=True):
         told = "added" if r is step.chosen else "fits worse" if size > sizes[0] else "fits as well"
         if r.candidate.effect in step.alternatives:
             told = "not told apart"
         told += "" if r.usual else ", unusual values"
-        rows.append([r.candidate.effect, r.candidate.place, *_sizes(r.result, widest), told])
-    page.table(("effect", "place", "estimation", "validation", "both, × noise", "verdict"), rows, best=1, start=0)
+        rows.append([r.candidate.effect, *_sizes(r.result, widest, told, r.candidate.place)])
+    page.table(("effect", "both, × noise", "verdict", "place", "estimation", "validation"), rows, best=1, start=0)
     if chosen.effect == "unlisted":
         page.paragraph(
             f"No listed effect explains the residual. It acts at {chosen.place} "
@@ -195,10 +214,19 @@ def step_section(page: Page, step: ForwardStep, without: ScoredFit, function: Le
             page.paragraph(sentence(function_line(function)))
 
 
-def _sizes(fit: ScoredFit, widest: float) -> list[str | Bar]:
+def _sizes(fit: ScoredFit, widest: float, told: str, place: str) -> list[str | Bar]:
     size = math.sqrt(fit.score)
-    both = [f"{math.sqrt(cost):.3g}" for cost in (fit.estimation_cost, fit.validation_cost)]
-    return [*both, Bar(size / widest, f"{size:.3g}")]
+    both = [_times(math.sqrt(cost)) for cost in (fit.estimation_cost, fit.validation_cost)]
+    return [Bar(size / widest, _times(size)), told, place, *both]
+
+
+def _times(size: float) -> str:
+    """A multiple of the noise with three digits.
+
+    >>> _times(29.98), _times(0.6902), _times(1234.5)
+    ('30.0', '0.690', '1234')
+    """
+    return f"{size:#.3g}" if size < 100.0 else f"{size:.0f}"
 
 
 def model_sections(page: Page, result: LoopClosure, learn: Sequence[Record], hold: Sequence[Record]) -> None:
@@ -230,7 +258,7 @@ def close_loop_page(
     offsets: Sequence[Nuisance] = (),
 ) -> Page:
     """The page of `close_loop`; told, offsets : of a table without a data sheet."""
-    named = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing"
+    named = _named(result)
     estimation, validation = (", ".join(dict.fromkeys(r.name for r in records)) for records in (learn, hold))
     lead = f"Missing: {named}. Estimated from {estimation}; validated on {validation}."
     page = Page("What the model is missing", lead, made_of(command, learn, hold))

@@ -74,7 +74,7 @@ def _models(page: Page, models: tuple[MeasuredModel, ...], best: int | None = No
             str(len(m.fitted.fit.x)) if m.fitted else "–",
             Bar(m.account.rms / widest, f"{m.account.rms:.3f}"),
             f"{m.left_out.rms:.3f}" if m.left_out else "–",
-            f"{m.fitted.criterion:.1f}" if m.fitted else "–",
+            f"{m.fitted.criterion:.1f}".replace("-", "−") if m.fitted else "–",
         ]
         for m in models
     ]

@@ -20,7 +20,7 @@ from shake_ros.report.chart import Chart, chart_json
 WEB = Path(__file__).resolve().parent / "web"
 LARGEST = 5_500_000  # of a page's charts [byte]
 MANY = 8  # columns from which on a table is printed small
-NUMERIC = re.compile(r"[<>≈≤±−+-]?\s?[\d.]|–$|$")
+NUMERIC = re.compile(r"[<>≈≤±−+-]?\s?[\d.]|not known|–$|$")
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 BUTTONS = (
     ("view", "start", "the stretch shown at first"),

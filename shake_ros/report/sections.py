@@ -210,7 +210,11 @@ def known_section(page: Page, diagnosis: Diagnosis) -> None:
     page.heading("What to record next")
     page.paragraph(sentence(diagnosis.advice))
     if diagnosis.benefits:
-        page.paragraph("Uncertainty of each parameter now, and with one recording more, in % of its value:", note=True)
+        page.paragraph(
+            "Uncertainty of each parameter now, and with one recording more, in % of its value, or of its usual size "
+            "where that is larger:",
+            note=True,
+        )
         columns = [known.deviations, *(b.deviations for b in diagnosis.benefits)]
         rows = [
             [name.removeprefix("effects."), *(_uncertainty(float(d[k])) for d in columns)]

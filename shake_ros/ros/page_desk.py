@@ -142,7 +142,7 @@ class PageDesk:
                 self._library.note(Path(self._recording).name, words)
             self._note = ""
         if recording != self._recording:
-            self._recording_since = time.time()
+            self._recording_since = self._store.time()
         self._recording = recording
 
     def _look_at_spectrum(self) -> None:
@@ -203,7 +203,7 @@ class PageDesk:
             "spectrum": self._spectrum, "runs": runs, "last_run": self.runs.runs[-1] if runs else None,
             "model_error": self._model_error(), "model": self.model, "words": self._words(), "died": died,
             "processes": list(self._processes), "recording": self._recording, "lab": self._lab is not None,
-            "recording_for": time.time() - self._recording_since if self._recording else 0.0,
+            "recording_for": max(0.0, self._store.time() - self._recording_since) if self._recording else 0.0,
             "play": self.remote.value("reference_generator", "play"),
             "repeat": self.remote.value("reference_generator", "repeat"), "lockstep": self._frame.lockstep,
         }  # fmt: skip

@@ -17,6 +17,7 @@ from shake_ros.ros.lab_watch import TABLES, LabWatch
 POLL = 0.05  # [s]
 IMPATIENT = 2.0  # a signal that comes later than this after the first ends all at once [s]
 STOPPING = 12.0  # an orderly stop may take so long [s]
+SLOWLY = 60.0  # in lock-step, which a busy machine runs at a fraction of real time [s]
 COMPILING = 4.0  # a start that takes longer says why [s]
 OUTSIDE = ("page", *LAST)  # do not take part in the loop
 
@@ -151,9 +152,14 @@ class Supervisor:
         self._dead.pop(name, None)
         return f"{name} started again"
 
+    def _stop_in_order(self, broken: float) -> bool:
+        """Whether the table has said that its pressure is off; `broken`: patience where a node has died [s]."""
+        whole = SLOWLY if self.graph.lockstep else STOPPING
+        return self.watch.stop_in_order(broken if self._dead else whole)
+
     def _restart_loop(self) -> str:
         """All nodes of the loop, behind an orderly stop; a recording ends with it."""
-        self.watch.stop_in_order(STOPPING if not self._dead else POLL)
+        self._stop_in_order(POLL)
         loop = [one.called for one in self._loop()]
         self.graph.end([name for name in loop if self._runs(name)])
         self._stop_recording({})
@@ -167,7 +173,7 @@ class Supervisor:
         plant = next((one for one in self.graph.nodes if one.executable == "plant"), None)
         if plant is None or plant.program:
             raise ShakeError("there is no simulated table of its own process here")
-        self.watch.stop_in_order(STOPPING)
+        self._stop_in_order(POLL)
         other = NodeSpec("plant", {**plant.parameters, "table": message["name"]})
         self.graph.nodes = [other if one is plant else one for one in self.graph.nodes]
         if self.graph.lockstep:
@@ -198,7 +204,7 @@ class Supervisor:
         wrong = []
         if self._asked:
             say("ending: hold, pressure off")
-            if not self.watch.stop_in_order(STOPPING if not self._dead else IMPATIENT):
+            if not self._stop_in_order(IMPATIENT):
                 wrong.append("the table has not said that its pressure is off")
         recording = self._recorder()
         for group in (

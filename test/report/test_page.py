@@ -15,6 +15,7 @@ from closed_loops import command
 from hidden_table import SAMPLE_TIME
 from pages import Reader, read_page
 
+from shake_ros.core.discovery.closed_form import LearntFunction, fitted_forms
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.report import charts_fit, text
@@ -167,10 +168,10 @@ def test_sizes_of_the_ranking_are_in_one_measure_and_their_bars_start_at_zero() 
     rows = {row[0]: row for row in read_page(page).rows if len(row) == 6}
     step, search = done.result.search.steps[0], done.result.search
     best, without = math.sqrt(step.chosen.score), math.sqrt(search.declared.score)
-    assert rows["spool_deadband"][4] == f"{best:.3g}" and rows["spool_deadband"][5] == "added"
-    assert rows["without"][4] == f"{without:.3g}"
+    assert rows["spool_deadband"][1:3] == [f"{best:#.3g}", "added"]
+    assert rows["without"][1] == f"{without:#.3g}"
     words = " ".join(read_page(page).words.split())
-    assert f"It takes the residual from {without:.3g} to {best:.3g} times the noise" in words
+    assert f"It takes the residual from {without:#.3g} to {best:#.3g} times the noise" in words
     widths = [float(w) for w in re.findall(r"<td class='bar'><i style='width:([\d.]+)rem'>", page)]
     assert widths[1] / widths[0] == pytest.approx(best / without, rel=0.02)
 
@@ -290,3 +291,18 @@ def test_effect_that_shows_is_not_said_to_be_told_from_others_that_nobody_tried(
     alone = dataclasses.replace(step, ranking=(step.chosen,))
     assert "shows in the recordings without a search" in step_text(alone, done.final)
     assert f"from the {len(step.ranking) - 1} other effects" in step_text(step, done.final)
+
+
+def test_function_without_a_name_is_told_by_what_it_depends_on_and_its_form() -> None:
+    done = command("spool_deadband").result
+    (step,) = done.search.steps
+    effect = dataclasses.replace(
+        step.chosen.candidate, effect="unlisted", place="force", depends_on=("load_pressure",), free=()
+    )
+    chosen = dataclasses.replace(step.chosen, candidate=effect)
+    at, deviations = np.linspace(-0.03, 0.03, 16), np.full(16, 1.0)
+    values = 9e5 * np.sign(at) * np.maximum(np.abs(at) - 0.01, 0.0)
+    form = fitted_forms(at, values, deviations)[0]
+    function = LearntFunction("position", "force", "N", at, values, deviations, form)
+    told = step_text(dataclasses.replace(step, chosen=chosen), done.final, None, function)
+    assert told.startswith("a function of load pressure (stops), place force. ")

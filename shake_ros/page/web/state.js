@@ -12,6 +12,9 @@ export const number = (value, digits = 3, decimals = 4) => {
   const shown = (+value).toFixed(Math.max(0, Math.min(decimals, digits - 1 - before)))
   return +shown === 0 ? '0' : shown
 }
+// Causes of a machine that does not hold the loop's rate, where the table is simulated.
+const SLOW = ['deadline_overruns', 'stale_command']
+const HINT = '<div class="quiet">This machine does not hold the rate in real time: end the lab and start it with <code>--lockstep</code>, which waits for every sample.</div>'
 const WORDS = { run: 'run', off: 'off', hold: 'hold', tripped: 'tripped', starting: 'starting', lost: 'table lost', unknown: '…' }
 export const current = { status: null }
 const put = (id, html) => { const box = element(id); if (box.dataset.shown !== html) { box.dataset.shown = html; box.innerHTML = html } }
@@ -83,10 +86,11 @@ function nodes(status) {
       `<td class="n">${v.missed_deadlines}</td><td class="n">${latency}</td><td class="n">${lost}</td></tr>`
   })
   put('nodes', `<div class="wide"><table><tr><th>node</th><th class="n">Hz</th><th class="n">missed</th><th class="n">latency p99, ms</th><th class="n">lost</th></tr>${rows.join('')}</table></div>`)
+  const slow = status.nodes.plant && !status.lockstep && status.trips.some(trip => SLOW.includes(trip.cause))
   const trips = status.trips.slice(-8).reverse().map(trip => `<div class="trip ${text(trip.action || trip.cause)}"><b>${text(trip.cause)}</b> ${clock(trip.at)}` +
     (trip.value && trip.cause !== 'stop' ? `, value ${number(trip.value)} against ${number(trip.limit)} ${text(trip.unit === '-' ? '' : trip.unit)}` : '') + `<br><span class="quiet">${text(trip.text)}${trip.action ? ` → ${text(trip.action)}` : ''}</span></div>`)
   const before = ['tripped', 'stopped', 'hold'].includes(status.state) ? `<div class="trip">${text(status.message)}<br><span class="quiet">since before this page began</span></div>` : ''
-  put('trips', trips.join('') || before || '<span class="quiet">none since the page began</span>')
+  put('trips', (slow ? HINT : '') + trips.join('') || before || '<span class="quiet">none since the page began</span>')
 }
 
 const small = {}

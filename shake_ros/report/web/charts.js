@@ -77,7 +77,7 @@
       scales: { x: { time: false, distr: spec.log ? 3 : 1, range: (u, low, high) => [low, high] }, y: { distr: panel.log ? 3 : 1, range: range(panel) } },
       axes: [
         axis({ ...named, ...(last ? { label: spec.x, labelSize: 18, size: 28 } : { size: 8 }) }),
-        axis({ label: panel.y, labelSize: 18, size: 58, space: 24, values: (u, at) => at.map((v) => (v == null ? "" : number(v))) }),
+        axis({ label: panel.y, labelSize: 18, size: 66, space: 24, values: (u, at) => at.map((v) => (v == null ? "" : number(v))) }),
       ],
       series: [
         { label: spec.x, value: (u, v) => number(v) },
