@@ -117,6 +117,17 @@ def test_effects_bring_their_own_poles() -> None:
     assert abs(swinging(poles, 2.0 * math.pi * 6.0)) == pytest.approx(2.0 * math.pi * 6.0, rel=0.1)
 
 
+def test_a_play_is_closed_rod_and_table_are_two_masses_on_the_oil_and_the_contact() -> None:
+    play = {"gap": 1e-3, "stiffness": 2e7, "rod_mass": 40.0, "damping": 0.0}
+    worn = SMOOTH.with_values({f"effects.coupling_backlash.{name}": value for name, value in play.items()})
+    rod, table, contact = 40.0, 610.0, 2e7
+    oil = oil_column_frequency(SMOOTH) ** 2 * (rod + table)
+    stiffness = np.array([[(oil + contact) / rod, -contact / rod], [-contact / table, contact / table]])
+    expected = np.sort(np.sqrt(np.linalg.eigvals(stiffness)))
+    poles = linearise(worn, operating_point(worn, 0.0, 0.0)).poles()
+    assert [abs(swinging(poles, w)) for w in expected] == pytest.approx(expected, rel=2e-3)
+
+
 def test_a_velocity_that_the_valve_cannot_give_is_refused() -> None:
     with pytest.raises(ShakeError, match="no opening of the valve"):
         operating_point(BERGAMO, 0.0, 5.0)
