@@ -50,6 +50,7 @@ HALVINGS = 6  # of the bandwidth's interval
 HARDEST = 10  # linear models on which a bandwidth is sought; it is then held against all
 SLOW = 0.2  # of the speed of the linear models: slow motion
 CALM_DAMPING, CALM_JERK = 0.8, 0.3  # of the design that shakes the least
+QUICK_DAMPING, QUICK_JERK = 0.15, 1.0  # of one that damps a little, without delay: an oil column that others excite
 OSCILLATING = 0.5  # damping ratio below which a pair of poles counts as the oil column
 
 
@@ -310,12 +311,13 @@ class Search:
     def calm(self, dampings: Sequence[float]) -> list[Design]:
         """What to fall back on where the fastest design rings: well damped and holding in slow motion too.
 
-        Where no such design holds: one that holds in slow motion as it can, then one that is well damped. A law without
-        a gain of the acceleration has no damping to give.
+        Where no such design holds: one that holds in slow motion as it can, and one that is well damped. Beside them
+        one that damps little through a quick observer, which quietens what a wrong load or a swaying specimen excites.
+        A law without a gain of the acceleration has no damping to give.
         """
         as_it_can = self.best(dampings, slow=self.slow)
         if max(dampings) == 0.0:
             return [as_it_can] if as_it_can else []
         both = self.best([CALM_DAMPING], [CALM_JERK], self.slow)
         found = [both] if both else [as_it_can, self.best([CALM_DAMPING], [CALM_JERK])]
-        return [design for design in found if design]
+        return [design for design in (*found, self.best([QUICK_DAMPING], [QUICK_JERK])) if design]

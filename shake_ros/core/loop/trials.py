@@ -193,11 +193,17 @@ class Trials:
         return [max(t.ringing / self._allowed[i], t.still / AT_REST) for i, t in enumerate(trials)]
 
     def attempts(self, design: Design, calm: Sequence[Design]) -> Iterator[Design]:
-        """The design, then calm ones slower and slower; the same damping keeps the oil column quiet."""
+        """The design, then calm ones, each slower and slower, the fastest first.
+
+        The same damping keeps the oil column quiet.
+        """
         yield design
-        for base in calm or [design]:
-            for k in range(0 if calm else 1, SLOWEST):
-                yield self.search.design(base.bandwidth * SLOWER**k, base.damping, base.jerk)
+        slower = [
+            self.search.design(base.bandwidth * SLOWER**k, base.damping, base.jerk)
+            for base in calm or [design]
+            for k in range(0 if calm else 1, SLOWEST)
+        ]
+        yield from sorted(slower, key=lambda d: -d.bandwidth)
 
     def tried(self, kind: str, design: Design, calm: Sequence[Design] = ()) -> TriedLaw | None:
         """A law on the first attempt on which it does not ring, or on which it rings the least.
