@@ -1,10 +1,10 @@
 """Drive-file iteration on a table with the soft zone: python -m benchmarks.control.iteration [--save].
 
 The plant of `compare` (table bergamo with the thesis's soft zone; 8 µm of noise and 16 bits over 300 mm, accelerometer
-with noise, commands one sample late), three records, one set of gains. Each line: true error of the acceleration and
-largest error of the response spectrum (5 % damping, 0.5 … 15 Hz), both in percent, run after run. The first run is
-under the first model; each later one under that which the recording of the run before gave (`iterate --refit soft_zone
-command_delay`). Last, a dead band that is not among what may be fitted, and the same when it is; and the correction of
+with noise, commands one sample late), three records, one set of gains, and the feedforward with the horizon that `tune`
+gives. Each line: true error of the acceleration and largest error of the response spectrum (5 % damping, 0.5 … 15 Hz),
+both in percent, run after run. The first run is under the first model; each later one under that which the recording of
+the run before gave (`iterate --refit soft_zone command_delay`). Last, a dead band that is not among what may be fitted, and the same when it is; and the correction of
 the drive (`iterate` without --refit) under the model that was fitted. --save writes benchmarks/control/iteration.txt.
 """
 
@@ -33,6 +33,7 @@ from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 SAMPLE_TIME, LATE, RUNS = 0.001, 1, 3
+HORIZON = float(read_yaml(find("robust_tuning", "default"))["numbers"]["model_horizon"])  # [s] of the feedforward
 CONTROLLER, OBSERVER = "super_twisting_model", "model_soft_zone"
 RECORDS = ("earthquake_soft_soil", "earthquake_stiff_soil", "earthquake_rock")
 LOADS = (0.0, 200.0, 500.0)
@@ -58,7 +59,8 @@ class Case:
 
     def run(self, model: TableParameters, reference: np.ndarray, number: int) -> ClosedLoop:
         observer = Observer(*load_variant("observer", OBSERVER, OBSERVERS), SAMPLE_TIME, model)
-        controller = Controller(*load_variant("controller", CONTROLLER, CONTROLLERS), SAMPLE_TIME, model)
+        kind, parameters = load_variant("controller", CONTROLLER, CONTROLLERS)
+        controller = Controller(kind, parameters.replace(model_horizon=HORIZON), SAMPLE_TIME, model)
         run, finite = simulate(Loop(self.table, observer, controller, reference, seed=number, delay=LATE))
         if finite < len(reference):
             raise SystemExit(f"run {number + 1} left the finite numbers")

@@ -72,9 +72,11 @@ ROWS = (
     Row("accelerometer, lost", ACCELEROMETER, ACCELEROMETER, "lost"),
     Row("position, gains x 2, 0.6", (), faster=2.0, damping=0.6),
     Row("accelerometer, x 2, 0.6", ACCELEROMETER, faster=2.0, damping=0.6),
+    Row("pressures, x 2, 0.6", PRESSURES, faster=2.0, damping=0.6),
     Row("both, x 2, 0.6", BOTH, faster=2.0, damping=0.6),
     Row("position, gains x 4, 1.2", (), faster=4.0, damping=1.2),
     Row("accelerometer, x 4, 1.2", ACCELEROMETER, faster=4.0, damping=1.2),
+    Row("pressures, x 4, 1.2", PRESSURES, faster=4.0, damping=1.2),
     Row("both, x 4, 1.2", BOTH, faster=4.0, damping=1.2),
     Row("  accelerometer lost", BOTH, ACCELEROMETER, "lost", 4.0, 1.2),
 )

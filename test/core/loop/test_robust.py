@@ -10,6 +10,8 @@ from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.metrics import SETTLING, come_to_rest, ringing, settle_first, still_moving
 from shake_ros.core.loop.robust import (
     DAMPINGS,
+    QUICK_DAMPING,
+    QUICK_JERK,
     Load,
     RobustSettings,
     Search,
@@ -95,8 +97,10 @@ def test_calm_design_holds_in_slow_motion_where_the_fastest_undamped_one_does_no
     moving, slow = (linearise(table, operating_point(table, 0.0, speed)) for speed in (0.1, 0.02))
     assert oil_column(slow)[1] < 0.3 * oil_column(moving)[1]
     search = Search([table], SETTINGS)
-    fastest, (calm,) = search.best([0.0]), search.calm(DAMPINGS)
+    fastest, (calm, quick) = search.best([0.0]), search.calm(DAMPINGS)
     assert fastest
     assert max(search.worst(fastest, search.cases)) <= SETTINGS.sensitivity < max(search.worst(fastest, search.slow))
     assert max(search.worst(calm, [*search.cases, *search.slow])) <= SETTINGS.sensitivity
     assert calm.bandwidth > 10.0
+    assert (quick.damping, quick.jerk) == (QUICK_DAMPING, QUICK_JERK)
+    assert max(search.worst(quick, search.cases)) <= SETTINGS.sensitivity
