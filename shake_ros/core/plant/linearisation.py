@@ -2,9 +2,9 @@
 
 Central differences of the one right-hand side, so every effect takes part; states that these parameters do not set in
 motion are left out. An operating point is a position and a steady velocity with the pressures and the spool opening
-that keep both: a = 0 and Ṗ_A = Ṗ_B = 0. Hysteresis, dead time and the contact states of dynamic friction have no derivative
-there: they are held, and u acts without the width of its play. A play between rod and table is closed, the rod in
-contact: within it nothing moves the table.
+that keep both: a = 0 and Ṗ_A = Ṗ_B = 0. Hysteresis, dead time and the contact states of dynamic friction have no
+derivative there: they are held, and u acts without the width of its play. A play between rod and table is closed, the
+rod in contact: within it nothing moves the table.
 
 Verified against: the oil spring (2.25), (2.36) over the stroke; the spool's (3.19); the reduced model; small sines.
 """
