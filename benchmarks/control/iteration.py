@@ -4,8 +4,9 @@ The plant of `compare` (table bergamo with the thesis's soft zone; 8 µm of nois
 with noise, commands one sample late), three records, one set of gains, and the feedforward with the horizon that `tune`
 gives. Each line: true error of the acceleration and largest error of the response spectrum (5 % damping, 0.5 … 15 Hz),
 both in percent, run after run. The first run is under the first model; each later one under that which the recording of
-the run before gave (`iterate --refit soft_zone command_delay`). Last, a dead band that is not among what may be fitted, and the same when it is; and the correction of
-the drive (`iterate` without --refit) under the model that was fitted. --save writes benchmarks/control/iteration.txt.
+the run before gave (`iterate --refit soft_zone command_delay`). Last, a dead band that is not among what may be fitted,
+and the same when it is; and the correction of the drive (`iterate` without --refit) under the model that was fitted.
+--save writes benchmarks/control/iteration.txt.
 """
 
 from __future__ import annotations
