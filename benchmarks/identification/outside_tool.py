@@ -28,7 +28,7 @@ import numpy as np
 from benchmarks import ROOT
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem, low_pass, relative_error
+from shake_ros.core.identification.recordings import Record, RecordingProblem, filtered_velocity, relative_error
 from shake_ros.core.identification.reduced_model import REDUCED
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.declared import effect_candidates, free_parameters
@@ -120,7 +120,7 @@ def main() -> None:
         seconds = time.perf_counter() - start
 
         def ours(record: Record, table: TableParameters = table) -> np.ndarray:
-            return low_pass(REDUCED.run(table, record)[:, 1], record.sample_time)
+            return filtered_velocity(REDUCED.run(table, record)[:, 1], record.sample_time)
 
         print(row(title, seconds, errors(list(records.values()), ours)))
     for degree in (1, 2, 3):

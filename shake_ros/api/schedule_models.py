@@ -12,7 +12,7 @@ from shake_ros.api.progress import Progress
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.network import Training, radial_basis, train
-from shake_ros.core.identification.recordings import FULL, Record, RecordingProblem, low_pass, relative_error
+from shake_ros.core.identification.recordings import FULL, Record, RecordingProblem, filtered_velocity, relative_error
 from shake_ros.core.identification.schedule import WINDOW, pieces, run_scheduled, window_fits
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
@@ -51,7 +51,7 @@ class ValidationRuns:
         """Relative errors between two times [s]."""
         r, dt = self.record, self.record.sample_time
         span = slice(max(r.start, round(first / dt)), len(r.commands) if last == np.inf else round(last / dt))
-        found = {"velocity": relative_error(r.velocity[span], low_pass(self.runs[name][:, 1], dt)[span])}
+        found = {"velocity": relative_error(r.velocity[span], filtered_velocity(self.runs[name][:, 1], dt)[span])}
         if r.acceleration is not None:
             found["acceleration"] = relative_error(r.acceleration[span], self.runs[name][span, 2])
         return found

@@ -11,7 +11,7 @@ from shake_ros.core.discovery.closed_form import FunctionForm
 from shake_ros.core.effects.unlisted import NODES
 from shake_ros.core.identification.diagnosis import Judgement
 from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, low_pass
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 
@@ -62,7 +62,7 @@ def fastest_stretch(record: Record, seconds: float) -> slice:
 def residuals(record: Record, runs: Sequence[Array]) -> list[tuple[str, Array, list[Array]]]:
     """Channel with unit, what was measured, measured minus simulated of each run; from the first sample compared."""
     span = slice(record.start, None)
-    filtered = [low_pass(run[:, 1], record.sample_time) for run in runs]
+    filtered = [filtered_velocity(run[:, 1], record.sample_time) for run in runs]
     found = [("velocity [m/s]", record.velocity[span], [(record.velocity - v)[span] for v in filtered])]
     if record.acceleration is not None:
         felt = record.acceleration

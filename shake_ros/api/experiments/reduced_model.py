@@ -12,7 +12,7 @@ from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem, low_pass, relative_error
+from shake_ros.core.identification.recordings import Record, RecordingProblem, filtered_velocity, relative_error
 from shake_ros.core.identification.reduced_model import REDUCED
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
@@ -59,7 +59,7 @@ def observed(name: str, table: TableParameters, record: Record) -> tuple[Errors,
     estimate = Observer(kind, parameters.replace(**beta), record.sample_time).run(record.position, record.commands)
     span, assumed = slice(record.start, None), record.acceleration
     assert assumed is not None
-    speed = low_pass(estimate[:, 1], record.sample_time)
+    speed = filtered_velocity(estimate[:, 1], record.sample_time)
     errors = relative_error(record.velocity[span], speed[span]), relative_error(assumed[span], estimate[span, 2])
     return Errors(*errors), estimate
 

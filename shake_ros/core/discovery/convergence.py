@@ -23,7 +23,7 @@ def converge(problem: SearchProblem, current: ScoredFit, refits: tuple[Refit, ..
     settings = problem.settings
     most, tolerance = settings.converging_evaluations, settings.converged
     problem.progress(f"converge {refits[0].candidate.effect}", 0.95)
-    best = continued(problem, refits[0], most, tolerance)
+    best = with_declared_friction(problem, continued(problem, refits[0], most, tolerance))
     improved = (1.0 - 0.5 * settings.least_validation_gain) * current.score
 
     near = [r for r in refits[1:] if r.score < settings.rival * best.score][: settings.most_continued]
@@ -37,6 +37,22 @@ def converge(problem: SearchProblem, current: ScoredFit, refits: tuple[Refit, ..
 
     rivals = [r for r in refits[1:] if is_rival(r)]
     return [best, *side_by_side(converged, rivals)], [r for r in refits[1:] if not is_rival(r)]
+
+
+def with_declared_friction(problem: SearchProblem, tried: Refit) -> Refit:
+    """A converged refit, or a better one of the same model that begins with the declared friction.
+
+    Friction bends first where an effect is missing, and may stay in that valley once the effect is there.
+    """
+    settings, start = problem.settings, tried.result.fit
+    if problem.at_noise(tried.result):
+        return tried
+    of_friction = np.array([name.startswith("friction.") for name in start.free.names])
+    x = np.where(of_friction, start.free.start(), start.x)
+    again = problem.fitted(start.free, x, settings.continued_evaluations, settings.continued_tolerance)
+    if again.fit.cost > (1.0 - settings.least_estimation_gain) * start.cost:
+        return tried
+    return continued(problem, replace(tried, result=again), settings.converging_evaluations, settings.converged)
 
 
 def taken_over(problem: SearchProblem, best: Refit, other: Refit) -> Refit:

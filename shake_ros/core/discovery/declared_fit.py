@@ -79,7 +79,7 @@ def fit_declared(problem: SearchProblem, free: FreeParameters, shown: bool = Fal
         short.append(approached(pieces, free, starts[index], evaluations=most, tolerance=tolerance))
     best = min(short, key=lambda f: f.cost)
     problem.progress("declared model: fit", (len(chosen) + 1) / (len(chosen) + 2))
-    most, tolerance = settings.declared_evaluations, settings.converged
+    most, tolerance = settings.declared_evaluations, settings.start_tolerance if shown else settings.converged
     most = most if shown else max(most, settings.converging_evaluations)
     return fit(problem.estimation, free, best.x, evaluations=most, tolerance=tolerance)
 

@@ -4,25 +4,33 @@ from __future__ import annotations
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep
-from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+from shake_ros.core.discovery.problem import Reduced, ScoredFit, SearchProblem
 from shake_ros.core.identification.free_parameters import FreeParameters
 
 FAR = 10.0  # times the score: without such an effect the model is so much worse that its fit need not converge
+FIRST = 10  # trial points of the drawn and of the free fit that tell whether it is
 
 
 def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect) -> ScoredFit:
-    """The fit with an effect taken out and everything else refitted; remembered, since elimination and standing ask."""
+    """The fit with an effect taken out and everything else refitted; remembered, since elimination and standing ask.
+
+    The model without it is the same wherever the current fit stands, so one that was far worse is not fitted again.
+    """
     settings, result, names = problem.settings, current.fit, {f.name for f in dropped.free}
-    most = settings.continued_evaluations
     keep = [i for i, f in enumerate(result.free.free) if f.name not in names]
-    key = (dropped.effect, result.free.names, result.x.tobytes())
-    if key not in problem.reduced:
-        free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])
-        reduced = problem.fitted(free, result.x[keep], most, settings.first_tolerance)
-        if reduced.score < FAR * current.score:
-            reduced = problem.fitted(free, reduced.fit.x, most, settings.converged, near=True)
-        problem.reduced[key] = reduced
-    return problem.reduced[key]
+    key = (dropped.effect, result.free.names)
+    far, known = FAR * current.score, problem.reduced.get(key)
+    if known is not None and (known.at == result.x.tobytes() or known.reduced.score >= far):
+        return known.reduced
+    free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])
+    reduced = problem.fitted(free, result.x[keep], FIRST, settings.first_tolerance)
+    if reduced.score < far:
+        most = settings.continued_evaluations
+        reduced = problem.fitted(free, reduced.fit.x, most, settings.converged, near=True)
+    if known is not None and known.reduced.score < reduced.score:
+        reduced = known.reduced
+    problem.reduced[key] = Reduced(result.x.tobytes(), reduced)
+    return reduced
 
 
 def eliminate(

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -106,11 +106,19 @@ class ScoredFit:
 
 
 @dataclass(frozen=True)
+class Reduced:
+    """A fit without an effect. at : solution of the model with it from which it began, as bytes."""
+
+    at: bytes
+    reduced: ScoredFit
+
+
+@dataclass(frozen=True)
 class SearchProblem:
     """Estimation and validation data with pieces of both, the parameters that may be freed late, settings, progress.
 
-    progress : called with what is being done and the part of the step that is done. reduced : fits without an effect
-    that have been made.
+    progress : called with what is being done and the part of the step that is done. reduced : fits that have been made
+    without an effect, by its name and those of all free parameters before.
     """
 
     estimation: RecordingProblem
@@ -120,7 +128,7 @@ class SearchProblem:
     late: tuple[FreeParameter, ...]
     settings: SearchSettings
     progress: Progress
-    reduced: dict[Any, ScoredFit] = field(default_factory=dict, repr=False)
+    reduced: dict[tuple[str, tuple[str, ...]], Reduced] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(

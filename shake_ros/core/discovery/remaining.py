@@ -14,7 +14,7 @@ from scipy.signal import welch
 
 from shake_ros.core.discovery.forward_selection import Selection
 from shake_ros.core.discovery.problem import SearchProblem
-from shake_ros.core.identification.recordings import RecordingProblem, low_pass
+from shake_ros.core.identification.recordings import RecordingProblem, filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 
 PLACES = {
@@ -82,7 +82,10 @@ def residual_series(
         if record.acceleration is not None:
             rest, deviation = (record.acceleration - out[:, 2])[span], record.acceleration_noise()
         else:
-            rest, deviation = (record.velocity - low_pass(out[:, 1], record.sample_time))[span], record.velocity_noise()
+            rest, deviation = (
+                (record.velocity - filtered_velocity(out[:, 1], record.sample_time))[span],
+                record.velocity_noise(),
+            )
         residuals.append(rest)
         square += float(rest @ rest)
         noise += len(rest) * deviation**2

@@ -1,8 +1,10 @@
 """A dead band of the spool: worn or overlapped lands let no flow through until the spool has moved `width`.
 
     x_e = sign(x_s) max(|x_s| − w, 0)
+    d_e = d_s − c min(w, d_s)          for an underlap d_s > 0
 
-Absent at w = 0. Merritt, Hydraulic Control Systems, chapter 5 (overlapped spool).
+Lands that are wider by more than the underlap close the centre of the valve (c = 1); a dead band of the valve's
+electronics leaves it open (c = 0). Absent at w = 0. Merritt, Hydraulic Control Systems, chapter 5 (overlapped spool).
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ class SpoolDeadband(Effect):
     models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     width: float = quantity("-", "spool travel without flow on each side of null", low=0.0, high=0.3, default=0.0)
+    closed: float = quantity("-", "part of the underlap that it closes", low=0.0, high=1.0, default=1.0)
 
 
 @njit
@@ -34,3 +37,13 @@ def effective_spool(spool, width):
     if spool < -width:
         return spool + width
     return 0.0
+
+
+@njit
+def effective_underlap(underlap, width, closed):
+    """Underlap of the ports that a dead band leaves [-].
+
+    >>> effective_underlap(0.005, 0.02, 1.0), effective_underlap(0.005, 0.002, 0.5), effective_underlap(-0.01, 0.1, 1.0)
+    (0.0, 0.004, -0.01)
+    """
+    return underlap - closed * min(width, max(underlap, 0.0))

@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from shake_ros.core.identification.recordings import DeclaredModel, Record, low_pass
+from shake_ros.core.identification.recordings import DeclaredModel, Record, filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.core.plant.reduced_simulation import initial_state, run_batch
@@ -61,7 +61,7 @@ class ReducedModel(DeclaredModel):
         vectors[:, 2] = [w * w for w, _ in grid]  # a gain of 1 m/s per command
         cross, power = np.zeros(len(grid)), np.zeros(len(grid))
         for record in records:
-            simulated = low_pass(self.simulate(vectors, record)[0], record.sample_time)[:, record.start :]
+            simulated = filtered_velocity(self.simulate(vectors, record)[0], record.sample_time)[:, record.start :]
             weight = 1.0 / max(float(np.sum(record.velocity[record.start :] ** 2)), 1e-300)
             cross += weight * (simulated @ record.velocity[record.start :])
             power += weight * np.sum(simulated**2, axis=1)

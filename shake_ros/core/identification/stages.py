@@ -18,7 +18,7 @@ from shake_ros.core.identification.free_parameters import FreeParameter, FreePar
 from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
 from shake_ros.core.identification.nuisances import Nuisance, Prepared
-from shake_ros.core.identification.recordings import Record, RecordingProblem, low_pass, windows
+from shake_ros.core.identification.recordings import Record, RecordingProblem, filtered_velocity, windows
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import TableParameters
 
@@ -146,5 +146,5 @@ def recentred(model: UnknownModel, table: TableParameters, data: Prepared) -> Pr
 
 def _velocity_left(model: UnknownModel, table: TableParameters, record: Record) -> np.ndarray:
     """Measured less simulated velocity [m/s]."""
-    simulated = low_pass(model.run(table, record)[:, 1], record.sample_time)
+    simulated = filtered_velocity(model.run(table, record)[:, 1], record.sample_time)
     return np.asarray((record.velocity - simulated)[record.start :])

@@ -16,7 +16,7 @@ from shake_ros.core.effects.asymmetric_flow_gain import flow_factor
 from shake_ros.core.effects.oil_warming import lightness, stiffness, thickness, warmer
 from shake_ros.core.effects.soft_zone import exchanged
 from shake_ros.core.effects.soft_zone import factor as soft_zone_factor
-from shake_ros.core.effects.spool_deadband import effective_spool
+from shake_ros.core.effects.spool_deadband import effective_spool, effective_underlap
 from shake_ros.core.effects.unlisted import (
     FLOW_GAIN_OF_OPENING,
     FLOW_GAIN_OF_TIME,
@@ -54,8 +54,9 @@ def port_flows(p, spool, clock, pressure_a, pressure_b, pressure_supply):
         c_v /= math.sqrt(lighter)
         delta *= thickness(rise, p.oil_warming_viscosity_decay) ** 2 / lighter
     p_t = p.supply_tank_pressure + p.tank_back_pressure_pressure
-    plus = c_v * opening(x_e, p.valve_underlap, p.valve_radial_clearance)
-    minus = c_v * opening(-x_e, p.valve_underlap, p.valve_radial_clearance)
+    d_e = effective_underlap(p.valve_underlap, p.spool_deadband_width, p.spool_deadband_closed)
+    plus = c_v * opening(x_e, d_e, p.valve_radial_clearance)
+    minus = c_v * opening(-x_e, d_e, p.valve_radial_clearance)
     a_from_supply = plus * sroot(pressure_supply - pressure_a, delta) if plus > 0.0 else 0.0
     a_to_tank = minus * sroot(pressure_a - p_t, delta) if minus > 0.0 else 0.0
     b_to_tank = plus * sroot(pressure_b - p_t, delta) if plus > 0.0 else 0.0

@@ -16,6 +16,7 @@ from shake_ros.core.identification.recordings import (
     Record,
     RecordingProblem,
     derivative,
+    filtered_velocity,
     low_pass,
     relative_error,
     windows,
@@ -164,3 +165,13 @@ def test_segments_of_one_recording_give_one_error() -> None:
     errors = RecordingProblem(halves).errors(declared.free.vectors(declared.x)[0])
     assert list(errors) == ["b"]
     assert errors["b"]["acceleration"] < 0.03
+
+
+def test_a_simulated_velocity_is_filtered_as_a_measured_one_to_its_very_ends() -> None:
+    time, omega = np.arange(3000) * 1e-3, 2.0 * np.pi * 2.3
+    position, velocity = 0.1 * np.sin(omega * time + 0.4) / omega, 0.1 * np.cos(omega * time + 0.4)
+    shown = derivative(position, 1e-3)
+    assert filtered_velocity(velocity, 1e-3) == pytest.approx(shown, abs=1e-5)
+    assert np.abs(low_pass(velocity, 1e-3) - shown)[-1] > 1e-3  # in motion at its end
+    rows = np.stack([velocity, 2.0 * velocity])
+    assert filtered_velocity(rows, 1e-3)[1] == pytest.approx(2.0 * filtered_velocity(velocity, 1e-3))

@@ -41,6 +41,24 @@ def test_edges_open_linearly_overlap_by_the_underlap_and_never_exceed_full() -> 
     assert opening(0.004, -0.005) == 0.0  # overlap
 
 
+@pytest.mark.parametrize(
+    ("width", "closed", "leaking"), [(0.0, 1.0, 0.005), (0.02, 1.0, 0.0), (0.02, 0.0, 0.005), (0.002, 1.0, 0.003)]
+)
+def test_wide_lands_close_the_centre_and_a_dead_band_of_the_electronics_does_not(
+    width: float, closed: float, leaking: float
+) -> None:
+    table = BERGAMO.with_values({"effects.spool_deadband.width": width, "effects.spool_deadband.closed": closed})
+    p, supply = records(table.vector())[0], BERGAMO.supply.supply_pressure
+    middle = 0.5 * (supply + BERGAMO.supply.tank_pressure)
+    full = 1.81e-7 * math.sqrt(supply - middle)
+    for spool, carried in [(0.0, leaking), (0.9 * width, leaking), (width + 0.1, 0.1 + leaking)]:
+        into_a, out_of_b, drawn = port_flows(p, spool, 0.0, middle, middle, supply)
+        against = max(leaking - max(spool - width, 0.0), 0.0)  # the edge that closes
+        assert into_a == pytest.approx((carried - against) * full, rel=1e-3, abs=1e-12)
+        assert out_of_b == into_a
+        assert drawn == pytest.approx((carried + against) * full, rel=1e-3, abs=1e-12)
+
+
 def test_catalogue_flow_of_20_litres_a_minute_at_70_bar() -> None:
     # 35 bar over each edge, full opening; the table's C_v of 1.81e-7 gives 20.3 l/min
     supply = BERGAMO.supply.supply_pressure
