@@ -48,8 +48,8 @@ def identified_lines(told: Sequence[Estimate], data: Prepared) -> list[str]:
     for n in data.nuisances:
         bias = "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"
         lines.append(f"{n.recording:<36}{n.null_shift:>12.5f}{bias:>14}")
-    if data.accelerometer_delay:
-        lines.append(f"accelerometer later than the position by {1e3 * data.accelerometer_delay:.2f} ms (its filter)")
+    if data.sensors.delay:
+        lines.append(f"accelerometer later than the position by {1e3 * data.sensors.delay:.2f} ms (its filter)")
     return [*lines, *([data.note()] if data.note() else [])]
 
 

@@ -17,7 +17,7 @@ from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.identification.nuisances import null_shift, prepared
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_delay import advanced, delay_and_lag
+from shake_ros.core.identification.sensor_pair import advanced, sensor_pair
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.quantities import ShakeError
@@ -83,7 +83,7 @@ def test_offsets_of_each_recording_are_found_and_are_no_effects() -> None:
         assert found[name].null_shift + common == pytest.approx(shift, abs=1e-3)
         assert found[name].acceleration_bias == pytest.approx(BIASES[name], abs=0.01)
     assert fitted().data.full_scale == VOLTS
-    assert fitted().data.accelerometer_delay == pytest.approx(LATE, abs=2e-4)
+    assert fitted().data.sensors.delay == pytest.approx(LATE, abs=2e-4)
 
 
 def test_table_that_was_found_loads_like_any_other(tmp_path: Path) -> None:
@@ -102,9 +102,10 @@ def test_lag_of_a_slow_accelerometer_is_told_from_its_filter() -> None:
     for k in range(1, len(slow)):
         slow[k] = slow[k - 1] + weight * (made.acceleration[k] - slow[k - 1])
     late = advanced(slow, -LATE / SAMPLE_TIME)
-    delay, lag = delay_and_lag([Record("slow", SAMPLE_TIME, made.commands, made.position, late)])
-    assert lag == pytest.approx(0.006, rel=0.15)
-    assert delay == pytest.approx(LATE, abs=8e-4)
+    found = sensor_pair([Record("slow", SAMPLE_TIME, made.commands, made.position, late)])
+    assert found.lag == pytest.approx(0.006, rel=0.15)
+    assert found.delay == pytest.approx(LATE, abs=8e-4)
+    assert found.base is None
 
 
 def test_command_per_unit_keeps_its_scale() -> None:
@@ -128,7 +129,7 @@ def test_recordings_without_acceleration_have_no_bias_and_no_delay() -> None:
     made = record(6, 3.0)
     data = prepared([Record("blind", SAMPLE_TIME, made.commands, made.position)], [])
     assert data.nuisances[0].acceleration_bias is None
-    assert (data.accelerometer_delay, data.accelerometer_lag) == (0.0, 0.0)
+    assert (data.sensors.delay, data.sensors.lag) == (0.0, 0.0)
 
 
 def written(tmp_path: Path, **changes: object) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from shake_ros.core.identification.nuisances import slow
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_delay import FEWEST, between_sensors
+from shake_ros.core.identification.sensor_pair import FEWEST, between_sensors
 
 GRAVITY = 9.80665  # [m/s²]
 PROMPT = 5.0  # a filter or lag of the accelerometer hardly acts up to here [Hz]

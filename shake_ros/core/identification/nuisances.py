@@ -4,7 +4,7 @@ The accelerometer's bias is its mean less the change of the velocity. The null s
 slow velocity on the command leaves as a constant; a term in |u| keeps a gain that differs by direction out of it. Both
 are taken out of the recording before a fit, what is left of them within it (recordings.RecordingProblem); what all
 recordings have in common of the null shift is free in the fit. The delay of the accelerometer's filter is that of the
-set-up (sensor_delay.py) and is taken out as well.
+set-up (sensor_pair.py) and is taken out as well.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ import numpy as np
 from scipy.signal import butter, decimate, sosfiltfilt
 
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_delay import delay_and_lag, timely
+from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair, timely
 
 FASTEST = 1000.0  # rate of a recording that a fit takes [Hz]
 SLOW = 2.0  # the table follows its valve up to here, whatever its dynamics [Hz]
+ALIKE = SensorPair()  # sensors that tell nothing of each other
 FULL_SCALES = (1.0, 10.0, 20.0, 100.0)  # of a command: per unit, volts, milliamperes, per cent
 
 
@@ -36,16 +37,15 @@ class Nuisance:
 class Prepared:
     """Recordings with their offsets taken out.
 
-    full_scale : of the recorded command, which counts as 1 from here on. accelerometer_delay : against the position, of
-    the sensor's filter; accelerometer_lag : of a slow sensor, still in the recordings [s].
+    full_scale : of the recorded command, which counts as 1 from here on. sensors : what position and acceleration tell
+    of each other; the delay has been taken out, the rest is still in the recordings.
     """
 
     estimation: list[Record]
     validation: list[Record]
     full_scale: float
     nuisances: tuple[Nuisance, ...]
-    accelerometer_delay: float = 0.0
-    accelerometer_lag: float = 0.0
+    sensors: SensorPair = ALIKE
 
     def note(self) -> str:
         """What was assumed of the command; empty where it is per unit."""
@@ -117,8 +117,8 @@ def prepared(estimation: Sequence[Record], validation: Sequence[Record]) -> Prep
     both = [thinned(r) for r in (*estimation, *validation)]
     scale = full_scale(both)
     scaled = [replace(r, commands=r.commands / scale, standing=r.standing / scale) for r in both]
-    delay, lag = delay_and_lag(scaled)
-    found = [without_offsets(timely(r, delay)) for r in scaled]
+    sensors = sensor_pair(scaled)
+    found = [without_offsets(timely(r, sensors.delay)) for r in scaled]
     records = [r for r, _ in found]
     count = len(estimation)
-    return Prepared(records[:count], records[count:], scale, tuple(n for _, n in found), delay, lag)
+    return Prepared(records[:count], records[count:], scale, tuple(n for _, n in found), sensors)

@@ -19,6 +19,7 @@ from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
 from shake_ros.core.identification.nuisances import Nuisance, Prepared
 from shake_ros.core.identification.recordings import Record, RecordingProblem, filtered_velocity, windows
+from shake_ros.core.identification.sensor_pair import SensorPair
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import TableParameters
 
@@ -29,8 +30,9 @@ ROUNDS = 2  # of null shifts and fit
 FAR = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
 JOINED = 0.5  # part of the cost that these may leave
 EffectsOf = Callable[[TableParameters], Mapping[str, JoiningEffect]]
-SHOWN = ("specimen_resonance", "accelerometer_lag")  # effects that show without a search
-LAG = "effects.accelerometer_lag.time_constant"
+BETWEEN_SENSORS = ("accelerometer_lag", "position_sensor_lag", "accelerometer_scale", "base_flexibility")
+SHOWN = ("specimen_resonance", *BETWEEN_SENSORS)  # effects that show without a search
+LEAST_SCALE = 0.02  # error of the accelerometer's scale that counts as one: smaller ones are those of a calibration
 
 
 @dataclass(frozen=True)
@@ -63,11 +65,10 @@ def staged_start(
     """
     assert model.table is not None
     first = FirstGuess(data.estimation)
-    standing, lagging = model.may_lack("specimen_resonance"), model.may_lack("accelerometer_lag")
-    lag = {LAG: data.accelerometer_lag} if lagging and data.accelerometer_lag > 0.0 else {}
+    may_lack = tuple(effect for effect in SHOWN if model.may_lack(effect))
 
     def shown_on(table: TableParameters) -> dict[str, float]:
-        return (first.specimen(table) if standing else {}) | lag
+        return (first.specimen(table) if SHOWN[0] in may_lack else {}) | between_sensors(table, data.sensors, may_lack)
 
     guesses = first.tables(model.table, model.unknown, model, shown_on)[:GUESSES]
     known = effects(guesses[0])
@@ -89,6 +90,24 @@ def staged_start(
         data = recentred(model, table, data)
         table = _fitted(_pieces(model, data), moved(shown), table)[1]
     return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
+
+
+def between_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:
+    """Values, by dotted name, of the effects on a table that show between its sensors, among those that it may lack."""
+    base, scale = sensors.base, sensors.scale_error
+    shown: dict[str, dict[str, float]] = {}
+    if sensors.lag:
+        shown["accelerometer_lag" if sensors.lag > 0.0 else "position_sensor_lag"] = {"time_constant": abs(sensors.lag)}
+    if scale is not None and abs(scale) > LEAST_SCALE:
+        shown["accelerometer_scale"] = {"error": scale}
+    if base is not None:
+        compliance = base.compliance_mass / table.moved_mass
+        shown["base_flexibility"] = {
+            "compliance": compliance,
+            "frequency": base.frequency,
+            "damping": base.damping,
+        }
+    return {f"effects.{e}.{name}": v for e in shown if e in may_lack for name, v in shown[e].items()}
 
 
 def with_friction_of(guess: TableParameters, table: TableParameters, model: UnknownModel) -> TableParameters:

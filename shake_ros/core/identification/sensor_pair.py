@@ -1,0 +1,163 @@
+"""What position and acceleration tell of each other: delay, lags and scale of the sensors, a base that gives way.
+
+An anti-aliasing filter delays what passes it, and a recording does not say so: the acceleration answers the second
+derivative of the position by g e^(−jωδ)/(1 + jωτ), or by g e^(−jωδ)(1 + jωτ) where the position transducer is slow, or
+by g e^(−jωδ)/(1 − β(ω)) where the table stands on a base that moves (base_flexibility.py): the position is measured to
+the base, the acceleration is absolute, and β = ω² c M ω_b²/(ω_b² − ω² + 2jζω_bω) is the base's part of it. The delay δ
+of the filter tells nothing of the table and is taken out of the recording; the rest stays for the model to explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from shake_ros.core.analysis.frequency_response import SHORTEST, frequency_response
+from shake_ros.core.identification.recordings import Record
+
+WINDOW = 4.0  # of the response [s]
+LOWEST, HIGHEST = 1.0, 40.0  # lines that are looked at [Hz]
+COHERENT = 0.95  # below, the noise of the position biases the gain
+FEWEST = 10  # lines
+LAGS = np.concatenate(([0.0], np.geomspace(3e-4, 3e-2, 40), -np.geomspace(3e-4, 3e-2, 40)))  # [s], of the position < 0
+WORTH = 0.8  # fall of the cost from which a lag counts as one
+WORTH_OF_BASE = 0.3  # the same of a base's mode, which has three parameters
+BASES = (4.0, 7.0, 11.0, 16.0, 24.0, 35.0)  # natural frequencies from which one is sought [Hz]
+AMPLIFIED = 0.05  # β at low damping and a third of the frequency, from which it is sought
+WIDEST = 0.05  # rms of the relative gain's departure from its mean up to which the mean is that of the sensors
+
+
+@dataclass(frozen=True)
+class BaseMode:
+    """Mode of a base. compliance_mass : compliance times the moved mass [s²]. frequency [Hz]. damping [-]."""
+
+    compliance_mass: float
+    frequency: float
+    damping: float
+
+    def response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Absolute acceleration per acceleration to the base [-]."""
+        natural = 2.0 * np.pi * self.frequency
+        swinging = natural**2 - omega**2 + 2j * self.damping * natural * omega
+        return np.asarray(1.0 / (1.0 - omega**2 * self.compliance_mass * natural**2 / swinging))
+
+
+@dataclass(frozen=True)
+class SensorPair:
+    """Delay and lag of the accelerometer against the position [s]; the lag is negative where it is the position's.
+
+    scale_error : of the accelerometer, None where it cannot be told [-]. base : None where none shows.
+    """
+
+    delay: float = 0.0
+    lag: float = 0.0
+    scale_error: float | None = None
+    base: BaseMode | None = None
+
+
+def between_sensors(
+    records: Sequence[Record],
+) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64]]:
+    """Angular frequency [rad/s], acceleration per second derivative of the position [-], weights; coherent lines."""
+    lines, values, weights = [], [], []
+    for record in records:
+        seconds = len(record.position) * record.sample_time
+        if record.acceleration is None or seconds < 4.0 * SHORTEST * record.sample_time:
+            continue
+        window = max(min(WINDOW, 0.4 * seconds), SHORTEST * record.sample_time)
+        found = frequency_response(record.position, record.acceleration, record.sample_time, window)
+        f = found.frequency
+        use = (f >= LOWEST) & (f <= min(HIGHEST, 0.35 / record.sample_time)) & (found.coherence > COHERENT)
+        lines.append(2.0 * np.pi * f[use])
+        values.append(-found.response[use] / (2.0 * np.pi * f[use]) ** 2)
+        weights.append(1.0 / (1.001 - found.coherence[use]))
+    if not lines:
+        return np.zeros(0), np.zeros(0, dtype=np.complex128), np.zeros(0)
+    return np.concatenate(lines), np.concatenate(values), np.concatenate(weights)
+
+
+@dataclass(frozen=True)
+class Response:
+    """Lines of the acceleration per second derivative of the position. omega [rad/s], values [-], weights of sum 1."""
+
+    omega: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    weights: NDArray[np.float64]
+
+    def left(self, explained: NDArray[np.complex128]) -> tuple[NDArray[np.float64], float, float]:
+        """What a model leaves of the logarithm beside a gain and a delay, weighted; log of the gain; the delay [s]."""
+        rest, omega, w = self.values / explained, self.omega, self.weights
+        size, angle = np.log(np.abs(rest)), np.angle(rest)
+        gain, delay = float(w @ size), -float(np.sum(w * omega * angle) / np.sum(w * omega**2))
+        return np.concatenate([np.sqrt(w) * (size - gain), np.sqrt(w) * (angle + omega * delay)]), gain, delay
+
+    def cost(self, explained: NDArray[np.complex128]) -> float:
+        """Weighted mean square of what a model leaves."""
+        rest = self.left(explained)[0]
+        return float(rest @ rest)
+
+
+def lagged(omega: NDArray[np.float64], lag: float) -> NDArray[np.complex128]:
+    """Response with a lag of the accelerometer, or of the position where it is negative [s]."""
+    slow = 1.0 + 1j * omega * abs(lag)
+    return np.asarray(1.0 / slow if lag >= 0.0 else slow)
+
+
+def base_mode(response: Response) -> BaseMode:
+    """The mode of a base that explains most."""
+
+    def mode(x: NDArray[np.float64]) -> BaseMode:
+        return BaseMode(float(np.exp(x[0])), float(np.exp(x[1])), float(np.exp(x[2])))
+
+    def rest(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return response.left(mode(x).response(response.omega))[0]
+
+    starts = [np.log([8.0 * AMPLIFIED / (2.0 * np.pi * f) ** 2, f, 0.05]) for f in BASES]
+    bounds = np.log([1e-7, 2.0, 1e-3]), np.log([1e-1, 80.0, 0.7])
+    found = [least_squares(rest, start, bounds=bounds, max_nfev=60) for start in starts]
+    return mode(min(found, key=lambda f: float(f.cost)).x)
+
+
+def sensor_pair(records: Sequence[Record]) -> SensorPair:
+    """What shows between the sensors of all recordings; nothing where that cannot be told."""
+    omega, values, weights = between_sensors(records)
+    if len(omega) < FEWEST or np.sum(weights * values.real) <= 0.0:
+        return SensorPair()
+    response = Response(omega, values, weights / np.sum(weights))
+    costs = [response.cost(lagged(omega, lag)) for lag in LAGS]
+    best = int(np.argmin(costs))
+    delay = response.left(lagged(omega, LAGS[best]))[2]
+    best = best if costs[best] < WORTH * costs[0] and delay > -1e-3 else 0
+    explained, lag, base = lagged(omega, LAGS[best]), float(LAGS[best]), None
+    mode = base_mode(response)
+    if response.cost(mode.response(omega)) < WORTH_OF_BASE * costs[best]:
+        explained, lag, base = mode.response(omega), 0.0, mode
+    rest, gain, delay = response.left(explained)
+    sizes = rest[: len(omega)]
+    told = float(sizes @ sizes) < WIDEST**2
+    return SensorPair(delay, lag, float(np.exp(gain)) - 1.0 if told else None, base)
+
+
+def advanced(values: np.ndarray, samples: float) -> np.ndarray:
+    """A signal a number of samples earlier, by the phase of its spectrum: noise keeps its size.
+
+    >>> wave = np.sin(np.arange(200) / 7.0)
+    >>> round(float(np.max(np.abs(advanced(wave, 0.5) - np.sin((np.arange(200) + 0.5) / 7.0))[5:-5])), 2)
+    0.0
+    """
+    n = len(values)
+    padded = np.concatenate([values, values[::-1]])  # without a step at the seam
+    spectrum = np.fft.rfft(padded)
+    turned = spectrum * np.exp(2j * np.pi * np.fft.rfftfreq(2 * n) * samples)
+    return np.asarray(np.fft.irfft(turned, 2 * n)[:n])
+
+
+def timely(record: Record, delay: float) -> Record:
+    """The recording with its acceleration earlier by a delay [s]."""
+    if record.acceleration is None or delay == 0.0:
+        return record
+    return replace(record, acceleration=advanced(record.acceleration, delay / record.sample_time))

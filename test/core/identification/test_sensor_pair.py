@@ -1,0 +1,68 @@
+"""What shows between position and acceleration, on signals made through frequency responses written here once more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair
+
+SAMPLE_TIME, COUNT = 0.002, 15000
+OMEGA = 2.0 * np.pi * np.fft.rfftfreq(COUNT, SAMPLE_TIME)
+Response = Callable[[np.ndarray], np.ndarray]
+
+
+def told_by(*responses: Response) -> SensorPair:
+    """The sensors of a motion up to 40 Hz whose acceleration passes through responses; both have noise."""
+    rng = np.random.default_rng(3)
+    motion = np.fft.rfft(rng.standard_normal(COUNT)) * (OMEGA > 3.0) * (OMEGA < 250.0) / np.maximum(OMEGA, 3.0) ** 2
+    through = np.prod([response(OMEGA) for response in responses], axis=0) if responses else 1.0
+    position = np.fft.irfft(motion, COUNT) + 1e-6 * rng.standard_normal(COUNT)
+    acceleration = np.fft.irfft(-(OMEGA**2) * motion * through, COUNT) + 0.01 * rng.standard_normal(COUNT)
+    return sensor_pair([Record("made", SAMPLE_TIME, np.zeros(COUNT), position, acceleration)])
+
+
+def test_sensors_that_agree_tell_of_nothing() -> None:
+    found = told_by()
+    assert (found.lag, found.base) == (0.0, None)
+    assert found.delay == pytest.approx(0.0, abs=2e-5)
+    assert found.scale_error == pytest.approx(0.0, abs=0.003)
+
+
+@pytest.mark.parametrize("lag", [0.004, -0.012])
+def test_slow_sensor_is_told_from_a_filter_that_is_late(lag: float) -> None:
+    late = lambda omega: np.exp(-1j * omega * 0.0025)  # noqa: E731
+    slow = lambda omega: (1.0 + 1j * omega * abs(lag)) ** (-np.sign(lag))  # noqa: E731
+    found = told_by(late, slow)
+    assert found.lag == pytest.approx(lag, rel=0.1)
+    assert found.delay == pytest.approx(0.0025, abs=5e-4)
+    assert found.base is None
+
+
+def test_scale_of_the_accelerometer() -> None:
+    assert told_by(lambda omega: 1.06 + 0.0 * omega).scale_error == pytest.approx(0.06, abs=0.003)
+
+
+def test_base_that_gives_way() -> None:
+    mass, stiffness, damping = 800.0, 4e7, 0.04
+    base = stiffness / (2.0 * np.pi * 18.0) ** 2
+
+    def receding(omega: np.ndarray) -> np.ndarray:
+        """Absolute acceleration per acceleration to a base that is a mass on its spring."""
+        dynamic = stiffness - base * omega**2 + 2j * damping * np.sqrt(stiffness * base) * omega
+        return np.asarray(1.0 / (1.0 - omega**2 * mass / dynamic))
+
+    found = told_by(receding)
+    assert found.lag == 0.0
+    assert found.base is not None
+    assert found.base.compliance_mass == pytest.approx(mass / stiffness, rel=0.03)
+    assert found.base.frequency == pytest.approx(18.0, rel=0.005)
+    assert found.base.damping == pytest.approx(damping, rel=0.15)
+
+
+def test_position_alone_tells_of_nothing() -> None:
+    record = Record("alone", SAMPLE_TIME, np.zeros(COUNT), np.sin(OMEGA[1] * np.arange(COUNT) * SAMPLE_TIME))
+    assert sensor_pair([record]) == SensorPair()
