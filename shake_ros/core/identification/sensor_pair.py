@@ -81,7 +81,7 @@ def between_sensors(
 
 
 @dataclass(frozen=True)
-class Response:
+class SensorResponse:
     """Lines of the acceleration per second derivative of the position. omega [rad/s], values [-], weights of sum 1."""
 
     omega: NDArray[np.float64]
@@ -102,12 +102,12 @@ class Response:
 
 
 def lagged(omega: NDArray[np.float64], lag: float) -> NDArray[np.complex128]:
-    """Response with a lag of the accelerometer, or of the position where it is negative [s]."""
+    """SensorResponse with a lag of the accelerometer, or of the position where it is negative [s]."""
     slow = 1.0 + 1j * omega * abs(lag)
     return np.asarray(1.0 / slow if lag >= 0.0 else slow)
 
 
-def base_mode(response: Response) -> BaseMode:
+def base_mode(response: SensorResponse) -> BaseMode:
     """The mode of a base that explains most."""
 
     def mode(x: NDArray[np.float64]) -> BaseMode:
@@ -127,7 +127,7 @@ def sensor_pair(records: Sequence[Record]) -> SensorPair:
     omega, values, weights = between_sensors(records)
     if len(omega) < FEWEST or np.sum(weights * values.real) <= 0.0:
         return SensorPair()
-    response = Response(omega, values, weights / np.sum(weights))
+    response = SensorResponse(omega, values, weights / np.sum(weights))
     costs = [response.cost(lagged(omega, lag)) for lag in LAGS]
     best = int(np.argmin(costs))
     delay = response.left(lagged(omega, LAGS[best]))[2]
