@@ -110,7 +110,7 @@ def test_step_of_the_report_names_the_effect_with_its_parameters_and_evidence() 
     (step,) = report["steps"]
     assert step["effect"] == "spool_deadband"
     assert step["place"] == "valve"
-    assert list(step["parameters"]) == ["effects.spool_deadband.width"]
+    assert list(step["parameters"]) == ["effects.spool_deadband.width", "effects.spool_deadband.closed"]
     assert step["parameters"]["effects.spool_deadband.width"]["value"] == pytest.approx(0.02, rel=0.05)
     assert report["final"]["error"] == step["error"]
     assert step["evidence"]["ranking"][0]["effect"] == "spool_deadband"

@@ -42,15 +42,16 @@ def test_drawn_runs_of_a_wrong_table_stay_near_the_measurement_and_those_of_the_
     assert np.array_equal(free_runs.drawn(0.0).residuals(of(wrong)), free_runs.residuals(of(wrong)))
 
 
-def test_a_soft_zone_is_reached_where_steps_on_free_runs_stay_behind() -> None:
+def test_a_soft_zone_is_reached_from_oil_of_half_its_stiffness() -> None:
     recorded = problem(soft_zone_depth=0.6)
     base = load_table("bergamo").with_values({"bulk_modulus.modulus": 0.6 * OWN["modulus"]})
     free = FreeParameters(base.with_values(SOFT.trials[1]), [*free_parameters(), *SOFT.free])
-    directly = fit(recorded, free, free.start(), evaluations=25, tolerance=1e-5)
     led = approached(recorded, free, free.start(), evaluations=25, tolerance=1e-5)
-    assert led.evaluations < directly.evaluations
-    assert led.cost < 0.75 * directly.cost
     assert mean_square(led.residuals) < 1.3 * recorded.noise_cost()
+    near = 2.0 * mean_square(recorded.residuals(free.vectors(free.start()))[0])
+    direct = approached(recorded, free, free.start(), evaluations=25, tolerance=1e-5, near=near)
+    alone = fit(recorded, free, free.start(), evaluations=25, tolerance=1e-5)
+    assert direct.evaluations == alone.evaluations < led.evaluations  # a start that is near needs no way to it
 
 
 def test_a_model_that_cannot_be_drawn_runs_freely() -> None:
