@@ -134,8 +134,9 @@ class Setup:
     def words(self) -> str:
         """The plant in a sentence."""
         s, sensors = self.settings, self.table(self.settings["model_load"]).sensors
+        changed = ", ".join(f"{k} = {v:g}" for k, v in s["values"].items())
         return (
-            f"Table {s['table']} with {', '.join(f'{k} = {v:g}' for k, v in s['values'].items())}; "
+            f"Table {s['table']}{' with ' if changed else ''}{changed}; "
             f"{1e-3 / s['sample_time']:g} kHz; position with {1e6 * sensors.position_noise:g} µm of noise and "
             f"{sensors.position_bits} bits over {1e3 * sensors.position_range:g} mm; commands {s['delay']} sample late."
         )
