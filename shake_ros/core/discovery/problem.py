@@ -186,8 +186,11 @@ class SearchProblem:
         return replace(self, estimation=RecordingProblem(list(estimation), self.estimation.model), reduced={})
 
     def at_noise(self, current: ScoredFit) -> bool:
-        """Whether a fit leaves nothing above the sensor noise, on either set of recordings."""
-        most = self.settings.at_noise
-        if current.estimation_cost > most * self.estimation.noise_cost():
+        """Whether a fit leaves nothing to learn: no more than the sensor noise on either set of recordings.
+
+        Where the estimation data leave less than that, what the validation data show cannot be learned from them.
+        """
+        most, noise = self.settings.at_noise, self.estimation.noise_cost()
+        if current.estimation_cost > most * noise:
             return False
-        return current.validation_cost <= most * self.validation.noise_cost()
+        return current.estimation_cost <= noise or current.validation_cost <= most * self.validation.noise_cost()

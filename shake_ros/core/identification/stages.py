@@ -53,6 +53,14 @@ class StartingPoint:
         """A declared table, from which the fit begins as it is."""
         return cls(table, data, table)
 
+    @classmethod
+    def seen(cls, table: TableParameters, data: Prepared) -> StartingPoint:
+        """A declared table with a specimen that swings, where the linear response shows one."""
+        specimen = FirstGuess(data.estimation).specimen(table)
+        if not specimen or "specimen_resonance" in table.effects:
+            return cls.declared(table, data)
+        return cls(table, data, table.with_values(specimen), ("specimen_resonance",))
+
 
 def staged_start(
     model: UnknownModel, free: Sequence[FreeParameter], effects: EffectsOf, data: Prepared
