@@ -1,4 +1,4 @@
-"""The proof of `qualify`: python -m benchmarks.qualification.identified [--model TABLE] [--seeds N] [--save].
+"""The proof of `qualify`: python -m benchmarks.qualification.identified [--model TABLE] [--kept FILE].
 
 The table bergamo with the thesis's soft zone, a specimen of 200 kg of which 150 kg sway at 6 Hz (3 %), the noise of its
 sensors, commands one sample late. AC156 at 0.6, RG 1.60 at 0.8 and a user's spectrum at 2 % damping at 0.7 of their
@@ -6,14 +6,18 @@ levels are run, at most four runs each, motion and noise of each seed, under thr
 --identify DIR finds by `close_loop` in two recordings made under gains that know nothing of the table; the table
 itself; and the table as it is declared, without closing the loop. Each line: seeds that passed, runs of each, largest
 and largest mean TRS/RRS of the last runs, processor time of a seed, and why a test did not pass.
---save writes benchmarks/qualification/identified.txt.
+--kept FILE keeps each test as it ends; a second call goes on where the first was cut off. --save writes
+benchmarks/qualification/identified.txt.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import math
 import time
 from pathlib import Path
+from typing import Any
 
 import shake_ros as sr
 from shake_ros.core.plant.parameters import TableParameters
@@ -50,28 +54,31 @@ def identify(folder: Path) -> None:
     found.report(folder / "loop")
 
 
-def tested(required: str, scale: float, model: TableParameters, seeds: int) -> str:
-    """The line of a spectrum."""
-    passed, runs, largest, mean, reasons, began = 0, [], [], [], set(), time.process_time()
-    for seed in range(seeds):
-        try:
-            found = sr.qualify(
-                required, plant(), model=model, scale=scale, seed=seed, runs=RUNS, delay=LATE, progress=False
-            )
-        except ShakeError as error:
-            reasons.add(str(error))
-            continue
-        passed += found.passed
-        runs.append(len(found.runs))
+def tested(required: str, scale: float, model: TableParameters, seed: int) -> dict[str, Any]:
+    """What one test came to."""
+    began = time.process_time()
+    row: dict[str, Any] = {"passed": False, "runs": 0, "largest": math.nan, "mean": math.nan}
+    try:
+        found = sr.qualify(
+            required, plant(), model=model, scale=scale, seed=seed, runs=RUNS, delay=LATE, progress=False
+        )
+    except ShakeError as error:
+        row["why"] = str(error)
+    else:
         ratio = found.judgement.ratio
-        largest.append(float(ratio.max()))
-        mean.append(float(ratio.mean()))
-        if not found.passed:
-            reasons.add((found.reason or found.moved).split(";")[0])
-    spent = (time.process_time() - began) / seeds
-    spread = f"{max(largest):5.2f} {max(mean):5.2f}" if largest else "    –     –"
-    text = f"{required:8s} x {scale:g}  {passed:2d} of {seeds:2d}  runs {runs}  TRS/RRS {spread}  {spent:4.0f} s"
-    return "  ".join([text, *sorted(reasons)])
+        row |= {"passed": found.passed, "runs": len(found.runs)}
+        row |= {"largest": float(ratio.max()), "mean": float(ratio.mean())}
+        row["why"] = "" if found.passed else (found.reason or found.moved).split(";")[0]
+    return {**row, "seconds": time.process_time() - began}
+
+
+def line(name: str, required: str, scale: float, rows: list[dict[str, Any]]) -> str:
+    """The line of a model and a spectrum."""
+    runs = " ".join(str(row["runs"]) for row in rows)
+    largest, mean = (max(row[key] for row in rows) for key in ("largest", "mean"))
+    passed, spent = sum(row["passed"] for row in rows), sum(row["seconds"] for row in rows) / len(rows)
+    text = f"{name:10s}  {required:8s} x {scale:g}  {passed:2d} of {len(rows):2d}  runs {runs:20s}"
+    return "  ".join([f"{text}  TRS/RRS {largest:5.2f} {mean:5.2f}  {spent:4.0f} s", *sorted({r["why"] for r in rows})])
 
 
 def main() -> None:
@@ -79,6 +86,7 @@ def main() -> None:
     parser.add_argument("--identify", metavar="DIR", type=Path)
     parser.add_argument("--model", metavar="TABLE")
     parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--kept", metavar="FILE", type=Path)
     parser.add_argument("--save", action="store_true")
     given = parser.parse_args()
     if given.identify is not None:
@@ -86,10 +94,17 @@ def main() -> None:
         return
     declared, exact = load_table("bergamo"), plant().with_values({"effects.command_delay.delay": 1e-3 * LATE})
     models = {"identified": load_table(given.model)} if given.model else {}
+    kept = json.loads(given.kept.read_text(encoding="utf-8")) if given.kept and given.kept.exists() else {}
     lines = []
     for name, model in {**models, "exact": exact, "declared": declared}.items():
         for required, scale in CASES:
-            lines.append(f"{name:10s}  {tested(required, scale, model, given.seeds)}")
+            for seed in range(given.seeds):
+                key = f"{name} {required} {seed}"
+                kept[key] = kept.get(key) or tested(required, scale, model, seed)
+                if given.kept:
+                    given.kept.write_text(json.dumps(kept, indent=1), encoding="utf-8")
+            rows = [kept[f"{name} {required} {seed}"] for seed in range(given.seeds)]
+            lines.append(line(name, required, scale, rows))
             print(lines[-1], flush=True)
             if given.save:
                 Path(__file__).with_suffix(".txt").write_text("\n".join(lines) + "\n", encoding="utf-8")

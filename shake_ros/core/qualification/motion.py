@@ -30,6 +30,7 @@ ABOVE = 1.5  # times the last frequency, to which the motion is kept at the last
 REST = 1.0  # [s] of rest at either end
 WAVELETS, PASSES, AMPLITUDES = 12, 3, 6  # rounds of a pass, passes, rounds
 FINE = 0.5  # frequencies of an octave times the damping, at least: below, the spectrum dips between them
+WIDER = 0.5  # of the high-pass of a motion: that of its corrections, each of which would lower the first frequency
 RIGID = (1.2, ABOVE)  # times the last frequency, kept at the last level
 
 
@@ -108,9 +109,8 @@ def random_phases(required: RequiredSpectrum, parameters: MotionParameters, time
     return np.asarray(noise * shape(time, p))
 
 
-def at_rest(record: Array, time_step: float, required: RequiredSpectrum, parameters: MotionParameters) -> Array:
-    """The record within its band, still at both ends, velocity and displacement ending at zero."""
-    low = parameters.high_pass * required.frequencies[0]
+def at_rest(record: Array, time_step: float, low: float) -> Array:
+    """The record above `low` [Hz], still at both ends, velocity and displacement ending at zero."""
     pad = round(3.0 / (low * time_step))
     kept = filtered(np.pad(record, pad), time_step, low, 0.0)[pad:-pad]
     still = round(0.5 * REST / time_step)
@@ -125,17 +125,20 @@ def matched(
     required: RequiredSpectrum,
     parameters: MotionParameters,
     target: Array | None = None,
+    zero_period: float | None = None,
 ) -> Array:
-    """The record with a response spectrum of `target`, the required one times `aim` where None (n,) [m/s²].
+    """The record with a response spectrum of `target` (n,) and a peak of `zero_period` [m/s²] at least.
 
-    `target` belongs to `frequencies_to_match`.
+    `target` belongs to `frequencies_to_match`; both are the required ones times `aim` where None.
     """
     f, levels = frequencies_to_match(required, parameters.per_octave)
     wanted = parameters.aim * levels if target is None else target
+    peak = parameters.aim * required.zero_period if zero_period is None else zero_period
     keep = f * time_step < 0.4
+    low = WIDER * parameters.high_pass * float(required.frequencies[0])
     for _ in range(PASSES):
-        record = correct(record, time_step, f[keep], wanted[keep], required.damping, WAVELETS)
-        record = at_rest(record, time_step, required, parameters)
+        record = correct(record, time_step, f[keep], wanted[keep], required.damping, WAVELETS, peak)
+        record = at_rest(record, time_step, low)
     return record
 
 
@@ -145,7 +148,7 @@ def rough(record: Array, time_step: float, required: RequiredSpectrum, parameter
     keep = f * time_step < 0.4
     for _ in range(AMPLITUDES):
         record = scale_amplitudes(record, time_step, f[keep], parameters.aim * levels[keep], required.damping)
-        record = at_rest(record, time_step, required, parameters)
+        record = at_rest(record, time_step, parameters.high_pass * float(required.frequencies[0]))
     return record
 
 
@@ -188,14 +191,15 @@ def fine(record: Array, factor: int, sample_time: float) -> Array:
 def corrected_drive(
     drive: Array,
     found: Array,
+    peak: float,
     required: RequiredSpectrum,
     parameters: MotionParameters,
     sample_time: float,
     gain: float,
 ) -> Array:
-    """The next drive (n,) from the last one and the spectrum that it made at `frequencies_to_match` [m/s²].
+    """The next drive (n,) from the last one, the spectrum that it made at `frequencies_to_match` and its peak [m/s²].
 
-    The drive's own spectrum is raised by (aimed/found)^gain, frequency by frequency.
+    The drive's own spectrum is raised by (aimed/found)^gain, frequency by frequency; its own peak likewise.
     """
     factor, step = _step(sample_time)
     coarse = drive[::factor]
@@ -204,7 +208,9 @@ def corrected_drive(
     own = np.ones_like(f)
     own[keep] = acceleration_spectrum(coarse, step, f[keep], required.damping)
     target = own * (parameters.aim * levels / found) ** gain
-    return fine(matched(coarse, step, required, parameters, target), factor, sample_time)[: drive.size]
+    largest = float(np.max(np.abs(drive))) * (parameters.aim * required.zero_period / peak) ** gain
+    record = matched(coarse, step, required, parameters, target, largest)
+    return fine(record, factor, sample_time)[: drive.size]
 
 
 def refusal(states: Array, table: TableParameters, parameters: MotionParameters) -> str:

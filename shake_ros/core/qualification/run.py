@@ -129,7 +129,8 @@ def iterate_test(
         if learn is not None:
             carried = learn(carried, len(made) - 1)
             continue
-        following = corrected_drive(drive[:, 2], found, test.required, test.motion, test.sample_time, test.running.gain)
+        peak, gain = float(np.max(np.abs(motion))), test.running.gain
+        following = corrected_drive(drive[:, 2], found, peak, test.required, test.motion, test.sample_time, gain)
         states = integrate(following, test.sample_time)
         used = max(demand(states, test.table, test.motion))
         if used > 1.0:
