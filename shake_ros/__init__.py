@@ -43,6 +43,7 @@ PUBLIC = {  # name → module
     "Qualification": "shake_ros.api.qualification",
     "certified": "shake_ros.api.qualification",
     "qualify": "shake_ros.api.qualify",
+    "qualify_sequence": "shake_ros.api.sequence",
     "Recordings": "shake_ros.api.read",
     "read": "shake_ros.api.read",
     "recording": "shake_ros.api.read",
@@ -112,6 +113,7 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.schedule import ScheduleComparison as ScheduleComparison
     from shake_ros.api.schedule import schedule as schedule
     from shake_ros.api.sensitivity import sensitivity as sensitivity
+    from shake_ros.api.sequence import qualify_sequence as qualify_sequence
     from shake_ros.api.simulate import Simulation as Simulation
     from shake_ros.api.simulate import simulate as simulate
     from shake_ros.api.simulated_table import SimulatedTable as SimulatedTable

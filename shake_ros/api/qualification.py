@@ -13,7 +13,7 @@ from shake_ros.api.qualification_files import checksums, judgement_json, require
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.qualification.judge import Rules, SpectrumJudgement, judge, measured_motion
 from shake_ros.core.qualification.required import RequiredSpectrum
-from shake_ros.core.qualification.resonance import Resonance, SearchBand
+from shake_ros.core.qualification.resonance import Resonance, Search, SearchBand, Shift
 from shake_ros.core.qualification.run import Tested, missed
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
@@ -22,7 +22,7 @@ from shake_ros.data.results import write_folder, write_json, writing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SCHEMA = "shake_ros.qualify/1"
+SCHEMA = "shake_ros.qualify/2"
 SIGNALS = ("pressure_a", "pressure_b", "pressure_supply", "reference")
 
 
@@ -45,8 +45,8 @@ class Qualification:
     sample_time: float
     about: dict[str, str]
     recordings: tuple[TableRecording, ...] = ()
-    before: Resonance | None = None
-    after: Resonance | None = None
+    before: Search | None = None
+    after: Search | None = None
     shift: float = 0.1
     per_octave: int = 12
     search: SearchBand | None = None
@@ -57,12 +57,14 @@ class Qualification:
         return self.runs[-1].judgement
 
     @property
+    def shifts(self) -> tuple[Shift, ...]:
+        """What became of each resonance; empty without two searches."""
+        return () if self.before is None or self.after is None else self.before.shifts(self.after)
+
+    @property
     def moved(self) -> str:
-        """What the searches say of the specimen; empty where its resonance did not move."""
-        if self.before is None or self.after is None:
-            return ""
-        change = self.before.moved(self.after)
-        return "" if abs(change) < self.shift else f"the specimen's frequency moved by {100.0 * change:+.1f} %"
+        """What the searches say of the specimen; empty where none of its resonances moved."""
+        return moved(self.shifts, self.shift)
 
     @property
     def passed(self) -> bool:
@@ -117,6 +119,15 @@ class Qualification:
             "per_octave": self.per_octave,
             "search": None if self.search is None else {**asdict(self.search), "shift": self.shift},
             "resonance": found,
+            "resonance_shifts": [
+                {
+                    "before": p.before and asdict(p.before),
+                    "after": p.after and asdict(p.after),
+                    "frequency": p.frequency,
+                    "damping": p.damping,
+                }
+                for p in self.shifts
+            ],
             "sha256": sums,
         }
 
@@ -206,8 +217,20 @@ def _again(told: dict[str, Any], recordings: Path, where: str) -> Qualification:
     )
 
 
-def searched_in(recording: Path | TableRecording, band: SearchBand) -> Resonance | None:
-    """The resonance that a recording shows; None without pressures or acceleration."""
+def moved(shifts: tuple[Shift, ...], limit: float) -> str:
+    """The resonances whose frequency moved by `limit` or more, in words; empty where none did."""
+    return "; ".join(f"the specimen changed: {shift}" for shift in shifts if abs(shift.frequency) >= limit)
+
+
+def search_of(content: dict[str, Any] | None) -> Search | None:
+    """A search from a certificate."""
+    if content is None:
+        return None
+    return Search(**{**content, "resonances": tuple(Resonance(**found) for found in content["resonances"])})
+
+
+def searched_in(recording: Path | TableRecording, band: SearchBand) -> Search | None:
+    """The resonances that a recording shows; None without pressures or acceleration."""
     run = read_table_recording(recording) if isinstance(recording, Path) else recording
     if run.pressure_a is None or run.pressure_b is None or run.acceleration is None:
         return None
@@ -229,7 +252,7 @@ def _differences(told: dict[str, Any], again: Qualification, sums: dict[str, str
         if not _same(before["error"], run.error):
             lines.append(f"run {k + 1}: misses {run.error:.6g}, the certificate says {before['error']:.6g}")
     for when, found in (("before", again.before), ("after", again.after)):
-        said = None if told["resonance"][when] is None else Resonance(**told["resonance"][when])
+        said = search_of(told["resonance"][when])
         if str(said) != str(found):
             lines.append(f"resonance {when} the test: {found}, the certificate says {said}")
     if bool(told["passed"]) != again.passed:

@@ -13,6 +13,7 @@ from shake_ros.core.qualification.judge import Rules, SpectrumJudgement
 from shake_ros.core.qualification.motion import MotionParameters
 from shake_ros.core.qualification.required import FORMULAS, POINTS, RequiredSpectrum, from_points
 from shake_ros.core.qualification.run import RunParameters
+from shake_ros.core.qualification.search_motion import SearchParameters
 from shake_ros.core.quantities import Parameters, ShakeError, choice, member_from, quantity, strict_keys
 from shake_ros.settings import find, read_yaml
 
@@ -33,17 +34,6 @@ class QualificationLoop(Parameters):
         if (self.controller == OWN) is not (self.observer == OWN):
             raise ShakeError(f"loop: controller {self.controller}, observer {self.observer}: own goes for both or none")
         return self.controller == OWN
-
-
-@dataclass(frozen=True)
-class SearchParameters(Parameters):
-    """A resonance search before and after the test."""
-
-    level: float = quantity("m/s²", "rms of its random motion; 0 = no search", low=0.0, high=50.0)
-    duration: float = quantity("s", "of its motion", low=5.0, high=600.0)
-    low: float = quantity("Hz", "lower end of its band", low=0.1, high=100.0)
-    high: float = quantity("Hz", "upper end of its band", low=0.2, high=200.0)
-    shift: float = quantity("-", "of a frequency, from which a specimen counts as changed", low=0.001, high=1.0)
 
 
 @dataclass(frozen=True)

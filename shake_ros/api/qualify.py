@@ -11,82 +11,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.iterate import Learn, learning
-from shake_ros.api.own_loop import FUSED, OwnLoop, own_loop
+from shake_ros.api.own_loop import own_loop
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.qualification import Qualification, searched_in
 from shake_ros.api.qualification_files import (
     QualificationSettings,
-    SearchParameters,
     load_required,
     load_rules,
     load_settings,
 )
-from shake_ros.api.simulate import Simulation, simulate
-from shake_ros.core.control.runner import Controller
+from shake_ros.api.qualification_laboratory import Laboratory, SimulatedLaboratory
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.iteration.drive import integrate
-from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.qualification.motion import REST, Demand, check_sampling, demand, refusal, synthesise
+from shake_ros.core.qualification.motion import Demand, check_sampling, demand, refusal, synthesise
 from shake_ros.core.qualification.required import RequiredSpectrum
-from shake_ros.core.qualification.resonance import Resonance, SearchBand
+from shake_ros.core.qualification.resonance import Search, SearchBand
 from shake_ros.core.qualification.run import Test, Tested, iterate_test
+from shake_ros.core.qualification.search_motion import search_motion
 from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.baseline import end_at_rest, filtered
-from shake_ros.core.reference.motion import smooth_step
 from shake_ros.data.accelerograms import read_accelerogram
-from shake_ros.data.recordings import TableRecording
 from shake_ros.settings import load_table
 
 Array = NDArray[np.float64]
 LAST_SEED, MOST_DELAY = 1_000_000, 1000
-
-
-@dataclass
-class _Laboratory:
-    """The simulated table of a test, the loop made for its model where it has one, and the recordings made on it."""
-
-    plant: TableParameters
-    settings: QualificationSettings
-    delay: int
-    seed: int
-    own: OwnLoop | None
-    recordings: list[TableRecording]
-
-    def loop(self, model: TableParameters) -> tuple[str | Observer, str | Controller]:
-        """Observer and controller with a model, or the names of those that take one."""
-        loop = self.settings.loop
-        if self.own is None:
-            return loop.observer, loop.controller
-        return self.own.of(model, loop.sample_time, self.delay * loop.sample_time)
-
-    @property
-    def words(self) -> str:
-        """Controller and observer, for the certificate."""
-        loop = self.settings.loop
-        if self.own is None:
-            return f"{loop.controller}, {loop.observer}"
-        told = "" if self.own.sound else ", which ring on a neighbour of it"
-        return f"{self.own.kind}, {FUSED}, gains made for the model{told}"
-
-    def play(self, model: TableParameters, drive: Array, name: str, number: int) -> TableRecording:
-        """One recorded run."""
-        observer, controller = self.loop(model)
-        try:
-            run: Simulation = simulate(
-                self.plant,
-                drive,
-                self.settings.loop.sample_time,
-                controller=controller,
-                observer=observer,
-                model=model,
-                delay=self.delay,
-                seed=1000 * self.seed + number,
-            )
-        except ShakeError as error:
-            raise ShakeError(f"{name}: {error}") from None
-        self.recordings.append(replace(run.recording, name=name))
-        return self.recordings[-1]
 
 
 def qualify(
@@ -127,6 +75,56 @@ def qualify(
     for name, value, most in (("seed", seed, LAST_SEED), ("delay", delay, MOST_DELAY)):
         if not 0 <= value <= most:
             raise ShakeError(f"{name} = {value} is not within 0 … {most}")
+    asked = asked_of(
+        required, table, model=model, rules=rules, scale=scale, set=set, settings=settings, refit=refit, runs=runs
+    )
+    about = {**asked.about, "specimen": specimen or asked.about["specimen"], "seed": str(seed)}
+    laboratory = SimulatedLaboratory(asked.test.table, asked.settings, delay, seed, None, [])
+    with Progress("qualify", progress) as bar:
+        bar("making the motion", 0.0)
+        motion = made_motion(asked.test, seed, record)
+        if asked.settings.loop.is_own:
+            laboratory.own = own_loop(asked.model)
+        bar(described(motion, demand(motion, asked.test.table, asked.test.motion)), 0.0)
+        return conduct(replace(asked, about=about), laboratory, motion, seed, bar)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a qualification is asked for, with everything looked up.
+
+    Attributes
+    ----------
+    test : spectrum, rules, table, settings. model : of the feedforward. learn : the fit between runs; None corrects
+    the drive. about : table, model, instruments, for the certificate.
+    """
+
+    test: Test
+    settings: QualificationSettings
+    model: TableParameters
+    learn: Learn | None
+    about: dict[str, str]
+
+    @property
+    def band(self) -> SearchBand:
+        """Where resonances are sought."""
+        body, search = self.test.table.body, self.settings.search
+        return SearchBand(search.low, search.high, body.piston_area, body.area_ratio)
+
+
+def asked_of(
+    required: str | Path | RequiredSpectrum,
+    table: str | Path | TableParameters,
+    *,
+    model: str | Path | TableParameters | None,
+    rules: str | None,
+    scale: float,
+    set: Mapping[str, float] | None,  # noqa: A002 (as of `qualify`)
+    settings: str,
+    refit: Sequence[str] | None,
+    runs: int | None,
+) -> Asked:
+    """The files that the arguments of `qualify` name."""
     chosen = load_settings(settings)
     if runs is not None:
         chosen = replace(chosen, running=chosen.running.replace(runs=runs))
@@ -140,38 +138,50 @@ def qualify(
     step = chosen.loop.sample_time
     check_sampling(wanted, step)
     learn, _ = learning(carried, refit)
-    test = Test(wanted, code, plant, chosen.motion_for(code), chosen.running, step)
-    laboratory = _Laboratory(plant, chosen, delay, seed, None, [])
-    band = SearchBand(chosen.search.low, chosen.search.high, plant.body.piston_area, plant.body.area_ratio)
-    with Progress("qualify", progress) as bar:
-        bar("making the motion", 0.0)
-        motion = integrate(synthesise(wanted, plant, test.motion, step, seed, _record(record, step)), step)
-        why = refusal(motion, plant, test.motion)
-        if why:
-            raise ShakeError(f"{wanted.name}: {why}")
-        if chosen.loop.is_own:
-            laboratory.own = own_loop(carried)
-        bar(_described(motion, demand(motion, plant, test.motion)), 0.0)
-        before = _search(laboratory, carried, "search_before", chosen.search, band, step)
-        made, reason = _runs(test, laboratory, motion, carried, None if refit is None else learn, bar)
-        after = _search(laboratory, carried, "search_after", chosen.search, band, step)
-    when = datetime.now(timezone.utc).isoformat(timespec="seconds")
     about = {
-        "specimen": specimen or f"simulated, {plant.value('body.specimen_mass'):g} kg",
-        "table": "table" if isinstance(table, TableParameters) else str(table),
-        "model": "as the table is declared"
-        if model is None
-        else "given"
-        if isinstance(model, TableParameters)
-        else str(model),
+        "specimen": f"simulated, {plant.value('body.specimen_mass'):g} kg",
+        "table": _named(table, "table"),
+        "model": "as the table is declared" if model is None else _named(model, "given"),
         "instruments": f"simulated sensors, accelerometer noise {plant.sensors.acceleration_noise:g} m/s² rms",
-        "loop": f"{laboratory.words}, {1e-3 / step:g} kHz",
-        "date": when,
-        "seed": str(seed),
+        "search": chosen.search.words,
     }
+    test = Test(wanted, code, plant, chosen.motion_for(code), chosen.running, step)
+    return Asked(test, chosen, carried, None if refit is None else learn, about)
+
+
+def _named(table: str | Path | TableParameters, otherwise: str) -> str:
+    return otherwise if isinstance(table, TableParameters) else str(table)
+
+
+def made_motion(test: Test, seed: int, record: str | Path | None = None) -> Array:
+    """The first drive of a test, (n, 3); ShakeError where it does not fit the table."""
+    start = _record(record, test.sample_time)
+    acceleration = synthesise(test.required, test.table, test.motion, test.sample_time, seed, start)
+    motion = integrate(acceleration, test.sample_time)
+    why = refusal(motion, test.table, test.motion)
+    if why:
+        raise ShakeError(f"{test.required.name}: {why}")
+    return motion
+
+
+def conduct(
+    asked: Asked,
+    laboratory: Laboratory,
+    motion: Array,
+    seed: int,
+    bar: Callable[[str, float], None],
+    searches: tuple[bool, bool] = (True, True),
+) -> Qualification:
+    """Search, runs, search; `searches` : whether there is one before, and one after."""
+    before = _search(asked, laboratory, "search_before", seed) if searches[0] else None
+    made, reason = _runs(asked.test, laboratory, motion, asked.model, asked.learn, bar)
+    after = _search(asked, laboratory, "search_after", seed) if searches[1] else None
+    test, step = asked.test, asked.test.sample_time
+    when = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    about = {**asked.about, "loop": f"{laboratory.words}, {1e-3 / step:g} kHz", "date": when}
     return Qualification(
-        wanted,
-        code,
+        test.required,
+        test.rules,
         tuple(made),
         reason,
         step,
@@ -179,13 +189,13 @@ def qualify(
         tuple(laboratory.recordings),
         before,
         after,
-        chosen.search.shift,
+        asked.settings.search.shift,
         test.motion.per_octave,
-        band,
+        asked.band,
     )
 
 
-def _described(states: Array, used: Demand) -> str:
+def described(states: Array, used: Demand) -> str:
     """Peaks of a motion and what it uses of the table, in words."""
     x, v, a = np.max(np.abs(states), axis=0)
     name, share = max(zip(used._fields, used, strict=True), key=lambda item: item[1])
@@ -195,7 +205,7 @@ def _described(states: Array, used: Demand) -> str:
 
 def _runs(
     test: Test,
-    laboratory: _Laboratory,
+    laboratory: Laboratory,
     motion: Array,
     model: TableParameters,
     learn: Learn | None,
@@ -232,23 +242,13 @@ def _record(path: str | Path | None, step: float) -> Array | None:
     return np.interp(np.arange(0.0, time[-1], step), time, found.acceleration)
 
 
-def _search(
-    laboratory: _Laboratory,
-    model: TableParameters,
-    name: str,
-    wanted: SearchParameters,
-    band: SearchBand,
-    step: float,
-) -> Resonance | None:
-    """The resonance that a run of low random motion shows; None without a search or pressures."""
-    if wanted.level == 0.0:
+def _search(asked: Asked, laboratory: Laboratory, name: str, seed: int) -> Search | None:
+    """The resonances that a low motion shows; None without a search or pressures."""
+    if asked.settings.search.level == 0.0:
         return None
-    count = round((wanted.duration + 2.0 * REST) / step)
-    f = np.fft.rfftfreq(count, step)
-    phases = np.random.RandomState(laboratory.seed).uniform(0.0, 2.0 * np.pi, f.size)
-    inside = (f >= 0.8 * wanted.low) & (f <= 1.2 * wanted.high)
-    noise = np.fft.irfft(np.where(inside, np.exp(1j * phases), 0.0), count)
-    place = np.arange(count) * step
-    noise *= wanted.level / np.std(noise) * smooth_step(np.minimum(place, place[::-1]) / REST)[0]
-    drive = integrate(end_at_rest(filtered(noise, step, 0.8 * wanted.low, 0.0), step), step)
-    return searched_in(laboratory.play(model, drive, name, 500 + len(laboratory.recordings)), band)
+    test = asked.test
+    drive = search_motion(asked.settings.search, test.sample_time, seed)
+    used = max(demand(drive, test.table, test.motion))
+    if used > 1.0:
+        raise ShakeError(f"search: its motion needs {used:.2f} times what the table may use")
+    return searched_in(laboratory.play(asked.model, drive, name, 500 + len(laboratory.recordings)), asked.band)

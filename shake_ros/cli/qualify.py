@@ -9,6 +9,7 @@ from pathlib import Path
 
 from shake_ros.api.qualification import Qualification, certified
 from shake_ros.api.qualify import qualify
+from shake_ros.api.sequence import FILE, TestSequence, qualify_sequence, sequence_of
 from shake_ros.cli.fitting import change
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import check_folder
@@ -44,6 +45,13 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--specimen", default="", help="what is tested, for the certificate")
     p.add_argument("--config", default="default", help="config/qualification/NAME.yaml or a file (default: default)")
     p.add_argument(
+        "--sequence",
+        metavar="PLAN",
+        help="tests in turn, by config/qualification_sequences; goes on where it stopped",
+    )
+    p.add_argument("--acknowledge", default="", metavar="NAME", help="who releases the next test of a sequence")
+    p.add_argument("--acknowledge-all", default="", metavar="NAME", help="who releases all tests that are left")
+    p.add_argument(
         "--from", dest="source", type=Path, metavar="DIR", help="judge the recordings of a certificate again"
     )
     p.add_argument("--force", action="store_true", help="replace an existing DIR")
@@ -59,6 +67,8 @@ def main(arguments: Sequence[str]) -> int:
         return _again(given.source)
     if given.out is None:
         raise ShakeError("give --out DIR, the folder for the certificate")
+    if given.sequence is not None:
+        return _sequence(given)
     check_folder(given.out, given.force)
     result = qualify(
         given.required,
@@ -91,6 +101,56 @@ def main(arguments: Sequence[str]) -> int:
     return 1
 
 
+def _sequence(given: argparse.Namespace) -> int:
+    """The tests of a sequence that can be run now."""
+    if given.record is not None or given.refit is not None:
+        raise ShakeError("--sequence goes without --record and --refit")
+    if given.force:
+        raise ShakeError("--sequence goes on where it stopped and replaces nothing; remove the folder to begin anew")
+    names = iter([given.acknowledge] if given.acknowledge else [])
+
+    def acknowledge(state: str) -> str:
+        print(state)
+        if given.acknowledge_all:
+            return str(given.acknowledge_all)
+        asked = not given.acknowledge and sys.stdin.isatty()
+        return input("released by (empty: stop here): ").strip() if asked else str(next(names, ""))
+
+    found = qualify_sequence(
+        given.required,
+        given.out,
+        acknowledge,
+        given.table,
+        plan=given.sequence,
+        model=given.model,
+        rules=given.rules,
+        scale=given.scale,
+        set=dict(map(change, given.set)),
+        settings=given.config,
+        runs=given.runs,
+        seed=given.seed,
+        delay=given.delay,
+        specimen=given.specimen,
+        progress=lambda text, _: print(text),
+    )
+    return _told(found, given.out)
+
+
+def _told(found: TestSequence, out: Path) -> int:
+    """What came of a sequence, and the exit code."""
+    for done in found.done:
+        print(f"{done.stage.name}: {'passed' if done.test.passed else 'not passed'} in {_runs(done.test)}")
+        for shift in found.shifts(done):
+            print(f"  resonance since the first test: {shift}")
+    print(f"sequence: {out / 'sequence.html'}")
+    if found.passed:
+        print(f"passed: {len(found.done)} of {len(found.plan.stages)} tests")
+        return 0
+    waits = "waits for an acknowledgement; --acknowledge NAME releases one test, --acknowledge-all NAME all"
+    print(f"not passed: {found.reason}" if found.reason else waits, file=sys.stderr)
+    return 1
+
+
 def _runs(result: Qualification) -> str:
     """How many runs, in words."""
     return f"{len(result.runs)} {'run' if len(result.runs) == 1 else 'runs'}"
@@ -98,6 +158,13 @@ def _runs(result: Qualification) -> str:
 
 def _again(source: Path) -> int:
     """The verdicts of a certificate's recordings, and whether they are those that it tells."""
+    if (source / FILE).is_file():
+        found, differences = sequence_of(source)
+        for line in differences:
+            print(line, file=sys.stderr)
+        if not differences:
+            print(f"reproduced: {len(found.done)} tests, every file and every figure as certified")
+        return 1 if differences else 0
     result, differences = certified(source)
     print(result.verdicts)
     for line in differences:

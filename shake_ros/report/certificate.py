@@ -64,14 +64,31 @@ def _verdicts(content: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
 
 
 def _resonances(content: Mapping[str, Any]) -> list[tuple[str, str, str, str, str]]:
+    """Every resonance of every search."""
     rows = []
     for when, found in content["resonance"].items():
-        if found is not None:
-            none = found["mass"] <= 0.03 * found["rigid_mass"]
-            cells = ("none", "–", "–") if none else (
-                f"{found['frequency']:.2f} Hz", f"{100.0 * found['damping']:.1f} %", f"{found['mass']:.0f} kg"
-            )  # fmt: skip
-            rows.append((f"{when} the test", *cells, f"{found['coherence']:.2f}"))
+        if found is None:
+            continue
+        name, coherence = f"{when} the test", f"{found['coherence']:.2f}"
+        rows += [
+            (name, f"{r['frequency']:.2f} Hz", f"{100.0 * r['damping']:.1f} %", f"{r['mass']:.0f} kg", coherence)
+            for r in found["resonances"]
+        ]
+        if not found["resonances"]:
+            rows.append((name, "none", "–", "–", coherence))
+    return rows
+
+
+def _shifts(content: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """What became of each resonance."""
+    rows = []
+    for pair in content["resonance_shifts"]:
+        before, after = (f"{r['frequency']:.2f} Hz" if r else "–" for r in (pair["before"], pair["after"]))
+        whole = pair["before"] and pair["after"]
+        frequency, damping = (f"{100.0 * pair[key]:+.1f} %" for key in ("frequency", "damping"))
+        if not whole:
+            frequency, damping = "gone" if pair["before"] else "new", "–"
+        rows.append((before, after, frequency, damping))
     return rows
 
 
@@ -84,6 +101,11 @@ def _history(content: Mapping[str, Any]) -> list[tuple[str, str, str, str, str]]
     return rows
 
 
+def _search(content: Mapping[str, Any]) -> str:
+    """The motion of the searches."""
+    return str(content["about"].get("search", "a low motion"))
+
+
 def _drift(content: Mapping[str, Any]) -> float:
     """Below which a measured motion is drift [Hz]."""
     return 0.4 * float(content["required"]["frequencies"][0])
@@ -91,6 +113,7 @@ def _drift(content: Mapping[str, Any]) -> float:
 
 VERDICTS = ("rule", "asked", "measured", "")
 RESONANCES = ("resonance search", "frequency", "damping", "moving mass", "coherence")
+SHIFTS = ("resonance before", "after", "frequency moved", "damping moved")
 HISTORY = ("run", "spectrum missed", "lowest TRS/RRS", "largest TRS/RRS", "")
 
 
@@ -134,10 +157,49 @@ def _html(content: Mapping[str, Any], motion: Array, sample_time: float) -> str:
     if _resonances(content):
         page.heading("Resonance searches")
         page.table(RESONANCES, _resonances(content))
-        page.paragraph("From the force of the cylinder over the table's acceleration under low random motion.")
+        page.table(SHIFTS, _shifts(content))
+        page.paragraph(f"From the force of the cylinder over the table's acceleration under {_search(content)}.")
     page.heading("Recordings")
     page.table(("file", "SHA-256"), list(content["sha256"].items()))
     page.paragraph("./shake qualify --from THIS_FOLDER checks these sums and judges the recordings again.")
+    return page.render().replace("</style>", f"{TEXT_CELLS}</style>", 1)
+
+
+def sequence_page(content: Mapping[str, Any]) -> str:
+    """sequence.html: the tests of a sequence in turn, and what became of the resonances."""
+    end = "passed" if content["passed"] else "not passed" if content["reason"] else "not ended"
+    page = Page(f"Sequence of qualification tests: {end}", content["name"])
+    page.table(
+        ("", ""),
+        [
+            ("Source", content["source"]),
+            ("Ended because", content["reason"] or "–"),
+            ("Waits for", content["waiting"] or "–"),
+        ],
+    )
+    page.heading("Tests")
+    rows = [
+        (
+            t["test"],
+            f"{100.0 * t['share']:g} %",
+            t["released_by"],
+            t["date"],
+            str(t["runs"]),
+            f"{t['lowest']:.3f}",
+            f"{t['largest']:.3f}",
+            t["interlock"] or "clear",
+            "passed" if t["passed"] else "not passed",
+        )
+        for t in content["tests"]
+    ]
+    page.table(("test", "of the RRS", "released by", "at", "runs", *HISTORY[2:4], "interlock", ""), rows)
+    page.heading("Resonances")
+    searched = [("before the first test", content["resonance_before"] or "–", "")]
+    searched += [
+        (f"after {t['test']}", t["resonance"], "; ".join(t["shifts"])) for t in content["tests"] if t["resonance"]
+    ]
+    page.table(("search", "found", "since the first"), searched)
+    page.paragraph("Each test has its own certificate and recordings in the folder of its name.")
     return page.render().replace("</style>", f"{TEXT_CELLS}</style>", 1)
 
 
@@ -196,6 +258,7 @@ def _spectra(content: Mapping[str, Any]) -> Figure:
     top = _rows(figure, 0.49, [HISTORY, *_history(content)], (8, 24, 24, 24, 20))
     if _resonances(content):
         top = _rows(figure, top, [RESONANCES, *_resonances(content)], (26, 20, 18, 20, 16))
+        top = _rows(figure, top, [SHIFTS, *_shifts(content)], (26, 20, 26, 28))
     if len(content["runs"]) > 1:
         place = figure.add_axes((0.13, 0.08, 0.4, min(0.2, top - 0.12)))
         convergence_axes(place, [run["error"] for run in content["runs"]])

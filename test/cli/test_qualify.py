@@ -16,6 +16,7 @@ from pages import read_page
 
 from shake_ros.__main__ import main
 from shake_ros.api.qualification import certified
+from shake_ros.api.sequence import qualify_sequence
 from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import read_table_recording
@@ -29,13 +30,13 @@ SPECTRUM: dict[str, Any] = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A short spectrum, its rules and settings: 3 s of strong part, searches of 5 s."""
+    """A short spectrum, its rules and settings: 3 s of strong part, searches of 10 s."""
     top = tmp_path_factory.mktemp("qualify")
     rules = dict(read_yaml(find("qualification_rules", "ac156")))
     rules |= {"name": "short", "duration": 3.0, "strong_duration": 2.0, "over_up_to": 0.0}
     settings: dict[str, Any] = {k: dict(v) for k, v in read_yaml(find("qualification", "default")).items()}
     settings["motion"] |= {"rise": 1.0, "strong": 3.0, "decay": 1.0, "seeds": 1}
-    settings["search"] |= {"duration": 5.0}
+    settings["search"] |= {"sweep_rate": 30.0}
     content = {"rules": rules, "settings": settings, "floor": SPECTRUM | {"rules": str(top / "rules.yaml")}}
     for name, values in content.items():
         (top / f"{name}.yaml").write_text(yaml.safe_dump(values), encoding="utf-8")
@@ -185,3 +186,51 @@ def test_a_test_that_does_not_pass_says_why_and_ends_with_one(
     assert err.startswith("not passed: not passed after 1 run; what fails: over-test, largest TRS/RRS, at most 1.30")
     told = json.loads((tmp_path / "out" / "certificate.json").read_text(encoding="utf-8"))
     assert (told["passed"], told["reason"] != "") == (False, True)
+
+
+PLAN = {
+    "name": "one low test, one full one", "source": "of this test", "interlock": "bergamo",
+    "levels": [{"name": "low", "share": 0.5, "tests": 1}, {"name": "full", "share": 1.0, "tests": 1}],
+}  # fmt: skip
+
+
+def test_sequence_waits_for_each_acknowledgement_and_goes_on_where_it_stopped(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "plan.yaml").write_text(yaml.safe_dump(PLAN), encoding="utf-8")
+    out = tmp_path / "out"
+    given = short(folder, "--sequence", tmp_path / "plan.yaml", "--out", out)
+    code, said, err = run(capsys, *given, "--acknowledge", "A. Operator")
+    assert code == 1
+    assert "next: 1_low_1, test 1 of 2, 50 % of the required spectrum; before it: resonance search" in said
+    assert (
+        "next: 2_full_1, test 2 of 2, 100 % of the required spectrum; before it: 1_low_1 passed, interlock clear"
+        in said
+    )
+    assert err == "waits for an acknowledgement; --acknowledge NAME releases one test, --acknowledge-all NAME all\n"
+    low = (out / "1_low_1" / "certificate.json").stat().st_mtime_ns
+
+    log = json.loads((out / "sequence.json").read_text(encoding="utf-8"))  # as if it was cut off after its last run
+    del log["tests"]["1_low_1"]["interlock"]
+    (out / "sequence.json").write_text(json.dumps(log), encoding="utf-8")
+    code, said, err = run(capsys, *given, "--acknowledge", "B. Operator")
+    assert (code, err) == (0, "")
+    assert said.count("released by") == 1
+    assert (out / "1_low_1" / "certificate.json").stat().st_mtime_ns == low
+    found = json.loads((out / "sequence.json").read_text(encoding="utf-8"))["result"]
+    assert [t["released_by"] for t in found["tests"]] == ["A. Operator", "B. Operator"]
+    assert (found["passed"], found["waiting"]) == (True, "")
+    shares = [
+        json.loads((out / n / "certificate.json").read_text())["required"]["levels"][1] for n in ("1_low_1", "2_full_1")
+    ]
+    assert shares == [pytest.approx(3.0), pytest.approx(6.0)]
+    assert "passed" in (out / "sequence.html").read_text(encoding="utf-8")
+
+    with pytest.raises(ShakeError, match="was begun with seed = 0, now it is 1"):
+        qualify_sequence(
+            str(given[0]), out, lambda _: "", plan=str(tmp_path / "plan.yaml"), settings=str(given[2]), seed=1
+        )
+    with (out / "2_full_1" / "recordings" / "run_1" / "metadata.yaml").open("a") as file:
+        file.write("# a remark\n")
+    code, _, err = run(capsys, "--from", out)
+    assert (code, err) == (1, "2_full_1: recordings/run_1/metadata.yaml: is not the file that was certified\n")
