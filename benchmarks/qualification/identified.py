@@ -34,6 +34,7 @@ HIDDEN = {
 CASES = (("ac156", 0.6), ("rg_1_60", 0.8), ("points", 0.7))
 LEARNT, HELD = ("demo_excitation", "earthquake_stiff_soil"), "earthquake_rock"
 RUNS, LATE = 4, 1
+MODELS = "identified", "exact", "declared"
 
 
 def plant() -> TableParameters:
@@ -85,6 +86,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--identify", metavar="DIR", type=Path)
     parser.add_argument("--model", metavar="TABLE")
+    parser.add_argument("--models", nargs="+", default=list(MODELS), choices=MODELS)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--kept", metavar="FILE", type=Path)
     parser.add_argument("--save", action="store_true")
@@ -93,10 +95,15 @@ def main() -> None:
         identify(given.identify)
         return
     declared, exact = load_table("bergamo"), plant().with_values({"effects.command_delay.delay": 1e-3 * LATE})
-    models = {"identified": load_table(given.model)} if given.model else {}
+    if given.model is None and "identified" in given.models:
+        parser.error("give --model TABLE, as --identify DIR leaves it in DIR/loop, or --models exact declared")
+    models = {"exact": exact, "declared": declared}
+    if given.model is not None:
+        models["identified"] = load_table(given.model)
     kept = json.loads(given.kept.read_text(encoding="utf-8")) if given.kept and given.kept.exists() else {}
     lines = []
-    for name, model in {**models, "exact": exact, "declared": declared}.items():
+    for name in given.models:
+        model = models[name]
         for required, scale in CASES:
             for seed in range(given.seeds):
                 key = f"{name} {required} {seed}"

@@ -203,7 +203,7 @@ def _again(told: dict[str, Any], recordings: Path, where: str) -> Qualification:
         step = round(found.sample_time, 9)
         motion = measured_motion(found.acceleration, step, rules)
         drive = np.zeros((0, 3)) if found.reference is None else found.reference
-        _, error = missed(motion, step, required, rules.aim, per_octave)
+        _, error = missed(motion, step, required, rules, per_octave)
         runs.append(Tested(drive, motion, judge(motion, step, required, rules), error))
     searched = dict(told["search"] or {})
     shift = float(searched.pop("shift", 0.1))

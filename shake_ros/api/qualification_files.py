@@ -47,7 +47,7 @@ class QualificationSettings:
 
     def motion_for(self, rules: Rules) -> MotionParameters:
         """How a motion is made for these rules."""
-        return MotionParameters.from_mapping({**self.motion, "aim": rules.aim}, "motion")
+        return MotionParameters.from_mapping({**self.motion, "aim": rules.aim, "aim_last": rules.aim_last}, "motion")
 
 
 def load_settings(name: str) -> QualificationSettings:

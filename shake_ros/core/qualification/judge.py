@@ -50,6 +50,9 @@ class Rules(Parameters):
     aim: float = quantity(
         "-", "level over the RRS at which a motion is aimed; a choice of this program", low=0.9, high=2.0
     )
+    aim_last: float = quantity(
+        "-", "the same at the last required frequency, reached over an octave", low=0.9, high=2.0
+    )
     low_pass: float = quantity(
         "Hz", "of the measured acceleration before the TRS, without phase shift", low=0.0, high=2000.0
     )

@@ -31,6 +31,7 @@ REST = 1.0  # [s] of rest at either end
 WAVELETS, PASSES, AMPLITUDES = 12, 3, 6  # rounds of a pass, passes, rounds
 FINE = 0.5  # frequencies of an octave times the damping, at least: below, the spectrum dips between them
 WIDER = 0.5  # of the high-pass of a motion: that of its corrections, each of which would lower the first frequency
+TOP = 1.05  # of the peak aimed at: what is above is cut before the wavelets; a spectrum's rigid end is the peak
 RIGID = (1.2, ABOVE)  # times the last frequency, kept at the last level
 
 
@@ -42,6 +43,7 @@ class MotionParameters(Parameters):
     strong: float = quantity("s", "length of the strong part", low=1.0, high=600.0)
     decay: float = quantity("s", "from the strong part to rest", low=0.1, high=60.0)
     aim: float = quantity("-", "level aimed at over the required one", low=1.0, high=2.0)
+    aim_last: float = quantity("-", "the same at the last required frequency", low=0.9, high=2.0)
     seeds: int = quantity(
         "-", "random phases tried; of those that fit, the one of the lowest peak is kept", low=1, high=100
     )
@@ -82,6 +84,20 @@ def frequencies_to_match(required: RequiredSpectrum, per_octave: int) -> tuple[A
     dense = max(per_octave, math.ceil(FINE / required.damping))
     f = np.concatenate([required.grid(dense), required.frequencies[-1] * np.array(RIGID)])
     return f, required.at(f)
+
+
+def aimed(required: RequiredSpectrum, per_octave: int, aim: float, last: float) -> tuple[Array, Array]:
+    """Frequencies to match, and the levels aimed at: `aim` over the required ones, `last` from the last one on (m,).
+
+    In between, over the last octave, the factor is straight in log–log.
+    """
+    f, levels = frequencies_to_match(required, per_octave)
+    part = np.clip(np.log2(2.0 * f / required.frequencies[-1]), 0.0, 1.0)
+    return f, levels * aim ** (1.0 - part) * last**part
+
+
+def _aimed(required: RequiredSpectrum, parameters: MotionParameters) -> tuple[Array, Array]:
+    return aimed(required, parameters.per_octave, parameters.aim, parameters.aim_last)
 
 
 def shape(time: Array, parameters: MotionParameters) -> Array:
@@ -131,12 +147,14 @@ def matched(
 
     `target` belongs to `frequencies_to_match`; both are the required ones times `aim` where None.
     """
-    f, levels = frequencies_to_match(required, parameters.per_octave)
-    wanted = parameters.aim * levels if target is None else target
-    peak = parameters.aim * required.zero_period if zero_period is None else zero_period
+    f, levels = _aimed(required, parameters)
+    wanted = levels if target is None else target
+    peak = parameters.aim_last * required.zero_period if zero_period is None else zero_period
     keep = f * time_step < 0.4
     low = WIDER * parameters.high_pass * float(required.frequencies[0])
+    top = TOP * max(peak, float(wanted[keep][-1]))
     for _ in range(PASSES):
+        record = np.clip(record, -top, top)
         record = correct(record, time_step, f[keep], wanted[keep], required.damping, WAVELETS, peak)
         record = at_rest(record, time_step, low)
     return record
@@ -144,10 +162,10 @@ def matched(
 
 def rough(record: Array, time_step: float, required: RequiredSpectrum, parameters: MotionParameters) -> Array:
     """The record with amplitudes scaled until its spectrum is about the required one times `aim`."""
-    f, levels = frequencies_to_match(required, parameters.per_octave)
+    f, levels = _aimed(required, parameters)
     keep = f * time_step < 0.4
     for _ in range(AMPLITUDES):
-        record = scale_amplitudes(record, time_step, f[keep], parameters.aim * levels[keep], required.damping)
+        record = scale_amplitudes(record, time_step, f[keep], levels[keep], required.damping)
         record = at_rest(record, time_step, parameters.high_pass * float(required.frequencies[0]))
     return record
 
@@ -203,12 +221,12 @@ def corrected_drive(
     """
     factor, step = _step(sample_time)
     coarse = drive[::factor]
-    f, levels = frequencies_to_match(required, parameters.per_octave)
+    f, levels = _aimed(required, parameters)
     keep = f * step < 0.4
     own = np.ones_like(f)
     own[keep] = acceleration_spectrum(coarse, step, f[keep], required.damping)
-    target = own * (parameters.aim * levels / found) ** gain
-    largest = float(np.max(np.abs(drive))) * (parameters.aim * required.zero_period / peak) ** gain
+    target = own * (levels / found) ** gain
+    largest = float(np.max(np.abs(drive))) * (parameters.aim_last * required.zero_period / peak) ** gain
     record = matched(coarse, step, required, parameters, target, largest)
     return fine(record, factor, sample_time)[: drive.size]
 

@@ -17,7 +17,7 @@ from shake_ros.core.analysis.oscillators import acceleration_spectrum
 from shake_ros.core.iteration.drive import integrate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.qualification.judge import Rules, SpectrumJudgement, judge, measured_motion
-from shake_ros.core.qualification.motion import MotionParameters, corrected_drive, demand, frequencies_to_match
+from shake_ros.core.qualification.motion import MotionParameters, aimed, corrected_drive, demand
 from shake_ros.core.qualification.required import RequiredSpectrum
 from shake_ros.core.quantities import Parameters, quantity
 
@@ -65,13 +65,13 @@ class Test:
 
 
 def missed(
-    motion: Array, sample_time: float, required: RequiredSpectrum, aim: float, per_octave: int
+    motion: Array, sample_time: float, required: RequiredSpectrum, rules: Rules, per_octave: int
 ) -> tuple[Array, float]:
     """The TRS at the matched frequencies (m,) [m/s²], and rms of ln(TRS/aim) of those within the required band [-]."""
-    f, levels = frequencies_to_match(required, per_octave)
+    f, levels = aimed(required, per_octave, rules.aim, rules.aim_last)
     found = acceleration_spectrum(motion, sample_time, f, required.damping)
     inside = f <= required.frequencies[-1] * (1.0 + 1e-9)
-    return found, float(np.sqrt(np.mean(np.square(np.log(found / (aim * levels))[inside]))))
+    return found, float(np.sqrt(np.mean(np.square(np.log(found / levels)[inside]))))
 
 
 def failing(judgement: SpectrumJudgement) -> str:
@@ -117,7 +117,7 @@ def iterate_test(
     while True:
         acceleration, position = play(carried, drive, len(made))
         motion = measured_motion(acceleration, test.sample_time, test.rules)
-        found, error = missed(motion, test.sample_time, test.required, test.motion.aim, test.motion.per_octave)
+        found, error = missed(motion, test.sample_time, test.required, test.rules, test.motion.per_octave)
         errors.append(error)
         made.append(Tested(drive, motion, judge(motion, test.sample_time, test.required, test.rules), errors[-1]))
         told(len(made), made[-1])

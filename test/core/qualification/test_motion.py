@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from shake_ros.core.analysis.response_spectrum import response_spectrum
-from shake_ros.core.qualification.motion import MotionParameters, corrected_drive, frequencies_to_match, synthesise
+from shake_ros.core.qualification import motion as motions
+from shake_ros.core.qualification.motion import (
+    MotionParameters,
+    corrected_drive,
+    frequencies_to_match,
+    synthesise,
+)
 from shake_ros.core.qualification.required import RequiredSpectrum
 from shake_ros.settings import load_table
 
 STEP, AIM = 0.004, 1.1
 SHORT = MotionParameters(
-    rise=1.0, strong=6.0, decay=1.0, aim=AIM, seeds=1, high_pass=0.6, per_octave=12,
+    rise=1.0, strong=6.0, decay=1.0, aim=AIM, aim_last=AIM, seeds=1, high_pass=0.6, per_octave=12,
     position_share=0.9, velocity_share=0.85, force_share=0.85,
 )  # fmt: skip
 
@@ -37,6 +46,14 @@ def test_motion_is_raised_to_the_zero_period_where_its_spectrum_alone_leaves_it_
     asked = 1.15 * free / AIM
     raised = np.max(np.abs(synthesise(spectrum(asked), table, SHORT, STEP, seed=1)))
     assert raised > 0.97 * AIM * asked > free
+
+
+def test_peaks_above_the_rigid_end_are_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    required = replace(spectrum(1.2), levels=np.array([1.0, 4.0, 4.0, 1.2]))
+    limit = 1.1 * AIM * 1.2  # the last level is what a rigid body feels
+    assert np.max(np.abs(synthesise(required, load_table("bergamo"), SHORT, STEP, seed=2))) < limit
+    monkeypatch.setattr(motions, "TOP", 100.0)
+    assert np.max(np.abs(synthesise(required, load_table("bergamo"), SHORT, STEP, seed=2))) > limit
 
 
 def test_corrections_do_not_wear_off_the_first_frequency() -> None:
