@@ -13,7 +13,7 @@ from shake_ros.api.qualification_files import checksums, judgement_json, require
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.qualification.judge import Rules, SpectrumJudgement, judge, measured_motion
 from shake_ros.core.qualification.required import RequiredSpectrum
-from shake_ros.core.qualification.resonance import Resonance, Search, SearchBand, Shift
+from shake_ros.core.qualification.resonance import Resonance, ResonanceSearch, SearchBand, Shift
 from shake_ros.core.qualification.run import Tested, missed
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
@@ -45,8 +45,8 @@ class Qualification:
     sample_time: float
     about: dict[str, str]
     recordings: tuple[TableRecording, ...] = ()
-    before: Search | None = None
-    after: Search | None = None
+    before: ResonanceSearch | None = None
+    after: ResonanceSearch | None = None
     shift: float = 0.1
     per_octave: int = 12
     search: SearchBand | None = None
@@ -222,14 +222,14 @@ def moved(shifts: tuple[Shift, ...], limit: float) -> str:
     return "; ".join(f"the specimen changed: {shift}" for shift in shifts if abs(shift.frequency) >= limit)
 
 
-def search_of(content: dict[str, Any] | None) -> Search | None:
+def search_of(content: dict[str, Any] | None) -> ResonanceSearch | None:
     """A search from a certificate."""
     if content is None:
         return None
-    return Search(**{**content, "resonances": tuple(Resonance(**found) for found in content["resonances"])})
+    return ResonanceSearch(**{**content, "resonances": tuple(Resonance(**found) for found in content["resonances"])})
 
 
-def searched_in(recording: Path | TableRecording, band: SearchBand) -> Search | None:
+def searched_in(recording: Path | TableRecording, band: SearchBand) -> ResonanceSearch | None:
     """The resonances that a recording shows; None without pressures or acceleration."""
     run = read_table_recording(recording) if isinstance(recording, Path) else recording
     if run.pressure_a is None or run.pressure_b is None or run.acceleration is None:

@@ -26,7 +26,7 @@ from shake_ros.core.iteration.drive import integrate
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.qualification.motion import Demand, check_sampling, demand, refusal, synthesise
 from shake_ros.core.qualification.required import RequiredSpectrum
-from shake_ros.core.qualification.resonance import Search, SearchBand
+from shake_ros.core.qualification.resonance import ResonanceSearch, SearchBand
 from shake_ros.core.qualification.run import Test, Tested, iterate_test
 from shake_ros.core.qualification.search_motion import search_motion
 from shake_ros.core.quantities import ShakeError
@@ -242,7 +242,7 @@ def _record(path: str | Path | None, step: float) -> Array | None:
     return np.interp(np.arange(0.0, time[-1], step), time, found.acceleration)
 
 
-def _search(asked: Asked, laboratory: Laboratory, name: str, seed: int) -> Search | None:
+def _search(asked: Asked, laboratory: Laboratory, name: str, seed: int) -> ResonanceSearch | None:
     """The resonances that a low motion shows; None without a search or pressures."""
     if asked.settings.search.level == 0.0:
         return None

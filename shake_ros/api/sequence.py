@@ -22,7 +22,7 @@ from shake_ros.api.qualification import Qualification, certified, moved
 from shake_ros.api.qualification_laboratory import SimulatedLaboratory
 from shake_ros.api.qualify import Asked, asked_of, conduct, made_motion
 from shake_ros.api.simulate import Simulation
-from shake_ros.core.qualification.resonance import Search, Shift
+from shake_ros.core.qualification.resonance import ResonanceSearch, Shift
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
 from shake_ros.data.recordings import read_table_recording
 from shake_ros.data.results import write_json, writing
@@ -112,7 +112,7 @@ class TestSequence:
     waiting: str = ""
 
     @property
-    def before(self) -> Search | None:
+    def before(self) -> ResonanceSearch | None:
         """The search before the first test."""
         return self.done[0].test.before if self.done else None
 

@@ -75,14 +75,14 @@ class Shift:
 
 
 @dataclass(frozen=True)
-class Search:
+class ResonanceSearch:
     """A search: its resonances by frequency, the rigid mass [kg], the mean coherence [-]."""
 
     resonances: tuple[Resonance, ...]
     rigid_mass: float
     coherence: float
 
-    def shifts(self, after: Search) -> tuple[Shift, ...]:
+    def shifts(self, after: ResonanceSearch) -> tuple[Shift, ...]:
         """Each resonance with that of a later search which it has become, the nearest ones first."""
         old, new, pairs = list(self.resonances), list(after.resonances), list[Shift]()
         while old and new:
@@ -112,7 +112,7 @@ class SearchBand:
     piston_area: float
     area_ratio: float = 1.0  # of chamber B
 
-    def of(self, pressure_a: Array, pressure_b: Array, acceleration: Array, time_step: float) -> Search:
+    def of(self, pressure_a: Array, pressure_b: Array, acceleration: Array, time_step: float) -> ResonanceSearch:
         """The resonances in a recording of both pressures [Pa] and the acceleration [m/s²], (n,) each."""
         force = self.piston_area * (pressure_a - self.area_ratio * pressure_b)
         return search(force, acceleration, time_step, self.low, self.high)
@@ -144,7 +144,7 @@ class _Ratio:
         return np.asarray(a @ masses - b), masses
 
 
-def search(force: Array, acceleration: Array, time_step: float, low: float, high: float) -> Search:
+def search(force: Array, acceleration: Array, time_step: float, low: float, high: float) -> ResonanceSearch:
     """The resonances between low and high [Hz] in a recording of force [N] and acceleration [m/s²], (n,) each."""
     from scipy.optimize import least_squares
     from scipy.signal import coherence, csd, welch
@@ -176,4 +176,4 @@ def search(force: Array, acceleration: Array, time_step: float, low: float, high
         best, missed, masses = found.x, left, weighed
     frequencies, dampings = np.exp(best[0::2]), np.exp(best[1::2])
     rows = sorted(zip(frequencies.tolist(), dampings.tolist(), masses[RIGID:].tolist(), strict=True))
-    return Search(tuple(Resonance(*row) for row in rows), float(masses[0]), float(np.mean(both[band])))
+    return ResonanceSearch(tuple(Resonance(*row) for row in rows), float(masses[0]), float(np.mean(both[band])))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shake_ros.core.qualification.resonance import Resonance, Search, search
+from shake_ros.core.qualification.resonance import Resonance, ResonanceSearch, search
 from shake_ros.core.qualification.search_motion import SearchParameters, random, search_motion, sweep
 
 STEP = 0.002
@@ -43,8 +43,8 @@ def test_every_resonance_is_found_and_no_other(kind: str, count: int) -> None:
 
 
 def test_shifts_pair_what_moved_and_name_what_is_gone_or_new() -> None:
-    before = Search((Resonance(6.0, 0.04, 150.0), Resonance(14.0, 0.02, 50.0)), 500.0, 1.0)
-    after = Search((Resonance(5.4, 0.05, 150.0), Resonance(28.0, 0.02, 50.0)), 500.0, 1.0)
+    before = ResonanceSearch((Resonance(6.0, 0.04, 150.0), Resonance(14.0, 0.02, 50.0)), 500.0, 1.0)
+    after = ResonanceSearch((Resonance(5.4, 0.05, 150.0), Resonance(28.0, 0.02, 50.0)), 500.0, 1.0)
     told = [str(shift) for shift in before.shifts(after)]
     assert told == ["6.00 Hz: frequency -10.0 %, damping +25 %", "14.00 Hz: gone", "new at 28.00 Hz"]
     assert [shift.frequency for shift in before.shifts(after)] == [pytest.approx(-0.1), -1.0, 0.0]
