@@ -305,7 +305,7 @@ def close_loop(
     ...     x, a = x + 1e-5 * noise[0], a + 0.05 * noise[1]
     ...     return sr.recording(name, time, 0 * time, x, acceleration=a, force=force)
     >>> found = sr.close_loop(
-    ...     sr.model("axis"), run("first", 31, noise[:2]), run("second", 43, noise[2:]), progress=False
+    ...     sr.model("axis"), run("first", 31, noise[:2]), run("second", 41, noise[2:]), progress=False
     ... )
     >>> found.effects
     nothing is missing
