@@ -22,6 +22,7 @@ from shake_ros.core.identification.recordings import Record, RecordingProblem, f
 from shake_ros.core.identification.sensor_pair import SensorPair
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import ShakeError
 
 PIECES, PIECE = 18.0, 6.0  # of the recordings that the first fit sees, and length of each [s]
 GUESSES = 2  # that are fitted
@@ -56,7 +57,10 @@ class StartingPoint:
     @classmethod
     def seen(cls, table: TableParameters, data: Prepared) -> StartingPoint:
         """A declared table with a specimen that swings, where the linear response shows one."""
-        specimen = FirstGuess(data.estimation).specimen(table)
+        try:
+            specimen = FirstGuess(data.estimation).specimen(table)
+        except ShakeError:  # a sine alone, for one, is no response
+            return cls.declared(table, data)
         if not specimen or "specimen_resonance" in table.effects:
             return cls.declared(table, data)
         return cls(table, data, table.with_values(specimen), ("specimen_resonance",))
