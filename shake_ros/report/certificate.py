@@ -157,7 +157,8 @@ def _html(content: Mapping[str, Any], motion: Array, sample_time: float) -> str:
     if _resonances(content):
         page.heading("Resonance searches")
         page.table(RESONANCES, _resonances(content))
-        page.table(SHIFTS, _shifts(content))
+        if _shifts(content):
+            page.table(SHIFTS, _shifts(content))
         page.paragraph(f"From the force of the cylinder over the table's acceleration under {_search(content)}.")
     page.heading("Recordings")
     page.table(("file", "SHA-256"), list(content["sha256"].items()))
@@ -258,7 +259,8 @@ def _spectra(content: Mapping[str, Any]) -> Figure:
     top = _rows(figure, 0.49, [HISTORY, *_history(content)], (8, 24, 24, 24, 20))
     if _resonances(content):
         top = _rows(figure, top, [RESONANCES, *_resonances(content)], (26, 20, 18, 20, 16))
-        top = _rows(figure, top, [SHIFTS, *_shifts(content)], (26, 20, 26, 28))
+        if _shifts(content):
+            top = _rows(figure, top, [SHIFTS, *_shifts(content)], (26, 20, 26, 28))
     if len(content["runs"]) > 1:
         place = figure.add_axes((0.13, 0.08, 0.4, min(0.2, top - 0.12)))
         convergence_axes(place, [run["error"] for run in content["runs"]])

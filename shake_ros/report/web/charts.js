@@ -58,6 +58,9 @@
     c.restore();
   }
 
+  // Of a logarithmic axis the places 1, 2 and 5 of each decade.
+  const round = (u, at) => at.map((v) => (/^[125](\.0*)?e/.test(v.toExponential()) ? v : null));
+
   function options(spec, panel, chart, last) {
     const places = Object.keys(spec.ticks).map(Number).sort((a, b) => a - b);
     const axis = (more) => ({
@@ -76,7 +79,7 @@
       height: panel.height + (last ? 38 : 0),
       scales: { x: { time: false, distr: spec.log ? 3 : 1, range: (u, low, high) => [low, high] }, y: { distr: panel.log ? 3 : 1, range: range(panel) } },
       axes: [
-        axis({ ...named, ...(last ? { label: spec.x, labelSize: 18, size: 28 } : { size: 8 }) }),
+        axis({ ...named, ...(spec.log ? { filter: round } : {}), ...(last ? { label: spec.x, labelSize: 18, size: 28 } : { size: 8 }) }),
         axis({ label: panel.y, labelSize: 18, size: 66, space: 24, values: (u, at) => at.map((v) => (v == null ? "" : number(v))) }),
       ],
       series: [
