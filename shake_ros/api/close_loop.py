@@ -23,7 +23,7 @@ from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recordings import FULL, Record, RecordingProblem
 from shake_ros.core.identification.uncertainty import Estimate, known_covariance
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.loop.robust import Uncertainty
@@ -314,6 +314,8 @@ def close_loop(
     """
     declared = model.declared
     start = model.begin(*fitted.fit_data(estimation, validation, declared.driven_by))
+    if declared is FULL:
+        start = start.with_specimen()
     data = start.data
     first, second = data.estimation, data.validation
     structure = model_structure(start, declared)

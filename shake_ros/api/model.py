@@ -14,7 +14,7 @@ from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.identification.contradictions import contradictions
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.nuisances import Prepared, prepared
-from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
+from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.identification.stages import StartingPoint, staged_start
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.identification.unknown_model import UnknownModel
@@ -76,8 +76,7 @@ class Model:
         """
         declared = self.declared
         if not isinstance(declared, UnknownModel):
-            begin = StartingPoint.seen if declared is FULL else StartingPoint.declared
-            return begin(self.start(estimation), Prepared(estimation, validation, 1.0, ()))
+            return StartingPoint.declared(self.start(estimation), Prepared(estimation, validation, 1.0, ()))
 
         def effects(table: TableParameters) -> dict[str, CandidateEffect]:
             return {c.effect: c for c in effect_candidates(declared, table)}

@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from shake_ros.api.qualification import Qualification, certified
 from shake_ros.api.qualify import qualify
@@ -70,22 +71,7 @@ def main(arguments: Sequence[str]) -> int:
     if given.sequence is not None:
         return _sequence(given)
     check_folder(given.out, given.force)
-    result = qualify(
-        given.required,
-        given.table,
-        model=given.model,
-        rules=given.rules,
-        scale=given.scale,
-        set=dict(map(change, given.set)),
-        settings=given.config,
-        record=given.record,
-        refit=given.refit,
-        runs=given.runs,
-        seed=given.seed,
-        delay=given.delay,
-        specimen=given.specimen,
-        progress=lambda text, _: print(text),
-    )
+    result = qualify(given.required, given.table, record=given.record, refit=given.refit, **_asked(given))
     result.report(given.out, given.force)
     print(result.verdicts)
     for when, found in (("before", result.before), ("after", result.after)):
@@ -101,20 +87,36 @@ def main(arguments: Sequence[str]) -> int:
     return 1
 
 
+def _asked(given: argparse.Namespace) -> dict[str, Any]:
+    """What a test and a sequence of tests are both asked with."""
+    return {
+        "model": given.model,
+        "rules": given.rules,
+        "scale": given.scale,
+        "set": dict(map(change, given.set)),
+        "settings": given.config,
+        "runs": given.runs,
+        "seed": given.seed,
+        "delay": given.delay,
+        "specimen": given.specimen,
+        "progress": lambda text, _: print(text),
+    }
+
+
 def _sequence(given: argparse.Namespace) -> int:
     """The tests of a sequence that can be run now."""
     if given.record is not None or given.refit is not None:
         raise ShakeError("--sequence goes without --record and --refit")
     if given.force:
         raise ShakeError("--sequence goes on where it stopped and replaces nothing; remove the folder to begin anew")
-    names = iter([given.acknowledge] if given.acknowledge else [])
+    names = [given.acknowledge] if given.acknowledge else []
 
     def acknowledge(state: str) -> str:
         print(state)
         if given.acknowledge_all:
             return str(given.acknowledge_all)
         asked = not given.acknowledge and sys.stdin.isatty()
-        return input("released by (empty: stop here): ").strip() if asked else str(next(names, ""))
+        return input("released by (empty: stop here): ").strip() if asked else names.pop() if names else ""
 
     found = qualify_sequence(
         given.required,
@@ -122,16 +124,7 @@ def _sequence(given: argparse.Namespace) -> int:
         acknowledge,
         given.table,
         plan=given.sequence,
-        model=given.model,
-        rules=given.rules,
-        scale=given.scale,
-        set=dict(map(change, given.set)),
-        settings=given.config,
-        runs=given.runs,
-        seed=given.seed,
-        delay=given.delay,
-        specimen=given.specimen,
-        progress=lambda text, _: print(text),
+        **_asked(given),
     )
     return _told(found, given.out)
 

@@ -82,10 +82,8 @@ def residual_series(
         if record.acceleration is not None:
             rest, deviation = (record.acceleration - out[:, 2])[span], record.acceleration_noise()
         else:
-            rest, deviation = (
-                (record.velocity - filtered_velocity(out[:, 1], record.sample_time))[span],
-                record.velocity_noise(),
-            )
+            seen = filtered_velocity(out[:, 1], record.sample_time)
+            rest, deviation = (record.velocity - seen)[span], record.velocity_noise()
         residuals.append(rest)
         square += float(rest @ rest)
         noise += len(rest) * deviation**2

@@ -32,7 +32,8 @@ FAR = 5.0  # ratio of the residual to the noise from which several effects are l
 JOINED = 0.5  # part of the cost that these may leave
 EffectsOf = Callable[[TableParameters], Mapping[str, JoiningEffect]]
 BETWEEN_SENSORS = ("accelerometer_lag", "position_sensor_lag", "accelerometer_scale", "base_flexibility")
-SHOWN = ("specimen_resonance", *BETWEEN_SENSORS)  # effects that show without a search
+SPECIMEN = "specimen_resonance"
+SHOWN = (SPECIMEN, *BETWEEN_SENSORS)  # effects that show without a search
 LEAST_SCALE = 0.02  # error of the accelerometer's scale that counts as one: smaller ones are those of a calibration
 
 
@@ -54,16 +55,15 @@ class StartingPoint:
         """A declared table, from which the fit begins as it is."""
         return cls(table, data, table)
 
-    @classmethod
-    def seen(cls, table: TableParameters, data: Prepared) -> StartingPoint:
-        """A declared table with a specimen that swings, where the linear response shows one."""
+    def with_specimen(self) -> StartingPoint:
+        """The same with a specimen that swings, where the linear response shows one that the table lacks."""
+        if SPECIMEN in self.table.effects:
+            return self
         try:
-            specimen = FirstGuess(data.estimation).specimen(table)
+            specimen = FirstGuess(self.data.estimation).specimen(self.table)
         except ShakeError:  # a sine alone, for one, is no response
-            return cls.declared(table, data)
-        if not specimen or "specimen_resonance" in table.effects:
-            return cls.declared(table, data)
-        return cls(table, data, table.with_values(specimen), ("specimen_resonance",))
+            return self
+        return replace(self, fitted=self.table.with_values(specimen), shown=(SPECIMEN,)) if specimen else self
 
 
 def staged_start(
@@ -80,7 +80,7 @@ def staged_start(
     may_lack = tuple(effect for effect in SHOWN if model.may_lack(effect))
 
     def shown_on(table: TableParameters) -> dict[str, float]:
-        return (first.specimen(table) if SHOWN[0] in may_lack else {}) | between_sensors(table, data.sensors, may_lack)
+        return (first.specimen(table) if SPECIMEN in may_lack else {}) | told_by_sensors(table, data.sensors, may_lack)
 
     guesses = first.tables(model.table, model.unknown, model, shown_on)[:GUESSES]
     known = effects(guesses[0])
@@ -104,7 +104,7 @@ def staged_start(
     return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
 
 
-def between_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:
+def told_by_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:
     """Values, by dotted name, of the effects on a table that show between its sensors, among those that it may lack."""
     base, scale = sensors.base, sensors.scale_error
     shown: dict[str, dict[str, float]] = {}
@@ -113,9 +113,8 @@ def between_sensors(table: TableParameters, sensors: SensorPair, may_lack: Seque
     if scale is not None and abs(scale) > LEAST_SCALE:
         shown["accelerometer_scale"] = {"error": scale}
     if base is not None:
-        compliance = base.compliance_mass / table.moved_mass
         shown["base_flexibility"] = {
-            "compliance": compliance,
+            "compliance": base.compliance_mass / table.moved_mass,
             "frequency": base.frequency,
             "damping": base.damping,
         }

@@ -198,12 +198,10 @@ class Trials:
         The same damping keeps the oil column quiet.
         """
         yield design
-        slower = [
-            self.search.design(base.bandwidth * SLOWER**k, base.damping, base.jerk)
-            for base in calm or [design]
-            for k in range(0 if calm else 1, SLOWEST)
-        ]
-        yield from sorted(slower, key=lambda d: -d.bandwidth)
+        first = 0 if calm else 1
+        slower = [(base.bandwidth * SLOWER**k, base) for base in calm or [design] for k in range(first, SLOWEST)]
+        for bandwidth, base in sorted(slower, key=lambda one: -one[0]):
+            yield self.search.design(bandwidth, base.damping, base.jerk)
 
     def tried(self, kind: str, design: Design, calm: Sequence[Design] = ()) -> TriedLaw | None:
         """A law on the first attempt on which it does not ring, or on which it rings the least.
