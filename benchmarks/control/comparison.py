@@ -1,6 +1,7 @@
 """The whole comparison of the controllers, timed: python -m benchmarks.control.comparison [--save].
 
-Runs `compare` into a temporary folder and prints what it prints. --save writes benchmarks/control/comparison.txt.
+Runs `compare` with each of its settings into a temporary folder and prints what it prints: the table with the soft
+zone, and one under a specimen that sways. --save writes benchmarks/control/comparison.txt.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from pathlib import Path
 
 from shake_ros.__main__ import main as shake
 
+SETTINGS = ("default", "specimen")  # of config/compare; `thesis` is run by `reproduce controllers`
+
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
@@ -21,7 +24,7 @@ def main() -> int:
     arguments = parser.parse_args()
     printed = io.StringIO()
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(printed):
-        code = shake(["compare", "--out", str(Path(folder) / "comparison")])
+        code = max(shake(["compare", "--settings", name, "--out", str(Path(folder) / name)]) for name in SETTINGS)
     lines = [line for line in printed.getvalue().splitlines() if not line.startswith("report:")]
     text = "\n".join(lines) + "\n"
     print(text, end="")

@@ -85,6 +85,7 @@ COMPANIONS = {  # the other parameters of effects: names of the package → fiel
     "effects.base_flexibility.frequency": "base_frequency",
     "effects.base_flexibility.damping": "base_damping",
 }
+WITHOUT_FIELD = {"effects.spool_deadband.closed": 0.0}  # the hidden valve keeps the underlap at its centre
 
 
 @dataclass(frozen=True)
@@ -132,6 +133,7 @@ def effect_values(truth: hidden.Truth, effects: tuple[str, ...]) -> dict[str, fl
     for effect in effects:
         found[f"effects.{effect}.{STRENGTHS.get(effect) or effect_candidate(effect)}"] = getattr(truth, effect)
         found |= {name: getattr(truth, there) for name, there in COMPANIONS.items() if name.split(".")[1] == effect}
+        found |= {name: value for name, value in WITHOUT_FIELD.items() if name.split(".")[1] == effect}
     return found
 
 

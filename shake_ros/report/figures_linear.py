@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from shake_ros.core.analysis.describing_function import describing_function
 from shake_ros.core.plant.linearisation import linearise, oil_column_frequency, operating_point
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.report.style import COLOURS, new_figure, tidy
+from shake_ros.report.style import COLOURS, name_decades, new_figure, tidy
 from shake_ros.settings import find, load_table, read_yaml
 
 POINTS, PLACES = 33, 25
@@ -48,6 +48,8 @@ def describing_functions() -> Figure:
         gain.loglog(axis, np.abs(response), style, color=colour, label=label)
         phase.semilogx(axis, np.degrees(np.unwrap(np.angle(response))), style, color=colour)
     gain.legend(frameon=False, fontsize=9, loc="lower left")
+    for side in (gain.xaxis, gain.yaxis):
+        name_decades(side)
     tidy(gain, "", "velocity per command [m/s]")
     tidy(phase, "frequency [Hz]", "phase [°]")
     return figure

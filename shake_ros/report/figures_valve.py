@@ -107,7 +107,7 @@ def flow_force() -> Figure:
     for load, colour in zip(content["load_pressures"], COLOURS, strict=False):
         ports = middle + 0.5 * load, middle - 0.5 * load, 0.0, 0.0
         drawn = [steady_force(p, x, ports, supply, tank) for x in spool]
-        force.plot(100.0 * spool, drawn, color=colour, label=f"load pressure {1e-5 * load:+.0f} bar")
+        force.plot(100.0 * spool, drawn, color=colour, label=f"load pressure {1e-5 * load:g} bar")
     straight = spring.flow_force_stiffness * spring.spool_stroke * spool
     force.plot(100.0 * spool, straight, "--", color=COLOURS[3], label="constant spring")
     dt = content["sample_time"]

@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 MEASURED, BEFORE, AFTER = "#1d2733", "#c8553d", "#2a7f62"
 COLOURS = ("#1d4e89", "#c8553d", "#2a7f62", "#b8860b", "#6a4c93", "#5b6770")
@@ -37,6 +39,14 @@ def tidy(axes: Axes, x: str, y: str, title: str = "") -> None:
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+
+
+def name_decades(axis: Axis) -> None:
+    """1, 2 and 5 of each decade on a logarithmic axis, as plain numbers."""
+    low, high = axis.get_view_interval()
+    marks = [m * 10.0**k for k in range(-9, 10) for m in (1.0, 2.0, 5.0) if low <= m * 10.0**k <= high]
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_ticks(marks, [f"{m:g}" for m in marks])
 
 
 def png(figure: Figure) -> bytes:

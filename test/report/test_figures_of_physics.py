@@ -8,7 +8,10 @@ import pytest
 pytest.importorskip("matplotlib")
 
 from shake_ros.core.effects import EFFECTS
+from shake_ros.core.valve import VALVES
+from shake_ros.core.valve.response import valve_response
 from shake_ros.report import figures_effects, figures_friction, figures_valve
+from shake_ros.settings import load_variant
 
 
 @pytest.mark.parametrize("name", ["curves", "lag", "presliding", "stick_slip"])
@@ -54,9 +57,13 @@ def test_figure_6_11_is_the_full_step_of_a_valve_of_150_hz() -> None:
     assert 1.0 < time[int(np.argmax(spool >= 0.9))] < 2.9
 
 
-def test_flow_force_is_odd_without_load_and_leaves_the_spool_short_of_the_command() -> None:
+def test_flow_force_is_odd_without_load_and_the_retuned_spool_reaches_its_command() -> None:
     force, steps = figures_valve.flow_force().axes
     without_load = force.lines[1].get_ydata()
     np.testing.assert_allclose(without_load, -without_load[::-1], atol=1e-9)
     ends = [line.get_ydata()[-1] for line in steps.lines]
-    assert all(0.8 * spring < jets < spring for jets, spring in zip(ends[:5], ends[5:], strict=True))
+    np.testing.assert_allclose(ends[:5], 100.0 * np.array(figures_valve.settings()[0]["steps"]), rtol=0.02)
+    jets, spring = (load_variant("valve", name, VALVES)[1] for name in ("detailed_flow_force", "detailed"))
+    not_retuned = jets.replace(amplifier_gain=spring.amplifier_gain)
+    spool = valve_response(not_retuned, np.full(240, 0.5), 5e-5, 2.06e7, 1e5)
+    assert 0.85 < spool[-1] / 0.5 < 0.95  # short of its command

@@ -20,7 +20,7 @@ from scipy.linalg import expm
 from shake_ros.core.plant.dead_time import dead_time
 from shake_ros.core.plant.linearisation import LinearModel, linearise, state_scales
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.states import POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
+from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
 Array = NDArray[np.float64]
@@ -62,7 +62,10 @@ class Margins:
 
 
 class Held(NamedTuple):
-    """A linear model sampled: x⁺ = a x + b_late u(k − whole − 1) + b u(k − whole); motion = c x (d is none)."""
+    """A linear model sampled: x⁺ = a x + b_late u(k − whole − 1) + b u(k − whole); motion = c x (d is none).
+
+    sensed : state that the position transducer shows, that behind its lag where it has one.
+    """
 
     a: Array
     b_late: Array
@@ -75,6 +78,7 @@ class Held(NamedTuple):
     position: int
     velocity: int
     pressures: tuple[int, int]
+    sensed: int
     scales: Array
 
 
@@ -93,9 +97,11 @@ def held(model: LinearModel, delay: tuple[int, float], sample_time: float) -> He
     whole, fraction = delay
     a_part, b_part = over(fraction * sample_time)
     a_rest, b_rest = over((1.0 - fraction) * sample_time)
-    at = [model.states.index(i) for i in (POSITION, VELOCITY, PRESSURE_A, PRESSURE_B)]
+    sensed = LAGGED_POSITION if LAGGED_POSITION in model.states else POSITION
+    at = [model.states.index(i) for i in (POSITION, VELOCITY, PRESSURE_A, PRESSURE_B, sensed)]
     return Held(
-        a_rest @ a_part, a_rest @ b_part, b_rest, c, whole, fraction, a_part, b_part, at[0], at[1], (at[2], at[3]), s
+        a_rest @ a_part, a_rest @ b_part, b_rest, c, whole, fraction, a_part, b_part, at[0], at[1], (at[2], at[3]),
+        at[4], s,
     )  # fmt: skip
 
 
@@ -147,9 +153,10 @@ def open_loop(
         demand = demand - feedback.velocity * motion[1] - feedback.acceleration * motion[2]
         past = np.vstack([u[None, :], past[:-1]])
         x, z = carried(plant, x, past), carried(model, z, past)
-        innovation = plant.c[0] @ x - model.c[0] @ z
+        innovation = plant.scales[plant.sensed] * x[plant.sensed] - model.scales[model.sensed] * z[model.sensed]
         correction = np.zeros_like(z)
-        correction[model.position] = gains[0] * innovation / model.scales[model.position]
+        for place in {model.position, model.sensed}:
+            correction[place] = gains[0] * innovation / model.scales[place]
         correction[model.velocity] = gains[1] * innovation / model.scales[model.velocity]
         push = per_acceleration * (gains[2] * innovation + dt * disturbance)
         for place, sign in zip(model.pressures, (1.0, -1.0), strict=True):

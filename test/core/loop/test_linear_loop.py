@@ -70,3 +70,25 @@ def test_dead_time_that_is_not_known_makes_the_loop_ring_and_the_linear_loop_say
     late = open_loop(linear_at(table, y, 0.02, DT), model, gains, 3.4e5, feedback, DT)
     assert linear_loop.is_stable(near)
     assert not linear_loop.is_stable(late)
+
+
+def test_lag_of_the_position_transducer_is_in_the_loop() -> None:
+    # known, it moves the observer's poles and none of the state feedback's; not known, it moves these too
+    table = load_table("bergamo")
+    slow = table.with_values({"effects.position_sensor_lag.time_constant": 0.02})
+    y = points(table, SETTINGS)[0]
+    gains = kalman_gain(observer_of(softest(table, [y]), 0.1, SETTINGS), DT)
+    feedback = Feedback(0.0, 40.0, 0.0, 0.003)
+    parts = {name: linear_at(t, points(t, SETTINGS)[0], DT, DT) for name, t in (("quick", table), ("slow", slow))}
+    poles = {}
+    for plant, model in (("quick", "quick"), ("slow", "slow"), ("slow", "quick")):
+        loop = open_loop(parts[plant], parts[model], gains, 3.4e5, feedback, DT)
+        poles[plant, model] = np.linalg.eigvals(loop.a + np.outer(loop.b, loop.c))
+
+    def moved(pole: complex, loop: tuple[str, str]) -> float:
+        return float(np.min(np.abs(poles[loop] - pole)))
+
+    kept = [p for p in poles["quick", "quick"] if abs(p) > 0.5 and moved(p, ("slow", "slow")) < 1e-9]
+    assert len(kept) == 4  # position, the oil column's pair, the spool
+    assert len(poles["slow", "slow"]) == len(poles["quick", "quick"]) + 2
+    assert max(moved(p, ("slow", "quick")) for p in kept) > 1e-3
