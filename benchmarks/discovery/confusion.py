@@ -29,18 +29,24 @@ LARGEST_GROUP = 3  # effects that a right answer may leave open
 
 
 def measure(
-    effect: str, severity: float, seed: int, noise: float, length: float = 1.0, among: Sequence[str] = ()
+    effect: str,
+    seed: int,
+    noise: float,
+    severity: float = 0.0,
+    strength: float | None = None,
+    length: float = 1.0,
+    among: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Close the loop on one table.
 
     Parameters
     ----------
-    effect : that is hidden, or "none". severity : relative change of the acceleration by it [-]. seed : of the table.
-    noise : of the sensors, in multiples of the usual. length : scale of the recordings' durations.
-    among : effects that compete; all without any.
+    effect : that is hidden, or "none". seed : of the table. noise : of the sensors, in multiples of the usual.
+    severity : relative change of the acceleration by the effect [-]; or its strength in its own unit (hidden_tables.py).
+    length : scale of the recordings' durations. among : effects that compete; all without any.
     """
     commands = hidden.excitations(seed, length)
-    made = truth(effect, severity, seed, commands)
+    made = truth(effect, severity, seed, commands) if strength is None else of_strength(effect, strength, seed)
     records = recordings(effect, seed, noise, made, commands)
     learn = [r for n, r in records.items() if n.startswith("learn")]
     hold = [r for n, r in records.items() if n.startswith("hold")]
@@ -55,6 +61,11 @@ def truth(effect: str, severity: float, seed: int, commands: dict[str, np.ndarra
     """The table of a row."""
     base = hidden.declared_truth(seed)
     return base if effect == NONE else hidden.with_effect(base, effect, severity, commands, seed)
+
+
+def of_strength(effect: str, strength: float, seed: int) -> hidden.Truth:
+    """The table with an effect of a given strength; its companions are drawn as for a given severity."""
+    return hidden.with_companions(hidden.declared_truth(seed), effect, seed)[0]._replace(**{effect: strength})
 
 
 def recordings(

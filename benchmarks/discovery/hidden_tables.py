@@ -448,16 +448,21 @@ def acceleration_change(base: Truth, truth: Truth, commands: dict[str, np.ndarra
     return math.sqrt(square / size)
 
 
+def with_companions(base: Truth, effect: str, seed: int) -> tuple[Truth, float]:
+    """A table with the numbers that go with an effect, drawn; and the sign of its strength."""
+    hidden = HIDDEN[effect]
+    rng = np.random.default_rng([seed, *effect.encode()])
+    drawn = {name: low * (high / low) ** rng.uniform() for name, (low, high) in hidden.companions.items()}
+    return base._replace(**drawn), -1.0 if hidden.signed and rng.uniform() < 0.5 else 1.0
+
+
 def with_effect(base: Truth, effect: str, severity: float, commands: dict[str, np.ndarray], seed: int) -> Truth:
     """A table in which `effect` changes the acceleration by `severity`, found by bisection of its strength.
 
     The strength stays within its range, so an effect that cannot change the acceleration so much changes it less.
     """
     hidden = HIDDEN[effect]
-    rng = np.random.default_rng([seed, *effect.encode()])
-    drawn = {name: low * (high / low) ** rng.uniform() for name, (low, high) in hidden.companions.items()}
-    sign = -1.0 if hidden.signed and rng.uniform() < 0.5 else 1.0
-    base = base._replace(**drawn)
+    base, sign = with_companions(base, effect, seed)
     if effect == "position_sensor_lag":  # the accelerometer does not see it: strength by the position's lag at 4 Hz
         return base._replace(position_sensor_lag=severity / (2.0 * math.pi * 4.0))
     low, high = math.log(hidden.low), math.log(hidden.high)

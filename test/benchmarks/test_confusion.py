@@ -13,7 +13,9 @@ COMPETING = ("spool_deadband", "accelerometer_lag", "friction_asymmetry", "comma
 @pytest.fixture(scope="module")
 def rows():
     hidden = {"spool_deadband": 0.1, "accelerometer_lag": 0.1, "none": 0.0}
-    return {effect: confusion.measure(effect, size, 1, 1.0, 0.5, COMPETING) for effect, size in hidden.items()}
+    return {
+        effect: confusion.measure(effect, 1, 1.0, size, length=0.5, among=COMPETING) for effect, size in hidden.items()
+    }
 
 
 @pytest.mark.parametrize("effect", ["spool_deadband", "accelerometer_lag"])

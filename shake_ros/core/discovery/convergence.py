@@ -21,9 +21,8 @@ def converge(problem: SearchProblem, current: ScoredFit, refits: tuple[Refit, ..
     A rival is one of the nearest to the best or resembles it; what does not improve on the model as it stands is none.
     """
     settings = problem.settings
-    most, tolerance = settings.converging_evaluations, settings.converged
     problem.progress(f"converge {refits[0].candidate.effect}", 0.95)
-    best = with_declared_friction(problem, continued(problem, refits[0], most, tolerance))
+    best = with_declared_friction(problem, settled(problem, refits[0]))
     improved = (1.0 - 0.5 * settings.least_validation_gain) * current.score
 
     near = [r for r in refits[1:] if r.score < settings.rival * best.score][: settings.most_continued]
@@ -32,11 +31,19 @@ def converge(problem: SearchProblem, current: ScoredFit, refits: tuple[Refit, ..
         return (r in near or r.candidate.effect in best.candidate.resembles) and r.score < improved
 
     def converged(r: Refit) -> Refit:
-        done = continued(problem, r, most, tolerance)
+        done = settled(problem, r)
         return taken_over(problem, best, done) if r.candidate.effect in best.candidate.resembles else done
 
     rivals = [r for r in refits[1:] if is_rival(r)]
     return [best, *side_by_side(converged, rivals)], [r for r in refits[1:] if not is_rival(r)]
+
+
+def settled(problem: SearchProblem, tried: Refit) -> Refit:
+    """A refit at its minimum: as near as differences between models are large, and nearer once the noise is near."""
+    most, tolerance = problem.settings.converging_evaluations, problem.converged_at(tried.result)
+    tried = continued(problem, tried, most, tolerance)
+    nearer = problem.converged_at(tried.result)
+    return continued(problem, tried, most, nearer) if nearer < tolerance else tried
 
 
 def with_declared_friction(problem: SearchProblem, tried: Refit) -> Refit:
@@ -52,7 +59,7 @@ def with_declared_friction(problem: SearchProblem, tried: Refit) -> Refit:
     again = problem.fitted(start.free, x, settings.continued_evaluations, settings.continued_tolerance)
     if again.fit.cost > (1.0 - settings.least_estimation_gain) * start.cost:
         return tried
-    return continued(problem, replace(tried, result=again), settings.converging_evaluations, settings.converged)
+    return settled(problem, replace(tried, result=again))
 
 
 def taken_over(problem: SearchProblem, best: Refit, other: Refit) -> Refit:
@@ -84,9 +91,8 @@ def reconverged(problem: SearchProblem, current: ScoredFit, best: Refit) -> Scor
     """The current fit, or a better one of the same model that starts where the best refit has led its parameters."""
     problem.progress("without it once more", 0.98)
     settings, free = problem.settings, current.fit.free
-    most, tolerance = settings.converging_evaluations, settings.converged
     start = best.result.fit.x[: len(current.fit.x)]
-    again = problem.fitted(free, start, most, tolerance)
+    again = problem.fitted(free, start, settings.converging_evaluations, problem.converged_at(current))
     return again if again.fit.cost < (1.0 - settings.least_estimation_gain) * current.fit.cost else current
 
 

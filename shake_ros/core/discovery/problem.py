@@ -16,7 +16,7 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification.approach import approached
+from shake_ros.core.identification.approach import Approach, approached, arrived, led
 from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, RecordingProblem, windows
@@ -156,20 +156,25 @@ class SearchProblem:
         """A fit to the estimation data from `start`, which may be `near` its end, scored."""
         if near:
             return self.scored(fit(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance))
-        return self.scored(self._approached(self.estimation, free, start, evaluations, tolerance))
+        least = self.settings.much_left * self.estimation.noise_cost()
+        result = approached(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance, near=least)
+        return self.scored(result)
 
-    def fitted_to_pieces(
-        self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float
-    ) -> ScoredFit:
+    def way_to_pieces(self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float) -> Approach:
+        """The way to a fit to pieces of the estimation data."""
+        problem = self.estimation_pieces
+        near = self.settings.much_left * problem.noise_cost()
+        return led(problem, free, start, evaluations=evaluations, tolerance=tolerance, near=near)
+
+    def fitted_to_pieces(self, free: FreeParameters, way: Approach, evaluations: int, tolerance: float) -> ScoredFit:
         """A fit to pieces of the estimation data; its validation cost is that of whole recordings all the same."""
-        result = self._approached(self.estimation_pieces, free, start, evaluations, tolerance)
+        result = arrived(self.estimation_pieces, free, way, evaluations=evaluations, tolerance=tolerance)
         return ScoredFit(result, mean_square(result.residuals), mean_square(self._validation_residuals(result)))
 
-    def _approached(
-        self, problem: RecordingProblem, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float
-    ) -> Fit:
-        near = self.settings.much_left * problem.noise_cost()
-        return approached(problem, free, start, evaluations=evaluations, tolerance=tolerance, near=near)
+    def converged_at(self, reached: ScoredFit) -> float:
+        """Relative change at which a fit that goes on from there has converged: far from the noise models differ."""
+        far = reached.estimation_cost > self.settings.much_left * self.estimation.noise_cost()
+        return self.settings.converged_far if far else self.settings.converged
 
     def scored(self, result: Fit) -> ScoredFit:
         """A fit with its costs, the validation cost block by block as well."""

@@ -10,6 +10,7 @@ import numpy as np
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, mean_square, side_by_side
 from shake_ros.core.discovery.screening import ScreenedTrial, Screening
+from shake_ros.core.identification.approach import Approach
 from shake_ros.core.identification.fit import Fit, Problem
 from shake_ros.core.identification.free_parameters import FreeParameters
 
@@ -57,13 +58,9 @@ def refit(
     problem: SearchProblem, screening: Screening, effects: list[str], known: tuple[Refit, ...]
 ) -> tuple[Refit, ...]:
     """Effects refitted on pieces of the recordings, the best of these and of those known on all; the best first."""
-    settings, short = problem.settings, list[Refit]()
+    settings = problem.settings
     most, tolerance = settings.continued_evaluations, settings.continued_tolerance
-    problem.progress(f"refit with {effects[0]}", 0.1)
-    for tried in side_by_side(lambda e: short_refit(problem, screening, e), effects):
-        short.append(tried)
-        problem.progress(f"refitted with {tried.candidate.effect}", 0.1 + 0.5 * len(short) / len(effects))
-    refits = list(ranked(known, short))
+    refits = list(ranked(known, short_refits(problem, screening, effects)))
     problem.progress(f"polish {refits[0].candidate.effect}", 0.6)
     refits[0] = continued(problem, refits[0], most, tolerance)
     near = [r for r in refits[1 : settings.most_continued] if r.score < settings.worth_continuing * refits[0].score]
@@ -72,7 +69,8 @@ def refit(
         refits = [tried if r.candidate is tried.candidate else r for r in refits]
     refits.sort(key=lambda r: r.score)
     for effect in passed_over(refits, screening):
-        tried = refitted(problem, screening, effect, most, settings.resembling_tolerance)
+        least = settings.resembling_tolerance
+        tried = finished(problem, begun(problem, screening, effect, most, least), most, least)
         refits.append(continued(problem, tried, most, tolerance))
     return ranked(refits)
 
@@ -84,18 +82,50 @@ def passed_over(refits: Sequence[Refit], screening: Screening) -> list[str]:
     return [e for c in screening.candidates if (e := c.effect) in alike and e not in tried and screening.of(e)]
 
 
-def short_refit(problem: SearchProblem, screening: Screening, effect: str) -> Refit:
-    """A first refit of an effect."""
-    settings = problem.settings
-    return refitted(problem, screening, effect, settings.first_evaluations, settings.first_tolerance)
+def short_refits(problem: SearchProblem, screening: Screening, effects: list[str]) -> list[Refit]:
+    """First refits of effects; those of which drawn runs show already that another one is far better end there."""
+    settings, ways, short = problem.settings, list[Begun](), list[Refit]()
+    most, tolerance = settings.first_evaluations, settings.first_tolerance
+    problem.progress(f"refit with {effects[0]}", 0.1)
+    for way in side_by_side(lambda e: begun(problem, screening, e, most, tolerance), effects):
+        ways.append(way)
+        problem.progress(f"begun with {way.trial.candidate.effect}", 0.1 + 0.25 * len(ways) / len(effects))
+    bound = settings.hopeless * min(way.drawn_cost for way in ways)
+
+    def ended(way: Begun) -> Refit:
+        return finished(problem, way, most if way.drawn_cost <= bound else 1, tolerance)
+
+    for tried in side_by_side(ended, ways):
+        short.append(tried)
+        problem.progress(f"refitted with {tried.candidate.effect}", 0.35 + 0.25 * len(short) / len(effects))
+    return short
 
 
-def refitted(problem: SearchProblem, screening: Screening, effect: str, evaluations: int, tolerance: float) -> Refit:
-    """One effect refitted on pieces of the estimation data, from its best start."""
+@dataclass(frozen=True)
+class Begun:
+    """A refit on pieces of the estimation data that has begun. trial : the most promising one of its effect."""
+
+    trial: ScreenedTrial
+    free: FreeParameters
+    way: Approach
+
+    @property
+    def drawn_cost(self) -> float:
+        """Sum of squares that drawn runs leave; 0 where no run was drawn."""
+        return self.way.drawn.cost if self.way.drawn is not None else 0.0
+
+
+def begun(problem: SearchProblem, screening: Screening, effect: str, evaluations: int, tolerance: float) -> Begun:
+    """A refit of one effect on its way, from its best start."""
     trials, multiples = screening.of(effect), problem.settings.start_multiples
     free, start = best_start(problem.estimation_pieces, screening.current, trials, multiples)
-    result = problem.fitted_to_pieces(free, start, evaluations, tolerance)
-    return Refit(trials[0].candidate, result, trials[0].gain)
+    return Begun(trials[0], free, problem.way_to_pieces(free, start, evaluations, tolerance))
+
+
+def finished(problem: SearchProblem, begun: Begun, evaluations: int, tolerance: float) -> Refit:
+    """The refit at its end."""
+    result = problem.fitted_to_pieces(begun.free, begun.way, evaluations, tolerance)
+    return Refit(begun.trial.candidate, result, begun.trial.gain)
 
 
 def best_start(

@@ -30,6 +30,7 @@ class SearchSettings(Parameters):
     start_tolerance: float = quantity("-", "relative change at which such a fit stops", low=1e-12, high=1.0)
     declared_evaluations: int = quantity("-", "most trial points of the declared fit, if effects show", low=1)
     converged: float = quantity("-", "relative change at which a converged fit stops", low=1e-12, high=1.0)
+    converged_far: float = quantity("-", "the same where much is left", low=1e-12, high=1.0)
     # parameters freed late
     late_multiples: tuple[float, ...] = quantity("-", "multiples of a late parameter that are screened", low=0.0)
     late_promise: float = quantity("-", "part of what stands above the noise that freeing must promise", low=0.0)
@@ -45,6 +46,7 @@ class SearchSettings(Parameters):
     first_evaluations: int = quantity("-", "most trial points of a first refit", low=1)
     first_tolerance: float = quantity("-", "relative change at which a first refit stops", low=1e-12, high=1.0)
     most_continued: int = quantity("-", "effects whose refit goes on, on the whole recordings", low=1)
+    hopeless: float = quantity("-", "ratio to the least cost of drawn runs from which a refit ends there", low=1.0)
     worth_continuing: float = quantity("-", "ratio to the best score up to which a refit goes on", low=1.0)
     continued_evaluations: int = quantity("-", "most trial points of such a refit", low=1)
     continued_tolerance: float = quantity("-", "relative change at which such a refit stops", low=1e-12, high=1.0)

@@ -9,6 +9,7 @@ of that way is a start, taken where the free run is better there.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -40,13 +41,42 @@ def approached(
 
     near : mean square of the residuals at which the start is near the end, and no way to it is needed.
     """
+    way = led(problem, free, start, evaluations=evaluations, tolerance=tolerance, near=near)
+    return arrived(problem, free, way, evaluations=evaluations, tolerance=tolerance)
+
+
+@dataclass(frozen=True)
+class Approach:
+    """The way to a fit of free runs. start : where it begins. drawn : the fit of drawn runs, where one was made."""
+
+    start: np.ndarray
+    drawn: Fit | None = None
+
+
+def led(
+    problem: DrawableProblem,
+    free: FreeParameters,
+    start: np.ndarray,
+    *,
+    evaluations: int = 40,
+    tolerance: float = 1e-4,
+    near: float = 0.0,
+) -> Approach:
+    """The first part of `approached`: where a fit of drawn runs leads from `start`, if the free run is better there."""
     drawn = problem.drawn(INJECTION)
     if drawn is problem or (begun := _cost(problem, free, start)) <= near:
-        return fit(problem, free, start, evaluations=evaluations, tolerance=tolerance)
+        return Approach(start)
     most, least = min(EVALUATIONS, evaluations), max(TOLERANCE, tolerance)
-    led = fit(drawn, free, start, evaluations=most, tolerance=least)
-    better = led.x if _cost(problem, free, led.x) < begun else start
-    return fit(problem, free, better, evaluations=evaluations, tolerance=tolerance).after(led.evaluations + 2)
+    way = fit(drawn, free, start, evaluations=most, tolerance=least)
+    return Approach(way.x if _cost(problem, free, way.x) < begun else start, way)
+
+
+def arrived(
+    problem: DrawableProblem, free: FreeParameters, way: Approach, *, evaluations: int = 40, tolerance: float = 1e-4
+) -> Fit:
+    """The second part of `approached`: the fit of free runs."""
+    result = fit(problem, free, way.start, evaluations=evaluations, tolerance=tolerance)
+    return result if way.drawn is None else result.after(way.drawn.evaluations + 2)
 
 
 def _cost(problem: Problem, free: FreeParameters, x: np.ndarray) -> float:
