@@ -41,8 +41,8 @@ def measure(
 
     Parameters
     ----------
-    effect : that is hidden, or "none". seed : of the table. noise : of the sensors, in multiples of the usual.
-    severity : relative change of the acceleration by the effect [-]; or its strength in its own unit (hidden_tables.py).
+    effect : that is hidden, or "none". seed : of the table. noise : of the sensors, times the usual.
+    severity : relative change of the acceleration by the effect [-]; or its strength, in its unit (hidden_tables.py).
     length : scale of the recordings' durations. among : effects that compete; all without any.
     """
     commands = hidden.excitations(seed, length)

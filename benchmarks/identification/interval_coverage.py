@@ -33,7 +33,7 @@ from shake_ros.core.discovery.problem import SearchProblem
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.uncertainty import Estimate, estimates
+from shake_ros.core.identification.uncertainty import Estimate, estimates, form_errors
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import unknown_name
@@ -89,7 +89,7 @@ def fitted(seed: int, length: float, forms: str, saturation: float) -> tuple[hid
     free = FreeParameters(model.table, model.free)
     result = fit(problem.estimation, free, free.start(), evaluations=20, tolerance=1e-6)
     result = with_late_parameters(problem, problem.scored(result)).fit
-    return truth, estimates(result, problem.estimation.blocks())
+    return truth, estimates(result, problem.estimation.blocks(), form_errors(problem.estimation, result))
 
 
 def measure(seed: int, length: float, forms: str, saturation: float | None) -> dict[str, Any]:
@@ -113,11 +113,11 @@ def measure(seed: int, length: float, forms: str, saturation: float | None) -> d
 
 def _judged(estimate: Estimate, true: float) -> dict[str, Any]:
     assert estimate.std_error
-    score = (estimate.value - true) / estimate.std_error
-    relative = (estimate.value - true) / true
+    error = estimate.value - true
     return {
         "parameter": estimate.name,
-        "score": score,
-        "relative_error": relative,
-        "covered": bool(abs(score) < QUANTILE),
+        "score": error / estimate.std_error,
+        "relative_error": error / true,
+        "covered": bool(abs(error) < QUANTILE * estimate.std_error),
+        "covered_with_forms": bool(abs(error) < QUANTILE * (estimate.deviation or 0.0)),
     }

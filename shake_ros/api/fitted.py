@@ -73,7 +73,8 @@ def error_frame(models: Mapping[str, FittedModel]) -> ResultTable:
 def parameter_frame(parameters: Sequence[Estimate]) -> ResultTable:
     """Fitted parameters; a standard error is None where the value rests on a bound."""
     return ResultTable(
-        ("parameter", "value", "std. error", "unit"), [(p.name, p.value, p.std_error, p.unit) for p in parameters]
+        ("parameter", "value", "std. error", "form error", "unit"),
+        [(p.name, p.value, p.std_error, p.form_error, p.unit) for p in parameters],
     )
 
 

@@ -33,8 +33,11 @@ IDENTIFY_SCHEMA = "shake_ros.identify/1"
 
 
 def parameters_json(parameters: Sequence[Estimate]) -> dict[str, Any]:
-    """`{name: {value, std_error, unit}}`."""
-    return {p.name: {"value": p.value, "std_error": p.std_error, "unit": p.unit} for p in parameters}
+    """`{name: {value, std_error, form_error, unit}}`."""
+    return {
+        p.name: {"value": p.value, "std_error": p.std_error, "form_error": p.form_error, "unit": p.unit}
+        for p in parameters
+    }
 
 
 def model_json(model: FittedModel) -> dict[str, Any]:

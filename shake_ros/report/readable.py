@@ -57,16 +57,16 @@ def rounded(value: float, error: float | None = None) -> str:
 
 
 def estimate_text(p: Estimate) -> str:
-    """Value and uncertainty without the unit.
+    """Value and standard deviation (noise and the forms assumed near rest) without the unit.
 
     >>> estimate_text(Estimate("x", 9.1e8, 2e6, "Pa")), estimate_text(Estimate("x", 0.059, 2.6e2, "-"))
     ('910.0 ± 2.0', 'not known (0.059)')
     """
     factor, _ = unit_of(p.unit)
     value = factor * p.value
-    if p.std_error is None:
+    if p.deviation is None:
         return rounded(value)
-    error = factor * p.std_error
+    error = factor * p.deviation
     if error > KNOWN * abs(value):
         return f"not known ({rounded(value)})"
     if error == 0.0:

@@ -31,11 +31,12 @@ def sentence(text: str) -> str:
 
 
 def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
-    """A table of fitted parameters with standard errors."""
-    lines = [f"{'parameter':<52}{'value':>12}{'std. error':>12}  unit"]
+    """A table of fitted parameters with standard errors, and what the forms assumed near rest add."""
+    lines = [f"{'parameter':<52}{'value':>12}{'std. error':>12}{'by form':>10}  unit"]
     for p in parameters:
         error = "at bound" if p.std_error is None else f"{p.std_error:.2g}"
-        lines.append(f"{p.name:<52}{p.value:>12.4g}{error:>12}  {p.unit}")
+        form = "" if p.std_error is None else f"{p.form_error:.1g}"
+        lines.append(f"{p.name:<52}{p.value:>12.4g}{error:>12}{form:>10}  {p.unit}")
     return lines
 
 

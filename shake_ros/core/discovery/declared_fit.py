@@ -18,7 +18,7 @@ from shake_ros.core.identification.axis_model import InverseDynamics
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem
-from shake_ros.core.identification.uncertainty import Estimate, estimates
+from shake_ros.core.identification.uncertainty import Estimate, estimates, form_errors
 from shake_ros.core.plant.parameters import TableParameters
 
 Errors = dict[str, dict[str, float]]
@@ -48,7 +48,11 @@ def fitted_model(
     return FittedModel(
         result,
         result.free.table(result.x),
-        tuple(estimates(result, estimation.blocks() if blocks is None else blocks)),
+        tuple(
+            estimates(result, estimation.blocks(), form_errors(estimation, result))
+            if blocks is None
+            else estimates(result, blocks)
+        ),
         estimation.errors(vector),
         validation.errors(vector) if validation else {},
     )

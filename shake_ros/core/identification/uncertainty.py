@@ -3,25 +3,46 @@
 The normal matrix JᵀJ of (4.10) gives the curvature; the scatter of its right-hand side Jᵀr is estimated from blocks of
 time (a sandwich estimate), so filtered velocities and a small unmodelled rest do not shrink the errors. Parameters that
 rest on a bound carry no standard error.
+
+Noise is not all that an estimate may be off by. Near rest the model takes regularised forms, a smooth sign of the
+velocity and a laminar stretch of the flow's root, whose widths are assumed; a table passes rest in its own way, and the
+fitted values are then those of the nearest model. How far such a choice moves each of them follows to first order from
+the change of the residuals, δ = −(JᵀJ)⁻¹ Jᵀ (r' − r), with each width a factor SPREAD larger and smaller: an
+uncertainty of type B (JCGM 100:2008, 4.3), stated beside the one of noise.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.fit import Fit, Problem
+
+NEAR_REST = ("friction.transition_velocity", "valve.laminar_pressure")
+# Standard factor of such a width. A smooth sign and a linear ramp that take the same off a step have slopes at rest
+# that differ by 2 ln 2, so between forms a width means no more than that; at even odds, ln SPREAD = ln(2 ln 2)/√3.
+SPREAD = (2.0 * math.log(2.0)) ** (1.0 / math.sqrt(3.0))
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One fitted parameter: value and standard error in its unit; None where it rests on a bound or does not act."""
+    """One fitted parameter: value and standard error in its unit; None where it rests on a bound or does not act.
+
+    form_error : standard deviation by the assumed widths of what is regularised near rest, in the same unit.
+    """
 
     name: str
     value: float
     std_error: float | None
     unit: str
+    form_error: float = 0.0
+
+    @property
+    def deviation(self) -> float | None:
+        """Standard deviation by noise and by the assumed forms; None where there is no standard error."""
+        return None if self.std_error is None else math.hypot(self.std_error, self.form_error)
 
 
 def at_bound(result: Fit) -> np.ndarray:
@@ -61,13 +82,30 @@ def known_covariance(result: Fit, blocks: np.ndarray) -> tuple[tuple[str, ...], 
     return tuple(result.free.names[i] for i in known), whole[np.ix_(known, known)]
 
 
-def estimates(result: Fit, blocks: np.ndarray) -> list[Estimate]:
-    """Fitted parameters with their standard errors."""
+def form_errors(problem: Problem, result: Fit) -> np.ndarray:
+    """Standard deviation of x by the assumed widths near rest, in units of the scales, shape (p,)."""
+    fields = list(result.free.base.fields)
+    assumed = [n for n in NEAR_REST if n in fields and n not in result.free.names]
+    if not assumed:
+        return np.zeros(len(result.x))
+    rows = np.repeat(result.free.vectors(result.x), 2 * len(assumed), axis=0)
+    for i, name in enumerate(assumed):
+        rows[2 * i : 2 * i + 2, fields.index(name)] *= (SPREAD, 1.0 / SPREAD)
+    change = np.nan_to_num(problem.residuals(rows) - result.residuals)
+    inside = ~at_bound(result) & np.any(result.jacobian != 0.0, axis=0)
+    shifts = np.zeros((len(rows), len(result.x)))
+    shifts[:, inside] = -np.linalg.lstsq(result.jacobian[:, inside], change.T, rcond=1e-6)[0].T
+    return np.asarray(np.sqrt(np.sum(shifts**2, axis=0) / 2.0))
+
+
+def estimates(result: Fit, blocks: np.ndarray, forms: np.ndarray | None = None) -> list[Estimate]:
+    """Fitted parameters with their standard errors; forms : from `form_errors`."""
     deviation = np.sqrt(np.diag(covariance(result, blocks))) * result.free.scale
     values = result.x * result.free.scale
+    by_form = np.zeros(len(values)) if forms is None else forms * result.free.scale
     return [
-        Estimate(f.name, float(v), float(s) if np.isfinite(s) else None, f.unit)
-        for f, v, s in zip(result.free.free, values, deviation, strict=True)
+        Estimate(f.name, float(v), float(s) if np.isfinite(s) else None, f.unit, float(e))
+        for f, v, s, e in zip(result.free.free, values, deviation, by_form, strict=True)
     ]
 
 

@@ -7,12 +7,13 @@ import pytest
 
 from shake_ros.core.identification.fit import Fit, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, free_parameter
-from shake_ros.core.identification.uncertainty import at_bound, correlation, covariance, estimates
+from shake_ros.core.identification.uncertainty import SPREAD, at_bound, correlation, covariance, estimates, form_errors
 from shake_ros.core.plant.parameters import INDEX
 from shake_ros.core.quantities import ShakeError
 from shake_ros.settings import load_table
 
 VISCOUS, COULOMB = "friction.viscous", "friction.coulomb_level"
+WIDTH = "friction.transition_velocity"
 TRUE = (300.0, 120.0)
 TABLE = load_table("bergamo")
 
@@ -113,6 +114,28 @@ def test_noise_that_lasts_makes_the_standard_error_as_large_as_its_blocks_say() 
     assert lasting == pytest.approx(1.0 / np.sqrt(400.0), rel=0.1)
     assert short is not None and lasting is not None
     assert lasting > 5.0 * short
+
+
+class Rounded(Line):
+    """The line through a corner that is rounded over a width near rest: residuals follow the width."""
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        return super().residuals(vectors) + 4e4 * (vectors[:, [INDEX[WIDTH]]] - TABLE.value(WIDTH))
+
+
+def test_form_error_is_the_shift_that_another_width_near_rest_brings() -> None:
+    shift = 4e4 * TABLE.value(WIDTH) * np.array([SPREAD - 1.0, 1.0 / SPREAD - 1.0])
+    sharp, rounded = (form_errors(p, solve(p, line())) for p in (Line(WHITE), Rounded(WHITE)))
+    assert sharp == pytest.approx([0.0, 0.0])
+    assert rounded * line().scale == pytest.approx([0.0, np.sqrt(np.mean(shift**2))], abs=1e-6)
+
+
+def test_form_error_widens_the_deviation_and_leaves_the_standard_error() -> None:
+    result, blocks = solve(Rounded(WHITE), line()), np.arange(400) // 20
+    plain, widened = estimates(result, blocks)[1], estimates(result, blocks, np.array([0.0, 3.0]))[1]
+    assert widened.std_error == plain.std_error
+    assert widened.deviation == pytest.approx(np.hypot(plain.std_error or 0.0, widened.form_error))
+    assert widened.form_error > 0.0
 
 
 def test_parameter_on_a_bound_carries_no_standard_error() -> None:
