@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.convergence import reconverged, taken_over
+from shake_ros.core.discovery.convergence import reconverged, settled, taken_over
 from shake_ros.core.discovery.forward_selection import Selection
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.discovery.refit import Refit
@@ -124,3 +124,13 @@ def test_a_better_declared_fit_takes_the_place_of_the_declared_one() -> None:
     worse, better = stuck_at(-1.2), stuck_at(0.7)
     found = Selection(worse, (), worse).with_better_fit(better)
     assert (found.declared, found.final, found.steps) == (better, better, ())
+
+
+def test_a_refit_that_comes_near_the_noise_is_brought_to_its_end() -> None:
+    start, rough = fitted(MASS, 1), {"converged_far": 0.1, "converged": 1e-10}
+    near, far = (
+        settled(problem_of(OneForTheOther(), much_left=left, **rough), start).result.fit for left in (10.0, 1e-6)
+    )
+    end = fitted(MASS, 40).result.fit
+    assert near.cost == pytest.approx(end.cost, rel=1e-9)
+    assert far.cost > 1.01 * end.cost

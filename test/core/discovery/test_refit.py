@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from shake_ros.core.discovery import refit
 from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.refit import Refit, passed_over, rounds
+from shake_ros.core.discovery.refit import Refit, passed_over, rounds, short_refits
 from shake_ros.core.discovery.screening import Screening
 from shake_ros.settings import load_search
 
@@ -60,3 +61,32 @@ def test_an_effect_that_the_best_resembles_is_compared_though_it_promised_little
     assert passed_over(refits, screening) == ["tank_back_pressure"]
     assert passed_over(refits[::-1], screening) == []
     assert passed_over(refits, Screening(NOTHING, candidates, trials[::2])) == []
+
+
+def trial_points(costs: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
+    """Most trial points of each effect's free runs where drawn runs leave these costs."""
+    settings, given = load_search().replace(hopeless=2.0, first_evaluations=5), dict[str, int]()
+
+    def begun(_problem: Any, _screening: Any, effect: str, _most: int, _least: float) -> Any:
+        return SimpleNamespace(
+            trial=SimpleNamespace(candidate=SimpleNamespace(effect=effect)), drawn_cost=costs[effect]
+        )
+
+    def finished(_problem: Any, way: Any, most: int, _least: float) -> Any:
+        given[way.trial.candidate.effect] = most
+        return way.trial
+
+    monkeypatch.setattr(refit, "begun", begun)
+    monkeypatch.setattr(refit, "finished", finished)
+    problem: Any = SimpleNamespace(settings=settings, progress=lambda text, part: None)
+    short_refits(problem, NOTHING, list(costs))
+    return given
+
+
+def test_a_refit_ends_where_drawn_runs_show_that_another_effect_is_far_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    costs = {"soft_zone": 60.0, "slow_valve": 6.0, "dead_volume": 11.0}
+    assert trial_points(costs, monkeypatch) == {"soft_zone": 1, "slow_valve": 5, "dead_volume": 5}
+
+
+def test_no_refit_ends_early_where_runs_cannot_be_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert set(trial_points({"soft_zone": 0.0, "slow_valve": 0.0}, monkeypatch).values()) == {5}
