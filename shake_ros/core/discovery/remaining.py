@@ -3,10 +3,12 @@
 The acceleration residual of free-running simulations is compared with the noise of the accelerometer and grouped by
 what might rule it (position, velocity, direction, load pressure, valve opening, flow, time); the share of its variance
 that each grouping explains beyond chance tells what it depends on. A residual in a narrow band depends on frequency.
+Single samples (an axis that reverses within one) are told apart from what is there all the time.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +28,9 @@ PLACES = {
     "flow": "flow",
     "frequency": "structure",
 }
+
+
+SINGLE = 1e-3  # part of all samples that still counts as single ones
 
 
 @dataclass(frozen=True)
@@ -71,11 +76,10 @@ def band_share(values: np.ndarray, sample_time: float) -> tuple[float, float]:
 
 def residual_series(
     problem: RecordingProblem, table: TableParameters
-) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
-    """Residual of a table, what it may depend on, and its ratio to the noise, over all recordings."""
-    residuals: list[np.ndarray] = []
+) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
+    """Residual of a table, what it may depend on, and each sample's ratio to the noise, over all recordings."""
+    residuals, noise = list[np.ndarray](), 0.0
     columns: dict[str, list[np.ndarray]] = {}
-    square = noise = 0.0
     for record in problem.records:
         out = problem.model.run(table, record)
         span = slice(record.start, None)
@@ -85,21 +89,39 @@ def residual_series(
             seen = filtered_velocity(out[:, 1], record.sample_time)
             rest, deviation = (record.velocity - seen)[span], record.velocity_noise()
         residuals.append(rest)
-        square += float(rest @ rest)
         noise += len(rest) * deviation**2
         for name, values in problem.model.quantities(record, out).items():
             columns.setdefault(name, []).append(values[span])
-    ratio = float(np.sqrt(square / max(noise, 1e-300)))
-    return np.concatenate(residuals), {n: np.concatenate(c) for n, c in columns.items()}, ratio
+    rest = np.concatenate(residuals)
+    ratios = rest / max(math.sqrt(noise / len(rest)), 1e-150)
+    return rest, {n: np.concatenate(c) for n, c in columns.items()}, ratios
+
+
+def without_single(ratios: np.ndarray) -> tuple[float, int]:
+    """Root mean square of ratios without their largest, and how many these are: at most the part SINGLE of them.
+
+    >>> without_single(np.array([1.0] * 999 + [80.0]))
+    (1.0, 1)
+    """
+    few = math.ceil(SINGLE * len(ratios))
+    return float(np.sqrt(np.mean(np.sort(ratios**2)[:-few]))), few
 
 
 def remaining(problem: SearchProblem, found: Selection) -> Remaining:
     """Judge the residual of the final model on the validation data."""
     settings, final = problem.settings, found.final.fit
-    rest, columns, ratio = residual_series(problem.validation, final.free.table(final.x))
+    rest, columns, ratios = residual_series(problem.validation, final.free.table(final.x))
+    ratio = float(np.sqrt(np.mean(ratios**2)))
     shares = {name: explained_share(rest, values, settings.remaining_groups) for name, values in columns.items()}
     if ratio <= settings.remaining_above:
         text = f"nothing above the noise: the residual is {ratio:.2f} times the sensor noise"
+        return Remaining(False, ratio, None, (), shares, text)
+    most, few = without_single(ratios)
+    if most <= settings.remaining_above:
+        text = (
+            f"nothing above the noise but in single samples: the residual is {ratio:.2f} times the sensor noise, "
+            f"{most:.2f} times without the largest {few} of {len(ratios)}"
+        )
         return Remaining(False, ratio, None, (), shares, text)
     in_band, centre = band_share(rest, problem.validation.records[0].sample_time)
     shares["frequency"] = in_band if in_band > settings.band_share else 0.0

@@ -14,6 +14,7 @@ import numpy as np
 from shake_ros.core.identification.fit import DIFFERENCE, Fit
 from shake_ros.core.identification.uncertainty import Estimate, covariance
 from shake_ros.core.plant.cylinder import pressure_left, steady_speeds, volumes
+from shake_ros.core.plant.hydraulics import underlap_left
 from shake_ros.core.plant.linearisation import oil_column_frequency
 from shake_ros.core.plant.parameters import TableParameters
 
@@ -39,7 +40,7 @@ def velocity_gain(t: TableParameters) -> float:
 def damping(t: TableParameters) -> float:
     """Damping ratio of the oil column about rest by leakage, open centre and viscous friction [-]."""
     area, omega = 0.5 * t.body.acting_area, oil_column_frequency(t)
-    centre = max(t.value("valve.underlap"), 0.0) * t.value("valve.flow_coefficient") / math.sqrt(2.0 * pressure_drop(t))
+    centre = underlap_left(t) * t.value("valve.flow_coefficient") / math.sqrt(2.0 * pressure_drop(t))
     leakage = t.leakage.internal + 0.5 * t.leakage.external + centre
     return 0.5 * (moved(t) * omega * leakage / area**2 + t.value("friction.viscous") / (moved(t) * omega))
 

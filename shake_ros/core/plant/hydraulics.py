@@ -27,6 +27,7 @@ from shake_ros.core.effects.unlisted import (
 from shake_ros.core.effects.unlisted import value as unlisted
 from shake_ros.core.plant.cavitation import acting_pressure
 from shake_ros.core.plant.cylinder import chamber_volumes, load_pressure
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.pipelines import flow_rate, half_volume
 from shake_ros.core.plant.states import (
     LINE_FLOW_A,
@@ -62,6 +63,12 @@ def port_flows(p, spool, clock, pressure_a, pressure_b, pressure_supply):
     b_to_tank = plus * sroot(pressure_b - p_t, delta) if plus > 0.0 else 0.0
     b_from_supply = minus * sroot(pressure_supply - pressure_b, delta) if minus > 0.0 else 0.0
     return a_from_supply - a_to_tank, b_to_tank - b_from_supply, a_from_supply + b_from_supply
+
+
+def underlap_left(table: TableParameters) -> float:
+    """Underlap that is open in the middle of a table's valve, with what a dead band closes taken off [-]."""
+    width, closed = (table.value(f"effects.spool_deadband.{name}") for name in ("width", "closed"))
+    return max(float(effective_underlap(table.value("valve.underlap"), width, closed)), 0.0)
 
 
 @kernel

@@ -27,6 +27,7 @@ from shake_ros.core.plant.cylinder import (
     steady_speeds,
     volumes,
 )
+from shake_ros.core.plant.hydraulics import underlap_left
 from shake_ros.core.plant.parameters import TableLayout, TableParameters
 from shake_ros.core.quantities import Parameters, quantity
 
@@ -112,7 +113,7 @@ def closed_form(table: TableParameters) -> ClosedForm:
 
 def open_centre(table: TableParameters, pressure: float) -> float:
     """Loss of flow per pressure of a chamber through the underlapped centre of the valve (3.17) [m³/(s·Pa)]."""
-    flow = max(table.value("valve.underlap"), 0.0) * table.value("valve.flow_coefficient")
+    flow = underlap_left(table) * table.value("valve.flow_coefficient")
     drops = table.supply.supply_pressure - pressure, pressure - table.supply.tank_pressure
     return flow * sum(0.5 / math.sqrt(drop) for drop in drops)
 

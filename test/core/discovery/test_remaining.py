@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from closed_loops import named
 
-from shake_ros.core.discovery.remaining import band_share, explained_share, remaining
+from shake_ros.core.discovery.remaining import band_share, explained_share, remaining, without_single
 from shake_ros.core.effects import PLACES
+from shake_ros.core.identification.recordings import RecordingProblem
 
 GROUPS = 24
 X = np.linspace(-1.0, 1.0, 24000)
@@ -76,3 +79,27 @@ def test_what_the_declared_model_leaves_of_a_valve_with_unequal_edges_goes_with_
     assert {"direction", "valve_opening", "velocity", "flow"} & set(rest.depends_on)
     assert rest.place in PLACES
     assert "times the sensor noise; it depends on" in rest.text or "mostly about" in rest.text
+
+
+def test_single_samples_are_told_apart_from_what_is_there_all_the_time() -> None:
+    noise = np.random.default_rng(5).standard_normal(6000)
+    spiked, shaken = noise.copy(), noise * np.where(np.arange(6000) % 50 == 0, 20.0, 1.0)
+    spiked[[100, 4000]] = 150.0
+    most, few = without_single(spiked)
+    assert few == 6
+    assert most == pytest.approx(1.0, abs=0.03)
+    assert float(np.sqrt(np.mean(spiked**2))) > 2.5
+    assert without_single(shaken)[0] > 2.5
+
+
+def test_an_answer_does_not_hang_on_one_sample() -> None:
+    found = named("nothing")
+    records = list(found.problem.validation.records)
+    acceleration = np.array(records[0].acceleration)
+    acceleration[len(acceleration) // 2] += 40.0
+    spoilt = replace(records[0], acceleration=acceleration)
+    validation = RecordingProblem([spoilt, *records[1:]], found.problem.validation.model)
+    rest = remaining(replace(found.problem, validation=validation), found.search)
+    assert rest.ratio > 1.5
+    assert not rest.above_noise
+    assert "single samples" in rest.text
