@@ -277,7 +277,7 @@ def test_lines_of_the_terminal_hold_values_errors_and_alternatives() -> None:
     lines = text.parameter_lines(done.result.final.parameters)
     assert len(lines) == 1 + len(done.result.final.parameters)
     width = next(line for line in lines if "spool_deadband" in line)
-    assert re.search(r"effects\.spool_deadband\.width +0\.0\d+ +[\d.e-]+  -$", width)
+    assert re.search(r"effects\.spool_deadband\.width +0\.0\d+ +[\d.e-]+ +[\d.e-]+  -$", width)
     assert "at bound" in text.parameter_lines([Estimate("x", 1.0, None, "N")])[1]
     (standing,) = done.result.standings
     standings = (dataclasses.replace(standing, alternatives=("slow_valve",)),)
