@@ -128,7 +128,7 @@ class TunedTable:
                 "law": law.kind,
                 "bandwidth": law.design.bandwidth,
                 "added_damping": law.design.damping,
-                "observer_jerk": law.design.jerk,
+                "observer_jerk": law.design.observer.jerk_noise,
                 "slowed": law.slowed,
                 "ringing_over_allowed": finite(law.rings),
                 "tables": [

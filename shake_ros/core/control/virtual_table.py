@@ -7,7 +7,9 @@ noise. At each sample the command is sought which, held over a short horizon, br
 
 where the reference at t + H is continued from its position, velocity, acceleration and the difference of its last two
 accelerations. s rises with the command, so a few secant steps inside a bracket find it, whatever stands between
-the command and the table: dead band, null shift, soft zone, play, friction, dead time. No inverse is written by hand.
+the command and the table: dead band, null shift, soft zone, the valve's play, friction, dead time. No inverse is
+written by hand. A play between rod and table is closed in the copy: within it no command moves the table, and the one
+that crossed it at once would be the limit.
 With a lead the copy has no dead time and runs ahead of the table by it: its motion is that of the instant at which the
 command acts, and the reference is continued so much further.
 The copy then takes that command for one sample, and the command is the feedforward of the real table, whose own
@@ -191,6 +193,7 @@ class VirtualTable:
     ) -> None:
         if not (math.isfinite(horizon) and horizon > 0.0):
             raise OutOfBounds(f"model_horizon = {horizon!r} is not a positive number")
+        model = model.without(["coupling_backlash"])
         vector = model.vector()
         self.record = FULL_LAYOUT.alone(vector)
         self.rest = initial_state(vector)

@@ -42,6 +42,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, quantity
 
 Array = NDArray[np.float64]
 JERKS = (0.1, 0.3, 1.0, 3.0)  # [m/s^2.5] white jerk of the observers that are tried
+SLOW_TRANSDUCER, SLOWER = 2e-3, 0.1  # [s] lag of the position from which every jerk is so much less: quick ones ring
 WANDER = 60.0  # [1/s] density of the disturbance over that of the jerk
 DAMPINGS = (0.0, 0.15, 0.3, 0.6)  # damping ratios that the acceleration adds to the oil column, of those that are tried
 INTEGRAL = 8.0  # the integral acts below the bandwidth over this
@@ -249,6 +250,8 @@ class Search:
         mass = tables[0].moved_mass + tables[0].value("effects.payload_error.mass")
         self._per_acceleration = mass / tables[0].body.acting_area
         self.slowest = SLOWEST * s.fastest
+        lag = tables[0].value("effects.position_sensor_lag.time_constant")
+        self._per_jerk = SLOWER if lag > SLOW_TRANSDUCER else 1.0
         self._omega = grid(s.sample_time, 120)
 
     def feedback(self, bandwidth: float, damping: float) -> Feedback:
@@ -273,8 +276,8 @@ class Search:
         return open_loop(case.plant, case.model, gains, self._per_acceleration, design.feedback, self.s.sample_time)
 
     def design(self, bandwidth: float, damping: float, jerk: float) -> Design:
-        """A design as it is asked for."""
-        observer = observer_of(self.beta, jerk, self.s)
+        """A design as it is asked for; behind a slow transducer its observer takes the jerk for less."""
+        observer = observer_of(self.beta, self._per_jerk * jerk, self.s)
         return Design(self.feedback(bandwidth, damping), observer, bandwidth, damping, jerk)
 
     def fastest(self, damping: float, jerk: float, hardest: Sequence[LinearCase]) -> Design | None:

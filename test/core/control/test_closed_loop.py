@@ -147,6 +147,14 @@ def test_virtual_table_follows_the_reference_through_a_dead_band(
     assert error[2] < 0.06
 
 
+def test_feedforward_does_not_hurry_through_the_play_of_a_joint(declared: TableParameters, earthquake: Program) -> None:
+    worn = declared.with_values({"effects.coupling_backlash.gap": 1.4e-4, "effects.coupling_backlash.stiffness": 3e8})
+    wanted = np.array([earthquake.at(k) for k in range(300)])
+    commands = [VirtualTable(table, DT, 100.0, 0.002, 1.0).follow(wanted)[0] for table in (declared, worn)]
+    np.testing.assert_array_equal(commands[0], commands[1])
+    assert np.max(np.abs(commands[1])) < 0.9
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.0025, 0.005])
 def test_loop_that_predicts_through_the_dead_time_is_better_than_one_that_does_not(
     delay: float, declared: TableParameters, earthquake: Program

@@ -104,3 +104,11 @@ def test_calm_design_holds_in_slow_motion_where_the_fastest_undamped_one_does_no
     assert calm.bandwidth > 10.0
     assert (quick.damping, quick.jerk) == (QUICK_DAMPING, QUICK_JERK)
     assert max(search.worst(quick, search.cases)) <= SETTINGS.sensitivity
+
+
+def test_observer_behind_a_slow_position_transducer_is_slower() -> None:
+    jerks = []
+    for lag in (0.0, 0.001, 0.012):
+        table = TABLE.with_values({"effects.position_sensor_lag.time_constant": lag})
+        jerks.append(Search([table], SETTINGS).design(10.0, 0.3, 1.0).observer.jerk_noise)
+    assert jerks == [1.0, 1.0, 0.1]
