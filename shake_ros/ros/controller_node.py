@@ -137,6 +137,7 @@ class ControllerNode(Behaviour):
         diagnostics.cycles += 1
         if not self.frame.lockstep:
             diagnostics.latency(self.frame.now() - stamp)
+        self.frame.pause.begins()
 
     def _check_instant(self) -> None:
         """An estimate of another instant ends the node at its start; the observer may change `TO_FOLLOW` before it."""

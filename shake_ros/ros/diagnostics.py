@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -15,6 +15,7 @@ from shake_ros.ros.whole_run import WholeRun
 
 LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 OK, WARN, ERROR = range(3)
+NO_ANSWER = "no answer from the target"  # begins what a bridge says while its target computer is silent
 WINDOW = 8192  # latencies kept between two reports; more are thinned by overwriting the oldest
 STALE = 1.0  # an input silent for longer than one report [s] is named
 MICROSECOND = 1e-3  # of a nanosecond count
@@ -68,6 +69,7 @@ class Diagnostics:
         self.condition: Callable[[], tuple[int, str]] = lambda: (OK, "running")
         self.inputs: dict[str, Input] = {}
         self.values: dict[str, Callable[[], object]] = {}
+        self.groups: list[Callable[[], Mapping[str, object]]] = []  # of values that are told together
         self.cycles = 0
         self.missed = 0
         self.latest = 0
@@ -147,6 +149,8 @@ class Diagnostics:
             values[f"{item.name}.refused"] = item.refused
             values[f"{item.name}.age_s"] = f"{item.age():.3f}"
         values |= {name: read() for name, read in self.values.items()}
+        for group in self.groups:
+            values |= group()
         self._latency_count = self.latest = 0
         level, text = self._level()
         return DiagnosticStatus(

@@ -24,6 +24,7 @@ from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import ERROR, WARN, Diagnostics
 from shake_ros.ros.interface import CLOCK, CLOCK_QOS, DIAGNOSTICS, NAMESPACE, TOPICS, Topic, overriding
 from shake_ros.ros.parameters import LiveSet, NodeParameters
+from shake_ros.ros.pause import Pause
 from shake_ros.ros.samples import Reader, Writer
 from shake_ros.settings import find, read_yaml
 
@@ -118,6 +119,7 @@ class Frame:
         self.start_line = ""
         self._writers: list[Writer] = []
         self._said: dict[str, float] = {}  # key of a line → when it was last said
+        self.pause = Pause()
 
     def settings(
         self, kind: type[P], section: str = "", *, accept: Callable[[P], object] = lambda _: None, file: str = ""

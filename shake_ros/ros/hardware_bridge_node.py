@@ -6,7 +6,7 @@ the answer to the sample whose stamp they bear. While none comes, the interlock'
 
 from __future__ import annotations
 
-import functools
+import sys
 import threading
 from array import array
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from shake_ros.bridge.table_link import Sample, TableLink
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.core.safety.stages import OFF, RUN
 from shake_ros.ros import interface
-from shake_ros.ros.diagnostics import OK, WARN
+from shake_ros.ros.diagnostics import NO_ANSWER, OK, WARN
 from shake_ros.ros.frame import Behaviour, Frame
 from shake_ros.ros.interlock import NodeInterlock
 from shake_ros.ros.sensor_writers import SensorWriters
@@ -25,6 +25,7 @@ from shake_ros.settings import find, read_yaml
 WAIT = 0.002  # longest look for a datagram [s]
 RESET_TIME = 200_000_000  # the reset is sent for so long, and the target's answer awaited [ns]
 LATE = 1.5  # periods without a command of our own to the target
+HANDOVER = 1e-4  # one thread waits for the other to give the interpreter away for at most so long [s]
 
 
 @dataclass(frozen=True)
@@ -61,13 +62,13 @@ class HardwareBridge(Behaviour):
             lambda stamp: self.interlock.doubled(frame.now(), stamp),
         )
         frame.diagnostics.condition = self._condition
-        for name in self._link.report():
-            frame.diagnostics.values[name] = functools.partial(lambda one: self._link.report()[one], name)
+        frame.diagnostics.groups.append(self._link.report)
         frame.diagnostics.values["datagram_to_topic_p50_us"] = self._median_delay
         self._thread = threading.Thread(target=self._run, name="datagrams", daemon=True)
 
     def start(self) -> None:
-        """Samples are published from now on."""
+        """Samples are published from now on, also while the other thread is about its report."""
+        sys.setswitchinterval(HANDOVER)
         self._thread.start()
 
     def finish(self) -> None:
@@ -128,7 +129,8 @@ class HardwareBridge(Behaviour):
                 return self.interlock.foreign(now, f"command for {stamp * 1e-9:.6f} s, which no measurement bears")
             self.frame.diagnostics.latency(now - stamp)
             self.interlock.command(stamp, u)
-            return self._answer(now, stamp)
+            self._answer(now, stamp)
+        return self.frame.pause.begins()
 
     def _before_reset(self) -> None:
         """The target is asked to reset as well, and given time to do it."""
@@ -142,7 +144,7 @@ class HardwareBridge(Behaviour):
 
     def _condition(self) -> tuple[int, str]:
         if self._link.host.session is None:
-            return WARN, f"no answer from the target at {self._link.parameters.address}:{self._link.parameters.port}"
+            return WARN, f"{NO_ANSWER} at {self._link.parameters.address}:{self._link.parameters.port}"
         level, text = self.interlock.condition()
         if level == OK and self._confirmed != RUN:
             return WARN, f"{text}; the target is not at the stage run"

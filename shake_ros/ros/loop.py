@@ -108,7 +108,8 @@ class NodeLoop:
         """Take in a node that has been built."""
         frame = behaviour.frame
         frame.stop_loop = self.stop
-        frame.every(REPORT_PERIOD, functools.partial(self._report, frame))
+        report = functools.partial(self._report, frame)
+        frame.every(REPORT_PERIOD, report if frame.lockstep else lambda: frame.pause.put_off(report))
         self.behaviours.append(behaviour)
         self.executor.add_node(frame.node)
 

@@ -108,6 +108,7 @@ class ObserverNode(Behaviour):
         diagnostics.cycles += 1
         if not self.frame.lockstep:
             diagnostics.latency(self.frame.now() - stamp)
+        self.frame.pause.begins()
 
     def _condition(self) -> tuple[int, str]:
         if self._last_stamp < 0:
