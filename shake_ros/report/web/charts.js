@@ -61,6 +61,9 @@
   // Of a logarithmic axis the places 1, 2 and 5 of each decade.
   const round = (u, at) => at.map((v) => (/^[125](\.0*)?e/.test(v.toExponential()) ? v : null));
 
+  // Over more than three decades their lines alone: all nine of each are a hatching.
+  const decades = (u, at) => (at.length > 30 ? at.map((v) => (/^1(\.0*)?e/.test(v.toExponential()) ? v : null)) : at);
+
   function options(spec, panel, chart, last) {
     const places = Object.keys(spec.ticks).map(Number).sort((a, b) => a - b);
     const axis = (more) => ({
@@ -80,7 +83,7 @@
       scales: { x: { time: false, distr: spec.log ? 3 : 1, range: (u, low, high) => [low, high] }, y: { distr: panel.log ? 3 : 1, range: range(panel) } },
       axes: [
         axis({ ...named, ...(spec.log ? { filter: round } : {}), ...(last ? { label: spec.x, labelSize: 18, size: 28 } : { size: 8 }) }),
-        axis({ label: panel.y, labelSize: 18, size: 66, space: 24, values: (u, at) => at.map((v) => (v == null ? "" : number(v))) }),
+        axis({ ...(panel.log ? { grid: { stroke: () => colour("line"), width: 1, filter: decades } } : {}), label: panel.y, labelSize: 18, size: 66, space: 24, values: (u, at) => at.map((v) => (v == null ? "" : number(v))) }),
       ],
       series: [
         { label: spec.x, value: (u, v) => number(v) },
