@@ -18,7 +18,6 @@ import contextlib
 import json
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -26,19 +25,22 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from benchmarks import ROOT
+from benchmarks.page.browser import chromium
 from benchmarks.realtime.listener import Listener
 from benchmarks.realtime.timing import processor_time, resident
 from shake_ros.ros.interface import DIAGNOSTICS
 
 SAVED = Path(__file__).with_suffix(".txt")
 TIMER = Path(__file__).with_name("bare_timer.py")
+SHAKE = (sys.executable, "-m", "shake_ros")
 SETTLING = 60.0  # at most, before anything counts [s]
+ENDING = 180.0  # of an orderly stop, which is slow where lock-step is [s]
 STARTING = 180.0  # patience until the table runs [s]
 LOOP = ("plant", "reference_generator")  # keep the time; all others follow
 OPENING = (
@@ -60,13 +62,13 @@ class Stretch:
 
 
 class Lab:
-    """A running laboratory and what it prints."""
+    """A running laboratory and what it prints; `program` in front of `lab`, run in the folder `where`."""
 
-    def __init__(self, arguments: list[str], domain: int) -> None:
+    def __init__(self, arguments: list[str], domain: int, program: Sequence[str] = SHAKE, where: Path = ROOT) -> None:
         environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "shake_ros", "lab", *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL, text=True, cwd=ROOT, env=environment,
+            [*program, "lab", *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL, text=True, cwd=where, env=environment,
         )  # fmt: skip
         self.lines: list[str] = []
         threading.Thread(target=self._read, daemon=True).start()
@@ -75,9 +77,9 @@ class Lab:
         assert self.process.stdout is not None
         self.lines.extend(line.strip() for line in self.process.stdout)
 
-    def waits_for(self, text: str) -> str:
+    def waits_for(self, text: str, patience: float = STARTING) -> str:
         """The first line with `text`."""
-        deadline = time.monotonic() + STARTING
+        deadline = time.monotonic() + patience
         while not (found := [line for line in self.lines if text in line]):
             if time.monotonic() > deadline or self.process.poll() is not None:
                 raise RuntimeError(f"lab did not say '{text}': {self.lines}")
@@ -97,14 +99,14 @@ class Lab:
     def end(self) -> None:
         """In order."""
         self.process.send_signal(signal.SIGINT)
-        if self.process.wait(60.0):
+        if self.process.wait(ENDING):
             raise RuntimeError(f"lab ended with {self.process.returncode}: {self.lines[-5:]}")
 
 
 @contextlib.contextmanager
-def laboratory(arguments: list[str], domain: int) -> Iterator[Lab]:
+def laboratory(arguments: list[str], domain: int, program: Sequence[str] = SHAKE, where: Path = ROOT) -> Iterator[Lab]:
     """A lab that ends with the block."""
-    lab = Lab(arguments, domain)
+    lab = Lab(arguments, domain, program, where)
     try:
         yield lab
         lab.end()
@@ -116,25 +118,6 @@ def laboratory(arguments: list[str], domain: int) -> Iterator[Lab]:
 def missed(listener: Listener) -> dict[str, int]:
     """Node → missed periods so far, as it reports them."""
     return {node: int(listener.status(node)["missed_deadlines"]) for node in LOOP}
-
-
-@contextlib.contextmanager
-def chromium(folder: Path) -> Iterator[Any]:
-    """A browser without a window."""
-    from selenium import webdriver
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = str(shutil.which("chromium"))
-    for argument in (
-        "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--window-size=1400,1000",
-        f"--user-data-dir={folder}",
-    ):  # fmt: skip
-        options.add_argument(argument)
-    driver = webdriver.Chrome(options, webdriver.ChromeService(str(shutil.which("chromedriver"))))
-    try:
-        yield driver
-    finally:
-        driver.quit()
 
 
 def heap(driver: Any) -> float:

@@ -51,6 +51,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--set", nargs="+", action="extend", default=[], metavar="NODE.PARAMETER=VALUE", dest="changes")
     made.add_argument("--headless", action="store_true", help="without the page")
     page = made.add_argument_group("page")
+    page.add_argument(
+        "--model", metavar="NAME", help="declared table: predicted with and fitted (default: that of --table)"
+    )
     page.add_argument("--port", type=int, default=8421, help="0: any that is free (default: 8421)")
     page.add_argument("--address", default="127.0.0.1", help="to listen on; others than 127.0.0.1 need TLS")
     page.add_argument("--certificate", default="", metavar="FILE", help="of TLS, PEM")
@@ -118,7 +121,8 @@ def page_node(given: argparse.Namespace, socket: Path) -> NodeSpec:
     """The live page."""
     names = ("port", "address", "certificate", "key", "host", "operator_required")
     own: dict[str, Value] = {name: getattr(given, name) for name in names}
-    model = {} if given.bridge else {"model": given.table}
+    declared = given.model or ("" if given.bridge else given.table)
+    model: dict[str, Value] = {"model": declared} if declared else {}
     return NodeSpec("page", {**own, **model, "folder": str(given.folder.absolute()), "lab": str(socket)})
 
 

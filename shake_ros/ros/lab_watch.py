@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -12,9 +13,11 @@ from rclpy.node import Node
 
 from shake_ros.core.safety.stages import OFF, STAGES
 from shake_ros.ros.claims import Claims
+from shake_ros.ros.diagnostics import NO_ANSWER
 from shake_ros.ros.interface import DIAGNOSTICS, ENABLE, ESTIMATE, JOINT_STATES, REFERENCE, VALVE_COMMAND
 
 TABLES = ("plant", "hardware_bridge")
+SLOW = 5.0  # an orderly stop that takes longer is explained [s]
 LOOP_TOPICS = (JOINT_STATES, REFERENCE, ESTIMATE, VALVE_COMMAND)
 
 
@@ -25,12 +28,14 @@ class LabWatch:
     ----------
     heard : executables that have reported on /diagnostics since they were last forgotten.
     stage : of the table as last reported; empty before.
+    cycles : samples that the table has taken, as last reported; empty before.
+    missing : what the table's node says of a target computer that does not answer; empty where none is missed.
     """
 
     def __init__(self, context: Context, namespace: str, lockstep: bool) -> None:
         self.node = Node("_shake_lab", namespace=namespace, context=context, start_parameter_services=False)
         self.heard: set[str] = set()
-        self.stage = ""
+        self.stage = self.cycles = self.missing = ""
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
         self.node.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, self._report, DIAGNOSTICS.qos(lockstep))
@@ -44,7 +49,9 @@ class LabWatch:
                 continue
             self.heard.add(node.rpartition("/")[2])
             if part in TABLES:
-                self.stage = next((one.value for one in status.values if one.key == "stage"), self.stage)
+                told = {one.key: one.value for one in status.values}
+                self.missing = status.message if status.message.startswith(NO_ANSWER) else ""
+                self.stage, self.cycles = told.get("stage", self.stage), told.get("cycles", self.cycles)
 
     def spin(self, seconds: float) -> None:
         """Serve what comes for so long."""
@@ -63,18 +70,26 @@ class LabWatch:
         finally:
             claims.give_up()
 
-    def stop_in_order(self, patience: float) -> bool:
-        """A hold, then the pressure off; whether the table said so within `patience` [s]."""
-        if self.stage in ("", STAGES[OFF]):
-            return True
-        if not self._enable.service_is_ready():
-            return False
-        request = ENABLE.type.Request(data=False)
-        self._enable.call_async(request)
-        deadline = time.monotonic() + patience
-        while self.stage != STAGES[OFF] and time.monotonic() < deadline:
+    def stop_in_order(self, patience: float, slowly: Callable[[], None] | None = None) -> bool:
+        """A hold, then the pressure off; whether the table said so within `patience` [s].
+
+        With `slowly` (lock-step, which a busy machine runs at a fraction of real time) the patience begins anew with
+        every sample that the table takes; it is called once, where the stop takes longer than that of a quick table.
+        """
+        begun = since = time.monotonic()
+        asked = told = False
+        cycles = self.cycles
+        while self.stage not in ("", STAGES[OFF]) and time.monotonic() - since < patience:
+            if not asked and self._enable.service_is_ready():
+                self._enable.call_async(ENABLE.type.Request(data=False))
+                asked = True
             self.spin(0.05)
-        return self.stage == STAGES[OFF]
+            if slowly and self.cycles != cycles:
+                since, cycles = time.monotonic(), self.cycles
+                if not told and since - begun > SLOW:
+                    told = True
+                    slowly()
+        return self.stage in ("", STAGES[OFF])
 
     def close(self) -> None:
         """Leave the graph."""

@@ -30,6 +30,7 @@ from shake_ros.ros.remote_parameters import RemoteParameters
 from shake_ros.settings import find, load_table, read_yaml
 
 SILENT = 3.0  # a node that has not reported for so long is lost [s]
+SLOWLY = 15.0  # the same in lock-step, where a busy machine lets a node wait [s]
 TRIPS = 60
 SPECTRUM = 8.192  # stretch of the live spectrum [s]
 SPECTRUM_EVERY = 0.5  # [s]
@@ -179,11 +180,12 @@ class PageDesk:
     def status(self) -> dict[str, Any]:
         """See `Desk`."""
         now = time.monotonic()
+        silent = SLOWLY if self._frame.lockstep else SILENT
         nodes = {}
         for name, one in sorted(self._nodes.items()):
             if name == "recorder" and self._lab and not self._recording and name not in self._processes:
                 continue
-            nodes[name] = {**one, "age": now - one["heard"], "lost": now - one["heard"] > SILENT}
+            nodes[name] = {**one, "age": now - one["heard"], "lost": now - one["heard"] > silent}
         table = next((nodes[name] for name in TABLES if name in nodes), None)
         stage = table["values"].get("stage", "") if table else ""
         died = {name: why for name, why in self._processes.items() if why}

@@ -17,7 +17,6 @@ from shake_ros.ros.lab_watch import TABLES, LabWatch
 POLL = 0.05  # [s]
 IMPATIENT = 2.0  # a signal that comes later than this after the first ends all at once [s]
 STOPPING = 12.0  # an orderly stop may take so long [s]
-SLOWLY = 60.0  # in lock-step, which a busy machine runs at a fraction of real time [s]
 COMPILING = 4.0  # a start that takes longer says why [s]
 OUTSIDE = ("page", *LAST)  # do not take part in the loop
 
@@ -43,6 +42,7 @@ class Supervisor:
         self._told: dict[str, Any] = {}  # what the page knows
         self._reader = sys.stdin if sys.stdin is not None and sys.stdin.isatty() else None
         self._ready = False
+        self._missing = ""  # the target computer, as was last said
 
     def ask_to_stop(self) -> None:
         """End in order; at once where that was asked for before."""
@@ -98,6 +98,9 @@ class Supervisor:
             self._ready = bool(self.watch.stage)
             if self._ready:
                 say(f"running: {', '.join(one.called for one in self.graph.nodes)}")
+        if self.watch.missing != self._missing:
+            self._missing = self.watch.missing
+            say(f"hardware_bridge: {self._missing or 'the target answers'}")
         self._tell()
 
     def _tell(self) -> None:
@@ -154,8 +157,12 @@ class Supervisor:
 
     def _stop_in_order(self, broken: float) -> bool:
         """Whether the table has said that its pressure is off; `broken`: patience where a node has died [s]."""
-        whole = SLOWLY if self.graph.lockstep else STOPPING
-        return self.watch.stop_in_order(broken if self._dead else whole)
+        if self._dead:
+            return self.watch.stop_in_order(broken)
+        return self.watch.stop_in_order(STOPPING, self._say_slow if self.graph.lockstep else None)
+
+    def _say_slow(self) -> None:
+        say("the table is slow here, and so is its stop; Ctrl-C ends it at once")
 
     def _restart_loop(self) -> str:
         """All nodes of the loop, behind an orderly stop; a recording ends with it."""

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
+import time
 
 import pytest
 from lab_process import LAB, ROOT, Started
 
+from benchmarks.realtime.emulated_target import emulated_target
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import read_table_recording
 from shake_ros.ros import lab
+from shake_ros.settings import config_folder
+
+SEQUENCE = 6.0  # low and high pressure, and some time at run [s]
 
 
 def test_one_command_runs_the_table_refuses_a_second_and_ends_in_order(ros_domain, tmp_path) -> None:
@@ -85,3 +91,35 @@ def test_composed_lab_that_still_compiles_ends_when_told(ros_domain, tmp_path) -
     started.wait_for("compiling, as always at the first start")
     assert started.end() == 0, started.lines
     assert started.lines[-1] == "lab: ended"
+
+
+def test_lab_over_a_bridge_takes_the_target_through_its_stages_and_stops_it_in_order(ros_domain, tmp_path) -> None:
+    with emulated_target(tmp_path) as (target, bridge):
+        arguments = ["--headless", "--bridge", bridge, "--enabled", "--record", "run", "--folder", str(tmp_path)]
+        started = Started(*arguments)
+        started.wait_for("running: recorder, hardware_bridge")
+        time.sleep(SEQUENCE)
+        assert started.end() == 0, started.lines
+        assert started.lines[-3:] == [
+            "lab: ending: hold, pressure off",
+            f"lab: recording closed: {tmp_path}/recordings/run",
+            "lab: ended",
+        ]
+        target.terminate()
+        assert target.stdout is not None
+        said = json.loads(target.stdout.read())
+    assert said["sessions"] == 1
+    assert said["samples_at_run"] > 0
+    assert said["rejected"] == {}
+    pressure = read_table_recording(tmp_path / "recordings" / "run").pressure_supply
+    assert pressure is not None
+    assert pressure.max() > 150e5
+    assert pressure[-1] < 50e5
+
+
+def test_lab_over_a_bridge_to_nobody_says_so_and_ends(ros_domain, tmp_path) -> None:
+    bridge = tmp_path / "nobody.yaml"
+    bridge.write_text((config_folder() / "bridge" / "emulator.yaml").read_text().replace("47800", "9"))
+    started = Started("--headless", "--bridge", str(bridge), "--enabled", "--folder", str(tmp_path))
+    started.wait_for("hardware_bridge: no answer from the target at 127.0.0.1:9")
+    assert started.end() == 0, started.lines

@@ -3,127 +3,31 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
-import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 from lab_process import Started, children
 
+from benchmarks.page.browser import CHROMIUM, DRIVER, Operator, chromium
 from shake_ros.settings import find, read_yaml
 
-CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 if not (CHROMIUM and DRIVER):
     warnings.warn("the live page is opened in no browser: apt install chromium chromium-driver", stacklevel=1)
 pytestmark = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason="NO BROWSER TEST OF THE LIVE PAGE: apt install chromium chromium-driver"
 )
-PATIENCE = 120.0  # for anything that is waited for [s]
 JOB = "document.querySelector('.job')?.dataset.state"  # the newest
-
-
-class Operator:
-    """Somebody who sees the page and has a mouse and a keyboard."""
-
-    def __init__(self, driver: Any) -> None:
-        self.driver, self.refusal = driver, ""
-
-    def see(self, script: str) -> Any:
-        return self.driver.execute_script(f"return {script}")
-
-    def wait_for(self, what: str, seen: Callable[[], Any]) -> Any:
-        end = time.monotonic() + PATIENCE
-        while not (found := seen()):
-            state = self.see("document.getElementById('state').innerText")
-            assert time.monotonic() < end, f"{what} never came; state {state!r}, {self.answers()[-3:]} {self.refusal}"
-            time.sleep(0.05)
-        return found
-
-    def state(self, name: str) -> None:
-        self.wait_for(f"state {name}", lambda: self.see("document.body.dataset.state") == name)
-
-    def find(self, css: str) -> Any:
-        return self.wait_for(css, lambda: self.driver.find_elements("css selector", css))[0]
-
-    def click(self, css: str) -> None:
-        """As soon as it can be clicked; what the page replaces meanwhile is looked for again."""
-        from selenium.common.exceptions import WebDriverException
-
-        def clicked() -> bool:
-            try:
-                element = self.driver.find_element("css selector", css)
-                if element.is_enabled():
-                    self.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
-                    element.click()
-                    return True
-            except WebDriverException as error:
-                self.refusal = str(error.msg).partition("\n")[0]
-            return False
-
-        self.wait_for(css, clicked)
-
-    def tab(self, name: str) -> None:
-        self.click(f"nav [data-tab={name}]")
-
-    def type(self, css: str, text: str) -> None:
-        field = self.find(css)
-        self.driver.execute_script("arguments[0].value = ''", field)
-        field.send_keys(text)
-
-    def choose(self, css: str, value: str) -> None:
-        from selenium.common.exceptions import WebDriverException
-        from selenium.webdriver.support.ui import Select
-
-        def chosen() -> bool:
-            try:
-                Select(self.driver.find_element("css selector", css)).select_by_visible_text(value)
-                return True
-            except WebDriverException:
-                return False
-
-        self.wait_for(f"{value} in {css}", chosen)
-
-    def answers(self) -> list[str]:
-        return [answer["text"] for answer in self.see("shake.answers")]
-
-    def said(self, text: str) -> None:
-        self.wait_for(f"{text!r}", lambda: any(text in answer for answer in self.answers()))
-
-    def peak(self, curve: str) -> float:
-        return float(self.see(f"Math.max(0, ...shake.curves.column('{curve}').filter(v => v != null).map(Math.abs))"))
-
-    def seconds(self) -> float:
-        return float(self.see("shake.curves.shownNow().newest"))
-
-    def pass_time(self, seconds: float) -> None:
-        until = self.seconds() + seconds
-        self.wait_for(f"{seconds} s of the table's time", lambda: self.seconds() > until)
-
-    def error(self) -> list[str]:
-        return [entry["message"] for entry in self.driver.get_log("browser") if "favicon" not in entry["message"]]
 
 
 @pytest.fixture
 def operator(tmp_path: Path) -> Iterator[Operator]:
-    from selenium import webdriver
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = str(CHROMIUM)
-    for argument in (
-        "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--window-size=1200,800",
-        f"--user-data-dir={tmp_path / 'profile'}",
-    ):  # fmt: skip
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options, webdriver.ChromeService(str(DRIVER)))
-    yield Operator(driver)
-    driver.quit()
+    with chromium(tmp_path / "profile", 1200, 800) as driver:
+        yield Operator(driver)
 
 
 def quick_interlock(folder: Path) -> Path:
@@ -237,7 +141,7 @@ def test_table_is_run_tripped_recorded_learned_from_and_lost_by_mouse(ros_domain
         operator.state("lost")
         operator.click("[data-restart=loop]")
         operator.state("off")
-        assert operator.error() == []
+        assert operator.errors() == []
         assert lab.end() == 0, lab.lines
         operator.state("disconnected")
         assert not operator.find("#stop").is_enabled()

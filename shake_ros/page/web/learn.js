@@ -1,11 +1,11 @@
 // The library of recordings, fits as jobs, and what their tables are used for.
 import { ask, fetched, on } from './socket.js'
-import { number as plain, text } from './state.js'
+import { current, number as plain, text } from './state.js'
 import { act, choices, refresh as refreshControls, show, toast } from './run.js'
 
 const element = id => document.getElementById(id)
 const marked = { learn: new Set(), hold: new Set() }
-let shown = '', jobsShown = '', entries = [], openReport = ''
+let shown = '', jobsShown = '', entries = [], openReport = '', declared = ''
 const number = (value, factor = 1) => plain(value == null ? null : value * factor)
 
 async function refresh() {
@@ -21,7 +21,10 @@ async function refresh() {
   })
   element('library').innerHTML = `<h2>Recordings</h2><div class="wide"><table><tr><th>estimation</th><th>validation</th><th>name</th><th class="n">s</th><th>played</th><th>table</th><th class="n">peak mm</th><th class="n">m/s</th><th class="n">m/s²</th><th class="n">error rms, mm</th><th>findings</th></tr>${rows.join('')}</table></div>` + (rows.length ? '' : '<p class="quiet">none yet: under Run, press Record, then Play; Stop recording when the motion has ended</p>') +
     `<div class="row"><label>declared table <select id="declared"></select></label><button id="identify" data-operator>Identify</button><button id="close-loop" class="go" data-operator>Close the loop</button><span class="quiet">Identify fits the declared model; Close the loop also looks for what it lacks. Mark one recording or more for estimation (lively ones, as of <i>demo_excitation</i>) and others for validation (as of <i>earthquake</i>).</span></div>`
-  element('declared').innerHTML = (choices.table || ['bergamo']).map(one => `<option value="${text(one)}">${text(one.includes('/') ? one.split('/').slice(-2).join('/') : one)}</option>`).join('')
+  declared ||= current.status?.model || 'bergamo'  // as the lab was started, until another is chosen
+  const tables = choices.table || [declared]
+  element('declared').innerHTML = (tables.includes(declared) ? tables : [declared, ...tables]).map(one => `<option value="${text(one)}"${one === declared ? ' selected' : ''}>${text(one.includes('/') ? one.split('/').slice(-2).join('/') : one)}</option>`).join('')
+  element('declared').onchange = event => { declared = event.target.value }
   element('library').querySelectorAll('[data-mark]').forEach(box => {
     box.onchange = () => {
       const other = box.dataset.mark === 'learn' ? 'hold' : 'learn'
