@@ -11,24 +11,26 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from shake_ros.api.commission_files import HELD, CommissionSettings, interlock_of, load_commission
-from shake_ros.api.commission_step import Step, announced, page_run, watched
+from shake_ros.api.close_loop import close_loop
+from shake_ros.api.commission_files import CommissionSettings, interlock_of, load_commission
+from shake_ros.api.commission_stage import CommissionStage, LiveStage, SimulatedStage
+from shake_ros.api.commission_step import Step, announced, page_run, tracked
 from shake_ros.api.identify import identify
+from shake_ros.api.live_table import LiveTable
 from shake_ros.api.model import Model
 from shake_ros.api.model import model as model_of
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.read import Recordings
 from shake_ros.api.result_table import ResultTable, percent
-from shake_ros.api.simulate import Simulation, controller_of, observer_of, simulate
+from shake_ros.api.simulate import Simulation
 from shake_ros.api.tune_table import TunedTable, tune_table
-from shake_ros.core.control.runner import Controller
 from shake_ros.core.identification.recordings import RecordingProblem
 from shake_ros.core.identification.uncertainty import known_covariance
 from shake_ros.core.loop.metrics import come_to_rest
 from shake_ros.core.loop.robust import Uncertainty
-from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError
+from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_program import build_program
 from shake_ros.data.results import write_folder, write_json
 from shake_ros.report.commission_page import commission_page
@@ -84,7 +86,7 @@ class Commission:
             (out / "commission.html").write_text(page, encoding="utf-8")
             write_json(out / "commission.json", self.content())
             for step in self.steps:
-                step.run.write(out / "recordings" / step.run.recording.name)
+                Simulation(step.run).write(out / "recordings" / step.run.name)
 
         write_folder(Path(folder), fill, force=force)
         return Path(folder)
@@ -114,6 +116,7 @@ class Commission:
                 "error": list(step.error) if step.error else None,
                 "held": step.held,
                 "model_error": step.explained,
+                "effects": list(step.added),
                 "gains": step.tuned.content() if step.tuned else None,
             }
             for step in self.steps
@@ -125,19 +128,14 @@ class Commission:
 
 
 @dataclass
-class _Laboratory:
-    """The simulated table with its first loop, and what is known of it."""
+class _Way:
+    """What moves the table, the motion, and what is known of the table so far."""
 
-    plant: TableParameters
+    stage: CommissionStage
     declared: Model
     settings: CommissionSettings
-    delay: int
     tell: Told
-    runs: list[Simulation] = field(default_factory=list)
-
-    def first_loop(self) -> tuple[Observer, Controller]:
-        dt = self.settings.numbers.sample_time
-        return observer_of(self.settings.observer, dt, None), controller_of(self.settings.controller, dt, None)
+    runs: list[TableRecording] = field(default_factory=list)
 
     def motion(self, level: float) -> Array:
         """The reference at a level, faded to rest, (n, 3)."""
@@ -145,34 +143,30 @@ class _Laboratory:
         rows = build_program(self.settings.reference, dt).samples(0, round(self.settings.seconds / dt))
         return level * come_to_rest(rows, dt)
 
-    def play(self, level: float, loop: tuple[Observer, Controller], interlock: Mapping[str, Any]) -> Step:
+    def play(self, level: float, tuned: TunedTable | None, interlock: Mapping[str, Any]) -> Step:
         """Run a level under a loop; what lies behind a hold of the interlock does not count."""
-        observer, controller = loop
         name = f"step_{len(self.runs) + 1}_level_{level:g}"
-        run = simulate(
-            self.plant,
-            self.motion(level),
-            self.settings.numbers.sample_time,
-            controller=controller,
-            observer=observer,
-            delay=self.delay,
-            seed=len(self.runs) + 1,
-        )
-        held, kept = watched(run, interlock)
-        limits = {name: float(interlock["causes"][name]["threshold"]) for name in HELD}
-        error = None if held else tuple(float(e) for e in run.error["error"])
-        part = Simulation(replace(run.recording.between(0.0, kept) if held else run.recording, name=name))
-        self.runs.append(part)
-        return Step(level, controller.kind, limits, interlock, part, error, held)  # type: ignore[arg-type]
+        kind = self.settings.controller if tuned is None else tuned.best.kind
+        made = self.stage.run(self.motion(level), tuned, interlock, name, len(self.runs) + 1)
+        self.runs.append(made.recording)
+        limits = {cause: float(interlock["causes"][cause]["threshold"]) for cause in self.stage.limited}
+        error = None if made.held else tracked(made.recording)
+        return Step(level, kind, limits, interlock, made.recording, error, made.held)
 
-    def learn(self) -> tuple[float, TunedTable]:
-        """Model and gains by all runs so far: the model's error on the newest one, and the gains."""
-        data = Recordings([run.recording for run in self.runs])
-        fitted = identify(self.declared, data, progress=self.tell)
+    def learn(self, level: float) -> tuple[float, TunedTable, tuple[str, ...]]:
+        """Model and gains by all runs so far: the model's error on the newest one, the gains, the effects added."""
+        fitted = identify(self.declared, Recordings(self.runs), progress=self.tell)
+        table, error = fitted.table, float(fitted.error["acceleration"][-1])  # of the newest run
         blocks = RecordingProblem(list(fitted.estimation)).blocks()
-        known = Uncertainty(*known_covariance(fitted.fit.fit, blocks))
-        error = float(fitted.error["acceleration"][-1])  # of the newest run
-        return error, tune_table(fitted.table, uncertainty=known, laws=self.settings.laws, progress=self.tell)
+        known, added = Uncertainty(*known_covariance(fitted.fit.fit, blocks)), tuple[str, ...]()
+        if level >= self.settings.search_from and len(self.runs) > 1:
+            found = close_loop(self.declared, self.runs[:-1], self.runs[-1], progress=self.tell)
+            added = tuple(effect.name for effect in found.effects)
+            if added:
+                table, known = found.table, found.uncertainty
+                (error,) = (float(e["acceleration"]) for e in found.closed.final.validation.values())
+        tuned = tune_table(table, uncertainty=known, laws=self.settings.laws, progress=self.tell)
+        return error, tuned, added
 
 
 def commission(
@@ -182,10 +176,11 @@ def commission(
     model: Model | None = None,
     settings: str = "default",
     delay: int = 1,
+    live: LiveTable | None = None,
     release: Callable[[str], bool] = lambda _: True,
     progress: Told = True,
 ) -> Commission:
-    """Bring a simulated table into service: run, learn, make gains, go higher; each run is released before it.
+    """Bring a table into service: run, learn, make gains, go higher; each run is released before it.
 
     Parameters
     ----------
@@ -193,7 +188,8 @@ def commission(
     set : values in which the simulated table differs from that, by dotted name or its last part; nothing is told them.
     model : what is fitted; the declared table's full model where not given.
     settings : config/commission/NAME.yaml or a file.
-    delay : samples by which a command reaches the valve late.
+    delay : samples by which a command reaches the simulated valve late.
+    live : the table of a running graph in the simulated one's place, as `shake_ros.ros.live_table.live_table` gives it.
     release : is told what the next run will be, and says whether it may begin.
     progress : show it, or a function to tell what is being done and which part is done.
 
@@ -215,30 +211,35 @@ def commission(
         raise ShakeError(f"commission needs a table with a valve and hydraulics, not one of {declared.layout.name}")
     changes = {FULL_LAYOUT.full_name(name, "set"): float(value) for name, value in (set or {}).items()}
     known = model or model_of("full", declared)
+    if live is None:
+        stage: CommissionStage = SimulatedStage(declared.with_values(changes), s, delay)
+    else:
+        stage = LiveStage.on(live, s, changes)
+        s = stage.settings
     with Progress("commission", progress) as bar:
-        lab = _Laboratory(declared.with_values(changes), known, s, delay, bar)
-        steps, reason = _climb(lab, release)
+        steps, reason = _climb(_Way(stage, known, s, bar), release)
     return Commission(tuple(steps), s, reason)
 
 
-def _climb(lab: _Laboratory, release: Callable[[str], bool]) -> tuple[list[Step], str]:
+def _climb(way: _Way, release: Callable[[str], bool]) -> tuple[list[Step], str]:
     """The steps up to the first one that is not released, held or not sound; why, empty where none."""
-    s, steps = lab.settings, list[Step]()
-    loop, named = lab.first_loop(), f"{s.controller}, {s.observer}"
+    s, steps = way.settings, list[Step]()
+    tuned, named = None, f"{s.controller}, {s.observer}"
     for number, level in enumerate((*s.levels, s.levels[-1])):
         last = number == len(s.levels)
-        interlock = interlock_of(s, lab.motion(level), s.levels[0] / level)
-        if not release(announced(number, level, lab.motion(level), named, interlock, last)):
+        interlock = way.stage.within(interlock_of(s, way.motion(level), s.levels[0] / level))
+        told = announced(number, level, way.motion(level), named, interlock, way.stage.limited, last)
+        if not release(f"{told}{way.stage.words}"):
             return steps, f"level {level:g} was not released"
-        step = lab.play(level, loop, interlock)
+        step = way.play(level, tuned, interlock)
         steps.append(step)
         if step.held:
             return steps, f"level {level:g}: the interlock held: {step.held}"
         if last:
             break
-        explained, tuned = lab.learn()
-        steps[-1] = replace(step, explained=explained, tuned=tuned)
+        explained, tuned, added = way.learn(level)
+        steps[-1] = replace(step, explained=explained, tuned=tuned, added=added)
         if not tuned.sound:
             return steps, f"after level {level:g} no gains are sound: {'; '.join(tuned.findings)}"
-        loop, named = tuned.loop(s.numbers.sample_time), f"{tuned.best.kind} of level {level:g}"
+        named = f"{tuned.best.kind} of level {level:g}"
     return steps, ""

@@ -14,7 +14,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_k
 from shake_ros.core.safety.causes import PROGRAM_HOLD, InterlockParameters
 from shake_ros.settings import find, read_yaml
 
-KEYS = ("reference", "seconds", "levels", "controller", "observer", "interlock", "laws", "numbers")
+KEYS = ("reference", "seconds", "levels", "search_from", "controller", "observer", "interlock", "laws", "numbers")
 HELD = ("position_hard", "velocity", "acceleration", "tracking_error")  # limits that grow with the level
 
 
@@ -32,11 +32,15 @@ class CommissionNumbers(Parameters):
 
 @dataclass(frozen=True)
 class CommissionSettings:
-    """A file of config/commission."""
+    """A file of config/commission.
+
+    `search_from` : level from which `close_loop` seeks what the model lacks, in all runs so far; above 1 it never does.
+    """
 
     reference: str
     seconds: float
     levels: tuple[float, ...]
+    search_from: float
     controller: str
     observer: str
     interlock: str
@@ -55,8 +59,9 @@ def load_commission(name: str) -> CommissionSettings:
     content = dict(strict_keys(read_yaml(path), KEYS, str(path), KEYS, kind="key"))
     try:
         levels, seconds = tuple(float(level) for level in content["levels"]), float(content["seconds"])
+        search_from = float(content["search_from"])
     except (TypeError, ValueError):
-        raise ShakeError(f"{path}: levels and seconds: expected numbers") from None
+        raise ShakeError(f"{path}: levels, seconds and search_from: expected numbers") from None
     grows = all(low < high for low, high in zip((0.0, *levels), levels, strict=False))
     if not levels or not grows or levels[-1] > 1.0 or not 1.0 < seconds < 1e4:
         raise ShakeError(f"{path}: levels {list(levels)} must grow from above 0 to at most 1, seconds be above 1")
@@ -64,7 +69,8 @@ def load_commission(name: str) -> CommissionSettings:
         if law not in LAWS:
             raise unknown_name("law", law, LAWS, str(path))
     numbers = CommissionNumbers.from_mapping(content["numbers"], f"{path}: numbers")
-    own = {"levels": levels, "seconds": seconds, "laws": tuple(content["laws"]), "numbers": numbers}
+    own: dict[str, Any] = {"levels": levels, "seconds": seconds, "search_from": search_from, "numbers": numbers}
+    own["laws"] = tuple(content["laws"])
     return CommissionSettings(**{**content, **own})
 
 

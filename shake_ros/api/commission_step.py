@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from shake_ros.api.commission_files import HELD, interlock_parameters
 from shake_ros.api.simulate import Simulation
 from shake_ros.api.tune_table import TunedTable
+from shake_ros.core.control.closed_loop import normalised_error
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.interlock import Interlock
 from shake_ros.core.safety.stages import RUN
+from shake_ros.data.recordings import TableRecording
 from shake_ros.report.commission_page import CommissionRun
 
 Array = NDArray[np.float64]
@@ -32,18 +34,19 @@ class Step:
     level : part of the reference. loop : of the law. limits : of the interlock, by the names of `HELD`.
     run : whole, or up to where the interlock held. error : of position, velocity, acceleration [-], of a whole run.
     held : what the interlock said, empty where it did not. explained : error of the fitted model's acceleration on
-    the newest run [-]. tuned : observer and gains for the model that was fitted.
+    the newest run [-]. tuned : observer and gains for the model that was fitted. added : effects that close_loop found.
     """
 
     level: float
     loop: str
     limits: Mapping[str, float]
     interlock: Mapping[str, Any]
-    run: Simulation
+    run: TableRecording
     error: tuple[float, float, float] | None
     held: str = ""
     explained: float | None = None
     tuned: TunedTable | None = None
+    added: tuple[str, ...] = ()
 
 
 def watched(run: Simulation, content: Mapping[str, Any]) -> tuple[str, float]:
@@ -70,27 +73,53 @@ def watched(run: Simulation, content: Mapping[str, Any]) -> tuple[str, float]:
     return "", len(r.time) * dt
 
 
-def announced(number: int, level: float, motion: Array, loop: str, interlock: Mapping[str, Any], last: bool) -> str:
+def motion_of(run: TableRecording) -> Array:
+    """Position, velocity, acceleration of a run (n, 3): the true ones where they are told, else measured, and the
+    velocity as the observer has it."""
+    if run.truth is not None:
+        return run.truth
+    assert run.estimate is not None and run.acceleration is not None
+    return np.column_stack([run.position, run.estimate[:, 1], run.acceleration])
+
+
+def tracked(run: TableRecording) -> tuple[float, float, float]:
+    """Errors of position, velocity and acceleration behind the reference [-]."""
+    assert run.reference is not None
+    x, v, a = normalised_error(run.reference, motion_of(run)).tolist()
+    return x, v, a
+
+
+def announced(
+    number: int,
+    level: float,
+    motion: Array,
+    loop: str,
+    interlock: Mapping[str, Any],
+    limited: Sequence[str],
+    last: bool,
+) -> str:
     """What the operator reads before a run is released."""
     x, v, a = np.max(np.abs(motion), axis=0).tolist()
     limit = {name: float(interlock["causes"][name]["threshold"]) for name in HELD}
+    distance = f", or {1e3 * limit['tracking_error']:.1f} mm from the reference" if "tracking_error" in limited else ""
     return (
         f"step {number + 1}, level {level:g}{', for the evidence' if last else ''}: {1e3 * x:.1f} mm, {v:.3f} m/s, "
         f"{a:.2f} m/s²; loop: {loop}; the interlock holds beyond {1e3 * limit['position_hard']:.1f} mm, "
-        f"{limit['velocity']:.3f} m/s, {limit['acceleration']:.2f} m/s², or {1e3 * limit['tracking_error']:.1f} mm "
-        "from the reference"
+        f"{limit['velocity']:.3f} m/s, {limit['acceleration']:.2f} m/s²{distance}"
     )
 
 
 def page_run(number: int, step: Step) -> CommissionRun:
     """A step as the page shows it."""
-    r = step.run.recording
+    r = step.run
     assert r.reference is not None and r.valve_command is not None and r.acceleration is not None
     learnt = []
     if step.explained is not None:
         learnt.append(
             f"The model fitted to all runs so far misses {100.0 * step.explained:.2f} % of this one's acceleration."
         )
+    if step.added:
+        learnt.append(f"close_loop found in all runs so far: {', '.join(step.added)}.")
     if step.tuned is not None:
         learnt.append(f"Gains for it: {step.tuned.best.kind}; {step.tuned.margins.text}.")
         learnt += step.tuned.findings
@@ -103,6 +132,6 @@ def page_run(number: int, step: Step) -> CommissionRun:
         learnt,
         r.time,
         r.reference,
-        np.column_stack([r.position, step.run.velocity, r.acceleration]),
+        np.column_stack([r.position, motion_of(r)[:, 1], r.acceleration]),
         r.valve_command,
     )

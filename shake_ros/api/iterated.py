@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from shake_ros.api.progress import Told
@@ -15,8 +14,9 @@ from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.api.simulated_table import SimulatedTable
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.data.drive_file import write_drive
 from shake_ros.data.results import write_folder, write_json
-from shake_ros.settings import find, read_yaml, save_table
+from shake_ros.settings import save_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from shake_ros.report.chart import Chart
 
 Array = NDArray[np.float64]
-PADDED = 2  # samples of rest that an earthquake reference gets at either end; left out of the file for them
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ class Iterated:
             if self.model is not None:
                 save_table(work / "model.yaml", self.model, "The model of the next run, by iterate.")
             if self.drive is not None:
-                _write_drive(work, out, self.drive, self.sample_time)
+                write_drive(work, out, self.drive, self.sample_time)
             write_json(work / "iteration.json", {"schema": "shake_ros.iterate/1", "error_in_band": list(self.missed)})
             true = tuple(self.simulated.errors) if self.simulated else ()
             page = iteration_page(self.runs, self.missed, self._charts(), true, self.reason, command)
@@ -107,16 +106,3 @@ class Iterated:
 
         write_folder(out, fill, force=force)
         return out
-
-
-def _write_drive(folder: Path, out: Path, drive: Array, sample_time: float) -> None:
-    """drive.csv and drive.yaml, which names the file where it will lie."""
-    played = drive[PADDED:-PADDED, 2]
-    time = np.arange(len(played)) * sample_time
-    np.savetxt(folder / "drive.csv", np.column_stack([time, played]), fmt=("%.6f", "%.12e"), delimiter=",")
-    reference = read_yaml(find("reference", "earthquake"))
-    limits = {"position_limit": 10.0, "velocity_limit": 100.0, "acceleration_limit": 1000.0}
-    whole = {"high_pass": 0.0, "low_pass": 0.0, "pad_time": 0.0, "scale": 1.0, "unit": "m/s2"}
-    reference |= {"record": str((out / "drive.csv").resolve()), **whole, **limits}
-    text = "# The next drive of an iteration, played as it is.\n" + yaml.safe_dump(reference, sort_keys=False)
-    (folder / "drive.yaml").write_text(text, encoding="utf-8")

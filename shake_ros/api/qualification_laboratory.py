@@ -29,10 +29,14 @@ class Laboratory(Protocol):
         """Its loop, for the certificate."""
 
     @property
+    def remarks(self) -> dict[str, str]:
+        """What the certificate says of it beyond that, by name."""
+
+    @property
     def recordings(self) -> Sequence[TableRecording]:
         """Of all runs so far."""
 
-    def play(self, model: TableParameters, drive: Array, name: str, number: int) -> TableRecording:
+    def play(self, model: TableParameters, drive: Array, name: str, number: int, /) -> TableRecording:
         """One recorded run of a drive (n, 3) under a model; `number` tells its noise from that of others."""
 
 
@@ -62,6 +66,11 @@ class SimulatedLaboratory:
             return f"{loop.controller}, {loop.observer}"
         told = "" if self.own.sound else ", which ring on a neighbour of it"
         return f"{self.own.kind}, {FUSED}, gains made for the model{told}"
+
+    @property
+    def remarks(self) -> dict[str, str]:
+        """None."""
+        return {}
 
     def play(self, model: TableParameters, drive: Array, name: str, number: int) -> TableRecording:
         """One recorded run."""

@@ -1,37 +1,32 @@
-"""`qualify`: from a required response spectrum to the certificate, on a simulated table."""
+"""`qualify`: from a required response spectrum to the certificate, on a simulated table or that of a running graph."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.api.iterate import Learn, learning
+from shake_ros.api.iterate import Learn
+from shake_ros.api.live_table import LiveLaboratory, LiveTable, Release
 from shake_ros.api.own_loop import own_loop
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.qualification import Qualification, searched_in
-from shake_ros.api.qualification_files import (
-    QualificationSettings,
-    load_required,
-    load_rules,
-    load_settings,
-)
+from shake_ros.api.qualification_asked import Asked, asked_live, asked_of, makes_loop, released
 from shake_ros.api.qualification_laboratory import Laboratory, SimulatedLaboratory
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.iteration.drive import integrate
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.qualification.motion import Demand, check_sampling, demand, refusal, synthesise
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.qualification.motion import Demand, demand, refusal, synthesise
 from shake_ros.core.qualification.required import RequiredSpectrum
-from shake_ros.core.qualification.resonance import ResonanceSearch, SearchBand
+from shake_ros.core.qualification.resonance import ResonanceSearch
 from shake_ros.core.qualification.run import Test, Tested, iterate_test
 from shake_ros.core.qualification.search_motion import search_motion
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.accelerograms import read_accelerogram
-from shake_ros.settings import load_table
 
 Array = NDArray[np.float64]
 LAST_SEED, MOST_DELAY = 1_000_000, 1000
@@ -52,6 +47,8 @@ def qualify(
     seed: int = 0,
     delay: int = 0,
     specimen: str = "",
+    live: LiveTable | None = None,
+    release: Release = lambda _: "",
     progress: Told = True,
 ) -> Qualification:
     """Make a motion that meets a required spectrum, run it until the test response spectrum passes, and judge it.
@@ -66,11 +63,15 @@ def qualify(
     refit : fit the model, with these effects, to each run that does not pass, instead of correcting the drive.
     runs : most runs. seed : of the phases and the sensors' noise. delay : samples by which a command acts late.
     specimen : what is tested, for the certificate.
+    live : the table of a running graph, as `shake_ros.ros.live_table.live_table` gives it; `table` then is what is
+        declared of it, whose envelope the motion keeps. Its loop stays; with `model` or `refit` gains made for the
+        model take its place. release : is told what will move it, and returns who lets it; it has to be given.
 
     Raises
     ------
     ShakeError
-        The motion does not fit the table, with the limit, the excess and what would fit; wrong files; a lost loop.
+        The motion does not fit the table, with the limit, the excess and what would fit; wrong files; a lost loop; a
+        live table that is not ready or that its interlock held. NotReleasedError where nobody releases it.
     """
     for name, value, most in (("seed", seed, LAST_SEED), ("delay", delay, MOST_DELAY)):
         if not 0 <= value <= most:
@@ -79,78 +80,21 @@ def qualify(
         required, table, model=model, rules=rules, scale=scale, set=set, settings=settings, refit=refit, runs=runs
     )
     about = {**asked.about, "specimen": specimen or asked.about["specimen"], "seed": str(seed)}
-    laboratory = SimulatedLaboratory(asked.test.table, asked.settings, delay, seed, None, [])
+    asked = replace(asked, about=about)
+    if live is not None:
+        asked = asked_live(asked, live, set)
     with Progress("qualify", progress) as bar:
         bar("making the motion", 0.0)
         motion = made_motion(asked.test, seed, record)
-        if asked.settings.loop.is_own:
-            laboratory.own = own_loop(asked.model)
-        bar(described(motion, demand(motion, asked.test.table, asked.test.motion)), 0.0)
-        return conduct(replace(asked, about=about), laboratory, motion, seed, bar)
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What a qualification is asked for, with everything looked up.
-
-    Attributes
-    ----------
-    test : spectrum, rules, table, settings. model : of the feedforward. learn : the fit between runs; None corrects
-    the drive. about : table, model, instruments, for the certificate.
-    """
-
-    test: Test
-    settings: QualificationSettings
-    model: TableParameters
-    learn: Learn | None
-    about: dict[str, str]
-
-    @property
-    def band(self) -> SearchBand:
-        """Where resonances are sought."""
-        body, search = self.test.table.body, self.settings.search
-        return SearchBand(search.low, search.high, body.piston_area, body.area_ratio)
-
-
-def asked_of(
-    required: str | Path | RequiredSpectrum,
-    table: str | Path | TableParameters,
-    *,
-    model: str | Path | TableParameters | None,
-    rules: str | None,
-    scale: float,
-    set: Mapping[str, float] | None,  # noqa: A002 (as of `qualify`)
-    settings: str,
-    refit: Sequence[str] | None,
-    runs: int | None,
-) -> Asked:
-    """The files that the arguments of `qualify` name."""
-    chosen = load_settings(settings)
-    if runs is not None:
-        chosen = replace(chosen, running=chosen.running.replace(runs=runs))
-    wanted, own = (
-        (required, rules or "ieee_344") if isinstance(required, RequiredSpectrum) else load_required(str(required))
-    )
-    code, wanted = load_rules(rules or own), wanted.scaled(scale)
-    declared = table if isinstance(table, TableParameters) else load_table(str(table))
-    plant = declared.with_values({FULL_LAYOUT.full_name(k, "set"): float(v) for k, v in (set or {}).items()})
-    carried = declared if model is None else model if isinstance(model, TableParameters) else load_table(str(model))
-    step = chosen.loop.sample_time
-    check_sampling(wanted, step)
-    learn, _ = learning(carried, refit)
-    about = {
-        "specimen": f"simulated, {plant.value('body.specimen_mass'):g} kg",
-        "table": _named(table, "table"),
-        "model": "as the table is declared" if model is None else _named(model, "given"),
-        "instruments": f"simulated sensors, accelerometer noise {plant.sensors.acceleration_noise:g} m/s² rms",
-        "search": chosen.search.words,
-    }
-    test = Test(wanted, code, plant, chosen.motion_for(code), chosen.running, step)
-    return Asked(test, chosen, carried, None if refit is None else learn, about)
-
-
-def _named(table: str | Path | TableParameters, otherwise: str) -> str:
-    return otherwise if isinstance(table, TableParameters) else str(table)
+        own = own_loop(asked.model) if makes_loop(asked, live, model, refit) else None
+        words = described(motion, demand(motion, asked.test.table, asked.test.motion))
+        bar(words, 0.0)
+        if live is None:
+            laboratory: Laboratory = SimulatedLaboratory(asked.test.table, asked.settings, delay, seed, own, [])
+        else:
+            asked = released(asked, live, own, words, release)
+            laboratory = LiveLaboratory(live, own, delay * asked.test.sample_time)
+        return conduct(asked, laboratory, motion, seed, bar)
 
 
 def made_motion(test: Test, seed: int, record: str | Path | None = None) -> Array:
@@ -178,7 +122,7 @@ def conduct(
     after = _search(asked, laboratory, "search_after", seed) if searches[1] else None
     test, step = asked.test, asked.test.sample_time
     when = datetime.now(timezone.utc).isoformat(timespec="seconds")
-    about = {**asked.about, "loop": f"{laboratory.words}, {1e-3 / step:g} kHz", "date": when}
+    about = {**asked.about, "loop": f"{laboratory.words}, {1e-3 / step:g} kHz", **laboratory.remarks, "date": when}
     return Qualification(
         test.required,
         test.rules,

@@ -16,11 +16,13 @@ from typing import Any
 import numpy as np
 
 from shake_ros.api.commission_step import watched
-from shake_ros.api.own_loop import own_loop
+from shake_ros.api.live_table import LiveLaboratory, LiveTable
+from shake_ros.api.own_loop import OwnLoop, own_loop
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.qualification import Qualification, certified, moved
-from shake_ros.api.qualification_laboratory import SimulatedLaboratory
-from shake_ros.api.qualify import Asked, asked_of, conduct, made_motion
+from shake_ros.api.qualification_asked import Asked, asked_live, asked_of, makes_loop
+from shake_ros.api.qualification_laboratory import Laboratory, SimulatedLaboratory
+from shake_ros.api.qualify import conduct, made_motion
 from shake_ros.api.simulate import Simulation
 from shake_ros.core.qualification.resonance import ResonanceSearch, Shift
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
@@ -177,6 +179,7 @@ def qualify_sequence(
     seed: int = 0,
     delay: int = 0,
     specimen: str = "",
+    live: LiveTable | None = None,
     progress: Told = True,
 ) -> TestSequence:
     """Run the tests of a plan that are not in the folder yet, each after its acknowledgement.
@@ -198,6 +201,8 @@ def qualify_sequence(
     )
     about = {**asked.about, "specimen": specimen or asked.about["specimen"], "seed": str(seed)}
     asked = replace(asked, about=about)
+    if live is not None:
+        asked = asked_live(asked, live, set)
     told: dict[str, Any] = {
         "required": str(required),
         "plan": plan,
@@ -206,9 +211,10 @@ def qualify_sequence(
         "set": dict(set or {}),
     }
     told |= {"table": str(table), "model": model and str(model), "settings": settings, "runs": runs, "delay": delay}
-    log = _Log.opened(top, {**told, "seed": seed, "specimen": specimen})
+    log = _Log.opened(top, {**told, "seed": seed, "specimen": specimen, "live": live is not None})
     found = TestSequence(chosen, log.done(chosen))
-    laboratories = _Laboratories(asked, seed, delay)
+    made = makes_loop(asked, live, model, None)
+    laboratories = _Laboratories(asked, seed, delay, made, live)
     with Progress("qualify", progress) as bar:
         motion = made_motion(asked.test, seed)  # of the full level, which has to fit before anything moves
         for number, stage in enumerate(chosen.stages):
@@ -225,6 +231,8 @@ def qualify_sequence(
             drive = stage.share * motion if not found.done else _drive_of(found.done[-1], stage)
             bar(f"{stage.name}, released by {by}", number / len(chosen.stages))
             laboratory, now = laboratories.of(number), _at(asked, stage.share)
+            if live is not None:
+                now = replace(now, about={**now.about, "released by": by})
             test = conduct(now, laboratory, drive, seed, lambda text, _: bar(text, 0.0), stage.searches)
             test.report(top / stage.name)
             held = log.ended(stage, len(test.runs), chosen)
@@ -266,18 +274,26 @@ def _announced(found: TestSequence, stage: Stage) -> str:
 
 @dataclass
 class _Laboratories:
-    """The simulated table of each test, with noise of its own, and the loop that all share."""
+    """What plays each test: the simulated table with noise of its own, or the live one; and the loop that all share."""
 
     asked: Asked
     seed: int
     delay: int
-    own: Any = None
+    makes: bool
+    live: LiveTable | None
+    own: OwnLoop | None = None
+    _lasting: LiveLaboratory | None = None
 
-    def of(self, number: int) -> SimulatedLaboratory:
-        if self.own is None and self.asked.settings.loop.is_own:
+    def of(self, number: int) -> Laboratory:
+        if self.own is None and self.makes:
             self.own = own_loop(self.asked.model)
-        seed = 100 * self.seed + number
-        return SimulatedLaboratory(self.asked.test.table, self.asked.settings, self.delay, seed, self.own, [])
+        if self.live is None:
+            seed = 100 * self.seed + number
+            return SimulatedLaboratory(self.asked.test.table, self.asked.settings, self.delay, seed, self.own, [])
+        if self._lasting is None:
+            self._lasting = LiveLaboratory(self.live, self.own, self.delay * self.asked.test.sample_time)
+        self._lasting.recordings, self._lasting.missing = [], {}
+        return self._lasting
 
 
 @dataclass
@@ -309,8 +325,8 @@ class _Log:
             return found
         found = cls.read(top)
         for name, value in asked.items():
-            if found.content["asked"].get(name) != value:
-                before = found.content["asked"].get(name)
+            before = found.content["asked"].get(name, False if name == "live" else None)
+            if before != value:
                 raise ShakeError(f"{found.path}: was begun with {name} = {before}, now it is {value}")
         return found
 

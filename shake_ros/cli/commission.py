@@ -10,22 +10,24 @@ from pathlib import Path
 
 from shake_ros.api.commission import commission
 from shake_ros.cli.fitting import change
+from shake_ros.cli.live import live, live_arguments
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import check_folder
 
 METHOD = """\
 A gentle motion under a loop that knows nothing; the model fitted to it; observer and gains for that model; a higher
-level, and again, until the full motion has been run with gains of its own. Before each run its largest values and the
-interlock's limits are shown, and Enter releases it; the limits grow with the level. DIR gets table.yaml,
-controller.yaml, observer.yaml, interlock.yaml, commission.html, commission.json and the recordings. Exit code 1 where
-it ended before the last step, with the reason on the last line."""
+level, and again, until the full motion has been run with gains of its own; at the highest level close_loop seeks what
+the model lacks. With --live this is done on the table of the running graph (./shake lab), whose interlock gets each
+level's limits. Before each run its largest values and those limits are shown, and Enter releases it; the limits grow
+with the level. DIR gets table.yaml, controller.yaml, observer.yaml, interlock.yaml, commission.html, commission.json
+and the recordings. Exit code 1 where it ended before the last step, with the reason on the last line."""
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     p = argparse.ArgumentParser(
         prog="commission",
-        description="Bring a table into service step by step (here on a simulated table).",
+        description="Bring a table into service step by step, a simulated one or that of a running graph.",
         epilog=METHOD,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -36,6 +38,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for table, gains and evidence")
     p.add_argument("--config", default="default", help="config/commission/NAME.yaml or a file (default: default)")
     p.add_argument("--delay", type=int, default=1, help="samples by which a command acts late (default: 1)")
+    live_arguments(p)
     p.add_argument("--yes", action="store_true", help="release every step, for scripts")
     p.add_argument("--force", action="store_true", help="replace an existing DIR")
     return p
@@ -62,13 +65,15 @@ def main(arguments: Sequence[str]) -> int:
     if given.delay < 0:
         raise ShakeError(f"--delay {given.delay}: samples, 0 or more")
     check_folder(given.out, given.force)
-    found = commission(
-        given.table,
-        set=dict(map(change, given.set)),
-        settings=given.config,
-        delay=given.delay,
-        release=shown if given.yes else asked,
-    )
+    with live(given) as table:
+        found = commission(
+            given.table,
+            set=dict(map(change, given.set)),
+            settings=given.config,
+            delay=given.delay,
+            live=table,
+            release=shown if given.yes else asked,
+        )
     print(found.frame)
     if found.steps:
         found.report(given.out, given.force, f"./shake commission {shlex.join(arguments)}")

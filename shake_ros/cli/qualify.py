@@ -8,10 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from shake_ros.api.live_table import NotReleasedError
 from shake_ros.api.qualification import Qualification, certified
 from shake_ros.api.qualify import qualify
 from shake_ros.api.sequence import FILE, TestSequence, qualify_sequence, sequence_of
 from shake_ros.cli.fitting import change
+from shake_ros.cli.live import live, live_arguments, released_by
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import check_folder
 
@@ -19,8 +21,9 @@ METHOD = """\
 RRS is a name of config/required_spectra or a YAML file: a code's formula, or points at any damping; its key `rules`
 names the code that judges (config/qualification_rules). A motion with a strong part of 20 s is synthesised and matched
 to it, refused where it does not fit the table, run on the simulated table and corrected until the test response
-spectrum passes. DIR gets certificate.html, certificate.pdf (A4), certificate.json and the recordings with their
-SHA-256. Exit code 1 where the test did not pass, with the reason on the last line."""
+spectrum passes. With --live the table of the running graph (./shake lab) is moved instead, once somebody has released
+the test: at the prompt, or by --acknowledge NAME. DIR gets certificate.html, certificate.pdf (A4), certificate.json
+and the recordings with their SHA-256. Exit code 1 where the test did not pass, with the reason on the last line."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -50,8 +53,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="PLAN",
         help="tests in turn, by config/qualification_sequences; goes on where it stopped",
     )
-    p.add_argument("--acknowledge", default="", metavar="NAME", help="who releases the next test of a sequence")
+    p.add_argument("--acknowledge", default="", metavar="NAME", help="who releases the next test")
     p.add_argument("--acknowledge-all", default="", metavar="NAME", help="who releases all tests that are left")
+    live_arguments(p)
     p.add_argument(
         "--from", dest="source", type=Path, metavar="DIR", help="judge the recordings of a certificate again"
     )
@@ -70,8 +74,26 @@ def main(arguments: Sequence[str]) -> int:
         raise ShakeError("give --out DIR, the folder for the certificate")
     if given.sequence is not None:
         return _sequence(given)
+    return _test(given)
+
+
+def _test(given: argparse.Namespace) -> int:
+    """One test and its certificate."""
     check_folder(given.out, given.force)
-    result = qualify(given.required, given.table, record=given.record, refit=given.refit, **_asked(given))
+    try:
+        with live(given) as table:
+            result = qualify(
+                given.required,
+                given.table,
+                record=given.record,
+                refit=given.refit,
+                live=table,
+                release=lambda state: released_by(state, given.acknowledge or given.acknowledge_all),
+                **_asked(given),
+            )
+    except NotReleasedError as error:
+        print(f"{error}; --acknowledge NAME says who releases it", file=sys.stderr)
+        return 1
     result.report(given.out, given.force)
     print(result.verdicts)
     for when, found in (("before", result.before), ("after", result.after)):
@@ -118,14 +140,16 @@ def _sequence(given: argparse.Namespace) -> int:
         asked = not given.acknowledge and sys.stdin.isatty()
         return input("released by (empty: stop here): ").strip() if asked else names.pop() if names else ""
 
-    found = qualify_sequence(
-        given.required,
-        given.out,
-        acknowledge,
-        given.table,
-        plan=given.sequence,
-        **_asked(given),
-    )
+    with live(given) as table:
+        found = qualify_sequence(
+            given.required,
+            given.out,
+            acknowledge,
+            given.table,
+            plan=given.sequence,
+            live=table,
+            **_asked(given),
+        )
     return _told(found, given.out)
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from shake_ros.core.quantities import Parameters, ShakeError, member_from
 from shake_ros.core.reference import REFERENCES
+from shake_ros.core.reference.drive import DriveParameters
 from shake_ros.core.reference.earthquake import EarthquakeParameters
 from shake_ros.core.reference.motion import EarthquakeRecord
 from shake_ros.core.reference.program import Program
@@ -38,8 +39,8 @@ def load_reference(name: str) -> Reference:
 
 
 def read_record(parameters: Parameters) -> EarthquakeRecord | None:
-    """The accelerogram that an earthquake's parameters name, None where they name none or are of another kind."""
-    if not isinstance(parameters, EarthquakeParameters) or not parameters.record:
+    """The accelerogram that the parameters name; None where they name none."""
+    if not isinstance(parameters, EarthquakeParameters | DriveParameters) or not parameters.record:
         return None
     found = read_accelerogram(Path(parameters.record).expanduser(), channel=parameters.channel, unit=parameters.unit)
     return EarthquakeRecord(found.time, found.acceleration)

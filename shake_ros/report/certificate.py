@@ -21,6 +21,10 @@ Array = NDArray[np.float64]
 A4 = 8.27, 11.69  # [inch]
 WORDS = {True: "pass", False: "FAIL", None: "told"}
 TEXT_CELLS = "table.data td { white-space: normal; overflow-wrap: anywhere }"
+# of a sequence: dates whole, and words to the left that begin with a number
+SEQUENCE_CELLS = f"""{TEXT_CELLS}
+table.data.many td:nth-child(4) {{ white-space: nowrap }}
+table.data:not(.many) :is(td, th) {{ text-align: left }}"""
 MARGIN, LINE = 0.09, 0.0145  # of the page
 
 
@@ -184,7 +188,7 @@ def sequence_page(content: Mapping[str, Any]) -> str:
             t["test"],
             f"{100.0 * t['share']:g} %",
             t["released_by"],
-            t["date"],
+            t["date"].replace("T", " ").replace("+00:00", " UTC"),
             str(t["runs"]),
             f"{t['lowest']:.3f}",
             f"{t['largest']:.3f}",
@@ -201,7 +205,7 @@ def sequence_page(content: Mapping[str, Any]) -> str:
     ]
     page.table(("search", "found", "since the first"), searched)
     page.paragraph("Each test has its own certificate and recordings in the folder of its name.")
-    return page.render().replace("</style>", f"{TEXT_CELLS}</style>", 1)
+    return page.render().replace("</style>", f"{SEQUENCE_CELLS}</style>", 1)
 
 
 def _sheet(title: str) -> Figure:

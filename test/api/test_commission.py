@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from live_tables import SimulatedLiveTable
 
 import shake_ros as sr
 from shake_ros.__main__ import main
@@ -24,7 +25,7 @@ SOFT = {"bulk_modulus.modulus": 7e8}
 def settings(folder: Path, **changes: object) -> str:
     """The default way, shortened."""
     content = yaml.safe_load((config_folder() / "commission" / "default.yaml").read_text(encoding="utf-8"))
-    content |= {"seconds": 4.0, "levels": [0.5], "laws": ["three_variable"]}
+    content |= {"seconds": 4.0, "levels": [0.5], "laws": ["three_variable"], "search_from": 2.0}
     numbers = content["numbers"] | {k: v for k, v in changes.items() if k in content["numbers"]}
     content |= {k: v for k, v in changes.items() if k in content} | {"numbers": numbers}
     path = folder / "way.yaml"
@@ -100,6 +101,42 @@ def test_nobody_at_the_terminal_releases_nothing(
         assert main(["commission", "--out", str(tmp_path / "out")]) == 2
     assert "--yes" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_live_table_gets_each_level_s_limits_and_loop_and_is_set_back(tmp_path: Path) -> None:
+    table = SimulatedLiveTable(load_table("bergamo").with_values(SOFT), tmp_path)
+    said: list[str] = []
+
+    def release(text: str) -> bool:
+        said.append(text)
+        return True
+
+    found = sr.commission("bergamo", settings=settings(tmp_path), live=table, release=release, progress=False)
+    assert found.complete
+    assert [path.name for path in table.carried] == ["linear_bergamo.yaml", "observer.yaml"]
+    low, high = (given["velocity"] for given in table.limited)
+    assert low == high < table.limits()["velocity"]  # one level, run twice
+    assert "the pressure goes off" in said[0] and "mm from the reference" not in said[0]  # lock-step has no such cause
+    first, last = (step.error for step in found.steps)
+    assert first and last and last[1] < 0.3 * first[1]
+    out = found.report(tmp_path / "out")
+    assert load_table(str(out / "table.yaml")).value("bulk_modulus.modulus") == pytest.approx(7e8, rel=0.03)
+
+
+def test_live_interlock_that_holds_ends_the_way(tmp_path: Path) -> None:
+    table = SimulatedLiveTable(load_table("bergamo"), tmp_path, held_at=0.3)
+    found = sr.commission("bergamo", settings=settings(tmp_path), live=table, progress=False)
+    assert found.reason == "level 0.5: the interlock held: velocity 0.3 beyond 0.2 m/s"
+    assert len(found.steps) == 1 and found.steps[0].error is None
+
+
+def test_interlock_that_only_tells_is_no_guard(tmp_path: Path) -> None:
+    table = SimulatedLiveTable(load_table("bergamo"), tmp_path)
+    table.own = {"position_hard": 0.1}
+    with pytest.raises(ShakeError, match=r"the interlock does not act on velocity, acceleration"):
+        sr.commission("bergamo", settings=settings(tmp_path), live=table, progress=False)
+    with pytest.raises(ShakeError, match=r"set bulk_modulus.modulus: values of the simulated table"):
+        sr.commission("bergamo", set=SOFT, settings=settings(tmp_path), live=table, progress=False)
 
 
 def test_levels_that_do_not_grow_are_refused(tmp_path: Path) -> None:

@@ -12,15 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from live_tables import SimulatedLiveTable
 from pages import read_page
 
 from shake_ros.__main__ import main
+from shake_ros.api.live_table import NotReleasedError
 from shake_ros.api.qualification import certified
+from shake_ros.api.qualify import qualify
 from shake_ros.api.sequence import qualify_sequence
 from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import read_table_recording
-from shake_ros.settings import find, read_yaml
+from shake_ros.settings import find, load_table, read_yaml
 
 SPECTRUM: dict[str, Any] = {
     "kind": "points", "name": "short floor spectrum", "source": "of this test", "damping": 0.05, "zero_period": 2.0,
@@ -234,3 +237,36 @@ def test_sequence_waits_for_each_acknowledgement_and_goes_on_where_it_stopped(
         file.write("# a remark\n")
     code, _, err = run(capsys, "--from", out)
     assert (code, err) == (1, "2_full_1: recordings/run_1/metadata.yaml: is not the file that was certified\n")
+
+
+def live_test(folder: Path, tmp_path: Path, by: str, **more: object) -> tuple[Any, SimulatedLiveTable, list[str]]:
+    """A short test on a live table that carries 120 kg at 6 Hz."""
+    hidden = {"body.specimen_mass": 120.0, "effects.specimen_resonance.mass": 120.0}
+    hidden |= {"effects.specimen_resonance.frequency": 6.0, "effects.specimen_resonance.damping": 0.03}
+    table, said = SimulatedLiveTable(load_table("bergamo").with_values(hidden), tmp_path), list[str]()
+
+    def release(state: str) -> str:
+        said.append(state)
+        return by
+
+    asked: dict[str, Any] = {"settings": str(folder / "settings.yaml"), "live": table, "release": release}
+    return qualify(str(folder / "floor.yaml"), progress=False, **asked, **more), table, said
+
+
+def test_live_test_is_released_keeps_the_loop_and_its_certificate_says_so(folder: Path, tmp_path: Path) -> None:
+    found, table, said = live_test(folder, tmp_path, "A. Operator", specimen="cabinet 7")
+    assert len(said) == 1 and "lock-step, interlock bergamo; loop: pid, linear" in said[0]
+    assert found.passed and not table.carried
+    assert [run.name for run in found.recordings][0 :: len(found.runs) + 1] == ["search_before", "search_after"]
+    told = json.loads((found.report(tmp_path / "out") / "certificate.json").read_text(encoding="utf-8"))["about"]
+    assert told["table"] == "live, simulated, lock-step, interlock bergamo; declared as bergamo"
+    assert (told["released by"], told["specimen"]) == ("A. Operator", "cabinet 7")
+    again, differences = certified(tmp_path / "out")
+    assert not differences and again.passed
+
+
+def test_live_test_that_nobody_releases_moves_nothing(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(NotReleasedError, match="not released; nothing was moved"):
+        live_test(folder, tmp_path, "")
+    with pytest.raises(ShakeError, match=r"set body.specimen_mass: values of the simulated table"):
+        live_test(folder, tmp_path / "other", "me", set={"body.specimen_mass": 1.0})

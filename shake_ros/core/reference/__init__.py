@@ -10,7 +10,18 @@ from collections.abc import Callable
 from typing import Any
 
 from shake_ros.core.quantities import Parameters
-from shake_ros.core.reference import earthquake, multisine, none, pulse, random_binary, sine, sine_beat, step, sweep
+from shake_ros.core.reference import (
+    drive,
+    earthquake,
+    multisine,
+    none,
+    pulse,
+    random_binary,
+    sine,
+    sine_beat,
+    step,
+    sweep,
+)
 from shake_ros.core.reference.motion import Motion
 
 REFERENCES: dict[str, type[Parameters]] = {
@@ -22,6 +33,7 @@ REFERENCES: dict[str, type[Parameters]] = {
     "random_binary": random_binary.RandomBinaryParameters,
     "step": step.StepParameters,
     "earthquake": earthquake.EarthquakeParameters,
+    "drive": drive.DriveParameters,
     "none": none.NoneParameters,
 }
 
@@ -34,5 +46,6 @@ MOTIONS: dict[str, Callable[[Any, float, Any], Motion]] = {
     "random_binary": random_binary.motion,
     "step": step.motion,
     "earthquake": earthquake.motion,
+    "drive": drive.motion,
     "none": none.motion,
 }

@@ -1,0 +1,148 @@
+"""What `qualify` and `commission` ask of the table of a running graph; shake_ros/ros/live_table.py has it over ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.api.configuration_text import text_of
+from shake_ros.api.own_loop import OwnLoop
+from shake_ros.core.plant.dead_time import DELAY
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import Parameters, ShakeError
+from shake_ros.data.played_motion import played
+from shake_ros.data.recordings import TableRecording, read_table_recording
+from shake_ros.settings import save_table
+
+Array = NDArray[np.float64]
+Release = Callable[[str], str]  # is told what will move the table; who lets it, empty where nobody does
+
+
+class NotReleasedError(ShakeError):
+    """Nobody let a live table move."""
+
+
+class InterlockHeldError(ShakeError):
+    """The interlock held the table while a drive was played.
+
+    Attributes
+    ----------
+    cause : its words. bag : what was recorded up to there.
+    """
+
+    def __init__(self, text: str, cause: str, bag: Path) -> None:
+        super().__init__(text)
+        self.cause, self.bag = cause, bag
+
+
+class LiveTable(Protocol):
+    """The table of a running graph with its loop, the interlock in force, enabled by its operator."""
+
+    @property
+    def words(self) -> str:
+        """Table, way of running and interlock, for a certificate."""
+
+    @property
+    def loop(self) -> str:
+        """Controller and observer as they run."""
+
+    @property
+    def sample_time(self) -> float:
+        """Of the graph [s]."""
+
+    @property
+    def folder(self) -> Path:
+        """Where recordings are made and files for the nodes lie while it is used."""
+
+    def check(self) -> None:
+        """ShakeError where the table is not enabled, is held, or has two commanders."""
+
+    def play(self, drive: Array, name: str) -> Path:
+        """Play a drive (n, 3) [m], [m/s], [m/s²]; the recording. InterlockHeldError where the interlock holds."""
+
+    def carry(self, observer: Path, controller: Path) -> None:
+        """Another observer and controller, exchanged while the pressure is off."""
+
+    def limit(self, thresholds: Mapping[str, float]) -> None:
+        """Other limits of the interlock, by cause."""
+
+    def limits(self) -> dict[str, float]:
+        """The limits of the interlock's causes that act, by cause, as they were when it was first looked at."""
+
+
+def write_loop(
+    folder: Path,
+    model: TableParameters,
+    observer: tuple[str, Parameters],
+    controller: tuple[str, Parameters],
+) -> tuple[Path, Path]:
+    """table.yaml, observer.yaml and controller.yaml of a loop that carries a model; the paths of the latter two."""
+    folder.mkdir(parents=True)
+    table = folder / "table.yaml"
+    save_table(table, model, "The model of observer and controller.")
+    paths = folder / "observer.yaml", folder / "controller.yaml"
+    for path, (kind, parameters) in zip(paths, (observer, controller), strict=True):
+        carried = parameters.replace(model=str(table.resolve()))
+        path.write_text(text_of(kind, carried, ["For table.yaml in this folder."]), encoding="utf-8")
+    return paths
+
+
+@dataclass
+class LiveLaboratory:
+    """A `Laboratory` on the table of a running graph.
+
+    Attributes
+    ----------
+    own : the loop made for a model, handed to the nodes with each other model; None leaves theirs.
+    late : dead time of the loop that a model without one is told [s]. missing : samples put in, by run.
+    """
+
+    table: LiveTable
+    own: OwnLoop | None = None
+    late: float = 0.0
+    recordings: list[TableRecording] = field(default_factory=list)
+    missing: dict[str, int] = field(default_factory=dict)
+    _carried: TableParameters | None = None
+    _loops: int = 0
+
+    @property
+    def words(self) -> str:
+        """Its loop, for the certificate."""
+        made = "" if self.own is None else ", gains made for the model"
+        told = "" if self.own is None or self.own.sound else ", which ring on a neighbour of it"
+        return f"{self.table.loop}{made}{told}"
+
+    @property
+    def remarks(self) -> dict[str, str]:
+        """Samples that were put in, for the certificate."""
+        put_in = ", ".join(f"{name}: {count}" for name, count in self.missing.items())
+        return {"samples put in by straight lines": put_in} if put_in else {}
+
+    def carry(self, model: TableParameters) -> None:
+        """Hand the own loop with this model to the nodes, where it is not there yet."""
+        if self.own is None or model == self._carried:
+            return
+        known = {"loop_delay": 0.0 if model.value(DELAY) > 0.0 else self.late}
+        self._loops += 1
+        paths = write_loop(
+            self.table.folder / f"loop_{self._loops}",
+            model,
+            ("fused", self.own.observer.replace(**known)),
+            (self.own.kind, self.own.law.replace(**known)),
+        )
+        self.table.carry(*paths)
+        self._carried = model
+
+    def play(self, model: TableParameters, drive: Array, name: str, _number: int) -> TableRecording:
+        """One recorded run of a drive; the noise is the table's own."""
+        self.carry(model)
+        found = played(read_table_recording(self.table.play(drive, name)), drive, self.table.sample_time, name)
+        if found.missing:
+            self.missing[name] = found.missing
+        self.recordings.append(replace(found.recording, name=name))
+        return self.recordings[-1]

@@ -1,0 +1,110 @@
+"""The stretch of a recording in which a drive was played, sample by sample as the drive has them.
+
+A table that keeps real time may lose single samples; few of them are put in by straight lines and counted, more are an
+error. Where the drive lies is told by the reference on the graph, which has stamps of its own in real time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.recordings import TableRecording
+
+Array = NDArray[np.float64]
+LINES = ("pressure_a", "pressure_b", "pressure_supply", "reference", "estimate", "truth")
+MOST_MISSING = 0.01  # share of the samples that straight lines may put in
+LONGEST_MISSING = 10  # of them in a row
+OTHER = 0.05  # rms of the velocity that was played beside the drive's, from which it is another motion
+
+
+class Played(NamedTuple):
+    """The samples of a drive, from its first one on, and how many of them straight lines put in."""
+
+    recording: TableRecording
+    missing: int
+
+
+def played(recording: TableRecording, drive: Array, sample_time: float, name: str) -> Played:
+    """The run of a drive (n, 3) [m], [m/s], [m/s²] in a recording.
+
+    Raises
+    ------
+    ShakeError : no accelerometer or reference, another sampling rate, another motion, too many samples missing.
+    """
+    r = recording
+    if r.acceleration is None or r.reference is None:
+        raise ShakeError(f"{name}: no topic {'imu' if r.acceleration is None else 'reference'}")
+    if abs(r.sample_time - sample_time) > 0.01 * sample_time:
+        raise ShakeError(f"{name}: a sample every {r.sample_time:g} s, the motion has one every {sample_time:g} s")
+    place = np.rint(r.time / sample_time).astype(np.int64)
+    reference = _spread(r.reference, place)
+    first = _begin(np.nan_to_num(reference[:, 2]), drive[:, 2])
+    if first < 0 or first + len(drive) > len(reference):
+        raise ShakeError(f"{name}: {len(reference)} samples of the graph do not hold the {len(drive)} of the motion")
+    rows = slice(first, first + len(drive))
+    off = reference[rows, 1] - drive[:, 1]
+    known = np.isfinite(off)
+    if not known.any() or np.sqrt(np.mean(off[known] ** 2)) > OTHER * np.std(drive[:, 1]):
+        raise ShakeError(f"{name}: what was played is not the motion that was asked for")
+    missing = ~np.isfinite(_spread(r.acceleration, place)[rows] + _spread(r.position, place)[rows])
+    count, longest = int(missing.sum()), _longest(missing)
+    if count > MOST_MISSING * len(drive) or longest > LONGEST_MISSING:
+        raise ShakeError(f"{name}: {count} of {len(drive)} samples are missing, {longest} in a row: not judged")
+    return Played(_whole(r, place, rows, sample_time, name), count)
+
+
+def _spread(values: Array, place: NDArray[np.int64]) -> Array:
+    """The values at their places of an even row, NaN between."""
+    row = np.full((int(place[-1]) + 1, *values.shape[1:]), np.nan)
+    row[place] = values
+    return row
+
+
+def _begin(found: Array, wanted: Array) -> int:
+    """Where one signal lies best within another."""
+    from scipy.signal import correlate
+
+    if len(found) < len(wanted):
+        return -1
+    return int(np.argmax(correlate(found, wanted, mode="valid", method="fft")))
+
+
+def _longest(missing: NDArray[np.bool_]) -> int:
+    """Most true values in a row."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(np.int8), [0]])))
+    return int(np.max(ends[1::2] - ends[::2], initial=0))
+
+
+def _whole(r: TableRecording, place: NDArray[np.int64], rows: slice, sample_time: float, name: str) -> TableRecording:
+    """The samples of these rows without a gap: lines between measured ones, the command held."""
+    time = np.arange(rows.stop - rows.start) * sample_time
+
+    def line(values: Array) -> Array:
+        spread = _spread(values, place)[rows].reshape(len(time), -1)
+        for column in spread.T:
+            known = np.isfinite(column)
+            if known.any():
+                column[~known] = np.interp(time[~known], time[known], column[known])
+        return spread.reshape(len(time), *values.shape[1:])
+
+    command = _spread(r.valve_command, place)[: rows.stop]
+    newest = np.maximum.accumulate(np.where(np.isfinite(command), np.arange(len(command)), 0))
+    held = np.nan_to_num(command[newest])[rows]
+    assert r.acceleration is not None
+    others: dict[str, Any] = {one: line(getattr(r, one)) for one in LINES if getattr(r, one) is not None}
+    return replace(
+        r,
+        name=name,
+        time=time,
+        sample_time=sample_time,
+        valve_command=held,
+        position=line(r.position),
+        acceleration=line(r.acceleration),
+        segments=(slice(0, len(time)),),
+        **others,
+    )

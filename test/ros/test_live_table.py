@@ -1,0 +1,73 @@
+"""A drive on the table of a running graph: played and recorded whole, the loop exchanged, refusals in one line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from lab_process import Started
+
+from shake_ros.__main__ import main
+from shake_ros.api.live_table import InterlockHeldError, LiveLaboratory, write_loop
+from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.iteration.drive import integrate
+from shake_ros.core.observer import OBSERVERS
+from shake_ros.core.quantities import ShakeError
+from shake_ros.ros.interface import VALVE_COMMAND
+from shake_ros.ros.live_table import live_table
+from shake_ros.settings import load_table, load_variant
+
+DT = 0.001
+
+
+def drive(size: float = 2e-3) -> np.ndarray:
+    """Half a second that begins and ends at rest, (n, 3)."""
+    t = np.linspace(0.0, 0.5, 501)
+    position = size * (t * (0.5 - t) / 0.0625) ** 4
+    return integrate(np.gradient(np.gradient(position, t), t), DT)
+
+
+def refused(capsys: pytest.CaptureFixture[str], tmp_path) -> str:
+    assert main(["qualify", "ac156", "--live", "--out", str(tmp_path / "out"), "--acknowledge", "me"]) == 2
+    assert not (tmp_path / "out").exists()
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+def test_without_a_graph_nothing_is_made(ros_domain, tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("shake_ros.ros.live_table.LOOK", 0.5)
+    assert f"no graph runs under /shake in ROS domain {ros_domain}" in refused(capsys, tmp_path)
+
+
+def test_drive_is_played_on_an_enabled_table_alone_and_recorded_whole(ros_domain, tmp_path, capsys) -> None:
+    started = Started("--headless", "--lockstep", "--composed", "--folder", str(tmp_path))
+    with started:
+        started.wait_for("running: loop")
+        assert "the table is not ready to move: not enabled; enable it" in refused(capsys, tmp_path)
+        assert main(["ros2", "service", "call", "/shake/enable", "std_srvs/srv/SetBool", "{data: true}"]) == 0
+        with live_table() as table:
+            table.graph.until(lambda: table._ready, 20.0)
+            assert "simulated, bergamo, lock-step, interlock bergamo" in table.words
+            laboratory = LiveLaboratory(table)
+            run = laboratory.play(load_table("bergamo"), drive(), "run_1", 0)
+            assert len(run) == 501 and run.pressure_supply is not None
+            assert np.std(run.position - drive()[:, 0]) < 0.2 * np.std(drive()[:, 0])
+            observer, controller = (
+                load_variant(kind, name, family)
+                for kind, name, family in (
+                    ("observer", "model", OBSERVERS), ("controller", "feedforward_pi_tuned", CONTROLLERS)
+                )
+            )  # fmt: skip
+            table.carry(*write_loop(tmp_path / "loop", load_table("bergamo"), observer, controller))
+            assert table.loop == "feedforward_pi, model"
+            table.limit({"velocity": 0.001})
+            with pytest.raises(InterlockHeldError, match=r"the interlock held the table: velocity") as held:
+                table.play(drive(), "run_2")
+            assert (held.value.bag / "metadata.yaml").is_file()
+            with pytest.raises(ShakeError, match=r"not ready to move: .*velocity.*; find its cause, reset and enable"):
+                table.check()
+            table.graph.node.create_publisher(VALVE_COMMAND.type, VALVE_COMMAND.name, VALVE_COMMAND.qos(True))
+            table.graph.until(lambda: table.graph.commanders > 1, 5.0)
+            with pytest.raises(ShakeError, match=r"two commanders: 2 nodes publish on /shake/valve_command"):
+                table.check()
+        assert "the pressure is off" in capsys.readouterr().out
+        assert started.end() == 0
