@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 LOOK = 6.0  # for a graph [s]
 STARTING = 60.0  # of the hydraulics, and of a stop in order [s]
 STANDING = 20.0  # the reference does not advance for so long: the graph stands [s]
+STARTS = "starting", "waiting for the first command"
 GENERATOR = "reference_generator"
 NEEDED = GENERATOR, "observer", "controller"
 ENABLING = "./shake ros2 service call /shake/enable std_srvs/srv/SetBool '{data: true}'"
@@ -90,6 +91,8 @@ class GraphTable:
             topic = graph.node.resolve_topic_name(VALVE_COMMAND.name)
             raise ShakeError(f"two commanders: {graph.commanders} nodes publish on {topic}; end one of them")
         report = graph.next_report(self.table)
+        if report.message.startswith(STARTS):
+            graph.until(lambda: self._ready, STARTING)
         if not self._ready:
             waits = "reset" in report.message or "stopped" in report.message
             cure = "find its cause, reset and enable it" if waits else f"enable it: on the page, or {ENABLING}"
