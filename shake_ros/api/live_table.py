@@ -66,7 +66,7 @@ class LiveTable(Protocol):
         """Play a drive (n, 3) [m], [m/s], [m/s²]; the recording. InterlockHeldError where the interlock holds."""
 
     def carry(self, observer: Path, controller: Path) -> None:
-        """Another observer and controller, exchanged while the pressure is off."""
+        """Another observer and controller, exchanged while the pressure is off; it comes on again for the next run."""
 
     def limit(self, thresholds: Mapping[str, float]) -> None:
         """Other limits of the interlock, by cause."""

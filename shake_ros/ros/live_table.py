@@ -1,8 +1,9 @@
 """The table of a running graph as `qualify --live` and `commission --live` use it.
 
 The reference generator plays the drives, a recorder of its own records them, the interlock stays in force as the
-laboratory has it. Nothing here enables a table that its operator has not enabled, and nothing resets it: observer and
-controller are exchanged while the pressure is off, and what was set is set back at the end.
+laboratory has it. Nothing here enables a table that its operator has not enabled, and nothing resets it. Observer and
+controller are exchanged while the pressure is off, and in real time the generator reads a motion then; what was set is
+set back at the end.
 """
 
 from __future__ import annotations
@@ -58,6 +59,7 @@ class GraphTable:
         self.words = f"live, {what}, {'lock-step' if self.lockstep else 'real time'}, interlock {interlock}"
         self._before: dict[str, dict[str, Any]] = {}  # node → what its parameters were
         self._played_so_far = 0
+        self._off = False  # whether the pressure is off by what was asked here
         self.check()
 
     def _find(self) -> str:
@@ -103,7 +105,8 @@ class GraphTable:
 
     def play(self, drive: Array, name: str) -> Path:
         """See `LiveTable`."""
-        self.check()
+        if not self._off:
+            self.check()
         self._played_so_far += 1
         name = f"{self._played_so_far}_{name}"
         work = self.folder / f"drive_{name}"
@@ -113,7 +116,11 @@ class GraphTable:
         self._keep(GENERATOR, "reference", "repeat")
         self.graph.set(GENERATOR, {"play": False, "repeat": False})
         self.graph.next_report(GENERATOR)
+        if not self.lockstep and not self._off:  # the generator is late while it reads a motion
+            self._turn(False)
         self.graph.set(GENERATOR, {"reference": str(reference)})
+        if self._off:
+            self._turn(True)
         spec = NodeSpec("recorder", {"output": str(bag)}, name=f"recorder_of_{os.getpid()}")
         recorder = Graph(
             [spec], namespace=self.graph.node.get_namespace(), domain_id=self._domain, lockstep=self.lockstep
@@ -152,12 +159,11 @@ class GraphTable:
         """See `LiveTable`."""
         self._keep("observer", "observer")
         self._keep("controller", "controller")
-        self.check()
         self._exchange(str(observer.resolve()), str(controller.resolve()))
-        self._turn(True)
 
     def _exchange(self, observer: str, controller: str) -> None:
-        self._turn(False)
+        if not self._off:
+            self._turn(False)
         self.graph.set("observer", {"observer": observer})
         self.graph.set("controller", {"controller": controller})
 
@@ -171,6 +177,7 @@ class GraphTable:
         if not reached:
             what = "run" if on else stage
             raise ShakeError(f"the table does not come to {what}: {graph.report(self.table).message}")
+        self._off = not on
 
     def limits(self) -> dict[str, float]:
         """See `LiveTable`."""

@@ -58,9 +58,9 @@ def test_drive_is_played_on_an_enabled_table_alone_and_recorded_whole(ros_domain
             )  # fmt: skip
             table.carry(*write_loop(tmp_path / "loop", load_table("bergamo"), observer, controller))
             assert table.loop == "feedforward_pi, model"
-            table.limit({"velocity": 0.008})
+            table.limit({"velocity": 0.025})
             with pytest.raises(InterlockHeldError, match=r"the interlock held the table: velocity") as held:
-                table.play(drive(), "run_2")
+                table.play(drive(8e-3), "run_2")
             assert (held.value.bag / "metadata.yaml").is_file()
             with pytest.raises(ShakeError, match=r"not ready to move: .*velocity.*; find its cause, reset and enable"):
                 table.check()
