@@ -356,7 +356,8 @@ def test_every_path_that_is_named_exists(page: str) -> None:
 def test_python_blocks_run(page: str, laboratory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(laboratory)
     for block in blocks(page, "python"):
-        if "close_loop" in block:  # examples/close_the_loop.py is this block, and test_examples.py runs it
+        # examples/close_the_loop.py is one, which test_examples.py runs; the others need minutes, or a running graph
+        if any(name in block for name in ("close_loop", "sr.commission", "live_table")):
             compile(block, page, "exec")
             continue
         path = laboratory / "block.py"

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 LINES = ("pressure_a", "pressure_b", "pressure_supply", "reference", "estimate", "truth")
 MOST_MISSING = 0.01  # share of the samples that straight lines may put in
 LONGEST_MISSING = 10  # of them in a row
+SAME = 1e-9  # of a motion's power, within which two places fit as well
 OTHER = 0.05  # rms of the velocity that was played beside the drive's, from which it is another motion
 
 
@@ -66,12 +67,19 @@ def _spread(values: Array, place: NDArray[np.int64]) -> Array:
 
 
 def _begin(found: Array, wanted: Array) -> int:
-    """Where one signal lies best within another."""
+    """Where one signal lies within another: the last of the places at which they differ least.
+
+    The last, since what a recorder gets at its start may hold the run before of the same motion.
+    """
     from scipy.signal import correlate
 
     if len(found) < len(wanted):
         return -1
-    return int(np.argmax(correlate(found, wanted, mode="valid", method="fft")))
+    power = np.concatenate([[0.0], np.cumsum(found**2)])
+    window = power[len(wanted) :] - power[: -len(wanted)]
+    off = window - 2.0 * correlate(found, wanted, mode="valid", method="fft")
+    near = off <= np.min(off) + SAME * float(np.sum(wanted**2))
+    return int(np.flatnonzero(near)[-1])
 
 
 def _longest(missing: NDArray[np.bool_]) -> int:

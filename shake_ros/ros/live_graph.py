@@ -39,7 +39,8 @@ class LiveGraph:
 
     Attributes
     ----------
-    reports : executable → newest report. trips : words of what the interlock has acted on since this was made.
+    reports : executable → newest report. nodes : the same by full name, where several have one executable.
+    trips : words of what the interlock has acted on since this was made.
     """
 
     def __init__(self, context: Context, namespace: str) -> None:
@@ -47,6 +48,7 @@ class LiveGraph:
             "_shake_live", namespace=namespace, context=context, start_parameter_services=False, enable_rosout=False
         )
         self.reports: dict[str, NodeReport] = {}
+        self.nodes: dict[str, NodeReport] = {}
         self.trips: list[str] = []
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
@@ -63,8 +65,8 @@ class LiveGraph:
             if part == "interlock":
                 self.trips += [status.message] if LEVELS.index(status.level) == ERROR else []
             elif part != "fault":
-                report = self.reports.setdefault(part, NodeReport(node))
-                report.node, report.message = node, status.message
+                report = self.reports[part] = self.nodes.setdefault(node, NodeReport(node))
+                report.message = status.message
                 report.values = {one.key: one.value for one in status.values}
                 report.heard, report.count = time.monotonic(), report.count + 1
 
@@ -77,10 +79,10 @@ class LiveGraph:
 
     def report(self, executable: str) -> NodeReport:
         """The newest report of a node, waited for where nothing was heard for long; ShakeError where it is silent."""
-        found = self.reports[executable]
-        if not self.until(lambda: time.monotonic() - found.heard < SILENT, SILENT):
+        if not self.until(lambda: time.monotonic() - self.reports[executable].heard < SILENT, SILENT):
+            found = self.reports[executable]
             raise ShakeError(f"{found.node} has been silent for {SILENT:g} s; its last word was: {found.message}")
-        return found
+        return self.reports[executable]
 
     def next_report(self, executable: str) -> NodeReport:
         """The first report of a node from now on."""

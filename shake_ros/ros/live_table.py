@@ -23,6 +23,8 @@ from shake_ros.api.live_table import InterlockHeldError
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.stages import OFF, RUN, STAGES
 from shake_ros.data.drive_file import write_drive
+from shake_ros.ros.conversions import SECOND
+from shake_ros.ros.frame import FIRST_STAMP
 from shake_ros.ros.graph import Graph, GraphError, NodeSpec
 from shake_ros.ros.interface import NAMESPACE, VALVE_COMMAND
 from shake_ros.ros.lab_watch import TABLES
@@ -31,6 +33,7 @@ from shake_ros.ros.loop import ros_context
 
 Array = NDArray[np.float64]
 LOOK = 6.0  # for a graph [s]
+WHOLE = 15.0  # for all of its nodes, once one is heard [s]
 STARTING = 60.0  # of the hydraulics, and of a stop in order [s]
 STANDING = 20.0  # the reference does not advance for so long: the graph stands [s]
 STARTS = "starting", "waiting for the first command"
@@ -65,14 +68,16 @@ class GraphTable:
     def _find(self) -> str:
         """Executable of the table of a graph that is whole."""
         graph = self.graph
-        graph.until(lambda: {*NEEDED} <= {*graph.reports} and {*TABLES} & {*graph.reports}, LOOK)
+        graph.until(lambda: graph.reports, LOOK)
+        if graph.reports:
+            graph.until(lambda: {*NEEDED} <= {*graph.reports} and {*TABLES} & {*graph.reports}, WHOLE)
         found = [name for name in TABLES if name in graph.reports]
         space = graph.node.get_namespace()
         if not graph.reports:
             raise ShakeError(f"no graph runs under {space} in ROS domain {self._domain}; ./shake lab starts one")
-        lacking = [name for name in NEEDED if name not in graph.reports] + ([] if found else ["a table"])
+        lacking = [name for name in NEEDED if name not in graph.reports] + ([] if found else ["table"])
         if lacking:
-            raise ShakeError(f"the graph under {space} in ROS domain {self._domain} has no {', no '.join(lacking)}")
+            raise ShakeError(f"the graph under {space} in ROS domain {self._domain} has no {' and no '.join(lacking)}")
         return found[0]
 
     @property
@@ -150,10 +155,27 @@ class GraphTable:
                 place, moved = now, time.monotonic()
             elif time.monotonic() - moved > STANDING:
                 raise ShakeError(f"the graph stands still: no sample for {STANDING:g} s")
+        end = int(graph.report(GENERATOR).values["sample"])
         graph.set(GENERATOR, {"play": False})
-        if not held:
-            graph.next_report(GENERATOR)  # what lies on its way to the recorder is there by then
+        self._wait_for(recorder, end)
         return held
+
+    def _wait_for(self, recorder: Graph, end: int) -> None:
+        """Until the recorder has what was played; in lock-step up to the sample `end`, as it may be far behind."""
+        graph, (name,) = self.graph, (node.called for node in recorder.nodes)
+        full = f"{graph.node.get_namespace().strip('/')}/{name}"
+        period = round(self.sample_time * SECOND)
+        needed = FIRST_STAMP + end * period if self.lockstep else 0
+        reports = graph.nodes[full].count if full in graph.nodes else 0
+
+        def there() -> bool:
+            report = graph.nodes.get(full)
+            if report is None or report.count < reports + 2:
+                return False
+            return int(report.values.get("recorded_to_ns", 0)) >= needed
+
+        if not graph.until(there, STANDING):
+            raise ShakeError(f"{name} is more than {STANDING:g} s behind the table")
 
     def carry(self, observer: Path, controller: Path) -> None:
         """See `LiveTable`."""

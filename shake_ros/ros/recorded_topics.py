@@ -79,6 +79,11 @@ class Reception:
             diagnostics.inputs[self._topic.name] = self._input
         diagnostics.values[f"{self._topic.name}.count"] = lambda: self.count
 
+    @property
+    def newest(self) -> int:
+        """Newest stamp [ns]; -1 where none has come, or none is asked for."""
+        return self._input.last_stamp if self._topic.sampled and self.count else -1
+
     def take(self) -> None:
         """Take what has arrived but was not yet served."""
         handle: Any = self._subscription.handle

@@ -63,6 +63,7 @@ class Recorder(Behaviour):
         frame.diagnostics.condition = self._condition
         frame.diagnostics.values["dropped"] = lambda: self._writing.dropped
         frame.diagnostics.values["waiting_bytes"] = lambda: self._writing.waiting
+        frame.diagnostics.values["recorded_to_ns"] = self._recorded_to
         frame.node.get_logger().info(f"recording to {path}")
 
     def finish(self) -> None:
@@ -84,6 +85,10 @@ class Recorder(Behaviour):
     def _receive(self, topic: interface.Topic, profile: QoSProfile) -> None:
         number = len(self.receptions)
         self.receptions.append(Reception(self.frame, topic, profile, self._clock, self._writing, number))
+
+    def _recorded_to(self) -> int:
+        """The stamp up to which every sampled topic that has come is recorded [ns]; 0 before the first."""
+        return min((one.newest for one in self.receptions if one.newest >= 0), default=0)
 
     def _look_for_topics(self) -> None:
         """Subscribe to topics outside of the interface once somebody publishes them."""

@@ -16,6 +16,7 @@ from shake_ros.api.commission_files import HELD, interlock_of, load_commission
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import ShakeError
+from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_program import build_program
 from shake_ros.settings import config_folder, load_interlock, load_table, load_variant
 
@@ -142,3 +143,22 @@ def test_interlock_that_only_tells_is_no_guard(tmp_path: Path) -> None:
 def test_levels_that_do_not_grow_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ShakeError, match=r"levels \[0\.4, 0\.2\] must grow"):
         load_commission(settings(tmp_path, levels=[0.4, 0.2]))
+
+
+def test_close_loop_seeks_at_the_highest_level_in_all_runs_but_the_newest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[list[str], str]] = []
+
+    class Nothing:
+        effects = ()
+
+    def seek(_: object, estimation: list[TableRecording], validation: TableRecording, **__: object) -> Nothing:
+        asked.append(([run.name for run in estimation], validation.name))
+        return Nothing()
+
+    monkeypatch.setattr("shake_ros.api.commission.close_loop", seek)
+    given = settings(tmp_path, levels=[0.3, 0.5], search_from=0.5)
+    found = sr.commission("bergamo", settings=given, progress=False)
+    assert found.complete
+    assert asked == [(["step_1_level_0.3"], "step_2_level_0.5")]

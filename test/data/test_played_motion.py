@@ -53,6 +53,13 @@ def test_few_lost_samples_are_put_in_by_lines_and_counted(tmp_path) -> None:
     assert found.valve_command[501] == pytest.approx(1e-4 * (REST + 499))  # held
 
 
+def test_last_run_counts_of_a_motion_that_was_played_before_and_of_twice_its_size(tmp_path) -> None:
+    two = np.vstack([2.0 * drive(), np.zeros((REST, 3)), drive(), np.zeros((REST, 3)), drive()])
+    found, _ = played(recording(two, tmp_path), drive(), DT, "run_1")
+    assert found.valve_command[0] == pytest.approx(1e-4 * (3 * REST + 2 * 1001), abs=1e-9)
+    np.testing.assert_allclose(found.acceleration, drive()[:, 2], atol=1e-12)
+
+
 def test_reference_with_stamps_of_its_own_tells_the_place_as_well(tmp_path) -> None:
     found, _ = played(recording(drive(), tmp_path, late=0.0004), drive(), DT, "run_1")
     np.testing.assert_allclose(found.acceleration, drive()[:, 2], atol=1e-12)
