@@ -87,7 +87,7 @@ def main() -> None:
     parser.add_argument("--identify", metavar="DIR", type=Path)
     parser.add_argument("--model", metavar="TABLE")
     parser.add_argument("--models", nargs="+", default=list(MODELS), choices=MODELS)
-    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--seeds", nargs="+", type=int, default=[10], help="of all models, or one number for each")
     parser.add_argument("--kept", metavar="FILE", type=Path)
     parser.add_argument("--save", action="store_true")
     given = parser.parse_args()
@@ -102,15 +102,15 @@ def main() -> None:
         models["identified"] = load_table(given.model)
     kept = json.loads(given.kept.read_text(encoding="utf-8")) if given.kept and given.kept.exists() else {}
     lines = []
-    for name in given.models:
-        model = models[name]
+    for place, name in enumerate(given.models):
+        model, seeds = models[name], given.seeds[min(place, len(given.seeds) - 1)]
         for required, scale in CASES:
-            for seed in range(given.seeds):
+            for seed in range(seeds):
                 key = f"{name} {required} {seed}"
                 kept[key] = kept.get(key) or tested(required, scale, model, seed)
                 if given.kept:
                     given.kept.write_text(json.dumps(kept, indent=1), encoding="utf-8")
-            rows = [kept[f"{name} {required} {seed}"] for seed in range(given.seeds)]
+            rows = [kept[f"{name} {required} {seed}"] for seed in range(seeds)]
             lines.append(line(name, required, scale, rows))
             print(lines[-1], flush=True)
             if given.save:

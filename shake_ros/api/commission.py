@@ -160,11 +160,11 @@ class _Way:
         blocks = RecordingProblem(list(fitted.estimation)).blocks()
         known, added = Uncertainty(*known_covariance(fitted.fit.fit, blocks)), tuple[str, ...]()
         if level >= self.settings.search_from and len(self.runs) > 1:
-            found = close_loop(self.declared, self.runs[:-1], self.runs[-1], progress=self.tell)
+            found = close_loop(self.declared, [*self.runs[:-2], self.runs[-1]], self.runs[-2], progress=self.tell)
             added = tuple(effect.name for effect in found.effects)
             if added:
                 table, known = found.table, found.uncertainty
-                (error,) = (float(e["acceleration"]) for e in found.closed.final.validation.values())
+                error = float(list(found.closed.final.estimation.values())[-1]["acceleration"])
         tuned = tune_table(table, uncertainty=known, laws=self.settings.laws, progress=self.tell)
         return error, tuned, added
 

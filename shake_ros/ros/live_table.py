@@ -41,6 +41,8 @@ GENERATOR = "reference_generator"
 NEEDED = GENERATOR, "observer", "controller"
 ENABLING = "./shake ros2 service call /shake/enable std_srvs/srv/SetBool '{data: true}'"
 
+RESETTING = "find its cause, then reset and enable it"
+
 
 class GraphTable:
     """See `shake_ros.api.live_table.LiveTable`.
@@ -101,8 +103,7 @@ class GraphTable:
         if report.message.startswith(STARTS):
             graph.until(lambda: self._ready, STARTING)
         if not self._ready:
-            waits = "reset" in report.message or "stopped" in report.message
-            cure = "find its cause, reset and enable it" if waits else f"enable it: on the page, or {ENABLING}"
+            cure = f"enable it: on the page, or {ENABLING}" if "not enabled" in report.message else RESETTING
             raise ShakeError(f"the table is not ready to move: {report.message}; {cure}")
         playing = graph.next_report(GENERATOR).message
         if playing.endswith(": running"):

@@ -62,7 +62,7 @@ def test_drive_is_played_on_an_enabled_table_alone_and_recorded_whole(ros_domain
             with pytest.raises(InterlockHeldError, match=r"the interlock held the table: velocity") as held:
                 table.play(drive(8e-3), "run_2")
             assert (held.value.bag / "metadata.yaml").is_file()
-            with pytest.raises(ShakeError, match=r"not ready to move: .*velocity.*; find its cause, reset and enable"):
+            with pytest.raises(ShakeError, match=r"not ready to move: .*velocity.*; find its cause, then"):
                 table.check()
             table.graph.node.create_publisher(VALVE_COMMAND.type, VALVE_COMMAND.name, VALVE_COMMAND.qos(True))
             table.graph.until(lambda: table.graph.commanders > 1, 5.0)
