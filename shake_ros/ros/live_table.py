@@ -85,7 +85,7 @@ class GraphTable:
     @property
     def loop(self) -> str:
         """Kinds of controller and observer."""
-        reports = (self.graph.report(name) for name in ("controller", "observer"))
+        reports = (self.graph.next_report(name) for name in ("controller", "observer"))
         return ", ".join(report.message.partition(":")[0] for report in reports)
 
     @property
