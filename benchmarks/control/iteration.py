@@ -1,4 +1,4 @@
-"""Drive-file iteration on a table with the soft zone: python -m benchmarks.control.iteration [--save].
+"""Drive-file iteration on a table with the soft zone: python -m benchmarks.control.iteration [--own] [--loads KG …].
 
 The plant of `compare` (table bergamo with the thesis's soft zone; 8 µm of noise and 16 bits over 300 mm, accelerometer
 with noise, commands one sample late), three records, one set of gains, and the feedforward with the horizon that `tune`
@@ -6,18 +6,21 @@ gives. Each line: true error of the acceleration and largest error of the respon
 both in percent, run after run. The first run is under the first model; each later one under that which the recording of
 the run before gave (`iterate --refit soft_zone command_delay`). Last, a dead band that is not among what may be fitted,
 and the same when it is; and the correction of the drive (`iterate` without --refit) under the model that was fitted.
---save writes benchmarks/control/iteration.txt.
+Runs under the exact model that is never refitted show what the sensors' noise alone makes of the loop. --own gives the
+loop gains that `tune` makes for the table, as `iterate --simulate` has them; --loads leaves the dead band out. --save
+writes benchmarks/control/iteration.txt, with --own iteration_own.txt.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from shake_ros.api.own_loop import OwnLoop, own_loop
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.runner import Controller
@@ -49,19 +52,25 @@ SCALED = (
 )
 
 
+Tell = Callable[[float, str, str, "Case"], None]
+
+
 class Case:
     """A table, a record, and what its runs gave."""
 
-    def __init__(self, table: TableParameters, record: str) -> None:
-        self.table = table
+    def __init__(self, table: TableParameters, record: str, own: OwnLoop | None = None) -> None:
+        self.table, self.own = table, own
         self.reference = np.array(build_program(record, SAMPLE_TIME).states)
         self.aim = spectrum_of(self.reference[:, 2], SAMPLE_TIME)
         self.line = ""
 
     def run(self, model: TableParameters, reference: np.ndarray, number: int) -> ClosedLoop:
-        observer = Observer(*load_variant("observer", OBSERVER, OBSERVERS), SAMPLE_TIME, model)
-        kind, parameters = load_variant("controller", CONTROLLER, CONTROLLERS)
-        controller = Controller(kind, parameters.replace(model_horizon=HORIZON), SAMPLE_TIME, model)
+        if self.own:
+            observer, controller = self.own.of(model, SAMPLE_TIME, LATE * SAMPLE_TIME)
+        else:
+            observer = Observer(*load_variant("observer", OBSERVER, OBSERVERS), SAMPLE_TIME, model)
+            kind, parameters = load_variant("controller", CONTROLLER, CONTROLLERS)
+            controller = Controller(kind, parameters.replace(model_horizon=HORIZON), SAMPLE_TIME, model)
         run, finite = simulate(Loop(self.table, observer, controller, reference, seed=number, delay=LATE))
         if finite < len(reference):
             raise SystemExit(f"run {number + 1} left the finite numbers")
@@ -104,6 +113,8 @@ def models_of(table: TableParameters) -> dict[str, TableParameters]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--own", action="store_true", help="gains made for the table")
+    parser.add_argument("--loads", nargs="+", type=float, metavar="KG", help="these loads alone, without the dead band")
     parser.add_argument("--save", action="store_true")
     arguments = parser.parse_args()
     began = time.perf_counter()
@@ -118,18 +129,33 @@ def main() -> None:
         print(lines[-1], flush=True)
 
     print(lines[0])
-    for load in LOADS:
+    for load in arguments.loads or LOADS:
         table = load_table("bergamo").with_values({**values, "body.specimen_mass": load})
+        own = own_loop(table) if arguments.own else None
         for record in RECORDS:
             for name, model in models_of(table).items():
                 if name == "declared" or load == LOADS[1]:
-                    case = Case(table, record)
+                    case = Case(table, record, own)
                     learnt(case, model, EFFECTS, settings)
                     tell(load, record, name, case)
+            case = Case(table, record, own)
+            for number in range(RUNS):
+                case.run(models_of(table)["exact"], case.reference, number)
+            tell(load, record, "exact, kept", case)
+    if not arguments.loads:
+        dead_band(values, settings, tell, arguments.own)
+    lines.append(f"in {time.perf_counter() - began:.0f} s")
+    if arguments.save:
+        name = f"{Path(__file__).stem}{'_own' if arguments.own else ''}.txt"
+        Path(__file__).with_name(name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def dead_band(values: Mapping[str, float], settings: Iteration, tell: Tell, with_own: bool) -> None:
+    """Runs on a table with a dead band that may not be fitted, may be corrected in the drive, and may be fitted."""
     load, record = LOADS[1], RECORDS[1]
     table = load_table("bergamo").with_values({**values, "body.specimen_mass": load, BAND: 0.01})
     first = models_of(table)["exact"].with_values({BAND: 0.0})
-    case = Case(table, record)
+    case = Case(table, record, own_loop(table) if with_own else None)
     fitted = learnt(case, first, EFFECTS, settings)
     tell(load, record, "dead band, not let", case)
     iterate(
@@ -142,9 +168,6 @@ def main() -> None:
     tell(load, record, "  then the drive", case)
     learnt(case, first, (*EFFECTS, "spool_deadband"), settings)
     tell(load, record, "dead band, let", case)
-    lines.append(f"in {time.perf_counter() - began:.0f} s")
-    if arguments.save:
-        Path(__file__).with_suffix(".txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 
 QUANTITIES = (("position", "mm"), ("velocity", "mm/s"))
 HIGHEST_SHOWN = 30.0  # [Hz]
+LEAST_SHOWN = 1e-5  # of the reference's largest line: a synthetic reference has next to nothing beyond its band
 
 
 def error_chart(runs: Mapping[str, ClosedLoop], case: str = "", part: int = 1) -> Chart:
@@ -60,11 +61,16 @@ def spectrum_chart(runs: Mapping[str, ClosedLoop], case: str = "", part: int = 1
     sound = {label: run for label, run in runs.items() if np.isfinite(run.truth).all()}
     for column, (name, unit) in enumerate(QUANTITIES):
         frequency, wanted = amplitudes(1e3 * first.reference[:, column], first.sample_time)
-        series = [ChartSeries("reference", wanted, "measured", width=1.8)]
+        least = LEAST_SHOWN * float(np.max(wanted, initial=0.0))
+
+        def shown(lines: Array, least: float = least) -> Array:
+            return np.where(lines >= least, lines, np.nan)
+
+        series = [ChartSeries("reference", shown(wanted), "measured", width=1.8)]
         for label, run in sound.items():
             found = amplitudes(1e3 * run.truth[:, column], run.sample_time)[1]
             if len(found) == len(frequency):
-                series.append(ChartSeries(label, found, f"c{list(runs).index(label) % 6}"))
+                series.append(ChartSeries(label, shown(found), f"c{list(runs).index(label) % 6}"))
         panels.append(Panel(f"{name} [{unit}]", frequency, tuple(series), log=True))
     caption = f"Amplitude spectra of position and velocity{case and f', {case}'}"
     return Chart(f"spectra_{part}", "frequency [Hz]", tuple(panels), caption)

@@ -31,7 +31,8 @@ def size(study: Sensitivity, name: str) -> list[float]:
 def charts(title: str, study: Sensitivity, name: str) -> list[Chart]:
     """The two figures of a parameter."""
     of, (motion, spectrum) = study.studies[name], NUMBERS[name]
-    words = {n: f"Figure {n.replace('_', '.')}, plant of {title}" for n in (motion, spectrum)}
+    shown = {motion: "motion for values of", spectrum: "harmonics of the acceleration for values of"}
+    words = {n: f"As figure {n.replace('_', '.')}: {what} {NAMES[name]}, {title}" for n, what in shown.items()}
     return [
         study_motion(f"figure_{motion}", of, study.frequency, words[motion]),
         study_spectrum(f"figure_{spectrum}", of, study.frequency, study.samples, words[spectrum]),
