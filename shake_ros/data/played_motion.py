@@ -48,14 +48,14 @@ def played(recording: TableRecording, drive: Array, sample_time: float, name: st
     if first < 0 or first + len(drive) > len(reference):
         raise ShakeError(f"{name}: {len(reference)} samples of the graph do not hold the {len(drive)} of the motion")
     rows = slice(first, first + len(drive))
-    off = reference[rows, 1] - drive[:, 1]
-    known = np.isfinite(off)
-    if not known.any() or np.sqrt(np.mean(off[known] ** 2)) > OTHER * np.std(drive[:, 1]):
-        raise ShakeError(f"{name}: what was played is not the motion that was asked for")
     missing = ~np.isfinite(_spread(r.acceleration, place)[rows] + _spread(r.position, place)[rows])
     count, longest = int(missing.sum()), _longest(missing)
     if count > MOST_MISSING * len(drive) or longest > LONGEST_MISSING:
         raise ShakeError(f"{name}: {count} of {len(drive)} samples are missing, {longest} in a row: not judged")
+    off = reference[rows, 1] - drive[:, 1]
+    known = np.isfinite(off)
+    if not known.any() or np.sqrt(np.mean(off[known] ** 2)) > OTHER * np.std(drive[:, 1]):
+        raise ShakeError(f"{name}: what was played is not the motion that was asked for")
     return Played(_whole(r, place, rows, sample_time, name), count)
 
 

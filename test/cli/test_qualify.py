@@ -270,3 +270,19 @@ def test_live_test_that_nobody_releases_moves_nothing(folder: Path, tmp_path: Pa
         live_test(folder, tmp_path, "")
     with pytest.raises(ShakeError, match=r"set body.specimen_mass: values of the simulated table"):
         live_test(folder, tmp_path / "other", "me", set={"body.specimen_mass": 1.0})
+
+
+def test_sequence_on_a_live_table_names_who_released_and_does_not_go_on_on_a_simulated_one(
+    folder: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "plan.yaml").write_text(yaml.safe_dump(PLAN), encoding="utf-8")
+    out, names = tmp_path / "out", ["A. Operator"]
+    asked: dict[str, Any] = {"plan": str(tmp_path / "plan.yaml"), "settings": str(folder / "settings.yaml")}
+    given = str(folder / "floor.yaml"), out, lambda _: names.pop() if names else ""
+    table = SimulatedLiveTable(load_table("bergamo"), tmp_path)
+    found = qualify_sequence(*given, live=table, progress=False, **asked)
+    assert len(found.done) == 1 and found.waiting
+    told = json.loads((out / "1_low_1" / "certificate.json").read_text(encoding="utf-8"))["about"]
+    assert told["released by"] == "A. Operator" and told["table"].startswith("live, ")
+    with pytest.raises(ShakeError, match="was begun with live = True, now it is False"):
+        qualify_sequence(*given, progress=False, **asked)
