@@ -158,7 +158,7 @@ def test_close_loop_seeks_at_the_highest_level_and_the_run_before_decides(
         return Nothing()
 
     monkeypatch.setattr("shake_ros.api.commission.close_loop", seek)
-    given = settings(tmp_path, levels=[0.2, 0.3, 0.5], search_from=0.5)
+    given = settings(tmp_path, levels=[0.3, 0.5], search_from=0.5)
     found = sr.commission("bergamo", settings=given, progress=False)
     assert found.complete
-    assert asked == [(["step_1_level_0.2", "step_3_level_0.5"], "step_2_level_0.3")]
+    assert asked == [(["step_2_level_0.5"], "step_1_level_0.3")]
