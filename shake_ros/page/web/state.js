@@ -78,6 +78,18 @@ function tiles(status) {
   put('tiles', list.map(([what, value, unit]) => `<div class="tile"><b>${number(value, 3, 3)} <small>${unit}</small></b><span>${what}</span></div>`).join(''))
 }
 
+// A cause that comes and goes, as a stale command does on a busy machine, is one entry with how often.
+const AGAIN = 2  // s between two of them
+export function folded(trips) {
+  const found = []
+  for (const trip of trips) {
+    const last = found.at(-1)
+    if (last && trip.cause !== 'fault' && last.cause === trip.cause && last.action === trip.action && trip.at - last.until < AGAIN) Object.assign(last, { ...trip, at: last.at, until: trip.at, times: last.times + 1 })
+    else found.push({ ...trip, until: trip.at, times: 1 })
+  }
+  return found
+}
+
 function nodes(status) {
   const rows = Object.entries(status.nodes).map(([name, node]) => {
     const v = node.values, lost = Object.entries(v).filter(([key]) => key.endsWith('.lost')).reduce((sum, [, n]) => sum + +n, 0)
@@ -87,7 +99,7 @@ function nodes(status) {
   })
   put('nodes', `<div class="wide"><table><tr><th>node</th><th class="n">Hz</th><th class="n">missed</th><th class="n">latency p99, ms</th><th class="n">lost</th></tr>${rows.join('')}</table></div>`)
   const slow = status.nodes.plant && !status.lockstep && status.trips.some(trip => SLOW.includes(trip.cause))
-  const trips = status.trips.slice(-8).reverse().map(trip => `<div class="trip ${text(trip.action || trip.cause)}"><b>${text(trip.cause)}</b> ${clock(trip.at)}` +
+  const trips = folded(status.trips).slice(-8).reverse().map(trip => `<div class="trip ${text(trip.action || trip.cause)}"><b>${text(trip.cause)}${trip.times > 1 ? ` × ${trip.times}` : ''}</b> ${clock(trip.at)}` +
     (trip.value && trip.cause !== 'stop' ? `, value ${number(trip.value)} against ${number(trip.limit)} ${text(trip.unit === '-' ? '' : trip.unit)}` : '') + `<br><span class="quiet">${text(trip.text)}${trip.action ? ` → ${text(trip.action)}` : ''}</span></div>`)
   const before = ['tripped', 'stopped', 'hold'].includes(status.state) ? `<div class="trip">${text(status.message)}<br><span class="quiet">since before this page began</span></div>` : ''
   put('trips', (slow ? HINT : '') + trips.join('') || before || '<span class="quiet">none since the page began</span>')
