@@ -51,7 +51,7 @@ def until(what: str, seen: Any) -> None:
     deadline = time.monotonic() + PATIENCE
     while not seen():
         assert time.monotonic() < deadline, f"{what} never came"
-        time.sleep(0.05)
+        time.sleep(0.002)
 
 
 def transforms() -> tuple[list[Any], list[Any], dict[int, float]]:
@@ -77,8 +77,8 @@ def transforms() -> tuple[list[Any], list[Any], dict[int, float]]:
             message.header.stamp = rospy.Time(stamp // 10**9, stamp % 10**9)
             sent[stamp] = position
             writer.publish(message)
-            time.sleep(0.004)
-        until("the last transform", lambda: moving and moving[-1].header.stamp.to_nsec() == max(sent))
+            # its queue holds one message: each waits for the answer to the one before
+            until(f"transform {k}", lambda: moving and moving[-1].header.stamp.to_nsec() == max(sent))
     return moving, fixed, sent
 
 
