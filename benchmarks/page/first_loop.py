@@ -1,6 +1,6 @@
 """From nothing to a closed loop with a mouse alone, as somebody does it the first time: how long each step takes.
 
-    python -m benchmarks.page.first_loop [--clone] [--table bergamo_measured] [--pictures FOLDER] [--save] [LAB …]
+    python -m benchmarks.page.first_loop [--clone] [--table bergamo_measured] [--pictures FOLDER] [--save] [-- LAB …]
 
 `./shake lab --lockstep` runs a table that has more in it than the declared one. Then by clicks in Chromium: enable,
 play and record what the fit learns from, play and record what it is held against, close the loop, read its report, use
@@ -146,7 +146,8 @@ def main() -> int:
     parser.add_argument("--table", default="bergamo_measured", help="that is simulated (default: %(default)s)")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER")
     parser.add_argument("--save", action="store_true", help=f"write {SAVED.name} as well")
-    given, more = parser.parse_known_args()
+    parser.add_argument("lab", nargs="*", metavar="LAB", help="more arguments of lab, after --")
+    given = parser.parse_args()
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory(prefix="first_loop-") as name:
         folder = Path(name)
@@ -168,7 +169,7 @@ def main() -> int:
             "0",
             "--folder",
             str(folder / "lab"),
-            *more,
+            *given.lab,
         ]
         domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
         with laboratory(options, domain, program, where) as lab, chromium(folder / "profile") as driver:

@@ -191,6 +191,8 @@ class LivePage:
             arguments += ["--hold", *(_shown(site.library.path(name)) for name in hold)]
         if message.get("table"):
             arguments += ["--config", str(message["table"])]
+        if kind == "close_loop":
+            arguments.append("--tune")  # "use this table" gives the loop its gains too
         job = site.jobs.start(kind, arguments, f"{kind}_{'_'.join(learn)}"[:60])
         return Answer(True, f"started: {job.command}")
 
