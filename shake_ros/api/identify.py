@@ -24,6 +24,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import (
     IDENTIFY_SCHEMA,
     diagnosis_json,
+    form_errors_json,
     model_json,
     unknown_json,
     write_folder,
@@ -117,6 +118,7 @@ class Identification:
             "model": self.model.kind,
             "recordings": dict(zip(("learn", "hold"), names, strict=True)),
             **model_json(self.fit),
+            "form_errors": form_errors_json(self.fit.parameters),
         }
         told = self.told
         content |= unknown_json(told, self.data) if told else {}

@@ -33,11 +33,13 @@ IDENTIFY_SCHEMA = "shake_ros.identify/1"
 
 
 def parameters_json(parameters: Sequence[Estimate]) -> dict[str, Any]:
-    """`{name: {value, std_error, form_error, unit}}`."""
-    return {
-        p.name: {"value": p.value, "std_error": p.std_error, "form_error": p.form_error, "unit": p.unit}
-        for p in parameters
-    }
+    """`{name: {value, std_error, unit}}`."""
+    return {p.name: {"value": p.value, "std_error": p.std_error, "unit": p.unit} for p in parameters}
+
+
+def form_errors_json(parameters: Sequence[Estimate]) -> dict[str, float]:
+    """What the forms assumed near rest may shift each parameter by, in its unit."""
+    return {p.name: p.form_error for p in parameters}
 
 
 def model_json(model: FittedModel) -> dict[str, Any]:
@@ -187,6 +189,7 @@ def close_loop_json(result: LoopClosure, learn: Sequence[str], hold: Sequence[st
         },
         "function": _function_json(result.function) if result.function else None,
         "ended_early": result.search.stopped,
+        "form_errors": form_errors_json(result.final.parameters),
     }
 
 
