@@ -156,14 +156,14 @@ class SearchProblem:
         """A fit to the estimation data from `start`, which may be `near` its end, scored."""
         if near:
             return self.scored(fit(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance))
-        least = self.settings.much_left * self.estimation.noise_cost()
+        least = self._much_left(self.estimation)
         result = approached(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance, near=least)
         return self.scored(result)
 
     def way_to_pieces(self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float) -> Approach:
         """The way to a fit to pieces of the estimation data."""
         problem = self.estimation_pieces
-        near = self.settings.much_left * problem.noise_cost()
+        near = self._much_left(problem)
         return led(problem, free, start, evaluations=evaluations, tolerance=tolerance, near=near)
 
     def fitted_to_pieces(self, free: FreeParameters, way: Approach, evaluations: int, tolerance: float) -> ScoredFit:
@@ -173,8 +173,12 @@ class SearchProblem:
 
     def converged_at(self, reached: ScoredFit) -> float:
         """Relative change at which a fit that goes on from there has converged: far from the noise models differ."""
-        far = reached.estimation_cost > self.settings.much_left * self.estimation.noise_cost()
+        far = reached.estimation_cost > self._much_left(self.estimation)
         return self.settings.converged_far if far else self.settings.converged
+
+    def _much_left(self, problem: RecordingProblem) -> float:
+        """Cost from which much is left above the noise [-]."""
+        return self.settings.much_left * problem.noise_cost()
 
     def scored(self, result: Fit) -> ScoredFit:
         """A fit with its costs, the validation cost block by block as well."""
