@@ -108,7 +108,7 @@ def simulated(
     limit = largest_motion(table, records)
     rng = np.random.default_rng(0)
     for _ in range(4):
-        out = model.run(table, Record(candidate.name, dt, command, np.zeros(n)))
+        out = model.run(table, Record(candidate.name, dt, command, np.zeros(n), moved=False))
         if not np.isfinite(out[:, :3]).all():
             return None
         moved = np.concatenate(([0.0], np.cumsum(out[:-1, 1]) * dt))

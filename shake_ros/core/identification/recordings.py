@@ -2,7 +2,8 @@
 
 Open-loop positions drift, so velocity and acceleration are fitted. Velocity is the zero-phase filtered derivative of
 the measured position; the simulated velocity goes through the same filter (filtered against filtered). Volumes and
-position-dependent effects follow the measured position.
+position-dependent effects follow the measured position. What the state was when the recording began shows in its first
+half second: a run of the full model is drawn to the measured motion there, and free from then on.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from shake_ros.core.quantities import ShakeError
 
 CUTOFF = 40.0  # bandwidth of the velocity filter [Hz], (6.3.3.2)
 ORDER = 4  # per pass; forward and backward make the thesis's 8
-SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pressures are not known there
+SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pressures are not known there …
+DRAWN = 40.0  # … and found by drawing the run towards the measured motion at this rate [1/s]
 BLOCK = 0.5  # length of a block of time for standard errors [s], shorter where the recordings would give less than
 BLOCKS = 24  # blocks in all: with fewer, the scatter of the blocks tells too little of itself
 MODEL_FLOOR = 2e-3  # weights do not fall below this part of a channel's rms: no model is better than that
@@ -70,7 +72,7 @@ class Record:
     """One recording or a piece of it, all arrays of shape (n,), SI units; acceleration may be absent.
 
     begin : time of the first sample since the recording's start [s]. standing : command before the first sample [-],
-        null where the recording begins with the motion.
+        null where the recording begins with the motion. moved : False of a command alone, at a place.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Record:
     acceleration: np.ndarray | None = None
     begin: float = 0.0
     standing: float = 0.0
+    moved: bool = True
     velocity: np.ndarray = field(init=False)
     track: np.ndarray = field(init=False)
 
@@ -92,6 +95,13 @@ class Record:
         """Velocity [m/s] and acceleration [m/s²], NaN without, shape (n, 2)."""
         none = np.full(len(self.commands), np.nan)
         return np.column_stack([self.velocity, none if self.acceleration is None else self.acceleration])
+
+    @cached_property
+    def beginning(self) -> np.ndarray:
+        """The motion before `start`, towards which a free run is drawn: a table that is recorded in the midst of a
+        motion, or that rings, has pressures that follow from nothing else, shape (k, 2).
+        """
+        return self.motion[: self.start] if self.moved else UNSEEN
 
     @property
     def start(self) -> int:
@@ -238,20 +248,20 @@ class FullModel(DeclaredModel):
 
     def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration for rows of parameters."""
-        measured = record.motion if injection > 0.0 else UNSEEN
+        measured = record.motion if injection > 0.0 else record.beginning
         starts = np.array([initial_state(v, record.track[0]) for v in vectors])
         starts[:, VELOCITY] = record.velocity[0]
         starts[:, CLOCK] = record.begin
         given, standing = (vectors, starts, record.commands, record.sample_time), record.standing
-        out = run_batch(*given, track=record.track, standing=standing, measured=measured, injection=injection)
+        out = run_batch(*given, track=record.track, standing=standing, measured=measured, injection=injection or DRAWN)
         return out[:, :, 0], out[:, :, 1]
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.simulation.COLUMNS."""
         state = initial_state(table.vector(), record.track[0])
         state[VELOCITY], state[CLOCK] = record.velocity[0], record.begin
-        dt, standing = record.sample_time, record.standing
-        return run(table, record.commands, dt, position=record.track, state=state, standing=standing)
+        given, standing, seen = (table, record.commands, record.sample_time), record.standing, record.beginning
+        return run(*given, position=record.track, state=state, standing=standing, measured=seen, injection=DRAWN)
 
     def moved_mass(self, table: TableParameters) -> float:
         """Declared mass in motion [kg]."""

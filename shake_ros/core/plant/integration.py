@@ -288,15 +288,15 @@ def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, 
     forces : external force, shape (n,) or (0,) [N].
     track : measured position, shape (n,) or (0,) [m]: where given, the position is set to it at every sample, so that
         volumes and position-dependent effects see the true place though a free run would drift off the stroke.
-    measured : velocity [m/s] and acceleration [m/s²], shape (n, 2) or (0, 2): where given, the run is drawn towards
-        them at the rate `injection` [1/s].
+    measured : velocity [m/s] and acceleration [m/s²] of the first samples, shape (k, 2), k ≤ n: as far as they are
+        given, the run is drawn towards them at the rate `injection` [1/s].
     y0 : state at the first sample, shape (STATES,). dt : [s]. tolerance : relative local error of a step.
     out : result, shape (n, OUTPUTS), row k is the instant t_k, before command k acts.
     """
     y = y0.copy()
     work = workspace()
     delay = p.command_delay_delay / dt
-    following, drawn = track.shape[0] > 0, measured.shape[0] > 0
+    following = track.shape[0] > 0
     acceleration = acceleration_now(p, y, work[STAGE])
     force, known = 0.0, False
     for i in range(commands.shape[0]):
@@ -305,6 +305,7 @@ def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, 
             y[POSITION] = track[i]
             y[LAGGED_POSITION] += shift
         outputs(p, y, acceleration, out[i])
+        drawn = i < measured.shape[0]
         if drawn:
             inject(p, y, measured[i, 0] - out[i, 1], measured[i, 1] - out[i, 2], min(injection * dt, 0.5))
         before, force = force, forces[i] if forces.shape[0] > 0 else 0.0

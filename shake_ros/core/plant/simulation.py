@@ -105,6 +105,8 @@ def run(
     forces: np.ndarray = NOTHING,
     state: np.ndarray | None = None,
     standing: float = 0.0,
+    measured: np.ndarray = UNSEEN,
+    injection: float = 0.0,
     tolerance: float = TOLERANCE,
 ) -> np.ndarray:
     """Simulate one recording.
@@ -116,6 +118,7 @@ def run(
         `Table`, where not given [-].
     position : start [m], or the measured position of shape (n,) which volumes and position-dependent effects follow.
     forces : external force, shape (n,) [N]. state : first state; at rest where not given.
+    measured, injection : as of `run_batch`.
 
     Raises
     ------
@@ -133,7 +136,8 @@ def run(
     start = float(np.ravel(position)[0])
     y0 = initial_state(vector, start) if state is None else state
     out = np.empty((len(commands), OUTPUTS))
-    simulate(records(vector)[0], commands, float(standing), forces, track, UNSEEN, 0.0, y0, sample_time, tolerance, out)
+    given = (commands, float(standing), forces, track, measured, injection)
+    simulate(records(vector)[0], *given, y0, sample_time, tolerance, out)
     return out
 
 
@@ -170,8 +174,8 @@ def run_batch(
     ----------
     vectors : shape (m, len(NAMES)). starts : first states, shape (m, STATES). commands : shape (n,) or (m, n) [-].
     track : measured position, shape (n,) [m], or empty. standing : as in `run` [-].
-    measured, injection : velocity [m/s] and acceleration [m/s²], shape (n, 2), NaN where there is none, towards which
-        the runs are drawn, and the rate [1/s].
+    measured, injection : velocity [m/s] and acceleration [m/s²] of the first k samples, shape (k, 2), NaN where there
+        is none, towards which the runs are drawn, and the rate [1/s].
     columns : which of COLUMNS to keep.
 
     Returns

@@ -51,6 +51,6 @@ def test_a_schedule_that_never_changes_runs_as_the_table_itself() -> None:
     table = load_table("bergamo")
     free = FreeParameters(table, [free_parameter("friction.viscous", {"scale": 1.0}, "here")])
     command = 0.2 * np.sin(4.0 * np.pi * np.arange(2500) * 1e-3)
-    record = Record("run", 1e-3, command, 0.01 * command)
+    record = Record("run", 1e-3, command, 0.01 * command, moved=False)
     constant = Network(np.zeros(Network.size(1)), np.zeros(2), np.ones(2), np.array([2.0]), np.ones(1))
     assert np.array_equal(run_scheduled(constant, free, record), FULL.run(free.table(np.array([2.0])), record))
