@@ -20,7 +20,7 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.law_design import LAWS
 from shake_ros.core.loop.linear_loop import Margins
 from shake_ros.core.loop.robust import Load, RobustSettings, Search, Uncertainty, neighbours, uncertainty_of
-from shake_ros.core.loop.trials import Trials, TriedLaw, try_laws
+from shake_ros.core.loop.trials import Trials, TriedLaw, horizon, try_laws
 from shake_ros.core.observer.model import ModelObserver
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
@@ -138,6 +138,7 @@ class TunedTable:
                         "at_rest": finite(t.still),
                         "at_limit": t.at_limit,
                         "stroke": t.largest,
+                        "jump": finite(t.jump),
                     }
                     for t in law.trials
                 ],
@@ -213,7 +214,8 @@ def tune_table(
             "start_time": 0.2,
             "model": "table.yaml",
             "model_bandwidth": s.model_bandwidth,
-            "model_horizon": s.model_horizon,
+            "model_horizon": horizon(table, reference, s),
+            "model_rate": s.model_rate,
             "loop_delay": s.loop_delay,
             "predict": True,
         }
@@ -267,6 +269,11 @@ def findings(trials: Trials, law: TriedLaw, reference: NDArray[np.float64], marg
             f"{law.design.bandwidth:.1f} rad/s; the loop's further delay or the table's uncertainty has to shrink"
         )
     own = law.trials[0]
+    if own.jump > trials.s.jump:
+        found.append(
+            f"the command jumps by {own.jump:.2f} in a sample; an interlock holds the table from {trials.s.jump:g} on "
+            "(command_jump); a smaller model_rate in config/robust_tuning, or a less noisy sensor, makes it less"
+        )
     if own.at_limit > SATURATED or own.largest > FULL:
         what = "the valve saturates" if own.at_limit > SATURATED else "the table comes to its stop"
         scale = next((k for k in SCALES if _fits(trials, k * reference)), None)

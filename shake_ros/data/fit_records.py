@@ -53,11 +53,13 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
 
     Raises
     ------
-    ShakeError : where no part is long enough, or the driving signal is not there.
+    ShakeError : where no part is long enough, the driving signal is not there, or it acted nowhere.
     """
     drive = getattr(recording, driven_by)
     if drive is None:
         raise ShakeError(f"{recording.name}: no topic {driven_by}, which drives this model")
+    if idle := [f for f in recording.findings if f.kind == "idle" and f.count == len(recording)]:
+        raise ShakeError(f"{recording.name}: {idle[0]}: nothing to fit")
     records = []
     for span in unbroken(recording):
         if not np.all(np.isfinite(drive[span])):

@@ -68,7 +68,7 @@ class NodeInterlock:
         core = self.core = Interlock(self._live.take(), enabled)
         self.act, self.watch, self.report, self.clear = core.act, core.compare, core.report, core.clear
         self._announced = self._until_look = 0
-        self._told = core.stage, core.passes
+        self._told = self._acting()
         self._missed, self._asked, self._answered = LastSecond(), LastSecond(), LastSecond()
         self._clock_offset = time.time_ns() - time.monotonic_ns()
         for service, answer in zip(interface.SERVICES.values(), (self._enable, self._stop, self._reset), strict=True):
@@ -201,8 +201,8 @@ class NodeInterlock:
             self._look_for_two()
         if self._live.changed:
             self.core.apply(self._live.take())
-        now = self.core.stage, self.core.passes
-        if now != self._told:  # a page shows it and the controller waits at once
+        now = self._acting()
+        if now != self._told:  # a page shows it, the controller waits at once, and a recording holds when
             self._told = now
             self._frame.diagnostics.publish()
         ledger = self.core.ledger
@@ -210,6 +210,10 @@ class NodeInterlock:
             for trip in self.core.trips[self._announced - ledger.trip_count :]:
                 self._announce(trip)
             self._announced = ledger.trip_count
+
+    def _acting(self) -> tuple[int, bool, bool]:
+        """Stage, whether commands act, and whether in full."""
+        return self.core.stage, self.core.passes, self.core.gain >= 1.0
 
     def _announce(self, trip: Trip) -> None:
         """At once on /diagnostics; on the console each cause once a second, but whatever waits for `reset` always."""

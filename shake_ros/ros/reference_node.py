@@ -23,7 +23,9 @@ class ReferenceNodeParameters(Parameters):
     """The node's own settings; those of the program come from its configuration."""
 
     reference: str = choice("configuration in config/reference, or a YAML file", live=True)
-    play: bool = quantity("", "false: comes to rest in the middle; true: plays from the beginning", live=True)
+    play: bool = quantity(
+        "", "false: to rest in the middle; true: plays from the beginning, after its end again", live=True
+    )
     repeat: bool = quantity("", "plays again when it has ended", live=True)
     start_delay: float = quantity("s", "rest before the program starts", low=0.0, high=1e4)
 
@@ -45,7 +47,8 @@ class ReferenceGenerator(Behaviour):
         self._delay = round(self._own.value.start_delay / frame.sample_time)
         self._k = -self._delay
         self._begin = 0  # sample at which the program began
-        self._playing = self._own.take().play
+        self._taken = self._own.take()
+        self._playing = self._taken.play
         (self._reference, made), _ = self._law.take()
         self._program = made if self._playing else self._rest()
         self._writer = frame.writer(interface.REFERENCE)
@@ -84,8 +87,11 @@ class ReferenceGenerator(Behaviour):
 
     def _change(self) -> None:
         """Fade the accepted change in; what does not keep the phase starts anew, and so does an ended program."""
-        play, was_playing = self._own.take().play, self._playing
-        changed = self._law.changed
+        asked = self._own.changed
+        before, self._taken = self._taken, self._own.take()
+        play, was_playing = self._taken.play, self._playing
+        again = asked and self._taken == before and self._ended  # told to play once more what has ended
+        changed = self._law.changed or again
         old, ((self._reference, new), _) = self._reference, self._law.take()
         self._playing = play
         if not play:

@@ -97,6 +97,23 @@ def test_it_comes_to_rest_in_the_middle_and_plays_from_the_beginning_when_told(p
     player.smooth()
 
 
+def test_it_plays_again_when_told_once_more_after_its_end(player) -> None:
+    player.set(reference="pulse", hold_time=0.1)
+    player.play(0.1)
+    player.set(play=False)
+    player.play(3.0)
+    player.set(play=True)
+    first = player.play(7.0)
+    assert player.node._condition()[1] == "pulse: ended"
+    player.set(play=True)
+    again = player.play(7.0)
+    assert np.abs(first[:, 0]).max() > 1e-3
+    assert np.abs(again[:, 0]).max() == pytest.approx(np.abs(first[:, 0]).max(), rel=1e-9)
+    player.set(repeat=False)
+    player.set(play=True)
+    player.smooth()
+
+
 def test_it_repeats_as_it_was_from_the_moment_it_is_told(player) -> None:
     once = player.play(5.0)
     player.set(repeat=True)

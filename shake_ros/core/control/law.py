@@ -28,6 +28,7 @@ class LawParameters(Parameters):
     model: str = choice("table configuration for the model feedforward, empty for none", default="")
     model_bandwidth: float = quantity("rad/s", "bandwidth of the virtual table's control", low=1.0, high=2000.0)
     model_horizon: float = quantity("s", "horizon of the virtual table's control", low=1e-4, high=0.1)
+    model_rate: float = quantity("1/s", "largest rate of the virtual table's command", low=1.0, high=1e5, default=1e5)
     loop_delay: float = quantity("s", "dead time of the loop beyond the model's", low=0.0, high=0.1, default=0.0)
     flow_asymmetry: float = quantity(
         "-",

@@ -61,7 +61,7 @@ class Controller:
         self.virtual: VirtualTable | None = None
         if self.model is not None:
             p = parameters
-            settings = p.model_bandwidth, p.model_horizon, p.limit, p.predict
+            settings = p.model_bandwidth, p.model_horizon, p.limit, p.model_rate, p.predict
             self.virtual = VirtualTable(self.model, self.sample_time, *settings)
         self.lead = self.virtual.settings.lead if self.virtual is not None else 0.0
         acting = parameters.under_model().replace(flow_asymmetry=0.0) if self.virtual else parameters
@@ -71,7 +71,7 @@ class Controller:
     def carries_on(self, other: Controller) -> bool:
         """Whether its virtual table is the same as that of `other`, so that one can go on with the other's state."""
         p, q = self.parameters, other.parameters
-        fields = ("model_bandwidth", "model_horizon", "limit", "predict")
+        fields = ("model_bandwidth", "model_horizon", "limit", "model_rate", "predict")
         same = all(getattr(p, name) == getattr(q, name) for name in fields)
         return self.virtual is not None and self.model == other.model and same
 

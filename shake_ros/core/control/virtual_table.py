@@ -12,6 +12,8 @@ written by hand. A play between rod and table is closed in the copy: within it n
 that crossed it at once would be the limit.
 With a lead the copy has no dead time and runs ahead of the table by it: its motion is that of the instant at which the
 command acts, and the reference is continued so much further.
+Where the reference reverses, dry friction asks for a jump of the pressure, which a short horizon answers by one of the
+command; with a rate of its own the command does not jump further than a valve follows and an interlock suffers.
 The copy then takes that command for one sample, and the command is the feedforward of the real table, whose own
 feedback has to deal with what the model lacks. Not in the thesis, whose feedforward is α_4 ẋ_ref.
 
@@ -46,7 +48,10 @@ HEAD = 3
 
 
 class Settings(NamedTuple):
-    """Dead time in whole samples and a fraction, samples of the horizon, bandwidth [rad/s], limit [-], dt, lead [s]."""
+    """Dead time in whole samples and a fraction, samples of the horizon, bandwidth [rad/s], limit [-], dt, lead [s].
+
+    most : largest change of the command in a sample [-].
+    """
 
     whole: int
     fraction: float
@@ -55,6 +60,7 @@ class Settings(NamedTuple):
     limit: float
     sample_time: float
     lead: float
+    most: float
 
 
 @njit
@@ -87,9 +93,9 @@ def miss(p, y, u, target, whole, fraction, samples, omega, dt, tolerance):  # ty
 
 
 @njit
-def seek(p, y, start, target, whole, fraction, samples, omega, limit, dt, tolerance):  # type: ignore[no-untyped-def]
-    """The command in ±limit for which `miss` vanishes: secant steps, kept inside the bracket found so far."""
-    low, high = -limit, limit
+def seek(p, y, start, target, whole, fraction, samples, omega, least, most, dt, tolerance):  # type: ignore[no-untyped-def]
+    """The command from least to most for which `miss` vanishes: secant steps, kept inside the bracket found so far."""
+    low, high = least, most
     s_low, s_high = np.nan, np.nan
     u = min(max(start, low), high)
     for count in range(EVALUATIONS):
@@ -106,8 +112,8 @@ def seek(p, y, start, target, whole, fraction, samples, omega, limit, dt, tolera
         else:
             step = 0.02 * 3.0**count
             guess = u - step if s > 0.0 else u + step
-            if guess <= -limit or guess >= limit:
-                return min(max(guess, -limit), limit)
+            if guess <= least or guess >= most:
+                return min(max(guess, least), most)
         u = guess
     return u
 
@@ -141,7 +147,7 @@ def step(state, model, settings, rest, reference):  # type: ignore[no-untyped-de
     u : the command for this sample [-]
     virtual : (3,) position, velocity, acceleration of the copy now; with a lead, of the table after it
     """
-    p, (whole, fraction, samples, omega, limit, dt, lead) = model[0], settings
+    p, (whole, fraction, samples, omega, limit, dt, lead, most) = model[0], settings
     following = state.copy()
     table = following[HEAD:]
     if state[STARTED] == 0.0:
@@ -151,7 +157,9 @@ def step(state, model, settings, rest, reference):  # type: ignore[no-untyped-de
     virtual[2] = acceleration_now(p, table, np.zeros(CONTINUOUS))
     virtual[0], virtual[1] = table[POSITION] + table[BASE], table[VELOCITY]
     target = ahead(state, reference, lead + samples * dt, dt)
-    u = seek(p, table, state[COMMAND], target, whole, fraction, samples, omega, limit, dt, COARSE)
+    before = state[COMMAND]
+    least, largest = max(before - most, -limit), min(before + most, limit)
+    u = seek(p, table, before, target, whole, fraction, samples, omega, least, largest, dt, COARSE)
     carry(p, table, u, whole, fraction, 1, dt, FINE)
     following[STARTED], following[COMMAND], following[REFERENCE_ACCELERATION] = 1.0, u, reference[2]
     return following, u, virtual
@@ -175,6 +183,7 @@ class VirtualTable:
     bandwidth : ω of the surface [rad/s]
     horizon : H [s]; a dead time of the model is added to it, and the sum rounded to at least one sample.
     limit : largest command [-]
+    rate : of the command, at most [1/s]; a short horizon does not bear a low one.
     predict : whether the copy runs ahead by the model's dead time, see above.
 
     Attributes
@@ -189,6 +198,7 @@ class VirtualTable:
         bandwidth: float,
         horizon: float,
         limit: float,
+        rate: float = math.inf,
         predict: bool = False,
     ) -> None:
         if not (math.isfinite(horizon) and horizon > 0.0):
@@ -202,7 +212,14 @@ class VirtualTable:
         whole, fraction = (0, 0.0) if predict else dead_time(model, sample_time)
         samples = max(whole + 1, round(horizon / sample_time + (whole + fraction)))
         self.settings = Settings(
-            whole, fraction, samples, float(bandwidth), float(limit), float(sample_time), float(lead)
+            whole,
+            fraction,
+            samples,
+            float(bandwidth),
+            float(limit),
+            float(sample_time),
+            float(lead),
+            float(rate * sample_time),
         )
         self.size = HEAD + STATES + whole + 2
 

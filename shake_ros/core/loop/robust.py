@@ -72,10 +72,12 @@ class RobustSettings(Parameters):
     load_pressure: float = quantity("Pa", "load pressure of the linear models beside none", low=0.0, high=1e8)
     position_noise: float = quantity("m", "standard deviation of a position sample", low=1e-9, high=0.01)
     model_bandwidth: float = quantity("rad/s", "bandwidth of the virtual table's control", low=1.0, high=2000.0)
-    model_horizon: float = quantity("s", "horizon of the virtual table's control", low=1e-4, high=0.1)
+    model_horizon: float = quantity("s", "shortest horizon of the virtual table's control", low=1e-4, high=0.1)
     sensitivity: float = quantity("-", "largest |1/(1 + L)|", low=1.1, high=5.0)
     ringing: float = quantity("-", "largest ringing, see metrics.ringing", low=0.0, high=10.0)
     fastest: float = quantity("rad/s", "largest bandwidth of the position", low=0.1, high=1000.0)
+    model_rate: float = quantity("1/s", "largest rate of the virtual table's command", low=1.0, high=1e5, default=150.0)
+    jump: float = quantity("-", "change of the command in a sample that is told", low=0.0, high=2.0, default=0.3)
 
 
 class Uncertainty(NamedTuple):

@@ -21,24 +21,28 @@ from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.hold import Hold
 from shake_ros.core.control.law import LawParameters
 from shake_ros.core.control.runner import Controller
+from shake_ros.core.control.virtual_table import VirtualTable
 from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.loop.law_design import LAWS, WITHOUT_ACCELERATION, Common, near_surface
 from shake_ros.core.loop.metrics import ASIDE, AT_LIMIT, SETTLING, come_to_rest, ringing, settle_first, still_moving
-from shake_ros.core.loop.robust import DAMPINGS, JERKS, Design, Search
+from shake_ros.core.loop.robust import DAMPINGS, JERKS, Design, RobustSettings, Search
 from shake_ros.core.observer.linear import LinearObserver
 from shake_ros.core.observer.model import ModelObserver
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import Parameters
+from shake_ros.core.quantities import Parameters, ShakeError
 
 Array = NDArray[np.float64]
 P = TypeVar("P", bound=Parameters)
 WANTED = np.array([0.005, 0.03, 0.15])  # errors of position, velocity and acceleration that count alike [-]
 OVER_FEEDFORWARD = 1.3  # times the ringing of the feedforward alone, which a loop may have
+FREE = 0.01  # share of the time at the limit up to which a command counts as free
 AT_REST = 0.1  # rms of the acceleration at rest over the reference's, from which a loop rings
 RINGING = 0.5  # rms of the acceleration's error above 15 Hz over the reference's
 SLOWER = 0.6  # of a bandwidth that rang
 SLOWEST = 5  # bandwidths of a calm design that are tried
+LONGER = (1.0, 1.5, 2.0, 3.0, 5.0)  # times the shortest horizon of the virtual table that are tried …
+HARDER = 2.0 / 3.0  # … under this part of its rate, so that it bears other motions as well
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,8 @@ class Trial:
     """A run on one table.
 
     errors : (3,) of position, velocity, acceleration [-]. ringing, still : of `metrics`. at_limit : share of the time
-    with the command at its limit. largest : distance from mid-stroke over half the stroke.
+    with the command at its limit. largest : distance from mid-stroke over half the stroke. jump : largest change of the
+    command in a sample [-].
     """
 
     errors: Array
@@ -54,6 +59,7 @@ class Trial:
     still: float
     at_limit: float
     largest: float
+    jump: float
 
 
 @dataclass(frozen=True)
@@ -74,7 +80,7 @@ class TriedLaw:
     @property
     def worst(self) -> Array:
         """(3,) largest errors over the neighbours whose command is free [-]."""
-        free = [t.errors for t in self.trials if t.at_limit < 0.01] or [t.errors for t in self.trials]
+        free = [t.errors for t in self.trials if t.at_limit < FREE] or [t.errors for t in self.trials]
         return np.asarray(np.max(free, axis=0))
 
     @property
@@ -82,6 +88,21 @@ class TriedLaw:
         """The largest error over what is wanted; infinite for a loop that rings."""
         found = float(np.max(self.worst / WANTED))
         return found if self.rings <= 1.0 and math.isfinite(found) else math.inf
+
+    def behind(self, others: Sequence[TriedLaw]) -> float:
+        """By how much its error exceeds that of the best of the others, on the table where most; in parts of WANTED.
+
+        Below what is wanted all errors are alike. A neighbour on which every law fails judges none.
+        """
+        if not math.isfinite(self.score):
+            return math.inf
+        sound = [law for law in others if math.isfinite(law.score)]
+        exceeded = []
+        for i, own in enumerate(self.trials):
+            if i == 0 or own.at_limit < FREE:
+                best = np.min([law.trials[i].errors for law in sound], axis=0)
+                exceeded.append(np.max((own.errors - np.maximum(best, WANTED)) / WANTED))
+        return max(0.0, float(max(exceeded)))
 
 
 def rounded(parameters: P) -> P:
@@ -95,9 +116,10 @@ def trial(run: ClosedLoop, limit: float, stroke: float) -> Trial:
     run = run.after(SETTLING)
     largest = float(np.nanmax(np.abs(run.truth[:, 0]), initial=0.0)) / (0.5 * stroke)
     if not np.isfinite(run.truth).all():
-        return Trial(np.full(3, math.inf), math.inf, math.inf, 1.0, largest)
+        return Trial(np.full(3, math.inf), math.inf, math.inf, 1.0, largest, math.inf)
     at_limit = float(np.mean(np.abs(run.command) >= AT_LIMIT * limit))
-    return Trial(run.tracking_error(), ringing(run), still_moving(run), at_limit, largest)
+    jump = float(np.max(np.abs(np.diff(run.command))))
+    return Trial(run.tracking_error(), ringing(run), still_moving(run), at_limit, largest, jump)
 
 
 def looked_at(reference: Array, sample_time: float) -> tuple[Array, float]:
@@ -136,6 +158,26 @@ def allowed_ringing(
     ]
     shaken = run_batch(loops, lambda _, run: ringing(run.after(SETTLING)))
     return [max(bound, OVER_FEEDFORWARD * r) for r in shaken]
+
+
+def horizon(table: TableParameters, reference: Array, s: RobustSettings) -> float:
+    """Horizon with which the virtual table follows a reference best within the rate of its command [s].
+
+    Strong friction reverses by a jump of the pressure: with a horizon too short for the rate it overshoots,
+    with one too long it is late.
+    """
+
+    def missed(seconds: float) -> float:
+        table_ahead = VirtualTable(
+            table, s.sample_time, s.model_bandwidth, seconds, 1.0, rate=HARDER * s.model_rate, predict=True
+        )
+        try:
+            _, motion = table_ahead.follow(reference)
+        except ShakeError:
+            return math.inf
+        return float(np.std(motion[:, 2] - reference[:, 2]))
+
+    return min((times * s.model_horizon for times in LONGER), key=missed)
 
 
 class Trials:
@@ -244,4 +286,4 @@ def try_laws(
         law = trials.tried(kind, *designs[kind not in WITHOUT_ACCELERATION])
         if law:
             found.append(law)
-    return sorted(found, key=lambda law: (law.score, law.rings))
+    return sorted(found, key=lambda law: (law.behind(found), law.score, law.rings))

@@ -19,6 +19,7 @@ KINDS = (
     "constant",
     "unit",  # a size that suggests another unit
     "resampled",
+    "idle",  # the command was recorded but did not act
     "absent",  # an optional signal that is not there or not usable
 )
 

@@ -8,9 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import checks
+from shake_ros.data.recordings.acting import TOPIC as DIAGNOSTICS
+from shake_ros.data.recordings.acting import TYPE as DIAGNOSTICS_TYPE
+from shake_ros.data.recordings.acting import Acting
 from shake_ros.data.recordings.align import Grid, hold, matched
 from shake_ros.data.recordings.bag import Bag
 from shake_ros.data.recordings.cdr import Floats, Integers
@@ -61,7 +65,8 @@ class TableRecording:
     pressure_a, pressure_b, pressure_supply : (n,) absolute [Pa] or None.
     force : (n,) external force on the table [N] or None.
     reference, estimate, truth : (n, 3) position, velocity, acceleration in SI units, or None; NaN where missing.
-    segments : slices without a gap, in which command, position and (where there is one) acceleration are finite.
+    segments : slices without a gap, in which command, position and (where there is one) acceleration are finite, and
+        the command acted.
     findings : what was not as it should be.
     """
 
@@ -120,7 +125,7 @@ def read_table_recording(path: Path | str) -> TableRecording:
     """Read a recording of a table: any rosbag2 folder, or one .mcap or .db3 file.
 
     Topics are found by the last component of their names and aligned by header.stamp; a command stamped t acts
-    from t until the next. Nothing is filled in: missing samples end a segment.
+    from t until the next. Nothing is filled in: missing samples end a segment, and so does a command that did not act.
 
     Raises
     ------
@@ -128,11 +133,11 @@ def read_table_recording(path: Path | str) -> TableRecording:
         one line with path, topic and reason, where the recording cannot be used.
     """
     with Bag(path) as bag:
-        collectors = _collectors(bag)
-        topics = {collector.topic: collector for collector in collectors.values()}
+        collectors, acting = _collectors(bag), Acting()
+        topics = _listeners(bag, collectors, acting)
         for message in bag.messages(list(topics)):
             topics[message.topic].add(message)
-        return _assemble(bag, {name: collector.take() for name, collector in collectors.items()})
+        return _assemble(bag, {name: collector.take() for name, collector in collectors.items()}, acting)
 
 
 def iterate_table_recording(path: Path | str, seconds: float = 60.0) -> Iterator[TableRecording]:
@@ -143,8 +148,8 @@ def iterate_table_recording(path: Path | str, seconds: float = 60.0) -> Iterator
     positions or commands gives no piece. Raises ShakeError where topics are missing, as `read_table_recording` does.
     """
     with Bag(path) as bag:
-        collectors = _collectors(bag)
-        topics = {collector.topic: collector for collector in collectors.values()}
+        collectors, acting = _collectors(bag), Acting()
+        topics = _listeners(bag, collectors, acting)
         begin: int | None = None
         for message in bag.messages(list(topics)):
             begin = message.received if begin is None else begin
@@ -153,11 +158,11 @@ def iterate_table_recording(path: Path | str, seconds: float = 60.0) -> Iterator
                 begin = max(begin + int(seconds * 1e9), message.received - int((seconds + SETTLE) * 1e9))
                 piece = _cut(collectors, begin)
                 if _usable(piece):
-                    yield _assemble(bag, piece, partial=True)
+                    yield _assemble(bag, piece, acting, partial=True)
                     bag.findings.clear()
         piece = {name: collector.take() for name, collector in collectors.items()}
         if _usable(piece):
-            yield _assemble(bag, piece, partial=True)
+            yield _assemble(bag, piece, acting, partial=True)
 
 
 def _collectors(bag: Bag) -> dict[str, Collector]:
@@ -167,6 +172,13 @@ def _collectors(bag: Bag) -> dict[str, Collector]:
         if topic is not None:
             collectors[name] = Collector(SIGNALS[name], topic.name)
     return collectors
+
+
+def _listeners(bag: Bag, collectors: dict[str, Collector], acting: Acting) -> dict[str, Collector | Acting]:
+    """What takes the messages of each topic."""
+    topics: dict[str, Collector | Acting] = {collector.topic: collector for collector in collectors.values()}
+    reports = [t for t in bag.topics.values() if t.name.rsplit("/", 1)[-1] == DIAGNOSTICS and not t.refusal]
+    return topics | {t.name: acting for t in reports if t.type == DIAGNOSTICS_TYPE}
 
 
 def _cut(collectors: dict[str, Collector], limit: int) -> dict[str, Series]:
@@ -194,7 +206,7 @@ def _usable(piece: dict[str, Series]) -> bool:
     return np.unique(positions[positions > 0]).size > 1 and bool((commands > 0).any())
 
 
-def _assemble(bag: Bag, raw: dict[str, Series], partial: bool = False) -> TableRecording:
+def _assemble(bag: Bag, raw: dict[str, Series], acting: Acting, partial: bool = False) -> TableRecording:
     findings: list[Finding] = []
     ordered, grid = _ordered(bag, raw, findings)
     topics = {name: series.topic for name, series in ordered.items()}
@@ -213,7 +225,8 @@ def _assemble(bag: Bag, raw: dict[str, Series], partial: bool = False) -> TableR
             others[name] = values if values.shape[1] > 1 else values[:, 0]
     checks.not_a_number(main, topics, grid, findings)
     checks.sizes(main | {n: v for n, v in others.items() if v is not None}, topics, grid, findings)
-    segments = _segments(grid, list(main.values()))
+    acts = acting.usable(ordered["joint_states"].received, grid, topics["valve_command"], findings, partial)
+    segments = _segments(grid, list(main.values()), acts)
     if not segments and not partial:
         text = "; ".join(str(finding) for finding in findings[:3])
         raise ShakeError(f"{bag.path}: no stretch in which command and position are both known ({text})")
@@ -267,9 +280,9 @@ def _within(series: Series, position: Series, grid: Grid) -> Series:
     return series[(series.received >= first) & (series.received <= last)]
 
 
-def _segments(grid: Grid, signals: list[Floats]) -> tuple[slice, ...]:
-    """Runs of neighbouring samples in which all signals are finite."""
-    good = np.logical_and.reduce([np.isfinite(signal) for signal in signals])
+def _segments(grid: Grid, signals: list[Floats], acts: npt.NDArray[np.bool_]) -> tuple[slice, ...]:
+    """Runs of neighbouring samples in which all signals are finite and the command acts."""
+    good = np.logical_and.reduce([acts, *(np.isfinite(signal) for signal in signals)])
     joined = good[1:] & good[:-1] & ~grid.gaps
     starts = np.flatnonzero(good & ~np.concatenate(([False], joined)))
     ends = np.flatnonzero(good & ~np.concatenate((joined, [False]))) + 1

@@ -39,6 +39,13 @@ export async function act(what, how = {}) {
 
 export const stop = () => act('stop')
 
+// Another reference begins with *Play*, not when it is chosen, unless one is playing, which then goes over to it.
+async function choose(value) {
+  const plays = current.status?.nodes?.reference_generator
+  if (plays?.message?.endsWith('ended')) await act('set', { node: 'reference_generator', name: 'play', value: false })
+  return act('set', { node: 'reference_generator', name: 'reference', value })
+}
+
 function select(node, name, options, value) {
   const known = options.includes(value) || value == null ? options : [value, ...options]
   const shown = one => one.includes('/') ? one.split('/').slice(-2).join('/') : one
@@ -63,7 +70,8 @@ function listen(box) {
     input.onchange = async () => {
       const raw = input.value, kind = input.dataset.kind
       const value = kind === 'bool' ? raw === 'true' : kind === 'float' || kind === 'int' ? (raw.trim() === '' || Number.isNaN(+raw) ? raw : +raw) : raw
-      const answer = await act('set', { node: input.dataset.node, name: input.dataset.name, value })
+      const chosen = input.dataset.node === 'reference_generator' && input.dataset.name === 'reference'
+      const answer = await (chosen ? choose(value) : act('set', { node: input.dataset.node, name: input.dataset.name, value }))
       const name = `${input.dataset.node}.${input.dataset.name}`
       if (answer.ok) delete refused[name]
       else refused[name] = `${raw}: ${answer.text}`
@@ -118,7 +126,7 @@ async function upload(event) {
   try {
     const made = await fetched(`/api/upload?name=${encodeURIComponent(file.name)}&unit=${encodeURIComponent(element('unit').value)}`, { method: 'POST', body: file })
     toast(`${file.name} can be played`)
-    await act('set', { node: 'reference_generator', name: 'reference', value: made.reference })
+    await choose(made.reference)
   } catch (error) { toast(error.message, true) }
   event.target.value = ''
   shownFor = ''
