@@ -5,15 +5,18 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 import shake_ros as sr
 from shake_ros.__main__ import main
-from shake_ros.api.tune_table import TunedTable, load_of, read_uncertainty, tune_table
+from shake_ros.api.tune_table import TunedTable, findings, load_of, load_robust, read_uncertainty, tune_table
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.loop.robust import Load
+from shake_ros.core.loop.trials import Trials
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
@@ -89,6 +92,16 @@ def test_gains_that_ring_are_not_written_without_force(tuned: TunedTable, tmp_pa
     assert not list(tmp_path.iterdir())
     unsound.write(tmp_path, force=True)
     assert "rings on neighbour 2" in (tmp_path / "controller.yaml").read_text(encoding="utf-8")
+
+
+def test_a_command_that_jumps_as_far_as_an_interlock_holds_is_told(tuned: TunedTable) -> None:
+    trials = cast(Trials, SimpleNamespace(s=load_robust("default")[1]))
+    own = dataclasses.replace(tuned.best.trials[0], jump=0.42, at_limit=0.0)
+    jumps = dataclasses.replace(tuned.best, trials=(own,), rings=0.5)
+    margins = dataclasses.replace(tuned.margins, sensitivity=1.2, stable=True)
+    (told,) = findings(trials, jumps, np.zeros((10, 3)), margins)
+    assert told.startswith("the command jumps by 0.42 in a sample; an interlock holds the table from 0.3 on")
+    assert tuned.best.trials[0].jump < 0.3
 
 
 def test_motion_beyond_the_valve_is_told_with_the_scale_that_fits(soft: TableParameters, tmp_path: Path) -> None:
