@@ -133,10 +133,11 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
     ]
     if benefit:
         errors = benefit.errors()
+        last, gained = ("tuned", " under gains made for it") if "tuned" in errors else ("after", "")
         cards.append(
             (
-                f"{percent(errors['before']['position'])} → {percent(errors['after']['position'])}",
-                "position error in the loop, with the declared and with the extended model",
+                f"{percent(errors['before']['position'])} → {percent(errors[last]['position'])}",
+                f"position error in the loop, with the declared and with the extended model{gained}",
             )
         )
     page.cards(cards)

@@ -89,6 +89,11 @@ class TriedLaw:
         found = float(np.max(self.worst / WANTED))
         return found if self.rings <= 1.0 and math.isfinite(found) else math.inf
 
+    @property
+    def good(self) -> bool:
+        """Whether it is sound and its errors on the table itself are as small as wanted."""
+        return math.isfinite(self.score) and bool(np.all(self.trials[0].errors <= WANTED))
+
     def behind(self, others: Sequence[TriedLaw]) -> float:
         """By how much its error exceeds that of the best of the others, on the table where most; in parts of WANTED.
 
@@ -286,4 +291,4 @@ def try_laws(
         law = trials.tried(kind, *designs[kind not in WITHOUT_ACCELERATION])
         if law:
             found.append(law)
-    return sorted(found, key=lambda law: (law.behind(found), law.score, law.rings))
+    return sorted(found, key=lambda law: (not law.good, law.behind(found), law.score, law.rings))
