@@ -18,6 +18,7 @@ from shake_ros.data.recordings.findings import Finding
 TOPIC, TYPE = "diagnostics", "diagnostic_msgs/msg/DiagnosticArray"
 PASSES, SPAN = "passes", "span"  # values of a status: whether commands act, and the master gain
 FULL = 0.9995  # master gain that counts as 1, as it is printed
+BRIEF = 0.05  # [s] a shorter stretch is a matter of which message was received first
 
 
 def said(data: bytes) -> bool | None:
@@ -40,6 +41,20 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         return 1.0
+
+
+def without_brief(acts: npt.NDArray[np.bool_], most: int) -> npt.NDArray[np.bool_]:
+    """The same, without stretches of at most so many samples on which commands did not act.
+
+    >>> without_brief(np.array([False, True, False, False]), 1).tolist()
+    [True, True, False, False]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate(([True], acts, [True]))))
+    found = acts.copy()
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        if last - first <= most:
+            found[first:last] = True
+    return found
 
 
 class Acting:
@@ -67,7 +82,7 @@ class Acting:
         self, received: Integers, grid: Grid, topic: str, findings: list[Finding], partial: bool = False
     ) -> npt.NDArray[np.bool_]:
         """The samples on which commands acted; all of a whole recording that has none. What is left out is reported."""
-        acts = self.samples(received)
+        acts = without_brief(self.samples(received), round(BRIEF / grid.sample_time))
         idle = int(np.sum(~acts))
         if not idle:
             return acts

@@ -88,6 +88,13 @@ def test_reports_without_an_interlock_or_of_one_that_passes_leave_nothing_out(
     assert found.findings == ()
 
 
+def test_a_first_report_of_a_table_that_nobody_commands_yet_leaves_nothing_out(make: Callable[..., Path]) -> None:
+    """Before the first command the master gain is 0: its report may be received after the first samples."""
+    found = read(make, [(0.0005, says(True, 0.0)), (0.0035, says(True))])
+    assert found.segments == (slice(0, 3000),)
+    assert found.findings == ()
+
+
 def test_bytes_that_are_no_report_say_nothing() -> None:
     assert said(b"\x00\x01\x00\x00\xff\xff") is None
     assert said(report(says(True))) is True
