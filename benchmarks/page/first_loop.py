@@ -180,8 +180,9 @@ def main() -> int:
             found = work(operator, steps)
             errors = operator.errors()
     found.append(f"Ctrl-C: {lab.lines[-1]}")
-    arguments = [one for one in sys.argv[1:] if one != "--save" and "pictures" not in one]
-    told = text(" ".join(["python -m benchmarks.page.first_loop", *arguments]), steps, found, errors, load)
+    own = ["--clone"] * given.clone + ["--table", given.table] * (given.table != parser.get_default("table"))
+    words = ["python -m benchmarks.page.first_loop", *own, *(["--", *given.lab] if given.lab else [])]
+    told = text(" ".join(words), steps, found, errors, load)
     print(told, end="")
     if given.save:
         SAVED.write_text(told, encoding="utf-8")
