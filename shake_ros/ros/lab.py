@@ -25,6 +25,7 @@ from shake_ros.ros.supervisor import Supervisor
 
 Value = bool | int | float | str
 LOOP = "loop"  # the process of a composed graph
+ENOUGH = 4  # processors for five nodes with priority and a page beside
 NO_REFERENCE_READER = ("tracking_error", "stale_reference")  # causes that lock-step does not know
 
 
@@ -169,10 +170,23 @@ def prepare(given: argparse.Namespace) -> None:
     (given.folder / "recordings").mkdir(parents=True, exist_ok=True)
 
 
+def crowded(given: argparse.Namespace, processors: int) -> str:
+    """What to say where nodes with priority leave the page no processor; empty where they do."""
+    if not given.realtime or given.composed or given.headless or processors >= ENOUGH:
+        return ""
+    return (
+        f"--realtime on {processors} processors: five processes with priority starve the page, the browser and whatever "
+        "else runs here; --composed takes one for the loop"
+    )
+
+
 def main(arguments: Sequence[str]) -> int:
     """Run the laboratory; returns the exit code."""
     given = parser().parse_args(list(arguments))
     prepare(given)
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if told := crowded(given, processors):
+        print(f"lab: warning: {told}", file=sys.stderr, flush=True)
     domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
     with tempfile.TemporaryDirectory(prefix="shake_ros-lab-") as folder, ros_context([], domain_id=domain) as context:
         exchange = Exchange(Path(folder))

@@ -70,6 +70,20 @@ def test_lockstep_keeps_the_pace_of_who_watches(tmp_path, arguments, pace) -> No
     assert lab.table_node(given).parameters["pace"] == pace
 
 
+@pytest.mark.parametrize(
+    ("arguments", "processors", "told"),
+    [
+        (["--realtime"], 2, True),
+        (["--realtime"], 4, False),
+        (["--realtime", "--composed"], 2, False),
+        (["--realtime", "--headless"], 2, False),
+        ([], 2, False),
+    ],
+)
+def test_nodes_with_priority_that_leave_the_page_no_processor_are_told(arguments, processors, told) -> None:
+    assert ("--composed takes one" in lab.crowded(lab.parser().parse_args(arguments), processors)) is told
+
+
 def test_composed_loop_is_one_process_beside_page_and_recorder(tmp_path) -> None:
     given = lab.parser().parse_args(["--composed", "--record", "a", "--folder", str(tmp_path)])
     started = lab.nodes(given, tmp_path / "lab")
