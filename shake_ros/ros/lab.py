@@ -175,7 +175,7 @@ def crowded(given: argparse.Namespace, processors: int) -> str:
     if not given.realtime or given.composed or given.headless or processors >= ENOUGH:
         return ""
     return (
-        f"--realtime on {processors} processors: five processes with priority starve the page, the browser and whatever "
+        f"--realtime on {processors} processors: five processes with priority starve page, browser and whatever "
         "else runs here; --composed takes one for the loop"
     )
 
