@@ -15,7 +15,7 @@ from shake_ros.data.recordings import read_table_recording
 from shake_ros.ros import lab
 from shake_ros.settings import config_folder
 
-SEQUENCE = 9.0  # low and high pressure, and some time at run, on a machine that is slow to start them [s]
+SEQUENCE = 6.0  # low and high pressure, and some time at run [s]
 
 
 def test_one_command_runs_the_table_refuses_a_second_and_ends_in_order(ros_domain, tmp_path) -> None:
@@ -110,9 +110,7 @@ def test_composed_lab_that_still_compiles_ends_when_told(ros_domain, tmp_path) -
 def test_lab_over_a_bridge_takes_the_target_through_its_stages_and_stops_it_in_order(ros_domain, tmp_path) -> None:
     with emulated_target(tmp_path) as (target, bridge):
         arguments = ["--headless", "--bridge", bridge, "--enabled", "--record", "run", "--folder", str(tmp_path)]
-        busy = ("deadline_overruns", "link_loss", "clock_jump")  # of a machine that does not hold the rate
-        quiet = [f"hardware_bridge.interlock.causes.{cause}.action=indicate" for cause in busy]
-        started = Started(*arguments, "--set", *quiet)
+        started = Started(*arguments)
         started.wait_for("running: recorder, hardware_bridge")
         time.sleep(SEQUENCE)
         assert started.end() == 0, started.lines
