@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from shake_ros.core.processors import processors
 from shake_ros.core.quantities import ShakeError
 from shake_ros.page.lab_link import Exchange
 from shake_ros.ros.composed import command
@@ -170,12 +171,12 @@ def prepare(given: argparse.Namespace) -> None:
     (given.folder / "recordings").mkdir(parents=True, exist_ok=True)
 
 
-def crowded(given: argparse.Namespace, processors: int) -> str:
+def crowded(given: argparse.Namespace, count: int) -> str:
     """What to say where nodes with priority leave the page no processor; empty where they do."""
-    if not given.realtime or given.composed or given.headless or processors >= ENOUGH:
+    if not given.realtime or given.composed or given.headless or count >= ENOUGH:
         return ""
     return (
-        f"--realtime on {processors} processors: five processes with priority starve page, browser and whatever "
+        f"--realtime on {count} processors: five processes with priority starve page, browser and whatever "
         "else runs here; --composed takes one for the loop"
     )
 
@@ -184,8 +185,7 @@ def main(arguments: Sequence[str]) -> int:
     """Run the laboratory; returns the exit code."""
     given = parser().parse_args(list(arguments))
     prepare(given)
-    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if told := crowded(given, processors):
+    if told := crowded(given, processors()):
         print(f"lab: warning: {told}", file=sys.stderr, flush=True)
     domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
     with tempfile.TemporaryDirectory(prefix="shake_ros-lab-") as folder, ros_context([], domain_id=domain) as context:

@@ -27,13 +27,13 @@ def said(data: bytes) -> bool | None:
         texts = walk(data, TYPE).texts
     except UndecodableError:
         return None
-    keys = {path: text for path, text in texts.items() if path.endswith("].key")}
-    for path, text in keys.items():
-        if text == PASSES:
+    nodes: dict[str, dict[str, str]] = {}
+    for path, key in texts.items():
+        if path.endswith("].key"):
             status = path.partition("].values")[0]
-            own = {t: texts[p[:-3] + "value"] for p, t in keys.items() if p.partition("].values")[0] == status}
-            return own[PASSES] == "True" and _number(own.get(SPAN, "1")) >= FULL
-    return None
+            nodes.setdefault(status, {})[key] = texts[path.removesuffix("key") + "value"]
+    told = next((values for values in nodes.values() if PASSES in values), None)
+    return None if told is None else told[PASSES] == "True" and _number(told.get(SPAN, "1")) >= FULL
 
 
 def _number(text: str) -> float:

@@ -153,7 +153,7 @@ def choose_topic(bag: Bag, name: str, kind: str = "", required: bool = False) ->
             raise ShakeError(f"{bag.path}: no topic '{name}'; the recording holds {names}{damage}")
         return None
     topic = found[0]
-    reason = topic.refusal or (f"is {topic.type}, expected {kind}" if kind and not _same_type(topic.type, kind) else "")
+    reason = topic.refusal or (f"is {topic.type}, expected {kind}" if kind and not same_type(topic.type, kind) else "")
     if not reason and not topic.count:
         reason = "holds no message"
     if reason:
@@ -165,7 +165,8 @@ def choose_topic(bag: Bag, name: str, kind: str = "", required: bool = False) ->
     return topic
 
 
-def _same_type(name: str, wanted: str) -> bool:
+def same_type(name: str, wanted: str) -> bool:
+    """Whether two message types are one, with or without the `msg` between package and name."""
     return name.replace("/msg/", "/") == wanted.replace("/msg/", "/")
 
 

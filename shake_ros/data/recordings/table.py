@@ -19,7 +19,7 @@ from shake_ros.data.recordings.align import Grid, hold, matched
 from shake_ros.data.recordings.bag import Bag
 from shake_ros.data.recordings.cdr import Floats, Integers
 from shake_ros.data.recordings.findings import Finding
-from shake_ros.data.recordings.series import SIGNALS, Collector, Series, choose_topic, in_order, require
+from shake_ros.data.recordings.series import SIGNALS, Collector, Series, choose_topic, in_order, require, same_type
 
 REQUIRED = ("joint_states", "valve_command")
 SHORTEST_SEGMENT = 2
@@ -178,7 +178,7 @@ def _listeners(bag: Bag, collectors: dict[str, Collector], acting: Acting) -> di
     """What takes the messages of each topic."""
     topics: dict[str, Collector | Acting] = {collector.topic: collector for collector in collectors.values()}
     reports = [t for t in bag.topics.values() if t.name.rsplit("/", 1)[-1] == DIAGNOSTICS and not t.refusal]
-    return topics | {t.name: acting for t in reports if t.type == DIAGNOSTICS_TYPE}
+    return topics | {t.name: acting for t in reports if same_type(t.type, DIAGNOSTICS_TYPE)}
 
 
 def _cut(collectors: dict[str, Collector], limit: int) -> dict[str, Series]:
