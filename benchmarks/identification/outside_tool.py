@@ -28,8 +28,9 @@ import numpy as np
 from benchmarks import ROOT
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem, filtered_velocity, relative_error
+from shake_ros.core.identification.recordings import Record, RecordingProblem, relative_error
 from shake_ros.core.identification.reduced_model import REDUCED
+from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.declared import effect_candidates, free_parameters
 

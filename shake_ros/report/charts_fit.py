@@ -11,7 +11,8 @@ from shake_ros.core.discovery.closed_form import FunctionForm
 from shake_ros.core.effects.unlisted import NODES
 from shake_ros.core.identification.diagnosis import Judgement
 from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, filtered_velocity
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
+from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 

@@ -9,7 +9,6 @@ half second: a run of the full model is drawn to the measured motion there, and 
 from __future__ import annotations
 
 import copy
-import functools
 import math
 from abc import ABC, abstractmethod
 from concurrent.futures import ThreadPoolExecutor
@@ -18,53 +17,25 @@ from functools import cached_property
 from typing import ClassVar, final
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
-from scipy.signal import butter, sosfiltfilt
 
 from shake_ros.core.identification.noise import periodic_deviation, resolution, white_deviation
+from shake_ros.core.identification.velocity_filter import (
+    CUTOFF,
+    derivative,
+    filtered_velocity,
+    low_pass,
+    velocity_noise_gain,
+)
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
 from shake_ros.core.plant.simulation import UNSEEN, initial_state, run, run_batch, workers
 from shake_ros.core.plant.states import CLOCK, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
-CUTOFF = 40.0  # bandwidth of the velocity filter [Hz], (6.3.3.2)
-ORDER = 4  # per pass; forward and backward make the thesis's 8
 SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pressures are not known there …
 DRAWN = 40.0  # … and found by drawing the run towards the measured motion at this rate [1/s]
 BLOCK = 0.5  # length of a block of time for standard errors [s], shorter where the recordings would give less than
 BLOCKS = 24  # blocks in all: with fewer, the scatter of the blocks tells too little of itself
 MODEL_FLOOR = 2e-3  # weights do not fall below this part of a channel's rms: no model is better than that
-
-
-def low_pass(values: np.ndarray, sample_time: float) -> np.ndarray:
-    """Zero-phase Butterworth low-pass along the last axis, below 100 Hz sampling at 0.4 of the rate."""
-    sections = butter(ORDER, min(CUTOFF * 2.0 * sample_time, 0.8), output="sos")
-    return np.asarray(sosfiltfilt(sections, values, axis=-1))
-
-
-def _beyond(samples: int, sample_time: float) -> int:
-    """Samples by which a signal is continued at both ends, where the filter would settle on it."""
-    return min(round(2.0 / (CUTOFF * sample_time)), samples - 1)
-
-
-def filtered_velocity(velocity: np.ndarray, sample_time: float) -> np.ndarray:
-    """A simulated velocity as `derivative` shows a measured one: mirrored at its ends, low-passed, (…, n) [m/s]."""
-    count = velocity.shape[-1]
-    beyond = _beyond(count, sample_time)
-    around = [(0, 0)] * (velocity.ndim - 1) + [(beyond, beyond)]
-    return low_pass(np.pad(velocity, around, mode="reflect"), sample_time)[..., beyond : beyond + count]
-
-
-def derivative(position: np.ndarray, sample_time: float) -> np.ndarray:
-    """Low-passed derivative of a position, shape (n,) [m] → [m/s], by a spline of fifth order through its samples.
-
-    A central difference shows sin(ωT)/(ωT) of the velocity: at 200 Hz sampling 6 % less at 20 Hz.
-    """
-    beyond = _beyond(len(position), sample_time)  # the spline's end would amplify the noise
-    extended = np.pad(position, beyond, mode="reflect", reflect_type="odd")
-    time = sample_time * np.arange(len(extended))
-    slope = make_interp_spline(time, extended, k=min(5, len(extended) - 1)).derivative()(time)
-    return low_pass(slope, sample_time)[beyond : beyond + len(position)]
 
 
 @dataclass(frozen=True)
@@ -133,13 +104,6 @@ class Record:
         """Standard deviation of the acceleration noise [m/s²]."""
         assert self.acceleration is not None
         return self.noise_from_periods.get("acceleration", white_deviation(self.acceleration))
-
-
-@functools.cache
-def velocity_noise_gain(sample_time: float) -> float:
-    """Standard deviation of the filtered velocity per standard deviation of white noise on the position [1/s]."""
-    white = np.random.default_rng(0).standard_normal(20000)
-    return float(np.std(derivative(white, sample_time)[1000:-1000]))
 
 
 def relative_error(measured: np.ndarray, simulated: np.ndarray) -> float:

@@ -7,7 +7,8 @@ from typing import final
 
 import numpy as np
 
-from shake_ros.core.identification.recordings import DeclaredModel, Record, filtered_velocity
+from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.core.plant.reduced_simulation import initial_state, run_batch

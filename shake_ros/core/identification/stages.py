@@ -18,9 +18,10 @@ from shake_ros.core.identification.free_parameters import FreeParameter, FreePar
 from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
 from shake_ros.core.identification.nuisances import Nuisance, Prepared
-from shake_ros.core.identification.recordings import Record, RecordingProblem, filtered_velocity, windows
+from shake_ros.core.identification.recordings import Record, RecordingProblem, windows
 from shake_ros.core.identification.sensor_pair import SensorPair
 from shake_ros.core.identification.unknown_model import UnknownModel
+from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.identification.recordings import derivative, low_pass
+from shake_ros.core.identification.velocity_filter import derivative, low_pass
 from shake_ros.core.quantities import ShakeError
 
 Array = NDArray[np.float64]

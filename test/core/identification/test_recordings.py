@@ -15,12 +15,10 @@ from shake_ros.core.identification.recordings import (
     SETTLE,
     Record,
     RecordingProblem,
-    derivative,
-    filtered_velocity,
-    low_pass,
     relative_error,
     windows,
 )
+from shake_ros.core.identification.velocity_filter import derivative, filtered_velocity, low_pass
 from shake_ros.core.plant.simulation import run
 from shake_ros.settings import load_table
 

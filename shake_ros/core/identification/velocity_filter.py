@@ -1,0 +1,50 @@
+"""Velocity of a recording: derivative of the measured position and simulated velocity through one zero-phase filter."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.signal import butter, sosfiltfilt
+
+CUTOFF = 40.0  # bandwidth of the velocity filter [Hz], (6.3.3.2)
+ORDER = 4  # per pass; forward and backward make the thesis's 8
+
+
+def low_pass(values: np.ndarray, sample_time: float) -> np.ndarray:
+    """Zero-phase Butterworth low-pass along the last axis, below 100 Hz sampling at 0.4 of the rate."""
+    sections = butter(ORDER, min(CUTOFF * 2.0 * sample_time, 0.8), output="sos")
+    return np.asarray(sosfiltfilt(sections, values, axis=-1))
+
+
+def _beyond(samples: int, sample_time: float) -> int:
+    """Samples by which a signal is continued at both ends, where the filter would settle on it."""
+    return min(round(2.0 / (CUTOFF * sample_time)), samples - 1)
+
+
+def filtered_velocity(velocity: np.ndarray, sample_time: float) -> np.ndarray:
+    """A simulated velocity as `derivative` shows a measured one: mirrored at its ends, low-passed, (…, n) [m/s]."""
+    count = velocity.shape[-1]
+    beyond = _beyond(count, sample_time)
+    around = [(0, 0)] * (velocity.ndim - 1) + [(beyond, beyond)]
+    return low_pass(np.pad(velocity, around, mode="reflect"), sample_time)[..., beyond : beyond + count]
+
+
+def derivative(position: np.ndarray, sample_time: float) -> np.ndarray:
+    """Low-passed derivative of a position, shape (n,) [m] → [m/s], by a spline of fifth order through its samples.
+
+    A central difference shows sin(ωT)/(ωT) of the velocity: at 200 Hz sampling 6 % less at 20 Hz.
+    """
+    beyond = _beyond(len(position), sample_time)  # the spline's end would amplify the noise
+    extended = np.pad(position, beyond, mode="reflect", reflect_type="odd")
+    time = sample_time * np.arange(len(extended))
+    slope = make_interp_spline(time, extended, k=min(5, len(extended) - 1)).derivative()(time)
+    return low_pass(slope, sample_time)[beyond : beyond + len(position)]
+
+
+@functools.cache
+def velocity_noise_gain(sample_time: float) -> float:
+    """Standard deviation of the filtered velocity per standard deviation of white noise on the position [1/s]."""
+    white = np.random.default_rng(0).standard_normal(20000)
+    return float(np.std(derivative(white, sample_time)[1000:-1000]))
