@@ -20,6 +20,7 @@ from shake_ros.page.lab_link import Exchange
 from shake_ros.ros.composed import command
 from shake_ros.ros.graph import Graph, NodeSpec, awaited
 from shake_ros.ros.interface import NAMESPACE
+from shake_ros.ros.lab_start import LabStart
 from shake_ros.ros.lab_watch import LabWatch
 from shake_ros.ros.loop import ros_context
 from shake_ros.ros.supervisor import Supervisor
@@ -46,8 +47,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--composed", action="store_true", help="the loop in one process; recorder and page in their own")
     made.add_argument("--realtime", action="store_true", help="ask the system for real-time scheduling")
     made.add_argument("--record", metavar="NAME", help="record from the start, into FOLDER/recordings/NAME")
-    made.add_argument("--enabled", action="store_true", help="begin the start sequence at once")
-    made.add_argument("--play", action="store_true", help="play the reference from the start")
+    made.add_argument("--enabled", action="store_true", help="begin the start sequence once all nodes run")
+    play = "play the reference: with --enabled once commands act, else and in lock-step from the start"
+    made.add_argument("--play", action="store_true", help=play)
     made.add_argument("--duration", type=float, default=0.0, metavar="S", help="end after this; 0: on Ctrl-C")
     made.add_argument("--folder", type=Path, default=Path("out/lab"), help="of recordings and results")
     made.add_argument("--set", nargs="+", action="extend", default=[], metavar="NODE.PARAMETER=VALUE", dest="changes")
@@ -97,7 +99,7 @@ def changes(given: Sequence[str]) -> dict[str, dict[str, Value]]:
 
 def table_node(given: argparse.Namespace) -> NodeSpec:
     """The simulated table, or the bridge to a real one."""
-    own: dict[str, Value] = {"enabled": given.enabled, "interlock.configuration": given.interlock}
+    own: dict[str, Value] = {"enabled": given.enabled and given.lockstep, "interlock.configuration": given.interlock}
     if given.operator_required:
         own["interlock.causes.operator_gone.action"] = "program_hold"
     if given.bridge:
@@ -110,9 +112,10 @@ def table_node(given: argparse.Namespace) -> NodeSpec:
 
 def loop_nodes(given: argparse.Namespace) -> list[NodeSpec]:
     """What runs the table, in the order of their start."""
+    at_once = given.lockstep or not given.enabled
     return [
         table_node(given),
-        NodeSpec("reference_generator", {"reference": given.reference, "play": given.play}),
+        NodeSpec("reference_generator", {"reference": given.reference, "play": given.play and at_once}),
         NodeSpec("observer", {"observer": given.observer}),
         NodeSpec("controller", {"controller": given.controller}),
         NodeSpec("thd_analyzer"),
@@ -193,7 +196,9 @@ def main(arguments: Sequence[str]) -> int:
         watch = LabWatch(context, NAMESPACE, given.lockstep)
         watch.refuse_a_second_graph(domain)
         graph = Graph(nodes(given, exchange.path), domain_id=domain, lockstep=given.lockstep)
-        supervisor = Supervisor(graph, watch, exchange, given.folder.absolute() / "recordings")
+        later = given.enabled and not given.lockstep
+        start = LabStart(watch, later, later and given.play)
+        supervisor = Supervisor(graph, watch, start, exchange, given.folder.absolute() / "recordings")
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: supervisor.ask_to_stop())
         try:

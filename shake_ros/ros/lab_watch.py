@@ -13,7 +13,7 @@ from rclpy.node import Node
 
 from shake_ros.core.safety.stages import OFF, STAGES
 from shake_ros.ros.claims import Claims
-from shake_ros.ros.diagnostics import NO_ANSWER
+from shake_ros.ros.diagnostics import ERROR, LEVELS, NO_ANSWER
 from shake_ros.ros.interface import DIAGNOSTICS, ENABLE, ESTIMATE, JOINT_STATES, REFERENCE, VALVE_COMMAND
 
 TABLES = ("plant", "hardware_bridge")
@@ -30,12 +30,19 @@ class LabWatch:
     stage : of the table as last reported; empty before.
     cycles : samples that the table has taken, as last reported; empty before.
     missing : what the table's node says of a target computer that does not answer; empty where none is missed.
+    tripped : causes that the interlock has acted on since its node started.
+    acts : whether commands act, with a master gain that rises no more.
+    trips : words of what the interlock has acted on since they were last taken.
     """
 
     def __init__(self, context: Context, namespace: str, lockstep: bool) -> None:
         self.node = Node("_shake_lab", namespace=namespace, context=context, start_parameter_services=False)
         self.heard: set[str] = set()
         self.stage = self.cycles = self.missing = ""
+        self.tripped: set[str] = set()
+        self.acts = False
+        self.trips: list[str] = []
+        self._gain = ""
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
         self.node.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, self._report, DIAGNOSTICS.qos(lockstep))
@@ -48,10 +55,15 @@ class LabWatch:
             if not node.startswith(f"{self._space}/"):
                 continue
             self.heard.add(node.rpartition("/")[2])
+            if part == "interlock" and LEVELS.index(status.level) == ERROR:
+                self.trips.append(status.message)
             if part in TABLES:
                 told = {one.key: one.value for one in status.values}
                 self.missing = status.message if status.message.startswith(NO_ANSWER) else ""
                 self.stage, self.cycles = told.get("stage", self.stage), told.get("cycles", self.cycles)
+                self.tripped = {one.partition(":")[0] for one in told.get("trips", "").split()}
+                gain, self._gain = self._gain, told.get("span", "")
+                self.acts = told.get("passes") == "True" and gain == self._gain and float(gain) > 0.0
 
     def spin(self, seconds: float) -> None:
         """Serve what comes for so long."""

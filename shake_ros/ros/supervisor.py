@@ -12,6 +12,7 @@ from typing import Any
 from shake_ros.core.quantities import ShakeError
 from shake_ros.page.lab_link import Exchange
 from shake_ros.ros.graph import LAST, Graph, NodeSpec
+from shake_ros.ros.lab_start import LabStart
 from shake_ros.ros.lab_watch import TABLES, LabWatch
 
 POLL = 0.05  # [s]
@@ -31,12 +32,12 @@ class Supervisor:
 
     Parameters
     ----------
-    graph : of its processes, not yet started. watch : its eyes. exchange : the line to the page.
-    recordings : their folder.
+    graph : of its processes, not yet started. watch : its eyes. start : what it begins once all run.
+    exchange : the line to the page. recordings : their folder.
     """
 
-    def __init__(self, graph: Graph, watch: LabWatch, exchange: Exchange, recordings: Path) -> None:
-        self.graph, self.watch, self.exchange, self.recordings = graph, watch, exchange, recordings
+    def __init__(self, graph: Graph, watch: LabWatch, start: LabStart, exchange: Exchange, recordings: Path) -> None:
+        self.graph, self.watch, self.start, self.exchange, self.recordings = graph, watch, start, exchange, recordings
         self._asked = 0.0  # when it was told to end, on the monotonic clock [s]
         self._dead: dict[str, str] = {}  # node → why
         self._told: dict[str, Any] = {}  # what the page knows
@@ -98,6 +99,11 @@ class Supervisor:
             self._ready = bool(self.watch.stage)
             if self._ready:
                 say(f"running: {', '.join(one.called for one in self.graph.nodes)}")
+        all_there = {one.executable for one in self.graph.nodes if one.called not in self._dead} <= self.watch.heard
+        if self._ready and all_there and (text := self.start.go_on()):
+            say(text)
+        while self.watch.trips:
+            say(f"interlock: {self.watch.trips.pop(0)}")
         if self.watch.missing != self._missing:
             self._missing = self.watch.missing
             say(f"hardware_bridge: {self._missing or 'the target answers'}")

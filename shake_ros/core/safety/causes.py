@@ -73,6 +73,15 @@ CAUSES: dict[str, Cause] = {
 # causes that are younger than 1.0: an interlock that was written before does without
 LATER: dict[str, dict[str, Any]] = {"operator_gone": {"threshold": 1.0, "action": NONE, "latch": True}}
 NUMBERS: dict[str, int] = {name: number for number, name in enumerate(CAUSES, 1)}  # on the wire; 0 is none
+TIMED: tuple[str, ...] = (  # what a machine that is busy for a moment brings about
+    "stale_command",
+    "command_lost",
+    "stale_reference",
+    "deadline_overruns",
+    "clock_jump",
+    "link_loss",
+    "sensor_missing",
+)
 SENSED: tuple[str, ...] = (
     "position_soft",
     "position_hard",
