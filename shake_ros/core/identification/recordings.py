@@ -32,7 +32,9 @@ from shake_ros.core.plant.states import CLOCK, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
 SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pressures are not known there …
-DRAWN = 40.0  # … and found by drawing the run towards the measured motion at this rate [1/s]
+DRAWN = 40.0  # … and found by drawing the run towards the measured motion at this rate [1/s], unless …
+AT_REST = 0.01  # … it begins at rest: with a velocity over this time [s] …
+QUIET = 4.0  # … below so many times its noise
 BLOCK = 0.5  # length of a block of time for standard errors [s], shorter where the recordings would give less than
 BLOCKS = 24  # blocks in all: with fewer, the scatter of the blocks tells too little of itself
 MODEL_FLOOR = 2e-3  # weights do not fall below this part of a channel's rms: no model is better than that
@@ -70,9 +72,14 @@ class Record:
     @cached_property
     def beginning(self) -> np.ndarray:
         """The motion before `start`, towards which a free run is drawn: a table that is recorded in the midst of a
-        motion, or that rings, has pressures that follow from nothing else, shape (k, 2).
+        motion, or that rings, has pressures that follow from nothing else, shape (k, 2). Empty where the recording
+        begins at rest, whose state is known: the noise of the measured velocity would only break a standing contact.
         """
-        return self.motion[: self.start] if self.moved else UNSEEN
+        return self.motion[: self.start] if self.moved and not self._begins_at_rest() else UNSEEN
+
+    def _begins_at_rest(self) -> bool:
+        first = self.velocity[: max(3, round(AT_REST / self.sample_time))]
+        return bool(math.sqrt(np.mean(first**2)) < QUIET * self.velocity_noise())
 
     @property
     def start(self) -> int:
