@@ -49,6 +49,7 @@ class Reader(html.parser.HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
+        data = data.replace("\u00a0", " ")
         where = self.open[-1] if self.open else ""
         if where == "script" and self._chart:
             self.charts.append(json.loads(data))

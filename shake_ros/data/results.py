@@ -186,6 +186,7 @@ def close_loop_json(result: LoopClosure, learn: Sequence[str], hold: Sequence[st
             "depends_on": list(depends_on),
             "text": text,
             "candidates": [_candidate_json(c) for c in result.candidates],
+            "validation_with_candidates": result.with_candidates,
         },
         "function": _function_json(result.function) if result.function else None,
         "ended_early": result.search.stopped,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -86,6 +87,13 @@ def _short(values: Floats) -> list[float]:
     return [float(f"{value:.4g}") for value in values]
 
 
+@lru_cache(maxsize=4)
+def _flat_top(n: int) -> Floats:
+    turn = 2.0 * np.pi * np.arange(n) / n
+    weights = (0.21557895, -0.41663158, 0.277263158, -0.083578947, 0.006947368)
+    return np.sum([a * np.cos(k * turn) for k, a in enumerate(weights)], axis=0)
+
+
 def amplitude_spectrum(values: Floats, sample_time: float) -> tuple[Floats, Floats]:
     """Frequencies [Hz] and amplitudes of a stretch, the largest of each band on a logarithmic axis; missing is zero.
 
@@ -94,9 +102,7 @@ def amplitude_spectrum(values: Floats, sample_time: float) -> tuple[Floats, Floa
     n = len(values)
     if n < 256:
         return np.zeros(0), np.zeros(0)
-    turn = 2.0 * np.pi * np.arange(n) / n
-    weights = (0.21557895, -0.41663158, 0.277263158, -0.083578947, 0.006947368)
-    window = sum(a * np.cos(k * turn) for k, a in enumerate(weights))
+    window = _flat_top(n)
     amplitude = np.abs(np.fft.rfft(np.nan_to_num(values) * window)) * 2.0 / np.sum(window)
     frequency = np.asarray(np.fft.rfftfreq(n, sample_time), dtype=np.float64)
     edges = np.unique(np.searchsorted(frequency, np.geomspace(4.0 / (n * sample_time), frequency[-1], BANDS)))

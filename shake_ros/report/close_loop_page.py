@@ -141,15 +141,22 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
             )
         )
     page.cards(cards)
-    if not steps:
+    if not steps and not result.candidates:
         page.paragraph("No effect lowers the error on the validation data beyond chance.")
     for step, model, standing in zip_longest(steps, result.models, result.standings):
         said = _sentences(standing) if standing else []
         page.paragraph(" ".join([step_text(step, model, standing, result.function), *said]))
     for doubtful in result.candidates:
         page.paragraph(" ".join([f"Not added: {doubtful.effect} ({doubtful.place}).", *_sentences(doubtful)]))
+    if result.with_candidates:
+        left = ", ".join(f"{name} {_both(e)}" for name, e in result.with_candidates.items())
+        page.paragraph(f"If it were added, the error of velocity and acceleration on held-out data would be {left}.")
     if result.search.stopped:
         page.paragraph("The search was ended before it was done; this is the best answer so far.")
+
+
+def _both(errors: Mapping[str, float]) -> str:
+    return " and ".join(percent(errors[channel]) for channel in ("velocity", "acceleration") if channel in errors)
 
 
 def _sentences(standing: EffectStanding) -> list[str]:

@@ -21,6 +21,7 @@ WEB = Path(__file__).resolve().parent / "web"
 LARGEST = 5_500_000  # of a page's charts [byte]
 MANY = 8  # columns from which on a table is printed small
 NUMERIC = re.compile(r"[<>≈≤±−+-]?\s?[\d.]|not known|–$|$")
+PERCENT = "\u00a0%"  # stays with its number
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 BUTTONS = (
     ("view", "start", "the stretch shown at first"),
@@ -85,6 +86,10 @@ class Page:
     def paragraph(self, text: str, note: bool = False) -> None:
         """A paragraph of plain text; a note is quieter."""
         self._parts.append(f"<p{' class=note' if note else ''}>{html.escape(text)}</p>")
+
+    def link(self, text: str, file: str) -> None:
+        """A paragraph that leads to another file of the same folder."""
+        self._parts.append(f"<p><a href='{html.escape(file)}'>{html.escape(text)}</a></p>")
 
     def cards(self, entries: Sequence[tuple[str, str]]) -> None:
         """A row of (value, meaning) cards."""
@@ -194,13 +199,13 @@ def _web(name: str) -> str:
 
 def _breaking(text: str) -> str:
     """Text that may break behind an underscore of a name, and not between a number and its unit."""
-    return html.escape(text).replace("_", "_<wbr>").replace(" %", "\u00a0%").replace(" m/s²", "\u00a0m/s²")
+    return html.escape(text).replace("_", "_<wbr>").replace(" %", PERCENT).replace(" m/s²", "\u00a0m/s²")
 
 
 def _cell(cell: str | Bar, left: bool) -> str:
     if isinstance(cell, Bar):
         return f"<td class='bar'><i style='width:{7.0 * min(cell.share, 1.0):.2f}rem'></i>{html.escape(cell.text)}</td>"
-    return f"<td{' class=text' if left else ''}>{html.escape(cell)}</td>"
+    return f"<td{' class=text' if left else ''}>{html.escape(cell).replace(' %', PERCENT)}</td>"
 
 
 def _chart(chart: Chart) -> str:

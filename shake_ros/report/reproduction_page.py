@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from shake_ros.report.experiment import Claim, ExperimentReport
 from shake_ros.report.page import Made, Page
 
+INDEX = "index.html"
 HEAD = ("section", "the thesis says", "printed", "here", "verdict")
 
 
@@ -18,6 +19,7 @@ def claim_rows(claims: Sequence[Claim]) -> list[list[str]]:
 def experiment_page(experiment: ExperimentReport, command: str = "") -> Page:
     """The page of one experiment."""
     page = Page(experiment.title, experiment.lead, Made(command))
+    page.link("all claims of the chapter", INDEX)
     page.heading("What the thesis says")
     page.table(HEAD, claim_rows(experiment.claims))
     for claim in experiment.claims:
@@ -43,7 +45,8 @@ def index_page(
     """The page of all claims, by experiment, and of the figures of the chapter with what draws them or why not."""
     page = Page("Chapter 6 of the thesis, run again", count_of(experiments), Made(command))
     for name, experiment in experiments.items():
-        page.heading(f"{experiment.title} ({name}.html)")
+        page.heading(experiment.title)
+        page.link("its tables, figures and remarks", f"{name}.html")
         page.table(HEAD, claim_rows(experiment.claims))
     if figures:
         page.heading("Figures of the chapter")

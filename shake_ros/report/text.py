@@ -8,7 +8,7 @@ from itertools import zip_longest
 
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.closed_form import LearntFunction
-from shake_ros.core.discovery.declared_fit import FittedModel
+from shake_ros.core.discovery.declared_fit import Errors, FittedModel
 from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
@@ -58,9 +58,15 @@ def error_lines(model: FittedModel, title: str = "error of the free run") -> lis
     """Errors per recording, relative to the measured signal."""
     lines = [f"{title:<36}{'velocity':>12}{'acceleration':>14}"]
     for role, errors in (("estimation", model.estimation), ("validation", model.validation)):
-        for name, e in errors.items():
-            lines.append(f"{f'{role} {name}':<36}{percent(e['velocity']):>12}{percent(e.get('acceleration')):>14}")
+        lines += _error_rows(role, errors)
     return lines
+
+
+def _error_rows(role: str, errors: Errors) -> list[str]:
+    return [
+        f"{f'{role} {name}':<36}{percent(e['velocity']):>12}{percent(e.get('acceleration')):>14}"
+        for name, e in errors.items()
+    ]
 
 
 def function_line(function: LearntFunction) -> str:
@@ -91,7 +97,8 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
         lines += parameter_lines([p for p in model.parameters if p.name in own])
         lines += error_lines(model)
     if not result.search.steps:
-        lines += ["", "nothing is added: no effect lowers the error on the validation data"]
+        why = "what lowers the error is not established" if result.candidates else "no effect lowers the error"
+        lines += ["", f"nothing is added: {why} on the validation data"]
     lines += [function_line(result.function)] if result.function else []
     lines += ["", f"remaining: {result.remaining.text}"]
     if result.search.stopped:
@@ -99,6 +106,8 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
     for doubtful in result.candidates:
         lines.append(f"not added: {doubtful.effect}, place {doubtful.place}")
         lines += standing_lines(doubtful)
+    if result.with_candidates:
+        return [*lines, "error of the free run if it were added:", *_error_rows("validation", result.with_candidates)]
     return lines
 
 

@@ -40,6 +40,8 @@ def test_an_experiment_gives_its_page_the_claims_and_their_count(
     assert said.startswith(f"{len(claims)} claims: ")
     assert [c["holds"] for c in claims] == [False, False, True, True, True, True]  # table 6.8, then table 6.9
     assert (out / "sensitivity.html").read_text().count("<figure class='chart'") == 12
+    assert "<a href='sensitivity.html'>" in (out / "index.html").read_text()
+    assert "<a href='index.html'>" in (out / "sensitivity.html").read_text()
     assert main(["sensitivity", "--out", str(out)]) == 2
     assert "exists already" in capsys.readouterr().err
 

@@ -80,7 +80,9 @@ def check_report(report: Any) -> None:
         assert isinstance(step["evidence"], dict)
         check_error(step["error"], learn, hold)
     remaining = report["remaining"]
-    assert set(remaining) == {"above_noise", "place", "depends_on", "text", "candidates"}
+    keys = {"above_noise", "place", "depends_on", "text", "candidates", "validation_with_candidates"}
+    assert set(remaining) == keys
+    assert set(remaining["validation_with_candidates"]) == (set(hold) if remaining["candidates"] else set())
     for doubtful in remaining["candidates"]:
         assert doubtful["state"] == "not established"
         assert doubtful["effect"] not in {s["effect"] for s in report["steps"]}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
@@ -21,6 +21,7 @@ class LoopClosure:
     """Result of closing the loop: models before and after, the steps between them, what remains.
 
     standings : how sure each step's effect is. candidates : effects that helped and are not established.
+    with_candidates : held-out errors of the model that has them too, as FittedModel.validation; empty without any.
     function : the one without a name, where it was needed.
     """
 
@@ -32,6 +33,7 @@ class LoopClosure:
     model: DeclaredModel = FULL
     standings: tuple[EffectStanding, ...] = ()
     candidates: tuple[EffectStanding, ...] = ()
+    with_candidates: dict[str, dict[str, float]] = field(default_factory=dict)
     function: LearntFunction | None = None
 
     @property
@@ -60,6 +62,7 @@ def close_loop(
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
     selection = forward_selection(replace(problem, progress=progress), declared, model)
     found, standings, doubtful = judged(problem, selection)
+    tentative = problem.validation.errors(selection.final.fit.vector) if doubtful else {}
     if sum(len(r.commands) for r in problem.estimation.records) < sum(len(r.commands) for r in estimation):
         problem.progress("final fit to all recordings", 0.8)
         problem, found = on_whole(problem, found, estimation)
@@ -67,7 +70,8 @@ def close_loop(
     models = tuple(fitted_model(m.fit, problem.estimation, problem.validation) for m in found.models)
     rest = remaining(problem, found)
     function, noise = learnt_function(problem, found.final), problem.estimation.noise()
-    return LoopClosure(models[0], models[1:], found, rest, noise, model.simulator, standings, doubtful, function)
+    sure = standings, doubtful, tentative
+    return LoopClosure(models[0], models[1:], found, rest, noise, model.simulator, *sure, function)
 
 
 def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:

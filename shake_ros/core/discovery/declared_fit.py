@@ -44,7 +44,7 @@ def fitted_model(
     ----------
     blocks : of the fit's residuals, where they are not those of the estimation data.
     """
-    vector = result.free.vectors(result.x)[0]
+    vector = result.vector
     return FittedModel(
         result,
         result.free.table(result.x),

@@ -40,6 +40,11 @@ class Fit:
     cost: float
     evaluations: int
 
+    @property
+    def vector(self) -> np.ndarray:
+        """All parameters of the table that was fitted."""
+        return np.asarray(self.free.vectors(self.x)[0])
+
     def after(self, evaluations: int) -> Fit:
         """The same, as the end of so many evaluations more."""
         return replace(self, evaluations=self.evaluations + evaluations)
