@@ -54,10 +54,15 @@ def verdict(out: Path, channel: str, seconds: float) -> str:
     report = json.loads((out / "report.json").read_text(encoding="utf-8"))
     steps = [s["effect"] + "".join(f" or {a}" for a in s["alternatives"]) for s in report["steps"]]
     before, after = (per_cent(report[m]["error"]["hold"], channel) for m in ("baseline", "final"))
-    return (
-        f"  {out.name}: {' + '.join(steps) or 'nothing'}; held-out {channel}: {before} → {after} [{seconds:.0f} s]\n"
-        f"    {report['remaining']['text']}"
-    )
+    remaining = report["remaining"]
+    said = [
+        f"  {out.name}: {' + '.join(steps) or 'nothing'}; held-out {channel}: {before} → {after} [{seconds:.0f} s]",
+        f"    {remaining['text']}",
+    ]
+    if remaining["candidates"]:
+        doubtful = " + ".join(c["effect"] for c in remaining["candidates"])
+        said.append(f"    not established: {doubtful}; {per_cent(remaining['validation_with_candidates'], channel)}")
+    return "\n".join(said)
 
 
 def sealed(data: Path, out: Path) -> None:

@@ -32,6 +32,7 @@ from shake_ros.settings import find, load_table, read_yaml
 SILENT = 3.0  # a node that has not reported for so long is lost [s]
 SLOWLY = 15.0  # the same in lock-step, where a busy machine lets a node wait [s]
 TRIPS = 60
+STOP = interface.STOP.name
 SPECTRUM = 8.192  # stretch of the live spectrum [s]
 SPECTRUM_EVERY = 0.5  # [s]
 ERROR_OVER = 2.0  # stretch of the live comparison with the model [s]
@@ -234,6 +235,8 @@ class PageDesk:
         future: Future[Answer] = Future()
         if what in ("table", "model"):
             threading.Thread(target=self._long, args=(future, what, how), daemon=True).start()
+        elif what == STOP:  # waits for no look of the node
+            self._do(future, what, how)
         else:
             self._requests.put(lambda: self._do(future, what, how))
         return future

@@ -21,8 +21,7 @@ from shake_ros.ros.page_desk import PageDesk
 from shake_ros.ros.sample_tap import SampleTap
 from shake_ros.settings import load_table
 
-FRAME = 1.0 / 30.0  # between two looks at the topics [s]
-ANSWER = 0.01  # between two looks at what the page asks for [s]
+FRAME = 1.0 / 30.0  # between two looks at the topics, and at what the page asks for [s]
 SIGN = 0.1  # between two signs of the operator's page [s]
 LOCAL = "127.0.0.1"
 
@@ -64,7 +63,6 @@ class PageNode(Behaviour):
         )
         self.server = Server(site)
         frame.every(FRAME, self._take)
-        frame.every(ANSWER, self.desk.serve)
         if own.operator_required:
             self._operator = frame.publisher(OPERATOR)
             frame.every(SIGN, self._sign)
@@ -84,6 +82,7 @@ class PageNode(Behaviour):
     def _take(self) -> None:
         self._tap.take()
         self.store.settle()
+        self.desk.serve()
         self.frame.diagnostics.cycles += 1
 
     def _sign(self) -> None:
