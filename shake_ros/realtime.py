@@ -1,4 +1,4 @@
-"""What a process may ask of the operating system to keep time: priority, a processor, locked memory, a quiet collector.
+"""What a process may ask of the operating system to keep time: priority, a processor that stays awake, locked memory.
 
 Each is asked for by itself; what the system refuses is said, and the process goes on without it
 (docs/howto/realtime.md).
@@ -18,6 +18,8 @@ from shake_ros.core.quantities import Parameters, quantity
 MCL_CURRENT_AND_FUTURE = 3
 THREADS = Path("/proc/self/task")
 STATUS = Path("/proc/self/status")
+WAKING = Path("/dev/cpu_dma_latency")  # while it is held open, waking takes no longer than what is written [us]
+AT_ONCE = (0).to_bytes(4, "little")
 ANY = -1
 MANY = 5000  # objects, whose collection takes about a millisecond
 
@@ -31,6 +33,7 @@ class RealtimeParameters(Parameters):
     cpu: int = quantity("-", "the only processor to run on; -1: any", low=ANY, high=4095)
     lock_memory: bool = quantity("", "keep all memory, present and future, from being paged out")
     freeze_collector: bool = quantity("", "the garbage collector works once a second, on what is new since the start")
+    stay_awake: bool = quantity("", "keep all processors from sleeping while they have nothing to do")
 
 
 def _each_thread(change: Callable[[int], None]) -> None:
@@ -53,6 +56,26 @@ def _lock_memory() -> None:
         raise OSError(number, os.strerror(number))
 
 
+class _Awake:
+    """Holds the processors awake from `hold` until the process ends, or `release`."""
+
+    def __init__(self) -> None:
+        self.file = -1
+
+    def hold(self) -> None:
+        if self.file < 0:
+            self.file = os.open(WAKING, os.O_WRONLY)
+            os.write(self.file, AT_ONCE)
+
+    def release(self) -> None:
+        if self.file >= 0:
+            os.close(self.file)
+            self.file = -1
+
+
+awake = _Awake()
+
+
 def ask_for(wanted: RealtimeParameters) -> str:
     """Ask for all that is wanted. Returns a line on what was refused and why, empty where nothing was."""
     if not wanted.enabled:
@@ -64,6 +87,8 @@ def ask_for(wanted: RealtimeParameters) -> str:
         steps[f"SCHED_FIFO {wanted.priority}"] = lambda: _schedule(wanted.priority)
     if wanted.cpu != ANY:
         steps[f"processor {wanted.cpu}"] = lambda: _each_thread(lambda one: os.sched_setaffinity(one, {wanted.cpu}))
+    if wanted.stay_awake:
+        steps["processors that stay awake"] = awake.hold
     refused = []
     for name, step in steps.items():
         try:
@@ -115,6 +140,7 @@ def in_force() -> str:
             f"SCHED_FIFO {os.sched_getparam(0).sched_priority}" if fifo else "usual scheduling",
             f"processor {processors[0]}" if len(processors) == 1 else f"{len(processors)} processors",
             "memory locked" if locked else "memory not locked",
+            *(["processors awake"] if awake.file >= 0 else []),
             "collector held" if not gc.isenabled() else "collector at work",
         )
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -14,8 +15,8 @@ LOOK = 0.05  # between two looks at the page [s]
 
 
 @contextmanager
-def chromium(profile: Path, width: int = 1400, height: int = 1000) -> Iterator[Any]:
-    """A browser of its own profile, in CSS pixels; it ends with the block."""
+def chromium(profile: Path, width: int = 1400, height: int = 1000, nice: int = 0) -> Iterator[Any]:
+    """A browser of its own profile, in CSS pixels, so much nicer than we are; it ends with the block."""
     from selenium import webdriver
 
     options = webdriver.ChromeOptions()
@@ -26,7 +27,9 @@ def chromium(profile: Path, width: int = 1400, height: int = 1000) -> Iterator[A
     ):  # fmt: skip
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options, webdriver.ChromeService(str(DRIVER)))
+    driver = webdriver.Chrome(
+        options, webdriver.ChromeService(str(DRIVER), popen_kw={"preexec_fn": lambda: os.nice(nice)})
+    )
     try:
         yield driver
     finally:

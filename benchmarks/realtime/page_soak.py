@@ -1,6 +1,6 @@
 """The live page open in Chromium for ten minutes at 1 kHz: what it costs the loop, its node and the browser.
 
-    python -m benchmarks.realtime.page_soak [--seconds 600] [--without 120] [--fifo] [--domain 0] [--save]
+    python -m benchmarks.realtime.page_soak [--seconds 600] [--without 120] [--fifo] [--aside] [--save]
 
 `./shake lab` in real time plays a sine without end, first without the page, then with the page, Chromium and a client
 that opens the page's line and reads nothing. Missed periods of the nodes that keep the time stand beside each other and
@@ -9,6 +9,7 @@ beside those of a bare timer; Chromium draws without a graphics card, on the sam
 * Heap: what JavaScript holds after a collection, at the end beyond what it held after a first minute.
 * Frames: that came, and that were drawn, a second. Processor: time of the page's node over the stretch.
 * `--fifo`: the loop's nodes with SCHED_FIFO (`lab --realtime`).
+* `--aside`: Chromium takes only what nobody else wants (nice 19), nearly as one on another machine.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ SHAKE = (sys.executable, "-m", "shake_ros")
 SETTLING = 60.0  # at most, before anything counts [s]
 ENDING = 180.0  # of an orderly stop, which is slow where lock-step is [s]
 STARTING = 180.0  # patience until the table runs [s]
+NICEST = 19
 LOOP = ("plant", "reference_generator")  # keep the time; all others follow
 OPENING = (
     "GET /live HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
@@ -192,9 +194,11 @@ def without(seconds: float, arguments: list[str], listener: Listener, domain: in
         return count("without the page", seconds, listener)
 
 
-def with_page(seconds: float, arguments: list[str], listener: Listener, domain: int, folder: Path) -> Stretch:
+def with_page(
+    seconds: float, arguments: list[str], listener: Listener, domain: int, folder: Path, nice: int
+) -> Stretch:
     """The loop with the page, a browser and a client that reads nothing."""
-    with laboratory(["--port", "0", *arguments], domain) as lab, chromium(folder / "profile") as driver:
+    with laboratory(["--port", "0", *arguments], domain) as lab, chromium(folder / "profile", nice=nice) as driver:
         address = lab.waits_for("open http").partition("open ")[2]
         lab.waits_for("running:")
         driver.execute_cdp_cmd("Performance.enable", {})
@@ -234,6 +238,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0, help="with the page [s]")
     parser.add_argument("--without", type=float, default=120.0, help="without the page [s]")
     parser.add_argument("--fifo", action="store_true", help="the loop with SCHED_FIFO")
+    parser.add_argument("--aside", action="store_true", help="Chromium at the lowest priority")
     parser.add_argument("--domain", type=int, default=int(os.environ.get("ROS_DOMAIN_ID", "0")))
     parser.add_argument("--save", action="store_true", help=f"write {SAVED.name} as well")
     given = parser.parse_args()
@@ -247,7 +252,7 @@ def main() -> int:
         with Listener([DIAGNOSTICS.name], lockstep=False, domain_id=given.domain) as listener:
             alone = without(given.without, arguments, listener, given.domain)
         with Listener([DIAGNOSTICS.name], lockstep=False, domain_id=given.domain) as listener:
-            watched = with_page(given.seconds, arguments, listener, given.domain, folder)
+            watched = with_page(given.seconds, arguments, listener, given.domain, folder, NICEST if given.aside else 0)
     told = watched.told
     command = re.sub(r" --save| --domain \d+", "", " ".join(sys.argv[1:]))
     text = (

@@ -81,7 +81,7 @@ def run(case: Case, seconds: float, domain: int, alike: bool) -> tuple[dict[str,
             driver.node.destroy_publisher(driver.publisher)
         begin(case, running, reports, driver)
         if alike:
-            ask_for(RealtimeParameters(True, PRIORITY, ANY, False, False))
+            ask_for(RealtimeParameters(True, PRIORITY, ANY, False, False, False))
         time.sleep(SETTLING / 1e9)
         priority = [str(PRIORITY)] if case.fifo else []
         limit = subprocess.run([timer, str(seconds), *priority], capture_output=True, text=True, check=True).stdout

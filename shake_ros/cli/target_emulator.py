@@ -98,7 +98,7 @@ def main(arguments: Sequence[str]) -> int:
             print(f"{name}: {data.hex()}")
         return 0
     own, unit = settings(given)
-    realtime = RealtimeParameters(True, given.priority, given.cpu, given.priority > 0, True)
+    realtime = RealtimeParameters(True, given.priority, given.cpu, given.priority > 0, True, given.priority > 0)
     switches = Switches([parse_fault(text) for text in given.fault])
     link = TargetLink(own.address, own.port, key_for(own.key_file, own.address))
     journal = open_journal(given.journal) if given.journal else None

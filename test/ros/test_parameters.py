@@ -189,7 +189,7 @@ OWN = {
 }
 COMMON = {
     *flatten(LoopParameters(False, 1000.0, "", "")),
-    *flatten(RealtimeParameters(False, 1, -1, True, True), "realtime."),
+    *flatten(RealtimeParameters(False, 1, -1, True, True, True), "realtime."),
 }
 
 

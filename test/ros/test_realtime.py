@@ -26,7 +26,10 @@ from shake_ros.realtime import RealtimeParameters
 from shake_ros.ros.graph import Graph, NodeSpec
 
 PRIORITY, PROCESSOR = 42, min(os.sched_getaffinity(0))
-ASKED = {"realtime.enabled": True, "realtime.priority": PRIORITY, "realtime.cpu": PROCESSOR, "rate": 100.0}
+ASKED = {
+    "realtime.enabled": True, "realtime.priority": PRIORITY, "realtime.cpu": PROCESSOR, "realtime.stay_awake": False,
+    "rate": 100.0,
+}  # fmt: skip
 PR_CAPBSET_DROP, CAP_IPC_LOCK, CAP_SYS_NICE = 24, 14, 23
 PATIENCE = 40.0
 RUNAWAY = 10_000_000  # at SCHED_FIFO without ever waiting [us]
@@ -48,7 +51,7 @@ def allowed() -> None:
     """Skip where this user may not have what is to be shown."""
     program = (
         "from shake_ros.realtime import *\n"
-        f"print(ask_for(RealtimeParameters(True, {PRIORITY}, {PROCESSOR}, True, True)))"
+        f"print(ask_for(RealtimeParameters(True, {PRIORITY}, {PROCESSOR}, True, True, False)))"
     )
     refused = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip()
     if refused:
@@ -152,7 +155,7 @@ def test_a_node_without_the_rights_runs_on_and_warns_once(ros_domain, unprivileg
 
 def test_nothing_is_asked_for_unless_it_is_enabled() -> None:
     before = realtime.in_force()
-    assert realtime.ask_for(RealtimeParameters(False, PRIORITY, PROCESSOR, True, True)) == ""
+    assert realtime.ask_for(RealtimeParameters(False, PRIORITY, PROCESSOR, True, True, True)) == ""
     assert realtime.in_force() == before
 
 
@@ -194,12 +197,32 @@ def test_what_a_late_import_leaves_is_held_as_well() -> None:
 
 
 def test_a_processor_that_is_not_there_is_named() -> None:
-    wanted = RealtimeParameters(True, 0, 4095, False, False)
+    wanted = RealtimeParameters(True, 0, 4095, False, False, False)
     assert realtime.ask_for(wanted) == "real time: runs without processor 4095 (Invalid argument)"
 
 
 @pytest.mark.parametrize(("name", "value"), [("priority", 100), ("priority", -1), ("cpu", -2)])
 def test_priority_and_processor_have_bounds(name, value) -> None:
     fields = {"enabled": True, "priority": 80, "cpu": -1, "lock_memory": True, "freeze_collector": True}
+    fields["stay_awake"] = True
     with pytest.raises(ShakeError, match=f"{name} = {value} is outside"):
         RealtimeParameters(**{**fields, name: value})
+
+
+def test_processors_stay_awake_while_the_process_holds_them_so(monkeypatch, tmp_path) -> None:
+    device = tmp_path / "cpu_dma_latency"
+    device.write_bytes(b"")
+    monkeypatch.setattr(realtime, "WAKING", device)
+    try:
+        assert realtime.ask_for(RealtimeParameters(True, 0, -1, False, False, True)) == ""
+        assert device.read_bytes() == b"\0\0\0\0"  # a request of 0 us, as the kernel reads it
+        assert "processors awake" in realtime.in_force()
+    finally:
+        realtime.awake.release()
+    assert "processors awake" not in realtime.in_force()
+
+
+def test_processors_that_may_not_be_kept_awake_are_named(monkeypatch, tmp_path) -> None:
+    monkeypatch.setattr(realtime, "WAKING", tmp_path / "none")
+    refused = realtime.ask_for(RealtimeParameters(True, 0, -1, False, False, True))
+    assert refused == "real time: runs without processors that stay awake (No such file or directory)"
