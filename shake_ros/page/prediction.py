@@ -40,7 +40,7 @@ class Prediction:
         """Predict with another model from now on; safe from another thread."""
         table = Table(model, self._sample_time) if model is not None else None
         if table is not None:  # compiled before the first sample
-            table.acceleration(table.advance(table.initial_state(), 0.0))
+            table.true_acceleration(table.advance(table.initial_state(), 0.0))
         self._table, self._state = table, None
 
     def advance(self, commands: Row, positions: Row, supply: Row) -> tuple[Row, Row]:
@@ -67,7 +67,7 @@ class Prediction:
             if math.isfinite(pressure):
                 table.set_supply_pressure(pressure)
             if self._settled > SETTLING:
-                velocity[k], acceleration[k] = state[VELOCITY], table.acceleration(state)
+                velocity[k], acceleration[k] = state[VELOCITY], table.true_acceleration(state)
             self._settled += self._sample_time
             try:
                 state = table.advance(state, self._command)

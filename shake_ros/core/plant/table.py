@@ -69,14 +69,14 @@ class Table:
 
     def measure(self, state: np.ndarray, k: int) -> Measurement:
         """Sensors at sample k and the truth behind them; noise depends on the seed and k alone."""
-        acceleration = self.acceleration(state)
+        acceleration = self.true_acceleration(state)
         position, _, measured, p_a, p_b, p_s, _ = self._row.tolist()
         read = self._noise.read(k, position, measured, p_a, p_b, p_s)
         truth = float(state[POSITION] + state[BASE]), float(state[VELOCITY] + state[BASE_RATE]), acceleration
         return Measurement(*read, *truth)
 
-    def acceleration(self, state: np.ndarray) -> float:
-        """True acceleration at a state [m/s²]."""
+    def true_acceleration(self, state: np.ndarray) -> float:
+        """At a state [m/s²]."""
         return float(observe_one(self._records, state, self._work[STAGE], self._row))
 
     def pressures(self, state: np.ndarray) -> tuple[float, float]:
