@@ -116,7 +116,8 @@ def _title(step: ForwardStep, function: LearntFunction | None = None) -> str:
 
 
 def _named(result: LoopClosure) -> str:
-    return ", ".join(_title(step, result.function) for step in result.search.steps) or "nothing"
+    none = "nothing established" if result.candidates or result.remaining.above_noise else "nothing"
+    return ", ".join(_title(step, result.function) for step in result.search.steps) or none
 
 
 def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | None) -> None:
@@ -149,14 +150,18 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
     for doubtful in result.candidates:
         page.paragraph(" ".join([f"Not added: {doubtful.effect} ({doubtful.place}).", *_sentences(doubtful)]))
     if result.with_candidates:
-        left = ", ".join(f"{name} {_both(e)}" for name, e in result.with_candidates.items())
-        page.paragraph(f"If it were added, the error of velocity and acceleration on held-out data would be {left}.")
+        page.paragraph(_if_added(result))
     if result.search.stopped:
         page.paragraph("The search was ended before it was done; this is the best answer so far.")
 
 
-def _both(errors: Mapping[str, float]) -> str:
-    return " and ".join(percent(errors[channel]) for channel in ("velocity", "acceleration") if channel in errors)
+def _if_added(result: LoopClosure) -> str:
+    """What the error would be with the candidates."""
+    errors = result.with_candidates
+    channels = [c for c in ("velocity", "acceleration") if all(c in of for of in errors.values())]
+    left = ", ".join(f"{name} {' and '.join(percent(of[c]) for c in channels)}" for name, of in errors.items())
+    what = "all of these" if len(result.candidates) > 1 else "it"
+    return f"With {what} in the model the error of {' and '.join(channels)} on held-out data would be {left}."
 
 
 def _sentences(standing: EffectStanding) -> list[str]:

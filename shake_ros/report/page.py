@@ -85,7 +85,7 @@ class Page:
 
     def paragraph(self, text: str, note: bool = False) -> None:
         """A paragraph of plain text; a note is quieter."""
-        self._parts.append(f"<p{' class=note' if note else ''}>{html.escape(text)}</p>")
+        self._parts.append(f"<p{' class=note' if note else ''}>{html.escape(text).replace(' %', PERCENT)}</p>")
 
     def link(self, text: str, file: str) -> None:
         """A paragraph that leads to another file of the same folder."""

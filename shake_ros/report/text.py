@@ -107,7 +107,11 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
         lines.append(f"not added: {doubtful.effect}, place {doubtful.place}")
         lines += standing_lines(doubtful)
     if result.with_candidates:
-        return [*lines, "error of the free run if it were added:", *_error_rows("validation", result.with_candidates)]
+        return [
+            *lines,
+            "error of the free run with all that is not added:",
+            *_error_rows("validation", result.with_candidates),
+        ]
     return lines
 
 

@@ -16,11 +16,12 @@ from hidden_table import SAMPLE_TIME
 from pages import Reader, read_page
 
 from shake_ros.core.discovery.closed_form import LearntFunction, fitted_forms
+from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.report import charts_fit, text
 from shake_ros.report.chart import Chart, ChartSeries, Panel, packed
-from shake_ros.report.close_loop_page import close_loop_page, step_text
+from shake_ros.report.close_loop_page import close_loop_page, found_section, step_text
 from shake_ros.report.page import LARGEST, Bar, Made, Page, Source
 from shake_ros.report.readable import estimate_text, unit_of
 from shake_ros.report.sections import hydraulic_table
@@ -306,3 +307,21 @@ def test_function_without_a_name_is_told_by_what_it_depends_on_and_its_form() ->
     function = LearntFunction("position", "force", "N", at, values, deviations, form)
     told = step_text(dataclasses.replace(step, chosen=chosen), done.final, None, function)
     assert told.startswith("a function of load pressure (stops), place force. ")
+
+
+def test_what_is_not_established_is_not_called_nothing_missing_and_has_its_figures() -> None:
+    found = command("nothing").result
+    doubtful = EffectStanding("coulomb_friction", "friction", "not established", 1.35, "worth little")
+    errors = {"held": {"velocity": 0.185, "acceleration": 0.251}}
+    page = Page("a", "b")
+    found_section(page, dataclasses.replace(found, candidates=(doubtful,), with_candidates=errors), None)
+    words = read_page(page.render()).words
+    assert "nothing established" in words
+    assert "With it in the model the error of velocity and acceleration on held-out data would be" in words
+    assert "held 18.50 % and 25.10 %" in words
+    velocity = {"held": {"velocity": 0.185}}
+    both = dataclasses.replace(found, candidates=(doubtful, doubtful), with_candidates=velocity)
+    page = Page("a", "b")
+    found_section(page, both, None)
+    words = read_page(page.render()).words
+    assert "With all of these in the model the error of velocity on held-out data would be held 18.50 %." in words
