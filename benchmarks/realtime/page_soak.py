@@ -1,6 +1,6 @@
 """The live page open in Chromium for ten minutes at 1 kHz: what it costs the loop, its node and the browser.
 
-    python -m benchmarks.realtime.page_soak [--seconds 600] [--without 120] [--fifo] [--aside] [--save]
+    python -m benchmarks.realtime.page_soak [--seconds 600] [--without 120] [--fifo] [--aside] [--reader] [--save]
 
 `./shake lab` in real time plays a sine without end, first without the page, then with the page, Chromium and a client
 that opens the page's line and reads nothing. Missed periods of the nodes that keep the time stand beside each other and
@@ -9,6 +9,7 @@ beside those of a bare timer; Chromium draws without a graphics card, on the sam
 * Heap: what JavaScript holds after a collection, at the end beyond what it held after a first minute.
 * Frames: that came, and that were drawn, a second. Processor: time of the page's node over the stretch.
 * `--fifo`: the loop's nodes with SCHED_FIFO (`lab --realtime`).
+* `--reader`: a program that reads the page's line takes the browser's place: what the page's own node costs.
 * `--aside`: Chromium takes only what nobody else wants (nice 19), nearly as one on another machine.
 """
 
@@ -16,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import http.cookiejar
 import json
 import os
 import re
@@ -26,6 +28,7 @@ import sys
 import tempfile
 import threading
 import time
+import urllib.request
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +41,7 @@ from benchmarks.realtime.timing import processor_time, resident
 from shake_ros.ros.interface import DIAGNOSTICS
 
 SAVED = Path(__file__).with_suffix(".txt")
+READ = SAVED.with_name("page_soak_reader.txt")
 TIMER = Path(__file__).with_name("bare_timer.py")
 SHAKE = (sys.executable, "-m", "shake_ros")
 SETTLING = 60.0  # at most, before anything counts [s]
@@ -49,6 +53,18 @@ OPENING = (
     "GET /live HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
     "Sec-WebSocket-Key: c29hayBzb2FrIHNvYWsgcw==\r\nOrigin: http://{host}\r\nCookie: {cookie}\r\n\r\n"
 )
+READER = """
+import sys, time
+from websockets.sync.client import connect
+
+address, cookie, settling, seconds = *sys.argv[1:3], *map(float, sys.argv[3:])
+with connect(f"ws://{address}/live", additional_headers={"Cookie": cookie}, origin=f"http://{address}",
+             compression=None, max_size=None) as line:
+    begun, frames = time.monotonic() + settling, 0
+    while time.monotonic() < begun + seconds:
+        frames += isinstance(line.recv(), bytes) and time.monotonic() > begun
+print(frames / seconds)
+"""
 
 
 @dataclass
@@ -225,6 +241,26 @@ def with_page(
         return found
 
 
+def with_reader(seconds: float, arguments: list[str], listener: Listener, domain: int) -> Stretch:
+    """The loop with the page and a program that reads it."""
+    with laboratory(["--port", "0", *arguments], domain) as lab:
+        address = lab.waits_for("open http").partition("open ")[2]
+        lab.waits_for("running:")
+        jar = http.cookiejar.CookieJar()
+        urllib.request.build_opener(urllib.request.HTTPCookieProcessor(jar)).open(address).close()
+        cookie = next(iter(jar))
+        settling = min(SETTLING, seconds / 4)
+        command = [sys.executable, "-c", READER, address.split("/")[2], f"{cookie.name}={cookie.value}"]
+        with subprocess.Popen([*command, str(settling), str(seconds)], stdout=subprocess.PIPE, text=True) as reader:
+            time.sleep(settling)
+            page = lab.node("page")
+            used, begun = processor_time(page), time.monotonic()
+            found = count("with page and reader", seconds, listener)
+            found.told["processor"] = (processor_time(page) - used) / (time.monotonic() - begun)
+            found.told["frames"] = float(reader.communicate(timeout=30.0)[0])
+    return found
+
+
 def row(found: Stretch) -> str:
     """One stretch."""
     nodes = "".join(f"{found.missed[node]:22}" for node in LOOP)
@@ -238,9 +274,10 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0, help="with the page [s]")
     parser.add_argument("--without", type=float, default=120.0, help="without the page [s]")
     parser.add_argument("--fifo", action="store_true", help="the loop with SCHED_FIFO")
+    parser.add_argument("--reader", action="store_true", help="a program in the browser's place")
     parser.add_argument("--aside", action="store_true", help="Chromium at the lowest priority")
     parser.add_argument("--domain", type=int, default=int(os.environ.get("ROS_DOMAIN_ID", "0")))
-    parser.add_argument("--save", action="store_true", help=f"write {SAVED.name} as well")
+    parser.add_argument("--save", action="store_true", help=f"write {SAVED.name} as well, or {READ.name}")
     given = parser.parse_args()
     arguments = ["--enabled", "--play", "--reference", "sine_20mm_2hz", "--set", "reference_generator.repeat=true"]
     arguments += ["plant.interlock.causes.deadline_overruns.action=indicate"]
@@ -252,7 +289,11 @@ def main() -> int:
         with Listener([DIAGNOSTICS.name], lockstep=False, domain_id=given.domain) as listener:
             alone = without(given.without, arguments, listener, given.domain)
         with Listener([DIAGNOSTICS.name], lockstep=False, domain_id=given.domain) as listener:
-            watched = with_page(given.seconds, arguments, listener, given.domain, folder, NICEST if given.aside else 0)
+            if given.reader:
+                watched = with_reader(given.seconds, arguments, listener, given.domain)
+            else:
+                nice = NICEST if given.aside else 0
+                watched = with_page(given.seconds, arguments, listener, given.domain, folder, nice)
     told = watched.told
     command = re.sub(r" --save| --domain \d+", "", " ".join(sys.argv[1:]))
     text = (
@@ -263,14 +304,18 @@ def main() -> int:
         + f"   {'share':16}{'bare timer (longest)':>20}{'load':>8}\n"
         f"{row(alone)}\n{row(watched)}\n\n"
         f"processor of the page's node  {100 * told['processor']:.1f} % of a core (wanted: < 25)\n"
-        f"frames that came              {told['frames']:.1f} /s (wanted: >= 25), drawn {told['draws']:.1f} /s\n"
-        f"heap of the page              {told['held']:.1f} MB, grown by {told['heap']:.1f} MB (wanted: < 20)\n"
-        f"memory of the page's node     grown by {told['first half']:.1f} MiB in the first half, "
-        f"{told['second half']:.1f} in the second, beside a client that reads nothing\n"
+        f"frames that came              {told['frames']:.1f} /s (wanted: >= 25)"
     )
-    print(text, end="")
+    if not given.reader:
+        text += (
+            f", drawn {told['draws']:.1f} /s\n"
+            f"heap of the page              {told['held']:.1f} MB, grown by {told['heap']:.1f} MB (wanted: < 20)\n"
+            f"memory of the page's node     grown by {told['first half']:.1f} MiB in the first half, "
+            f"{told['second half']:.1f} in the second, beside a client that reads nothing"
+        )
+    print(text)
     if given.save:
-        SAVED.write_text(text, encoding="utf-8")
+        (READ if given.reader else SAVED).write_text(f"{text}\n", encoding="utf-8")
     return 0
 
 
