@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 LOOK = 6.0  # for a graph [s]
 WHOLE = 15.0  # for all of its nodes, once one is heard [s]
 STARTING = 60.0  # of the hydraulics, and of a stop in order [s]
+SAYING = 1.0  # from the report of a hold to its words [s]
 STANDING = 20.0  # the reference does not advance for so long: the graph stands [s]
 STARTS = "starting", "waiting for the first command"
 GENERATOR = "reference_generator"
@@ -151,7 +152,9 @@ class GraphTable:
         while not held and not graph.report(GENERATOR).message.endswith(": ended"):
             graph.until(lambda: len(graph.trips) > trips, 0.2)
             recorder.check()
-            held = "; ".join(graph.trips[trips:]) or ("" if self._ready else graph.report(self.table).message)
+            if len(graph.trips) > trips or not self._ready:  # the table's report may come before what it acts on
+                graph.until(lambda: len(graph.trips) > trips, SAYING)
+                held = "; ".join(graph.trips[trips:]) or graph.report(self.table).message
             if (now := graph.report(GENERATOR).values.get("sample")) != place:
                 place, moved = now, time.monotonic()
             elif time.monotonic() - moved > STANDING:

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from shake_ros import __main__ as shake_ros
-from shake_ros.api.experiments import EXPERIMENTS, bulk_modulus, controllers, reduced_model
+from shake_ros.api.experiments import EXPERIMENTS, bulk_modulus, controllers, neural_schedule, reduced_model
 from shake_ros.api.measured_runs import PRINTED, printed_tables
 from shake_ros.api.progress import Progress
 from shake_ros.api.reproduce import figure_list
@@ -123,3 +123,21 @@ def test_without_the_soft_zone_the_models_part_at_low_frequency_and_meet_at_high
     modulus, zone = (panel.series[0].values for panel in found.charts[2].panels)
     assert modulus[80] < 0.25 * modulus[-1]  # soft at zero load pressure
     assert zone[80] == pytest.approx(1.0 - load_table("bergamo_table_6_9").value("effects.soft_zone.depth"))
+
+
+def test_the_neural_schedule_is_judged_beside_one_set_and_the_physical_effect(tmp_path: Path) -> None:
+    few = read_yaml(find("schedule", "default"))
+    few |= {"amplitudes": [0.1, 0.2, 0.4, 0.6], "frequencies": [1.0, 2.0, 4.0, 6.0], "seeds": [1, 2]}
+    (tmp_path / "few.yaml").write_text(yaml.safe_dump(few), encoding="utf-8")
+    words = {"settings": str(tmp_path / "few.yaml"), "good_within": 0.2}
+    (tmp_path / "words.yaml").write_text(yaml.safe_dump(words), encoding="utf-8")
+    with Progress("test", lambda text, part: None) as tell:
+        found = neural_schedule.run(tell, str(tmp_path / "words.yaml"))
+    assert len(found.claims) == 4
+    assert found.claims[3].holds  # soft_zone, which the table has, leaves the least of both recordings
+    assert "soft_zone" in found.claims[3].found
+    assert [len(table.rows) for table in found.tables] == [2 * 3, 4 * 3]
+    errors = {tuple(row[:2]): float(row[3].rstrip(" %")) for row in found.tables[1].rows}
+    tracked = [errors[name, "schedule"] <= 20.0 for name in ("amplitude doubled", "sum of sines")]
+    assert found.claims[0].holds == all(tracked)
+    assert [chart.name.partition("_")[0] for chart in found.charts] == ["training", "error", "error"]
