@@ -1,6 +1,6 @@
 """The live page open in Chromium for ten minutes at 1 kHz: what it costs the loop, its node and the browser.
 
-    python -m benchmarks.realtime.page_soak [--seconds 600] [--without 120] [--fifo] [--aside] [--reader] [--save]
+    python -m benchmarks.realtime.page_soak [--seconds 600] [--without 120] [--composed] [--fifo] [--aside | --reader]
 
 `./shake lab` in real time plays a sine without end, first without the page, then with the page, Chromium and a client
 that opens the page's line and reads nothing. Missed periods of the nodes that keep the time stand beside each other and
@@ -274,6 +274,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0, help="with the page [s]")
     parser.add_argument("--without", type=float, default=120.0, help="without the page [s]")
     parser.add_argument("--fifo", action="store_true", help="the loop with SCHED_FIFO")
+    parser.add_argument("--composed", action="store_true", help="the loop in one process")
     parser.add_argument("--reader", action="store_true", help="a program in the browser's place")
     parser.add_argument("--aside", action="store_true", help="Chromium at the lowest priority")
     parser.add_argument("--domain", type=int, default=int(os.environ.get("ROS_DOMAIN_ID", "0")))
@@ -281,6 +282,8 @@ def main() -> int:
     given = parser.parse_args()
     arguments = ["--enabled", "--play", "--reference", "sine_20mm_2hz", "--set", "reference_generator.repeat=true"]
     arguments += ["plant.interlock.causes.deadline_overruns.action=indicate"]
+    if given.composed:
+        arguments += ["--composed"]
     if given.fifo:
         arguments += ["--realtime"]
     with tempfile.TemporaryDirectory(prefix="page_soak-") as name:
