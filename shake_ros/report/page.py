@@ -21,7 +21,6 @@ WEB = Path(__file__).resolve().parent / "web"
 LARGEST = 5_500_000  # of a page's charts [byte]
 MANY = 8  # columns from which on a table is printed small
 NUMERIC = re.compile(r"[<>≈≤±−+-]?\s?[\d.]|not known|–$|$")
-PERCENT = "\u00a0%"  # stays with its number
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 BUTTONS = (
     ("view", "start", "the stretch shown at first"),
@@ -85,7 +84,7 @@ class Page:
 
     def paragraph(self, text: str, note: bool = False) -> None:
         """A paragraph of plain text; a note is quieter."""
-        self._parts.append(f"<p{' class=note' if note else ''}>{html.escape(text).replace(' %', PERCENT)}</p>")
+        self._parts.append(f"<p{' class=note' if note else ''}>{_kept(text)}</p>")
 
     def link(self, text: str, file: str) -> None:
         """A paragraph that leads to another file of the same folder."""
@@ -197,15 +196,20 @@ def _web(name: str) -> str:
     return (WEB / name).read_text(encoding="utf-8")
 
 
+def _kept(text: str) -> str:
+    """Text whose numbers keep their per cent."""
+    return html.escape(text).replace(" %", "\u00a0%")
+
+
 def _breaking(text: str) -> str:
     """Text that may break behind an underscore of a name, and not between a number and its unit."""
-    return html.escape(text).replace("_", "_<wbr>").replace(" %", PERCENT).replace(" m/s²", "\u00a0m/s²")
+    return _kept(text).replace("_", "_<wbr>").replace(" m/s²", "\u00a0m/s²")
 
 
 def _cell(cell: str | Bar, left: bool) -> str:
     if isinstance(cell, Bar):
         return f"<td class='bar'><i style='width:{7.0 * min(cell.share, 1.0):.2f}rem'></i>{html.escape(cell.text)}</td>"
-    return f"<td{' class=text' if left else ''}>{html.escape(cell).replace(' %', PERCENT)}</td>"
+    return f"<td{' class=text' if left else ''}>{_kept(cell)}</td>"
 
 
 def _chart(chart: Chart) -> str:

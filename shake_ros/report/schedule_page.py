@@ -42,12 +42,17 @@ def learning_chart(training: Training) -> Chart:
     return Chart("training", "epoch", (panel,), caption)
 
 
+def better_than_one_set(seeds: Sequence[Any]) -> int:
+    """How many networks leave less of the acceleration of the windows held out."""
+    return sum(s.errors["network"][1] < s.errors["one set"][1] for s in seeds)
+
+
 def verdict(seeds: Sequence[Any]) -> str:
     """Whether the networks beat one constant set on the windows held out, with the figures."""
     one, network, least = (
         float(np.mean([s.errors[n][1] for s in seeds])) for n in ("one set", "network", "fit to the window")
     )
-    wins = sum(s.errors["network"][1] < s.errors["one set"][1] for s in seeds)
+    wins = better_than_one_set(seeds)
     beats = "beat" if wins == len(seeds) else "do not always beat"
     return (
         f"The networks {beats} one constant set ({wins} of {len(seeds)} seeds): the mean error of the acceleration is "

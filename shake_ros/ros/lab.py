@@ -97,9 +97,17 @@ def changes(given: Sequence[str]) -> dict[str, dict[str, Value]]:
     return found
 
 
+def begins_later(given: argparse.Namespace) -> bool:
+    """Whether pressure and reference wait until all nodes run (LabStart); in lock-step time waits itself."""
+    return bool(given.enabled and not given.lockstep)
+
+
 def table_node(given: argparse.Namespace) -> NodeSpec:
     """The simulated table, or the bridge to a real one."""
-    own: dict[str, Value] = {"enabled": given.enabled and given.lockstep, "interlock.configuration": given.interlock}
+    own: dict[str, Value] = {
+        "enabled": given.enabled and not begins_later(given),
+        "interlock.configuration": given.interlock,
+    }
     if given.operator_required:
         own["interlock.causes.operator_gone.action"] = "program_hold"
     if given.bridge:
@@ -112,10 +120,9 @@ def table_node(given: argparse.Namespace) -> NodeSpec:
 
 def loop_nodes(given: argparse.Namespace) -> list[NodeSpec]:
     """What runs the table, in the order of their start."""
-    at_once = given.lockstep or not given.enabled
     return [
         table_node(given),
-        NodeSpec("reference_generator", {"reference": given.reference, "play": given.play and at_once}),
+        NodeSpec("reference_generator", {"reference": given.reference, "play": given.play and not begins_later(given)}),
         NodeSpec("observer", {"observer": given.observer}),
         NodeSpec("controller", {"controller": given.controller}),
         NodeSpec("thd_analyzer"),
@@ -196,7 +203,7 @@ def main(arguments: Sequence[str]) -> int:
         watch = LabWatch(context, NAMESPACE, given.lockstep)
         watch.refuse_a_second_graph(domain)
         graph = Graph(nodes(given, exchange.path), domain_id=domain, lockstep=given.lockstep)
-        later = given.enabled and not given.lockstep
+        later = begins_later(given)
         start = LabStart(watch, later, later and given.play)
         supervisor = Supervisor(graph, watch, start, exchange, given.folder.absolute() / "recordings")
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

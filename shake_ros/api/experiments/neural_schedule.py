@@ -9,7 +9,7 @@ from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
 from shake_ros.api.schedule import ScheduleComparison, schedule
 from shake_ros.report.experiment import Claim, ExperimentReport, Rows
-from shake_ros.report.schedule_page import learning_chart, running_chart, verdict
+from shake_ros.report.schedule_page import better_than_one_set, learning_chart, running_chart, verdict
 from shake_ros.report.text import percent
 from shake_ros.settings import find, read_yaml
 
@@ -53,7 +53,7 @@ def _claims(found: ScheduleComparison, good: float) -> list[Claim]:
     def each(model: str) -> str:
         return ", ".join(percent(_acceleration(errors, model)) for errors in by_recording.values())
 
-    wins = sum(s.errors["network"][1] < s.errors["one set"][1] for s in found.seeds)
+    wins = better_than_one_set(found.seeds)
     tests = ", ".join(f"{s.training.test:.2f}" for s in found.seeds)
     tracked = all(_acceleration(errors, NETWORK) <= good for errors in by_recording.values())
     converges = _acceleration(later, NETWORK) <= max(good, _acceleration(later, ONE))

@@ -70,8 +70,9 @@ def close_loop(
     models = tuple(fitted_model(m.fit, problem.estimation, problem.validation) for m in found.models)
     rest = remaining(problem, found)
     function, noise = learnt_function(problem, found.final), problem.estimation.noise()
-    sure = standings, doubtful, tentative
-    return LoopClosure(models[0], models[1:], found, rest, noise, model.simulator, *sure, function)
+    return LoopClosure(
+        models[0], models[1:], found, rest, noise, model.simulator, standings, doubtful, tentative, function
+    )
 
 
 def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:

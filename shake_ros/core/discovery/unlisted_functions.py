@@ -215,7 +215,7 @@ def pulsation_periods(problem: RecordingProblem, current: Fit, settings: SearchS
     spectrum of S(t) r(t) over the time since the recordings' start peaks at the frequency of m.
     """
     table = current.free.table(current.x)
-    row = current.free.vectors(current.x)[0].copy()
+    row = current.vector.copy()
     column = list(current.free.base.fields).index(SUPPLY)
     row[column] = 1.01 * table.value(SUPPLY)
     sensitivity = problem.residuals(row[None, :])[0] - current.residuals

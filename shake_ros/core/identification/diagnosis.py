@@ -103,7 +103,7 @@ def diagnose(
     estimation, validation : recordings that it was fitted to and others. candidates : recordings that could be made.
     blocks : of the fit's residuals, where they are not those of the free run over `estimation`.
     """
-    vector = result.free.vectors(result.x)[0]
+    vector = result.vector
     problem = RecordingProblem(list(estimation), model)
     judged = judge(problem, vector, False)
     if validation:
