@@ -44,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--lockstep", action="store_true", help="by stamps instead of by the wall clock")
     pace = "in lock-step at most X times real time; 0: as fast as it goes (default: 1 with the page, 0 without)"
     made.add_argument("--pace", type=float, metavar="X", help=pace)
-    made.add_argument("--composed", action="store_true", help="the loop in one process; recorder and page in their own")
+    made.add_argument("--composed", action="store_true", help="the loop in one process; all else in their own")
     made.add_argument("--realtime", action="store_true", help="ask the system for real-time scheduling")
     made.add_argument("--record", metavar="NAME", help="record from the start, into FOLDER/recordings/NAME")
     made.add_argument("--enabled", action="store_true", help="begin the start sequence once all nodes run")
@@ -125,7 +125,6 @@ def loop_nodes(given: argparse.Namespace) -> list[NodeSpec]:
         NodeSpec("reference_generator", {"reference": given.reference, "play": given.play and not begins_later(given)}),
         NodeSpec("observer", {"observer": given.observer}),
         NodeSpec("controller", {"controller": given.controller}),
-        NodeSpec("thd_analyzer"),
     ]
 
 
@@ -139,7 +138,7 @@ def page_node(given: argparse.Namespace, socket: Path) -> NodeSpec:
 
 
 def nodes(given: argparse.Namespace, socket: Path) -> list[NodeSpec]:
-    """All processes: the page and the recorder first, that they miss nothing."""
+    """All processes: page, recorder and analyzer first, that they miss nothing."""
     wanted = changes(given.changes)
     common: dict[str, Value] = {"realtime.enabled": True} if given.realtime else {}
     loop = [NodeSpec(one.executable, {**one.parameters, **common}) for one in loop_nodes(given)]
@@ -148,6 +147,8 @@ def nodes(given: argparse.Namespace, socket: Path) -> list[NodeSpec]:
         others.append(page_node(given, socket))
     if given.record:
         others.append(NodeSpec("recorder", {"output": str(given.folder.absolute() / "recordings" / given.record)}))
+    apart = given.composed and not given.lockstep  # its fit takes tens of periods at a time
+    (others if apart else loop).append(NodeSpec("thd_analyzer"))
     for name in wanted:
         if name not in (known := [one.executable for one in (*loop, *others)]):
             raise ShakeError(f"--set {name}…: no such node here; there are {', '.join(known)}")

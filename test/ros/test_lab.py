@@ -86,11 +86,19 @@ def test_nodes_with_priority_that_leave_the_page_no_processor_are_told(arguments
     assert ("--composed takes one" in lab.crowded(lab.parser().parse_args(arguments), processors)) is told
 
 
-def test_composed_loop_is_one_process_beside_page_and_recorder(tmp_path) -> None:
-    given = lab.parser().parse_args(["--composed", "--record", "a", "--folder", str(tmp_path)])
+@pytest.mark.parametrize(("more", "apart", "readers"), [([], ["thd_analyzer"], 2), (["--lockstep"], [], 3)])
+def test_composed_loop_is_one_process_and_holds_the_analyzer_in_lock_step_alone(tmp_path, more, apart, readers) -> None:
+    given = lab.parser().parse_args(["--composed", "--record", "a", "--folder", str(tmp_path), *more])
     started = lab.nodes(given, tmp_path / "lab")
-    assert [one.called for one in started] == ["page", "recorder", "loop"]
-    assert "joint_states:2" in started[-1].program[-1]
+    assert [one.called for one in started] == ["page", "recorder", *apart, "loop"]
+    assert f"joint_states:{readers}" in started[-1].program[-1]
+    assert ("thd_analyzer" in started[-1].program[-1]) is (not apart)
+
+
+def test_priority_is_for_the_loop_alone(tmp_path) -> None:
+    given = lab.parser().parse_args(["--realtime", "--record", "a", "--folder", str(tmp_path)])
+    asking = [one.called for one in lab.nodes(given, tmp_path / "lab") if one.parameters.get("realtime.enabled")]
+    assert asking == ["plant", "reference_generator", "observer", "controller"]
 
 
 def test_composed_lab_runs_records_and_ends_by_itself_when_its_time_is_over(ros_domain, tmp_path) -> None:
