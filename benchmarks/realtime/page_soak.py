@@ -4,7 +4,7 @@
 
 `./shake lab` in real time plays a sine without end, first without the page, then with the page, Chromium and a client
 that opens the page's line and reads nothing. Missed periods of the nodes that keep the time stand beside each other and
-beside those of a bare timer; Chromium draws without a graphics card, on the same processors.
+beside those of a bare timer that is scheduled as they are; Chromium draws without a graphics card, on the same processors.
 
 * Heap: what JavaScript holds after a collection, at the end beyond what it held after a first minute.
 * Frames: that came, and that were drawn, a second. Processor: time of the page's node over the stretch.
@@ -36,6 +36,7 @@ from typing import Any
 
 from benchmarks import ROOT
 from benchmarks.page.browser import chromium
+from benchmarks.realtime.graphs import PRIORITY
 from benchmarks.realtime.listener import Listener
 from benchmarks.realtime.timing import processor_time, resident
 from shake_ros.ros.interface import DIAGNOSTICS
@@ -178,21 +179,20 @@ def reads_nothing(address: str, cookie: str) -> socket.socket:
 
 
 @contextlib.contextmanager
-def timer() -> Iterator[dict[str, float]]:
-    """A bare timer beside the block; its figures are there after it."""
+def timer(priority: int) -> Iterator[dict[str, float]]:
+    """A bare timer beside the block, scheduled as the loop is; its figures are there after it."""
     told: dict[str, float] = {}
-    process = subprocess.Popen(
-        [sys.executable, "-I", "-S", str(TIMER)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
+    command = [sys.executable, "-I", "-S", str(TIMER), "--priority", str(priority)]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     try:
         yield told
     finally:
         told |= json.loads(process.communicate(timeout=30.0)[0])
 
 
-def count(name: str, seconds: float, listener: Listener) -> Stretch:
-    """Count for so long without looking at anything."""
-    with timer() as ticked:
+def count(name: str, seconds: float, listener: Listener, arguments: Sequence[str]) -> Stretch:
+    """Count for so long without looking at anything, beside a bare timer."""
+    with timer(PRIORITY if "--realtime" in arguments else 0) as ticked:
         before = missed(listener)
         begun = time.monotonic()
         time.sleep(seconds)
@@ -207,7 +207,7 @@ def without(seconds: float, arguments: list[str], listener: Listener, domain: in
     with laboratory(["--headless", *arguments], domain) as lab:
         lab.waits_for("running:")
         time.sleep(min(SETTLING, seconds / 4))
-        return count("without the page", seconds, listener)
+        return count("without the page", seconds, listener, arguments)
 
 
 def with_page(
@@ -226,7 +226,7 @@ def with_page(
         held, used, memory = heap(driver), processor_time(page), Memory(page)
         frames, draws = driver.execute_script("return [shake.stats.frames, shake.stats.draws]")
         begun = time.monotonic()
-        found = count("with the page", seconds, listener)
+        found = count("with the page", seconds, listener, arguments)
         lasted = time.monotonic() - begun
         then = driver.execute_script("return [shake.stats.frames, shake.stats.draws]")
         found.told = {
@@ -255,7 +255,7 @@ def with_reader(seconds: float, arguments: list[str], listener: Listener, domain
             time.sleep(settling)
             page = lab.node("page")
             used, begun = processor_time(page), time.monotonic()
-            found = count("with page and reader", seconds, listener)
+            found = count("with page and reader", seconds, listener, arguments)
             found.told["processor"] = (processor_time(page) - used) / (time.monotonic() - begun)
             found.told["frames"] = float(reader.communicate(timeout=30.0)[0])
     return found
