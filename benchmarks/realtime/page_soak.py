@@ -4,7 +4,7 @@
 
 `./shake lab` in real time plays a sine without end, first without the page, then with the page, Chromium and a client
 that opens the page's line and reads nothing. Missed periods of the nodes that keep the time stand beside each other and
-beside those of a bare timer that is scheduled as they are; Chromium draws without a graphics card, on the same processors.
+beside those of a bare timer, scheduled as they are; Chromium draws without a graphics card, on the same processors.
 
 * Heap: what JavaScript holds after a collection, at the end beyond what it held after a first minute.
 * Frames: that came, and that were drawn, a second. Processor: time of the page's node over the stretch.
