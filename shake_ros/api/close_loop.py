@@ -243,7 +243,7 @@ class Discovery:
             if self.tuned and (self.tuned.sound or force):
                 self.tuned.write(out, force)
             data = self.estimation, self.validation
-            unknown = told, self.data.nuisances
+            unknown = told, self.data
             page = close_loop_page(self.closed, *data, self.diagnosis, self.tracking, command, *unknown)
             write_page(page, out, figures)
 
@@ -322,6 +322,9 @@ def close_loop(
     with Progress("close_loop", progress) as bar:
         with Ending(bar, minutes) as ending:
             found = closing.close_loop(structure, first, second, settings or search_settings(declared), ending)
+        if (share := found.search.filter_share) is not None:
+            data = data.through_filter(share)
+            first, second = data.estimation, data.validation
         known = _uncertainty(found, first)
         tuned = tune_table(found.final.table, uncertainty=known, progress=bar) if tune else None
         bar("tracking with the model before and after", 1.0)

@@ -128,7 +128,7 @@ class Identification:
         def fill(out: Path) -> None:
             write_json(out / "report.json", content)
             write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
-            data, unknown = (self.estimation, self.validation), (told, self.data.nuisances)
+            data, unknown = (self.estimation, self.validation), (told, self.data)
             page = identify_page(self.fit, self.start, self.model.declared, self.diagnosis, *data, command, *unknown)
             write_page(page, out, figures)
             comment = f"Fitted to {', '.join(names[0])} by identify.{fitted.command_comment(self.data)}"

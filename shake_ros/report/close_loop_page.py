@@ -16,7 +16,7 @@ from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.diagnosis import Diagnosis
-from shake_ros.core.identification.nuisances import Nuisance
+from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
@@ -55,9 +55,9 @@ def identify_page(
     validation: Sequence[Record],
     command: str = "",
     told: Sequence[Estimate] = (),
-    offsets: Sequence[Nuisance] = (),
+    data: Prepared | None = None,
 ) -> Page:
-    """The page of `identify`; told, offsets : of a table without a data sheet."""
+    """The page of `identify`; told, data : of a table without a data sheet."""
     learn, hold = (", ".join(dict.fromkeys(r.name for r in records)) for records in (estimation, validation))
     checked = f"; validated on {hold}" if hold else "; no recording was left to validate it"
     page = Page("The fitted model", f"Estimated from {learn}{checked}.", made_of(command, estimation, validation))
@@ -76,7 +76,7 @@ def identify_page(
     )
     if unknown:
         page.paragraph(f"Not known from these recordings: {', '.join(unknown)}.")
-    identified_section(page, told, offsets)
+    identified_section(page, told, data)
     labels = ("as declared", "fitted")
     bands = histories_section(page, estimation, validation, (start, model.table), declared, labels)
     errors_section(page, {"fitted": model}, bands, labels)
@@ -268,15 +268,15 @@ def close_loop_page(
     benefit: TrackingBenefit | None = None,
     command: str = "",
     told: Sequence[Estimate] = (),
-    offsets: Sequence[Nuisance] = (),
+    data: Prepared | None = None,
 ) -> Page:
-    """The page of `close_loop`; told, offsets : of a table without a data sheet."""
+    """The page of `close_loop`; told, data : of a table without a data sheet."""
     named = _named(result)
     estimation, validation = (", ".join(dict.fromkeys(r.name for r in records)) for records in (learn, hold))
     lead = f"Missing: {named}. Estimated from {estimation}; validated on {validation}."
     page = Page("What the model is missing", lead, made_of(command, learn, hold))
     found_section(page, result, benefit)
-    identified_section(page, told, offsets)
+    identified_section(page, told, data)
     model_sections(page, result, learn, hold)
     if diagnosis:
         remains_section(page, diagnosis, result.remaining.text)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
-from shake_ros.core.identification.nuisances import Nuisance
+from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
@@ -102,9 +102,9 @@ def _parameter(p: Estimate | None, limits: tuple[float, float] | None) -> str:
     return f"{text}, at its {'lower' if p.value - low < high - p.value else 'upper'} bound"
 
 
-def identified_section(page: Page, told: Sequence[Estimate], offsets: Sequence[Nuisance]) -> None:
-    """What recordings tell of a table without a data sheet, and the offsets taken out of them; nothing for others."""
-    if not told:
+def identified_section(page: Page, told: Sequence[Estimate], data: Prepared | None) -> None:
+    """What recordings tell of a table without a data sheet, and what was taken out of them; nothing for others."""
+    if not told or data is None:
         return
     page.heading("What the recordings tell of this table")
     page.paragraph("Whatever its area and supply pressure: these quantities do not depend on what was assumed of them.")
@@ -112,9 +112,11 @@ def identified_section(page: Page, told: Sequence[Estimate], offsets: Sequence[N
     page.table(("quantity", "value", "unit"), rows)
     rows = [
         [n.recording, f"{n.null_shift:.5f}", "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"]
-        for n in offsets
+        for n in data.nuisances
     ]
     page.table(("taken out of the recording", "null shift of the valve [-]", "accelerometer bias [m/s²]"), rows)
+    for said in filter(None, (data.lateness(), data.note())):
+        page.paragraph(f"{said[0].upper()}{said[1:]}.")
 
 
 def hydraulic_table(page: Page, models: Mapping[str, FittedModel]) -> None:

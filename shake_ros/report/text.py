@@ -49,9 +49,7 @@ def identified_lines(told: Sequence[Estimate], data: Prepared) -> list[str]:
     for n in data.nuisances:
         bias = "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"
         lines.append(f"{n.recording:<36}{n.null_shift:>12.5f}{bias:>14}")
-    if data.sensors.delay:
-        lines.append(f"accelerometer later than the position by {1e3 * data.sensors.delay:.2f} ms (its filter)")
-    return [*lines, *([data.note()] if data.note() else [])]
+    return [*lines, *filter(None, (data.lateness(), data.note()))]
 
 
 def error_lines(model: FittedModel, title: str = "error of the free run") -> list[str]:

@@ -61,6 +61,7 @@ def close_loop(
     problem = SearchProblem.of(model, estimation, validation, settings, patiently(progress))
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
     selection = forward_selection(replace(problem, progress=progress), declared, model)
+    problem = problem.through_filter(selection.filter_share)
     found, standings, doubtful = judged(problem, selection)
     tentative = problem.validation.errors(selection.final.fit.vector) if doubtful else {}
     if sum(len(r.commands) for r in problem.estimation.records) < sum(len(r.commands) for r in estimation):
@@ -77,7 +78,7 @@ def close_loop(
 
 def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:
     """Problem and models on all estimation data: the final model fitted to them, those before it as they are."""
-    whole, settings = problem.on_whole(estimation), problem.settings
+    whole, settings = problem.on_whole(estimation).through_filter(found.filter_share), problem.settings
 
     def fitted(final: ScoredFit) -> ScoredFit:
         most, tolerance = settings.converging_evaluations, settings.converged

@@ -17,13 +17,14 @@ from shake_ros.core.discovery.decision import ForwardStep, decide, improves
 from shake_ros.core.discovery.elimination import eliminate
 from shake_ros.core.discovery.joint_steps import joint_steps
 from shake_ros.core.discovery.late_parameters import with_late_parameters
-from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, Stopped
+from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, Stopped, linearised
 from shake_ros.core.discovery.refined_nodes import refined_function
 from shake_ros.core.discovery.refit import Refit, ranked, refit, rounds
 from shake_ros.core.discovery.screening import screen
 from shake_ros.core.discovery.shown_effects import shown_steps
 from shake_ros.core.discovery.unlisted_functions import UNLISTED, FunctionSearch, or_function
 from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.sensor_pair import better_filter
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class Selection:
 
     removed : effects taken out again. rejected : ranking of the last step, which nothing passed. functions : what was
     tried in it for something that no listed effect explains. stopped : whether the search ended before it was done.
+    filter_share : of the accelerometer's delay that has turned out to be a filter's; None where it is as at the start.
     """
 
     declared: ScoredFit
@@ -41,6 +43,7 @@ class Selection:
     rejected: tuple[Refit, ...] = ()
     functions: FunctionSearch | None = None
     stopped: bool = False
+    filter_share: float | None = None
 
     @property
     def models(self) -> tuple[ScoredFit, ...]:
@@ -92,6 +95,7 @@ def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructu
             found = grown
     except Stopped:
         return replace(found, stopped=True)
+    problem = problem.through_filter(found.filter_share)
     steps, final, removed = eliminate(problem, found.steps, found.final)
     return replace(found, steps=steps, final=final, removed=removed)
 
@@ -103,7 +107,11 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
         found = found.with_step(shown)
         left = tuple(c for c in left if c.effect != shown.chosen.candidate.effect)
     yield found
-    while left and len(found.steps) < problem.settings.most_effects and not problem.at_noise(found.final):
+    while left and len(found.steps) < problem.settings.most_effects:
+        problem, found = with_better_filter(problem, found)
+        yield found
+        if problem.at_noise(found.final):
+            break
         step, ranking, current = forward_step(problem, found.final, left)
         improved = current is not found.final
         found = replace(found.with_better_fit(current) if improved else found, rejected=ranking)
@@ -129,6 +137,21 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
         left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)
         if step.chosen.candidate.effect == UNLISTED:
             break
+
+
+def with_better_filter(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
+    """Problem and models behind another filter of the accelerometer where the model leaves less with it."""
+    share = better_filter(problem.estimation, found.final.fit.vector)
+    if share is None:
+        return problem, found
+    settings, problem = problem.settings, problem.through_filter(share)
+
+    def fitted(final: ScoredFit) -> ScoredFit:
+        most, tolerance = settings.converging_evaluations, settings.converged
+        return problem.fitted(final.fit.free, final.fit.x, most, tolerance, near=True)
+
+    moved = found.on(lambda m: problem.scored(linearised(problem.estimation, m.fit)), fitted)
+    return problem, replace(moved, filter_share=share)
 
 
 def forward_step(

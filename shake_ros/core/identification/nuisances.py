@@ -16,7 +16,7 @@ import numpy as np
 from scipy.signal import butter, decimate, sosfiltfilt
 
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair, timely
+from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair, through_filter, timely
 
 FASTEST = 1000.0  # rate of a recording that a fit takes [Hz]
 SLOW = 2.0  # the table follows its valve up to here, whatever its dynamics [Hz]
@@ -38,7 +38,7 @@ class Prepared:
     """Recordings with their offsets taken out.
 
     full_scale : of the recorded command, which counts as 1 from here on. sensors : what position and acceleration tell
-    of each other; the delay has been taken out, the rest is still in the recordings.
+    of each other; the delay has been taken out but that of a filter with the recordings' `cutoff`, the rest has not.
     """
 
     estimation: list[Record]
@@ -46,6 +46,23 @@ class Prepared:
     full_scale: float
     nuisances: tuple[Nuisance, ...]
     sensors: SensorPair = ALIKE
+
+    def through_filter(self, share: float) -> Prepared:
+        """The same with a share of the accelerometer's delay as that of a filter, see `sensor_pair.through_filter`."""
+        both = [[through_filter(r, share) for r in records] for records in (self.estimation, self.validation)]
+        return replace(self, estimation=both[0], validation=both[1])
+
+    @property
+    def cutoff(self) -> float:
+        """Of the filter behind the accelerometer [Hz]; 0 where its delay is all that shows."""
+        return max((r.cutoff for r in self.estimation), default=0.0)
+
+    def lateness(self) -> str:
+        """How late the accelerometer is and what for; empty where it is not."""
+        if not self.sensors.delay:
+            return ""
+        cutoff = f", a low-pass of {self.cutoff:.3g} Hz" if self.cutoff else ""
+        return f"accelerometer later than the position by {1e3 * self.sensors.delay:.2f} ms (its filter{cutoff})"
 
     def note(self) -> str:
         """What was assumed of the command; empty where it is per unit."""

@@ -46,6 +46,8 @@ class Record:
 
     begin : time of the first sample since the recording's start [s]. standing : command before the first sample [-],
         null where the recording begins with the motion. moved : False of a command alone, at a place.
+    delay : of the accelerometer [s], which has been taken out but for that of a filter. cutoff : of that filter [Hz];
+        0: none.
     """
 
     name: str
@@ -56,6 +58,8 @@ class Record:
     begin: float = 0.0
     standing: float = 0.0
     moved: bool = True
+    delay: float = 0.0
+    cutoff: float = 0.0
     velocity: np.ndarray = field(init=False)
     track: np.ndarray = field(init=False)
 
@@ -136,7 +140,17 @@ def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[
             begin = r.begin + first * r.sample_time
             standing = float(r.commands[first - 1]) if first else r.standing
             pieces.append(
-                Record(r.name, r.sample_time, r.commands[span], r.position[span], acceleration, begin, standing)
+                Record(
+                    r.name,
+                    r.sample_time,
+                    r.commands[span],
+                    r.position[span],
+                    acceleration,
+                    begin,
+                    standing,
+                    delay=r.delay,
+                    cutoff=r.cutoff,
+                )
             )
     return pieces
 
@@ -223,16 +237,29 @@ class FullModel(DeclaredModel):
         starts = np.array([initial_state(v, record.track[0]) for v in vectors])
         starts[:, VELOCITY] = record.velocity[0]
         starts[:, CLOCK] = record.begin
-        given, standing = (vectors, starts, record.commands, record.sample_time), record.standing
-        out = run_batch(*given, track=record.track, standing=standing, measured=measured, injection=injection or DRAWN)
+        out = run_batch(
+            *(vectors, starts, record.commands, record.sample_time),
+            track=record.track,
+            standing=record.standing,
+            measured=measured,
+            injection=injection or DRAWN,
+            cutoff=record.cutoff,
+        )
         return out[:, :, 0], out[:, :, 1]
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.simulation.COLUMNS."""
         state = initial_state(table.vector(), record.track[0])
         state[VELOCITY], state[CLOCK] = record.velocity[0], record.begin
-        given, standing, seen = (table, record.commands, record.sample_time), record.standing, record.beginning
-        return run(*given, position=record.track, state=state, standing=standing, measured=seen, injection=DRAWN)
+        return run(
+            *(table, record.commands, record.sample_time),
+            position=record.track,
+            state=state,
+            standing=record.standing,
+            measured=record.beginning,
+            injection=DRAWN,
+            cutoff=record.cutoff,
+        )
 
     def moved_mass(self, table: TableParameters) -> float:
         """Declared mass in motion [kg]."""

@@ -1,8 +1,9 @@
 """The first stages of a fit to recordings of a table without a data sheet.
 
 The best first guesses are fitted briefly to pieces of the recordings, where that leaves much with several effects at
-once (joint_start.py); then the null shift of each recording is read off the free run over the whole of it, whose mean
-velocity it moves, and what is left of the fit begins from there.
+once (joint_start.py), and with the filter behind the accelerometer that leaves least; then the null shift of each
+recording is read off the free run over the whole of it, whose mean velocity it moves, and what is left of the fit
+begins from there.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
 from shake_ros.core.identification.nuisances import Nuisance, Prepared
 from shake_ros.core.identification.recordings import Record, RecordingProblem, windows
-from shake_ros.core.identification.sensor_pair import SensorPair
+from shake_ros.core.identification.sensor_pair import SensorPair, better_filter
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
@@ -92,6 +93,10 @@ def staged_start(
 
     pieces = _pieces(model, data)
     cost, table = min((_fitted(pieces, moved(shown), guess) for guess in guesses), key=lambda found: found[0])
+    if (share := better_filter(pieces, table.vector())) is not None:
+        data = data.through_filter(share)
+        pieces = _pieces(model, data)
+        cost, table = _fitted(pieces, moved(shown), table)
     if cost > 0.5 * FAR**2 * pieces.noise_cost() * pieces.count:
         joined, more = joint_start(pieces, moved(shown), known, guesses[0])
         with_more, joined = _fitted(pieces, moved((*shown, *more)), joined)

@@ -19,6 +19,7 @@ from shake_ros.core.effects.presliding_friction import deflection
 from shake_ros.core.friction.armstrong import CODE as ARMSTRONG
 from shake_ros.core.friction.armstrong import dwelt
 from shake_ros.core.friction.selected import is_dynamic
+from shake_ros.core.plant.anti_alias import OUTPUT, advance_filter
 from shake_ros.core.plant.dormand_prince import PATH, STAGE, STAGES, dormand_prince, workspace
 from shake_ros.core.plant.hydraulics import chamber_pressure
 from shake_ros.core.plant.right_hand_side import (
@@ -32,6 +33,7 @@ from shake_ros.core.plant.right_hand_side import (
 )
 from shake_ros.core.plant.spool_path import spool_path
 from shake_ros.core.plant.states import (
+    BASE_RATE,
     BRISTLE,
     CLOCK,
     DECLARED,
@@ -190,11 +192,22 @@ def hold(p, y, u, force, duration, n, work, known, tolerance):
 
 
 @kernel
+def felt(p, y, acceleration):
+    """The acceleration behind the accelerometer's lag [m/s²]."""
+    shown = min(p.accelerometer_lag_time_constant / SHORTEST_LAG, 1.0)
+    return acceleration if shown <= 0.0 else acceleration + shown * (y[LAGGED_ACCELERATION] - acceleration)
+
+
+@kernel
+def scaled(p, acceleration):
+    """With the accelerometer's errors of scale and bias [m/s²]."""
+    return (1.0 + p.accelerometer_scale_error) * acceleration + p.accelerometer_bias_bias
+
+
+@kernel
 def accelerometer(p, y, acceleration):
     """What the accelerometer's output is before noise: lag, scale, bias [m/s²]."""
-    shown = min(p.accelerometer_lag_time_constant / SHORTEST_LAG, 1.0)
-    a = acceleration if shown <= 0.0 else acceleration + shown * (y[LAGGED_ACCELERATION] - acceleration)
-    return (1.0 + p.accelerometer_scale_error) * a + p.accelerometer_bias_bias
+    return scaled(p, felt(p, y, acceleration))
 
 
 @kernel
@@ -279,7 +292,7 @@ def inject(p, y, velocity, acceleration, part):
 
 
 @njit
-def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, tolerance, out):
+def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, tolerance, chain, out):
     """Simulation under recorded commands: a free run, or one that is drawn towards what was measured.
 
     Parameters
@@ -291,6 +304,7 @@ def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, 
     measured : velocity [m/s] and acceleration [m/s²] of the first samples, shape (k, 2), k ≤ n: as far as they are
         given, the run is drawn towards them at the rate `injection` [1/s].
     y0 : state at the first sample, shape (STATES,). dt : [s]. tolerance : relative local error of a step.
+    chain : filter behind the accelerometer, as `anti_alias.filter_step`.
     out : result, shape (n, OUTPUTS), row k is the instant t_k, before command k acts.
     """
     y = y0.copy()
@@ -299,6 +313,9 @@ def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, 
     following = track.shape[0] > 0
     acceleration = acceleration_now(p, y, work[STAGE])
     force, known = 0.0, False
+    filtering = chain.shape[0] > 0
+    z, now = np.zeros(2), felt(p, y, acceleration)
+    z[OUTPUT] = now
     for i in range(commands.shape[0]):
         if following:
             shift = track[i] - y[POSITION]
@@ -308,8 +325,16 @@ def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, 
         drawn = i < measured.shape[0]
         if drawn:
             inject(p, y, measured[i, 0] - out[i, 1], measured[i, 1] - out[i, 2], min(injection * dt, 0.5))
+        if filtering:
+            out[i, 2] = scaled(p, z[OUTPUT])
+        speed = y[VELOCITY] + y[BASE_RATE]
         before, force = force, forces[i] if forces.shape[0] > 0 else 0.0
         late, timely, fraction = delayed(commands, i, delay, standing)
         known = known and force == before and not following and not drawn
         acceleration = advance_sample(p, y, late, timely, fraction, force, dt, work, known, tolerance)
         known = True
+        if filtering:
+            last, now = now, felt(p, y, acceleration)
+            lagging = p.accelerometer_lag_time_constant > 0.0
+            mean = 0.5 * (last + now) if lagging else (y[VELOCITY] + y[BASE_RATE] - speed) / dt
+            advance_filter(chain, z, last, now, mean)

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from shake_ros.core.plant.anti_alias import filter_step
 from shake_ros.core.plant.cylinder import rest_pressures
 from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, simulate
 from shake_ros.core.plant.parameters import INDEX, TableParameters, records
@@ -107,6 +108,7 @@ def run(
     standing: float = 0.0,
     measured: np.ndarray = UNSEEN,
     injection: float = 0.0,
+    cutoff: float = 0.0,
     tolerance: float = TOLERANCE,
 ) -> np.ndarray:
     """Simulate one recording.
@@ -118,7 +120,7 @@ def run(
         `Table`, where not given [-].
     position : start [m], or the measured position of shape (n,) which volumes and position-dependent effects follow.
     forces : external force, shape (n,) [N]. state : first state; at rest where not given.
-    measured, injection : as of `run_batch`.
+    measured, injection, cutoff : as of `run_batch`.
 
     Raises
     ------
@@ -137,7 +139,7 @@ def run(
     y0 = initial_state(vector, start) if state is None else state
     out = np.empty((len(commands), OUTPUTS))
     given = (commands, float(standing), forces, track, measured, injection)
-    simulate(records(vector)[0], *given, y0, sample_time, tolerance, out)
+    simulate(records(vector)[0], *given, y0, sample_time, tolerance, filter_step(cutoff, sample_time), out)
     return out
 
 
@@ -164,6 +166,7 @@ def run_batch(
     standing: float = 0.0,
     measured: np.ndarray = UNSEEN,
     injection: float = 0.0,
+    cutoff: float = 0.0,
     columns: tuple[int, ...] = (1, 2),
     tolerance: float = TOLERANCE,
 ) -> np.ndarray:
@@ -175,6 +178,7 @@ def run_batch(
     track : measured position, shape (n,) [m], or empty. standing : as in `run` [-].
     measured, injection : velocity [m/s] and acceleration [m/s²] of the first k samples, shape (k, 2), NaN where there
         is none, towards which the runs are drawn, and the rate [1/s].
+    cutoff : of the filter behind the accelerometer [Hz]; 0 where there is none, see anti_alias.py.
     columns : which of COLUMNS to keep.
 
     Returns
@@ -188,11 +192,12 @@ def run_batch(
         raise ShakeError(f"{len(each)} rows of commands for {len(rows)} parameter sets")
     track = series("position", track, length) if len(track) else NOTHING
     result = np.empty((len(rows), length, len(columns)))
+    chain = filter_step(cutoff, sample_time)
 
     def one(i: int) -> None:
         out = np.empty((length, OUTPUTS))
         given = (rows[i], each[i % len(each)], standing, NOTHING, track, measured, injection)
-        simulate(*given, starts[i], sample_time, tolerance, out)
+        simulate(*given, starts[i], sample_time, tolerance, chain, out)
         result[i] = out[:, columns]
 
     with ThreadPoolExecutor(workers()) as pool:
