@@ -10,6 +10,7 @@ beside those of a bare timer, scheduled as they are; Chromium draws without a gr
 * Frames: that came, and that were drawn, a second. Processor: time of the page's node over the stretch.
 * `--fifo`: the loop's nodes with SCHED_FIFO (`lab --realtime`).
 * `--reader`: a program that reads the page's line takes the browser's place: what the page's own node costs.
+* `--lockstep`: as fast as it goes instead, steps a second with the page and without.
 * `--aside`: Chromium takes only what nobody else wants (nice 19), nearly as one on another machine.
 """
 
@@ -75,6 +76,7 @@ class Stretch:
     name: str
     seconds: float
     missed: dict[str, int]
+    steps: int
     timer: dict[str, float]
     load: float
     told: dict[str, float]
@@ -139,6 +141,11 @@ def missed(listener: Listener) -> dict[str, int]:
     return {node: int(listener.status(node)["missed_deadlines"]) for node in LOOP}
 
 
+def steps(listener: Listener) -> int:
+    """Steps of the table so far; it reports once a second of its own time."""
+    return int(listener.status("plant")["cycles"])
+
+
 def heap(driver: Any) -> float:
     """What JavaScript holds after a collection [MB]."""
     driver.execute_cdp_cmd("HeapProfiler.collectGarbage", {})
@@ -193,13 +200,13 @@ def timer(priority: int) -> Iterator[dict[str, float]]:
 def count(name: str, seconds: float, listener: Listener, arguments: Sequence[str]) -> Stretch:
     """Count for so long without looking at anything, beside a bare timer."""
     with timer(PRIORITY if "--realtime" in arguments else 0) as ticked:
-        before = missed(listener)
+        before, done = missed(listener), steps(listener)
         begun = time.monotonic()
         time.sleep(seconds)
         time.sleep(1.2)  # reports come once a second
-        after = missed(listener)
+        after, done = missed(listener), steps(listener) - done
     lost = {node: after[node] - before[node] for node in LOOP}
-    return Stretch(name, time.monotonic() - begun, lost, ticked, os.getloadavg()[0], {})
+    return Stretch(name, time.monotonic() - begun, lost, done, ticked, os.getloadavg()[0], {})
 
 
 def without(seconds: float, arguments: list[str], listener: Listener, domain: int) -> Stretch:
@@ -266,7 +273,8 @@ def row(found: Stretch) -> str:
     nodes = "".join(f"{found.missed[node]:22}" for node in LOOP)
     shares = " ".join(f"{100.0 * found.missed[node] * 1e-3 / found.seconds:.2f} %" for node in LOOP)
     bare = f"{found.timer['missed']:.0f} ({found.timer['max'] / 1000:.1f} ms)"
-    return f"{found.name:20}{found.seconds:8.0f}{nodes}   {shares:16}{bare:>20}{found.load:8.1f}"
+    rate = found.steps / found.seconds
+    return f"{found.name:20}{found.seconds:8.0f}{rate:9.0f}{nodes}   {shares:16}{bare:>20}{found.load:8.1f}"
 
 
 def main() -> int:
@@ -275,6 +283,7 @@ def main() -> int:
     parser.add_argument("--without", type=float, default=120.0, help="without the page [s]")
     parser.add_argument("--fifo", action="store_true", help="the loop with SCHED_FIFO")
     parser.add_argument("--composed", action="store_true", help="the loop in one process")
+    parser.add_argument("--lockstep", action="store_true", help="as fast as it goes instead of in real time")
     parser.add_argument("--reader", action="store_true", help="a program in the browser's place")
     parser.add_argument("--aside", action="store_true", help="Chromium at the lowest priority")
     parser.add_argument("--domain", type=int, default=int(os.environ.get("ROS_DOMAIN_ID", "0")))
@@ -286,6 +295,8 @@ def main() -> int:
         arguments += ["--composed"]
     if given.fifo:
         arguments += ["--realtime"]
+    if given.lockstep:
+        arguments += ["--lockstep", "--pace", "0"]
     with tempfile.TemporaryDirectory(prefix="page_soak-") as name:
         folder = Path(name)
         arguments += ["--folder", str(folder / "lab")]
@@ -301,8 +312,8 @@ def main() -> int:
     command = re.sub(r" --save| --domain \d+", "", " ".join(sys.argv[1:]))
     text = (
         f"python -m benchmarks.realtime.page_soak {command}   ({os.cpu_count()} cores)\n\n"
-        f"{'':20}{'seconds':>8}" + "".join(f"{'missed by':>22}" for _ in LOOP) + "\n"
-        f"{'':28}"
+        f"{'':20}{'seconds':>8}{'steps/s':>9}" + "".join(f"{'missed by':>22}" for _ in LOOP) + "\n"
+        f"{'':37}"
         + "".join(f"{node:>22}" for node in LOOP)
         + f"   {'share':16}{'bare timer (longest)':>20}{'load':>8}\n"
         f"{row(alone)}\n{row(watched)}\n\n"
