@@ -47,7 +47,7 @@ class Record:
     begin : time of the first sample since the recording's start [s]. standing : command before the first sample [-],
         null where the recording begins with the motion. moved : False of a command alone, at a place.
     delay : of the accelerometer [s], which has been taken out but for that of a filter. cutoff : of that filter [Hz];
-        0: none.
+        0: none. blind : samples at the end whose acceleration came too late to be recorded.
     """
 
     name: str
@@ -60,6 +60,7 @@ class Record:
     moved: bool = True
     delay: float = 0.0
     cutoff: float = 0.0
+    blind: int = 0
     velocity: np.ndarray = field(init=False)
     track: np.ndarray = field(init=False)
 
@@ -150,6 +151,7 @@ def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[
                     standing,
                     delay=r.delay,
                     cutoff=r.cutoff,
+                    blind=max(0, r.blind - (len(r.commands) - first - length)),
                 )
             )
     return pieces
@@ -330,7 +332,9 @@ class RecordingProblem:
         for record, (velocity, acceleration), w_v, w_a in weights:
             parts.append(w_v * (velocity - record.velocity)[:, record.start :])
             if record.acceleration is not None:
-                parts.append(w_a * (acceleration - record.acceleration)[:, record.start :])
+                left = w_a * (acceleration - record.acceleration)[:, record.start :]
+                left[:, left.shape[1] - record.blind :] = 0.0
+                parts.append(left)
         parts += [(vectors[:, [i]] - value) / deviation for i, value, deviation in self.model.priors]
         return np.concatenate(parts, axis=1)
 

@@ -166,18 +166,12 @@ def advanced(values: np.ndarray, samples: float) -> np.ndarray:
 
 
 def timely(record: Record, delay: float) -> Record:
-    """The recording with its acceleration earlier by a delay [s], without the end whose acceleration came too late."""
+    """The recording with its acceleration earlier by a delay [s], blind at its end, where it came too late."""
     if record.acceleration is None or delay == 0.0:
         return record
-    acceleration = advanced(record.acceleration, delay / record.sample_time)
-    known = slice(0, len(acceleration) - max(math.ceil(delay / record.sample_time), 0))
-    return replace(
-        record,
-        commands=record.commands[known],
-        position=record.position[known],
-        acceleration=acceleration[known],
-        delay=record.delay + delay,
-    )
+    samples = delay / record.sample_time
+    blind = max(record.blind, math.ceil(samples))
+    return replace(record, acceleration=advanced(record.acceleration, samples), delay=record.delay + delay, blind=blind)
 
 
 def through_filter(record: Record, share: float) -> Record:
