@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
-from shake_ros.core.discovery.forward_selection import Selection, forward_selection
-from shake_ros.core.discovery.problem import ModelStructure, Progress, ScoredFit, SearchProblem, linearised, patiently
+from shake_ros.core.discovery.forward_selection import Selection, fitted_again, forward_selection
+from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, patiently
 from shake_ros.core.discovery.remaining import Remaining, remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.discovery.standing import EffectStanding, judged
@@ -78,10 +78,5 @@ def close_loop(
 
 def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:
     """Problem and models on all estimation data: the final model fitted to them, those before it as they are."""
-    whole, settings = problem.on_whole(estimation).through_filter(found.filter_share), problem.settings
-
-    def fitted(final: ScoredFit) -> ScoredFit:
-        most, tolerance = settings.converging_evaluations, settings.converged
-        return whole.fitted(final.fit.free, final.fit.x, most, tolerance, near=True)
-
-    return whole, found.on(lambda m: whole.scored(linearised(whole.estimation, m.fit)), fitted)
+    whole = problem.on_whole(estimation).through_filter(found.filter_share)
+    return whole, fitted_again(whole, found)

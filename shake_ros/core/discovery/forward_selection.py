@@ -144,14 +144,18 @@ def with_better_filter(problem: SearchProblem, found: Selection) -> tuple[Search
     share = better_filter(problem.estimation, found.final.fit.vector)
     if share is None:
         return problem, found
-    settings, problem = problem.settings, problem.through_filter(share)
+    problem = problem.through_filter(share)
+    return problem, replace(fitted_again(problem, found), filter_share=share)
+
+
+def fitted_again(problem: SearchProblem, found: Selection) -> Selection:
+    """The models on other data: the final one fitted to them, those before it as they are."""
 
     def fitted(final: ScoredFit) -> ScoredFit:
-        most, tolerance = settings.converging_evaluations, settings.converged
+        most, tolerance = problem.settings.converging_evaluations, problem.settings.converged
         return problem.fitted(final.fit.free, final.fit.x, most, tolerance, near=True)
 
-    moved = found.on(lambda m: problem.scored(linearised(problem.estimation, m.fit)), fitted)
-    return problem, replace(moved, filter_share=share)
+    return found.on(lambda m: problem.scored(linearised(problem.estimation, m.fit)), fitted)
 
 
 def forward_step(
