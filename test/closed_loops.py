@@ -23,8 +23,9 @@ from shake_ros.api.fitted import fit_data
 from shake_ros.api.read import read
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.close_loop import LoopClosure
-from shake_ros.core.discovery.forward_selection import Selection, forward_selection
+from shake_ros.core.discovery.forward_selection import forward_selection
 from shake_ros.core.discovery.problem import ModelStructure, SearchProblem
+from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record, RecordingProblem

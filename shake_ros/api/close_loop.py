@@ -322,9 +322,8 @@ def close_loop(
     with Progress("close_loop", progress) as bar:
         with Ending(bar, minutes) as ending:
             found = closing.close_loop(structure, first, second, settings or search_settings(declared), ending)
-        if (share := found.search.filter_share) is not None:
-            data = data.through_filter(share)
-            first, second = data.estimation, data.validation
+        data = data.seen(found.search.accelerometer)
+        first, second = data.estimation, data.validation
         known = _uncertainty(found, first)
         tuned = tune_table(found.final.table, uncertainty=known, progress=bar) if tune else None
         bar("tracking with the model before and after", 1.0)

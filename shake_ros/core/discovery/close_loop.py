@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
-from shake_ros.core.discovery.forward_selection import Selection, fitted_again, forward_selection
+from shake_ros.core.discovery.forward_selection import fitted_again, forward_selection
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, patiently
 from shake_ros.core.discovery.remaining import Remaining, remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.standing import EffectStanding, judged
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
@@ -61,7 +62,7 @@ def close_loop(
     problem = SearchProblem.of(model, estimation, validation, settings, patiently(progress))
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
     selection = forward_selection(replace(problem, progress=progress), declared, model)
-    problem = problem.through_filter(selection.filter_share)
+    problem = problem.seen(selection.accelerometer)
     found, standings, doubtful = judged(problem, selection)
     tentative = problem.validation.errors(selection.final.fit.vector) if doubtful else {}
     if sum(len(r.commands) for r in problem.estimation.records) < sum(len(r.commands) for r in estimation):
@@ -78,5 +79,5 @@ def close_loop(
 
 def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:
     """Problem and models on all estimation data: the final model fitted to them, those before it as they are."""
-    whole = problem.on_whole(estimation).through_filter(found.filter_share)
+    whole = problem.on_whole(estimation).seen(found.accelerometer)
     return whole, fitted_again(whole, found)

@@ -8,8 +8,8 @@ earlier effects are tried for removal.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.convergence import converge, reconverged, refined
@@ -21,64 +21,10 @@ from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchPr
 from shake_ros.core.discovery.refined_nodes import refined_function
 from shake_ros.core.discovery.refit import Refit, ranked, refit, rounds
 from shake_ros.core.discovery.screening import screen
+from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.shown_effects import shown_steps
-from shake_ros.core.discovery.unlisted_functions import UNLISTED, FunctionSearch, or_function
+from shake_ros.core.discovery.unlisted_functions import UNLISTED, or_function
 from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.sensor_pair import better_filter
-
-
-@dataclass(frozen=True)
-class Selection:
-    """Fit of the declared model, steps, final fit.
-
-    removed : effects taken out again. rejected : ranking of the last step, which nothing passed. functions : what was
-    tried in it for something that no listed effect explains. stopped : whether the search ended before it was done.
-    filter_share : of the accelerometer's delay that has turned out to be a filter's; None where it is as at the start.
-    """
-
-    declared: ScoredFit
-    steps: tuple[ForwardStep, ...]
-    final: ScoredFit
-    removed: tuple[str, ...] = ()
-    rejected: tuple[Refit, ...] = ()
-    functions: FunctionSearch | None = None
-    stopped: bool = False
-    filter_share: float | None = None
-
-    @property
-    def models(self) -> tuple[ScoredFit, ...]:
-        """Fits of the declared model and after each step; the final one where an effect was taken out since."""
-        gone = tuple(f"effects.{effect}." for effect in self.removed)
-        along = [step.chosen.result for step in self.steps[:-1]]
-        along = (
-            [self.final if any(n.startswith(gone) for n in f.fit.free.names) else f for f in along] if gone else along
-        )
-        return (self.declared, *along, *([self.final] if self.steps else []))
-
-    def with_better_fit(self, better: ScoredFit) -> Selection:
-        """The same models, the last of them with a better fit."""
-        if not self.steps:
-            return replace(self, declared=better, final=better)
-        last = self.steps[-1]
-        chosen = replace(last.chosen, result=better)
-        step = replace(last, chosen=chosen, ranking=(chosen, *last.ranking[1:]))
-        return replace(self, steps=(*self.steps[:-1], step), final=better)
-
-    def on(self, moved: Callable[[ScoredFit], ScoredFit], last: Callable[[ScoredFit], ScoredFit]) -> Selection:
-        """The same models on other data: `last` makes the final one, `moved` those before."""
-        if not self.steps:
-            again = last(self.final)
-            return replace(self, declared=again, final=again)
-        final, steps = last(self.final), list[ForwardStep]()
-        for step in self.steps:
-            result = final if step is self.steps[-1] else moved(step.chosen.result)
-            chosen = replace(step.chosen, result=result)
-            steps.append(replace(step, chosen=chosen, ranking=(chosen, *step.ranking[1:])))
-        return replace(self, declared=moved(self.declared), steps=tuple(steps), final=final)
-
-    def with_step(self, step: ForwardStep) -> Selection:
-        """One effect more."""
-        return replace(self, steps=(*self.steps, step), final=step.chosen.result, rejected=())
 
 
 def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructure) -> Selection:
@@ -95,7 +41,7 @@ def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructu
             found = grown
     except Stopped:
         return replace(found, stopped=True)
-    problem = problem.through_filter(found.filter_share)
+    problem = problem.seen(found.accelerometer)
     steps, final, removed = eliminate(problem, found.steps, found.final)
     return replace(found, steps=steps, final=final, removed=removed)
 
@@ -108,7 +54,7 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
         left = tuple(c for c in left if c.effect != shown.chosen.candidate.effect)
     yield found
     while left and len(found.steps) < problem.settings.most_effects:
-        problem, found = with_better_filter(problem, found)
+        problem, found = with_accelerometer(problem, found)
         yield found
         if problem.at_noise(found.final):
             break
@@ -139,13 +85,14 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
             break
 
 
-def with_better_filter(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
-    """Problem and models behind another filter of the accelerometer where the model leaves less with it."""
-    share = better_filter(problem.estimation, found.final.fit.vector)
-    if share is None:
+def with_accelerometer(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
+    """Problem and models with what the final model tells of the accelerometer."""
+    known, others = found.accelerometer, problem.validation.records
+    learned = known.learned(problem.estimation, others, found.final.fit.vector)
+    if learned is known:
         return problem, found
-    problem = problem.through_filter(share)
-    return problem, replace(fitted_again(problem, found), filter_share=share)
+    problem = problem.seen(learned)
+    return problem, replace(fitted_again(problem, found), accelerometer=learned)
 
 
 def fitted_again(problem: SearchProblem, found: Selection) -> Selection:

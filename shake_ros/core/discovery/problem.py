@@ -16,11 +16,11 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.identification.accelerometer import Accelerometer
 from shake_ros.core.identification.approach import Approach, approached, arrived, led
 from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, RecordingProblem, windows
-from shake_ros.core.identification.sensor_pair import through_filter
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import workers
 
@@ -191,20 +191,14 @@ class SearchProblem:
     def _validation_residuals(self, result: Fit) -> np.ndarray:
         return np.nan_to_num(self.validation.residuals(result.free.vectors(result.x))[0], nan=FAILED)
 
-    def through_filter(self, share: float | None) -> SearchProblem:
-        """The problem with another filter behind the accelerometer, see `sensor_pair.through_filter`, or itself."""
-        if share is None:
-            return self
-
-        def behind(problem: RecordingProblem) -> RecordingProblem:
-            return RecordingProblem([through_filter(r, share) for r in problem.records], problem.model)
-
+    def seen(self, accelerometer: Accelerometer) -> SearchProblem:
+        """The problem with what has been learned of the accelerometer."""
         return replace(
             self,
-            estimation=behind(self.estimation),
-            validation=behind(self.validation),
-            estimation_pieces=behind(self.estimation_pieces),
-            validation_pieces=behind(self.validation_pieces),
+            estimation=accelerometer.problem(self.estimation),
+            validation=accelerometer.problem(self.validation),
+            estimation_pieces=accelerometer.problem(self.estimation_pieces),
+            validation_pieces=accelerometer.problem(self.validation_pieces),
             reduced={},
         )
 

@@ -20,8 +20,8 @@ import numpy as np
 from shake_ros.core.discovery.decision import ForwardStep, distinguishable, improves
 from shake_ros.core.discovery.elimination import without
 from shake_ros.core.discovery.exchange import in_its_place, rivals
-from shake_ros.core.discovery.forward_selection import Selection
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
+from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.uncertainty import at_bound
 
 ESTABLISHED, LIKELY, ONE_OF_THESE, NOT_ESTABLISHED = "established", "likely", "one of these", "not established"

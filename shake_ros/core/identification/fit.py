@@ -1,12 +1,12 @@
 """Least-squares fit of free parameters: trust-region reflective with bounds, Jacobian from batched simulations.
 
 The problem gives weighted residuals for many parameter sets at once (so that all cores work); differences are forward,
-inward at a bound, with a step of a small part of each parameter's scale. Loss (4.1), Gauss–Newton normal matrix (4.10).
+inward at a bound, with a step of a small part of each parameter's scale, and corrected from step to step as long as
+they foresee what comes. Loss (4.1), Gauss–Newton normal matrix (4.10).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -15,8 +15,11 @@ from scipy.optimize import least_squares
 
 from shake_ros.core.identification.free_parameters import FreeParameters
 
-DIFFERENCE = 2e-3  # difference step as a part of a parameter's scale or of its value, whichever is larger
-Progress = Callable[[str], None]
+DIFFERENCE = 2e-4  # difference step as a part of a parameter's scale or of its value, whichever is larger
+KEPT = 4  # steps for which a Jacobian is kept
+LEAST, MOST = 0.5, 2.0  # of the foreseen fall of the cost, between which it is
+TRIALS = 2  # trial points for each Jacobian that a fit may take
+LOST = 1e6  # weighted residual of a simulation that ends in no number
 
 
 class Problem(Protocol):
@@ -62,6 +65,53 @@ def jacobian(problem: Problem, free: FreeParameters, x: np.ndarray, residuals: n
     return (moved - residuals).T / step
 
 
+class KeptJacobian:
+    """Residuals and Jacobian of a fit, the latter kept from step to step and corrected by what each step has shown.
+
+    A rank-one correction (Broyden 1965, Mathematics of Computation 19, 577) costs no simulation where differences cost
+    one for each parameter. They are taken anew where a step has not brought what was foreseen, and after KEPT steps.
+    new : the last one that was taken. taken, simulated : how many were, and parameter sets in all. age : of the present
+    one, in corrections.
+    """
+
+    def __init__(self, problem: Problem, free: FreeParameters) -> None:
+        self._problem, self._free = problem, free
+        self._x, self._r, self._jacobian = np.zeros(0), np.zeros(0), np.zeros((0, 0))
+        self._last: tuple[bytes, np.ndarray] = b"", np.zeros(0)
+        self.new = self._jacobian
+        self.simulated = self.taken = self.age = 0
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        """Weighted residuals, LOST each where there is no number."""
+        if (key := x.tobytes()) != self._last[0]:
+            self.simulated += 1
+            r = self._problem.residuals(self._free.vectors(x))[0]
+            self._last = key, np.where(np.isfinite(r), r, LOST)
+        return self._last[1]
+
+    def forget(self) -> None:
+        """Take the next Jacobian anew."""
+        self._x = np.zeros(0)
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """The Jacobian at x, shape (n, p)."""
+        r = self.residuals(x)
+        if len(self._x) and self.age < KEPT:
+            step = x - self._x
+            foreseen = self._r + self._jacobian @ step
+            before = self._r @ self._r
+            if MOST * (before - foreseen @ foreseen) > before - r @ r > LEAST * (before - foreseen @ foreseen):
+                self._jacobian = self._jacobian + np.outer(r - foreseen, step / (step @ step))
+                self._x, self._r, self.age = x.copy(), r, self.age + 1
+                return self._jacobian
+        self.simulated += len(x)
+        self.taken += 1
+        found = jacobian(self._problem, self._free, x, r)
+        self._x, self._r, self.new, self.age = x.copy(), r, np.where(np.isfinite(found), found, 0.0), 0
+        self._jacobian = self.new
+        return self.new
+
+
 def fit(
     problem: Problem, free: FreeParameters, start: np.ndarray, *, evaluations: int = 40, tolerance: float = 1e-4
 ) -> Fit:
@@ -69,39 +119,27 @@ def fit(
 
     Parameters
     ----------
-    evaluations : most trial points. tolerance : relative change of the cost and of x at which it stops.
+    evaluations : most Jacobians that are simulated. tolerance : relative change of the cost and of x at which it stops.
     """
-    count = 0
-    last: dict[bytes, np.ndarray] = {}
-
-    def residuals(x: np.ndarray) -> np.ndarray:
-        nonlocal count
-        count += 1
-        key = x.tobytes()
-        if key not in last:
-            r = problem.residuals(free.vectors(x))[0]
-            last.clear()
-            last[key] = np.where(np.isfinite(r), r, 1e6)
-        return last[key]
-
-    def derivative(x: np.ndarray) -> np.ndarray:
-        nonlocal count
-        count += len(x)
-        j = jacobian(problem, free, x, residuals(x))
-        return np.where(np.isfinite(j), j, 0.0)
-
+    derivative = KeptJacobian(problem, free)
     margin = 1e-9 * np.maximum(1.0, np.abs(free.low))
-    x0 = np.clip(start, free.low + margin, free.high - margin)
-    result = least_squares(
-        residuals,
-        x0,
-        jac=derivative,
-        bounds=(free.low, free.high),
-        method="trf",
-        x_scale="jac",
-        max_nfev=evaluations,
-        ftol=tolerance,
-        xtol=tolerance,
-        gtol=1e-10,
-    )
-    return Fit(free, result.x, result.fun, result.jac, float(result.cost), count)
+    x, cost = np.asarray(start, dtype=float), np.inf
+    while True:
+        result = least_squares(
+            derivative.residuals,
+            np.clip(x, free.low + margin, free.high - margin),
+            jac=derivative,
+            bounds=(free.low, free.high),
+            method="trf",
+            x_scale="jac",
+            max_nfev=max(1, TRIALS * (evaluations - derivative.taken)),
+            ftol=tolerance,
+            xtol=tolerance,
+            gtol=1e-10,
+        )
+        # what a corrected Jacobian takes for the end is one only where a new one sees nothing more
+        if derivative.age == 0 or derivative.taken >= evaluations or result.cost > (1.0 - tolerance) * cost:
+            break
+        x, cost = result.x, result.cost
+        derivative.forget()
+    return Fit(free, result.x, result.fun, derivative.new, float(result.cost), derivative.simulated)

@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import butter, decimate, sosfiltfilt
 
+from shake_ros.core.identification.accelerometer import Accelerometer
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair, through_filter, timely
+from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair, timely
 
 FASTEST = 1000.0  # rate of a recording that a fit takes [Hz]
 SLOW = 2.0  # the table follows its valve up to here, whatever its dynamics [Hz]
@@ -47,9 +48,9 @@ class Prepared:
     nuisances: tuple[Nuisance, ...]
     sensors: SensorPair = ALIKE
 
-    def through_filter(self, share: float) -> Prepared:
-        """The same with a share of the accelerometer's delay as that of a filter, see `sensor_pair.through_filter`."""
-        both = [[through_filter(r, share) for r in records] for records in (self.estimation, self.validation)]
+    def seen(self, accelerometer: Accelerometer) -> Prepared:
+        """The same with what has been learned of the accelerometer."""
+        both = [[accelerometer.seen(r) for r in records] for records in (self.estimation, self.validation)]
         return replace(self, estimation=both[0], validation=both[1])
 
     @property

@@ -27,7 +27,7 @@ from shake_ros.core.identification.velocity_filter import (
     velocity_noise_gain,
 )
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
-from shake_ros.core.plant.simulation import UNSEEN, initial_state, run, run_batch, workers
+from shake_ros.core.plant.simulation import SMOOTH, UNSEEN, initial_state, run, run_batch, workers
 from shake_ros.core.plant.states import CLOCK, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
@@ -47,7 +47,8 @@ class Record:
     begin : time of the first sample since the recording's start [s]. standing : command before the first sample [-],
         null where the recording begins with the motion. moved : False of a command alone, at a place.
     delay : of the accelerometer [s], which has been taken out but for that of a filter. cutoff : of that filter [Hz];
-        0: none. blind : samples at the end whose acceleration came too late to be recorded.
+        0: none. blind : samples at the end whose acceleration came too late to be recorded. calmest : noise of the
+        acceleration at most, where a model has shown it [m/s²].
     """
 
     name: str
@@ -61,6 +62,7 @@ class Record:
     delay: float = 0.0
     cutoff: float = 0.0
     blind: int = 0
+    calmest: float = math.inf
     velocity: np.ndarray = field(init=False)
     track: np.ndarray = field(init=False)
 
@@ -115,7 +117,12 @@ class Record:
     def acceleration_noise(self) -> float:
         """Standard deviation of the acceleration noise [m/s²]."""
         assert self.acceleration is not None
-        return self.noise_from_periods.get("acceleration", white_deviation(self.acceleration))
+        return min(self.noise_from_periods.get("acceleration", self._white_acceleration), self.calmest)
+
+    @cached_property
+    def _white_acceleration(self) -> float:
+        assert self.acceleration is not None
+        return white_deviation(self.acceleration)
 
 
 def relative_error(measured: np.ndarray, simulated: np.ndarray) -> float:
@@ -152,6 +159,7 @@ def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[
                     delay=r.delay,
                     cutoff=r.cutoff,
                     blind=max(0, r.blind - (len(r.commands) - first - length)),
+                    calmest=r.calmest,
                 )
             )
     return pieces
@@ -246,6 +254,7 @@ class FullModel(DeclaredModel):
             measured=measured,
             injection=injection or DRAWN,
             cutoff=record.cutoff,
+            tolerance=SMOOTH,
         )
         return out[:, :, 0], out[:, :, 1]
 
@@ -261,6 +270,7 @@ class FullModel(DeclaredModel):
             measured=record.beginning,
             injection=DRAWN,
             cutoff=record.cutoff,
+            tolerance=SMOOTH,
         )
 
     def moved_mass(self, table: TableParameters) -> float:

@@ -20,7 +20,7 @@ from shake_ros.core.identification.recordings import Record, RecordingProblem
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_sample, delayed, outputs
 from shake_ros.core.plant.parameters import records
-from shake_ros.core.plant.simulation import TOLERANCE, initial_state
+from shake_ros.core.plant.simulation import SMOOTH, initial_state
 from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, VELOCITY
 
 WINDOW = 2.0  # length of the transform's window [s]
@@ -123,5 +123,5 @@ def run_scheduled(network: Network, free: FreeParameters, record: Record) -> np.
     y0[VELOCITY] = record.velocity[0]
     out = np.empty((len(record.commands), OUTPUTS))
     commands = np.ascontiguousarray(record.commands, dtype=float)
-    _simulate(records(vectors), acting, commands, record.standing, record.track, y0, record.sample_time, TOLERANCE, out)
+    _simulate(records(vectors), acting, commands, record.standing, record.track, y0, record.sample_time, SMOOTH, out)
     return out

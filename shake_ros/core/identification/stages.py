@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from shake_ros.core.identification.accelerometer import Accelerometer
 from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
@@ -32,6 +33,7 @@ EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
 ROUNDS = 2  # of null shifts and fit
 FAR = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
 JOINED = 0.5  # part of the cost that these may leave
+JOINTS = 3  # times that they are looked for
 EffectsOf = Callable[[TableParameters], Mapping[str, JoiningEffect]]
 BETWEEN_SENSORS = ("accelerometer_lag", "position_sensor_lag", "accelerometer_scale", "base_flexibility")
 SPECIMEN = "specimen_resonance"
@@ -94,14 +96,18 @@ def staged_start(
     pieces = _pieces(model, data)
     cost, table = min((_fitted(pieces, moved(shown), guess) for guess in guesses), key=lambda found: found[0])
     if (share := better_filter(pieces, table.vector())) is not None:
-        data = data.through_filter(share)
+        data = data.seen(Accelerometer(share))
         pieces = _pieces(model, data)
         cost, table = _fitted(pieces, moved(shown), table)
-    if cost > 0.5 * FAR**2 * pieces.noise_cost() * pieces.count:
-        joined, more = joint_start(pieces, moved(shown), known, guesses[0])
+    begin = guesses[0]
+    for _ in range(JOINTS):
+        if cost < 0.5 * FAR**2 * pieces.noise_cost() * pieces.count:
+            break
+        joined, more = joint_start(pieces, moved(shown), known, begin)
         with_more, joined = _fitted(pieces, moved((*shown, *more)), joined)
-        if with_more < JOINED * cost:
-            cost, table, shown = with_more, joined, (*shown, *more)
+        if with_more > JOINED * cost:
+            break
+        cost, table, shown, begin = with_more, joined, (*shown, *more), joined  # what is left shows others better
     again, anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], table, model))
     table = anew if again < cost else table
     for _ in range(ROUNDS - 1):

@@ -34,6 +34,7 @@ from shake_ros.core.valve.detailed import CODE as DETAILED
 from shake_ros.core.valve.detailed import VALVE_STATES, valve_at_rest
 
 TOLERANCE = 2e-6  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
+SMOOTH = 1e-7  # the same of a fit, whose derivatives see the jumps that a change of the steps makes in a run
 NOTHING = np.zeros(0)
 UNSEEN = np.zeros((0, 2))  # no measurement that draws the run
 WEIGHED = 3  # corrections of the load pressure; its law is linear but for the chambers' limits

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from shake_ros.core.discovery.convergence import reconverged, settled, taken_over
-from shake_ros.core.discovery.forward_selection import Selection
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.declared import effect_candidates, free_parameters
@@ -115,7 +115,7 @@ def test_a_fit_that_sits_in_the_worse_valley_is_led_out_of_it() -> None:
 
 
 def test_a_fit_that_has_converged_stays_the_one_it_is() -> None:
-    current = stuck_at(0.7)
+    current = stuck_at(1.0)
     assert reconverged(VALLEYS, current, led_to(0.9)) is current
     assert reconverged(VALLEYS, current, led_to(-1.2)) is current
 
@@ -133,4 +133,4 @@ def test_a_refit_that_comes_near_the_noise_is_brought_to_its_end() -> None:
     )
     end = fitted(MASS, 40).result.fit
     assert near.cost == pytest.approx(end.cost, rel=1e-9)
-    assert far.cost > 1.01 * end.cost
+    assert far.evaluations < near.evaluations

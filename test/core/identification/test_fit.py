@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.identification.fit import Fit, fit, jacobian
+from shake_ros.core.identification.fit import Fit, KeptJacobian, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, free_parameter
 from shake_ros.core.identification.uncertainty import SPREAD, at_bound, correlation, covariance, estimates, form_errors
 from shake_ros.core.plant.parameters import INDEX
@@ -211,3 +211,53 @@ def test_extension_adds_each_parameter_once() -> None:
     free = line()
     more = free_parameter("effects.soft_zone.depth", {"scale": 0.1}, "here")
     assert free.extended([more, free.free[0]]).names == (VISCOUS, COULOMB, "effects.soft_zone.depth")
+
+
+class Valley:
+    """Rosenbrock's curved valley in two parameters, and how many sets were simulated."""
+
+    def __init__(self) -> None:
+        self.simulated = 0
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        self.simulated += len(vectors)
+        x, y = vectors[:, INDEX[VISCOUS]] / 50.0, vectors[:, INDEX[COULOMB]] / 20.0
+        return np.column_stack([10.0 * (y - 0.2 * x**2), 5.0 - x, 0.1 * np.ones_like(x)])
+
+
+def test_a_kept_jacobian_leads_through_a_curved_valley_to_its_end() -> None:
+    problem, free = Valley(), line()
+    result = fit(problem, free, np.array([1.0, 15.0]), evaluations=40, tolerance=1e-12)
+    assert result.x == pytest.approx([5.0, 5.0], rel=1e-5)
+    assert result.cost == pytest.approx(0.005, rel=1e-6)
+    assert result.evaluations == problem.simulated
+
+
+def test_the_jacobian_of_a_fit_is_that_of_its_end() -> None:
+    problem, free = Valley(), line()
+    result = fit(problem, free, np.array([1.0, 15.0]), evaluations=40, tolerance=1e-12)
+    taken = jacobian(problem, free, result.x, result.residuals)
+    assert result.jacobian == pytest.approx(taken, abs=1e-3)
+
+
+class Decay:
+    """A decaying exponential whose size and rate are sought, without noise."""
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        size, rate = vectors[:, [INDEX[VISCOUS]]] / 50.0, vectors[:, [INDEX[COULOMB]]] / 20.0
+        time = np.linspace(0.0, 2.0, 40)
+        return np.asarray(size * np.exp(-rate * time) - 3.0 * np.exp(-2.0 * time))
+
+
+def test_most_steps_need_no_new_jacobian() -> None:
+    kept = KeptJacobian(Decay(), line())
+    at, steps = np.array([2.5, 1.6]), 0
+    while np.sum(kept.residuals(at) ** 2) > 1e-16:
+        at, steps = at - np.linalg.lstsq(kept(at), kept.residuals(at), rcond=None)[0], steps + 1
+        assert steps < 30
+    assert at == pytest.approx([3.0, 2.0], abs=1e-6)
+    assert kept.taken <= 0.5 * steps
+    kept.forget()
+    taken = kept.taken
+    kept(at)
+    assert (kept.taken, kept.age) == (taken + 1, 0)

@@ -188,3 +188,15 @@ def test_a_simulated_velocity_is_filtered_as_a_measured_one_to_its_very_ends() -
     assert np.abs(low_pass(velocity, 1e-3) - shown)[-1] > 1e-3  # in motion at its end
     rows = np.stack([velocity, 2.0 * velocity])
     assert filtered_velocity(rows, 1e-3)[1] == pytest.approx(2.0 * filtered_velocity(velocity, 1e-3))
+
+
+def test_a_run_changes_as_smoothly_as_the_parameter_that_is_changed() -> None:
+    made = record(3, 10.0, noisy=False)
+    every = slice(None, None, 5)  # 200 Hz: several steps of the integrator between two samples
+    slow = Record("slow", 5 * SAMPLE_TIME, made.commands[every], made.position[every], made.acceleration[every])
+    problem, table = RecordingProblem([slow]), load_table("bergamo").with_values({"valve.hysteresis": 1e-3})
+    name, changes = "valve.natural_frequency", (0.0, 1e-4, 1e-2)  # relative
+    tables = [table.with_values({name: (1.0 + c) * table.value(name)}) for c in changes]
+    at, near, far = problem.residuals(np.array([t.vector() for t in tables]))
+    rates = (near - at) / changes[1], (far - at) / changes[2]
+    assert np.linalg.norm(rates[0] - rates[1]) < 0.2 * np.linalg.norm(rates[1])

@@ -1,0 +1,66 @@
+"""What a search has found so far: the fit of the declared model, the steps from it, the final fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.problem import ScoredFit
+from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.unlisted_functions import FunctionSearch
+from shake_ros.core.identification.accelerometer import Accelerometer
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Fit of the declared model, steps, final fit.
+
+    removed : effects taken out again. rejected : ranking of the last step, which nothing passed. functions : what was
+    tried in it for something that no listed effect explains. stopped : whether the search ended before it was done.
+    accelerometer : what its models have told of it.
+    """
+
+    declared: ScoredFit
+    steps: tuple[ForwardStep, ...]
+    final: ScoredFit
+    removed: tuple[str, ...] = ()
+    rejected: tuple[Refit, ...] = ()
+    functions: FunctionSearch | None = None
+    stopped: bool = False
+    accelerometer: Accelerometer = field(default_factory=Accelerometer)
+
+    @property
+    def models(self) -> tuple[ScoredFit, ...]:
+        """Fits of the declared model and after each step; the final one where an effect was taken out since."""
+        gone = tuple(f"effects.{effect}." for effect in self.removed)
+        along = [step.chosen.result for step in self.steps[:-1]]
+        along = (
+            [self.final if any(n.startswith(gone) for n in f.fit.free.names) else f for f in along] if gone else along
+        )
+        return (self.declared, *along, *([self.final] if self.steps else []))
+
+    def with_better_fit(self, better: ScoredFit) -> Selection:
+        """The same models, the last of them with a better fit."""
+        if not self.steps:
+            return replace(self, declared=better, final=better)
+        last = self.steps[-1]
+        chosen = replace(last.chosen, result=better)
+        step = replace(last, chosen=chosen, ranking=(chosen, *last.ranking[1:]))
+        return replace(self, steps=(*self.steps[:-1], step), final=better)
+
+    def on(self, moved: Callable[[ScoredFit], ScoredFit], last: Callable[[ScoredFit], ScoredFit]) -> Selection:
+        """The same models on other data: `last` makes the final one, `moved` those before."""
+        if not self.steps:
+            again = last(self.final)
+            return replace(self, declared=again, final=again)
+        final, steps = last(self.final), list[ForwardStep]()
+        for step in self.steps:
+            result = final if step is self.steps[-1] else moved(step.chosen.result)
+            chosen = replace(step.chosen, result=result)
+            steps.append(replace(step, chosen=chosen, ranking=(chosen, *step.ranking[1:])))
+        return replace(self, declared=moved(self.declared), steps=tuple(steps), final=final)
+
+    def with_step(self, step: ForwardStep) -> Selection:
+        """One effect more."""
+        return replace(self, steps=(*self.steps, step), final=step.chosen.result, rejected=())
