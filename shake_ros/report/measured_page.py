@@ -93,7 +93,7 @@ def _parameters(page: Page, model: MeasuredModel) -> None:
         text = estimate_text(Estimate(f.name, value, None, f.unit))
         if resting:
             warn.append(i)
-            text += f", at its {'lower' if value - f.low < f.high - value else 'upper'} bound"
+            text += f",\nat its {'lower' if value - f.low < f.high - value else 'upper'} bound"
         meaning = str(model.table.fields[f.name].metadata["meaning"])
         rows.append([f.name.removeprefix("effects."), text, unit_of(f.unit)[1], meaning])
     page.table(("parameter", model.name, "unit", "meaning"), rows, warn=warn)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
+from shake_ros.core.identification.experiments import UNKNOWN
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.identification.uncertainty import Estimate
@@ -98,8 +99,8 @@ def _parameter(p: Estimate | None, limits: tuple[float, float] | None) -> str:
         return text
     low, high = limits
     if abs(p.value - low) > 1e-3 * (high - low) and abs(high - p.value) > 1e-3 * (high - low):
-        return f"{text}, does not act"
-    return f"{text}, at its {'lower' if p.value - low < high - p.value else 'upper'} bound"
+        return f"{text},\ndoes not act"
+    return f"{text},\nat its {'lower' if p.value - low < high - p.value else 'upper'} bound"
 
 
 def identified_section(page: Page, told: Sequence[Estimate], data: Prepared | None) -> None:
@@ -226,7 +227,7 @@ def known_section(page: Page, diagnosis: Diagnosis) -> None:
 
 
 def _uncertainty(deviation: float) -> str:
-    return f"± {100.0 * deviation:.2g} %" if deviation < 0.995 else "not known"
+    return f"± {100.0 * deviation:.2g} %" if deviation < UNKNOWN else "not known"
 
 
 class Track(NamedTuple):

@@ -15,7 +15,8 @@ MULTIPLES = ("start_multiples", "late_multiples", "function_multiples", "takeove
 class SearchSettings(Parameters):
     """How hard the search looks and what it takes for an improvement.
 
-    Costs are mean squares of weighted residuals. "Trial points" are those of one fit for which differences are simulated.
+    Costs are mean squares of weighted residuals. "Trial points" are those of one fit for which differences are
+    simulated.
     """
 
     # what is fitted

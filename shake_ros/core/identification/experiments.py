@@ -23,6 +23,7 @@ from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
 STROKE, PAYLOAD = "body.stroke", "body.specimen_mass"
 WITHIN = 0.8  # part of the stroke that a candidate may use
 KINDS = ("standstill", "sine", "multisine", "sweep", "pulses")
+UNKNOWN = 0.995  # deviation, in parts of the value, from which on a parameter counts as not known
 KEYS = ("kind", "amplitude", "low", "high", "payload")
 
 
@@ -160,12 +161,14 @@ def benefits(
 
 
 def advice(known: Identifiability, found: Sequence[RecordingBenefit]) -> str:
-    """A sentence on the recording that would help most."""
+    """A sentence on the recording that would help most, with the parameter that is known least, or gains most."""
     if not found:
         return "no recording of the catalogue can be simulated with this table"
     best, k = found[0], known.weakest
+    if best.deviations[k] >= UNKNOWN:
+        k = int(np.argmin(best.deviations / known.deviations))
     before, after = (
-        f"± {100.0 * d[k]:.2g} %" if d[k] < 0.995 else "not known" for d in (known.deviations, best.deviations)
+        f"± {100.0 * d[k]:.2g} %" if d[k] < UNKNOWN else "not known" for d in (known.deviations, best.deviations)
     )
     change = f"{known.names[k]} from {before} to {after}"
     return f"the most helpful further recording is {best.candidate.name}: {change}"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -120,3 +123,11 @@ def test_a_fast_recording_is_advised_where_only_a_standing_table_was_recorded() 
     assert [b.candidate.name for b in found] == ["lively", "rest"]
     assert np.all(found[0].deviations < known.deviations)
     assert "lively" in advice(known, found)
+
+
+def test_advice_names_what_gains_where_nothing_tells_what_is_known_least() -> None:
+    known: Any = SimpleNamespace(weakest=0, names=("a", "b", "c"), deviations=np.array([1.0, 0.4, 0.2]))
+    found: Any = [SimpleNamespace(candidate=SimpleNamespace(name="pulses"), deviations=np.array([1.0, 0.39, 0.05]))]
+    assert advice(known, found) == "the most helpful further recording is pulses: c from ± 20 % to ± 5 %"
+    found[0].deviations[0] = 0.5
+    assert advice(known, found) == "the most helpful further recording is pulses: a from not known to ± 50 %"
