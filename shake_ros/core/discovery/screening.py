@@ -13,7 +13,7 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearised
-from shake_ros.core.identification.fit import Fit, Problem
+from shake_ros.core.identification.fit import Fit, Problem, is_smooth
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,7 @@ class JointProblem:
 
     def __init__(self, first: Problem, second: Problem) -> None:
         self._parts = first, second
+        self.smooth = is_smooth(first)
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Weighted residuals of both, shape (m, n)."""

@@ -265,6 +265,11 @@ class WithNodePrior:
         names = list(free.base.fields)
         self._columns = [names.index(name) for name in NODE_NAMES]
 
+    @property
+    def smooth(self) -> bool:
+        """As the problem is."""
+        return self._problem.smooth
+
     def drawn(self, injection: float) -> WithNodePrior:
         """The same with drawn runs."""
         problem = copy.copy(self)

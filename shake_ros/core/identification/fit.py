@@ -15,15 +15,19 @@ from scipy.optimize import least_squares
 
 from shake_ros.core.identification.free_parameters import FreeParameters
 
-DIFFERENCE = 2e-4  # difference step as a part of a parameter's scale or of its value, whichever is larger
-KEPT = 4  # steps for which a Jacobian is kept
+DIFFERENCE = 2e-3  # difference step as a part of a parameter's scale or of its value, whichever is larger
+SMALL_DIFFERENCE = 2e-4  # the same of a smooth problem
+KEPT = 4  # steps for which the Jacobian of a smooth problem is kept
 LEAST, MOST = 0.5, 2.0  # of the foreseen fall of the cost, between which it is
-TRIALS = 2  # trial points for each Jacobian that a fit may take
+TRIALS = 2  # trial points for each of the Jacobians that a fit may take where it keeps them
 LOST = 1e6  # weighted residual of a simulation that ends in no number
 
 
 class Problem(Protocol):
-    """What a fit needs: weighted residuals for rows of parameter vectors, shape (m, len(NAMES)) → (m, n)."""
+    """What a fit needs: weighted residuals for rows of parameter vectors, shape (m, len(NAMES)) → (m, n).
+
+    It may say that it is `smooth`: that its residuals change with the parameters without small jumps.
+    """
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Weighted residuals, one row per parameter vector."""
@@ -57,9 +61,14 @@ class Fit:
             raise ValueError(f"x of shape {self.x.shape} for {len(self.free.names)} free parameters")
 
 
+def is_smooth(problem: Problem) -> bool:
+    """Whether a problem says so of itself."""
+    return bool(getattr(problem, "smooth", False))
+
+
 def jacobian(problem: Problem, free: FreeParameters, x: np.ndarray, residuals: np.ndarray) -> np.ndarray:
     """Forward differences of the residuals in one batch, shape (n, p)."""
-    step = DIFFERENCE * np.maximum(1.0, np.abs(x))
+    step = (SMALL_DIFFERENCE if is_smooth(problem) else DIFFERENCE) * np.maximum(1.0, np.abs(x))
     step = np.where(x + step > free.high, -step, step)
     moved = problem.residuals(free.vectors(x + np.diag(step)))
     return (moved - residuals).T / step
@@ -69,13 +78,15 @@ class KeptJacobian:
     """Residuals and Jacobian of a fit, the latter kept from step to step and corrected by what each step has shown.
 
     A rank-one correction (Broyden 1965, Mathematics of Computation 19, 577) costs no simulation where differences cost
-    one for each parameter. They are taken anew where a step has not brought what was foreseen, and after KEPT steps.
+    one for each parameter. They are taken anew where a step has not brought what was foreseen, after KEPT steps, and at
+    each step of a problem that is not smooth.
     new : the last one that was taken. taken, simulated : how many were, and parameter sets in all. age : of the present
     one, in corrections.
     """
 
     def __init__(self, problem: Problem, free: FreeParameters) -> None:
         self._problem, self._free = problem, free
+        self.kept = KEPT if is_smooth(problem) else 0
         self._x, self._r, self._jacobian = np.zeros(0), np.zeros(0), np.zeros((0, 0))
         self._last: tuple[bytes, np.ndarray] = b"", np.zeros(0)
         self.new = self._jacobian
@@ -96,7 +107,7 @@ class KeptJacobian:
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """The Jacobian at x, shape (n, p)."""
         r = self.residuals(x)
-        if len(self._x) and self.age < KEPT:
+        if len(self._x) and self.age < self.kept:
             step = x - self._x
             foreseen = self._r + self._jacobian @ step
             before = self._r @ self._r
@@ -119,7 +130,8 @@ def fit(
 
     Parameters
     ----------
-    evaluations : most Jacobians that are simulated. tolerance : relative change of the cost and of x at which it stops.
+    evaluations : most Jacobians that are simulated, or trial points where each has its own. tolerance : relative change
+        of the cost and of x at which it stops.
     """
     derivative = KeptJacobian(problem, free)
     margin = 1e-9 * np.maximum(1.0, np.abs(free.low))
@@ -132,7 +144,7 @@ def fit(
             bounds=(free.low, free.high),
             method="trf",
             x_scale="jac",
-            max_nfev=max(1, TRIALS * (evaluations - derivative.taken)),
+            max_nfev=max(1, (TRIALS if derivative.kept else 1) * (evaluations - derivative.taken)),
             ftol=tolerance,
             xtol=tolerance,
             gtol=1e-10,

@@ -173,6 +173,8 @@ class DeclaredModel(ABC):
     layout : of its tables; its name is the model's. driven_by : signal of a recording that a Record's `commands` are.
     candidates_file : file of config/discovery with the effects it may lack. nuisances : whether the offset of each
     channel and recording is estimated with every fit. injects : whether a run can be drawn towards the measurement.
+    smooth : whether its runs change with the parameters without small jumps, as friction makes them that holds a table
+    fast for whole steps.
     """
 
     layout: ClassVar[TableLayout]
@@ -180,6 +182,7 @@ class DeclaredModel(ABC):
     candidates_file: ClassVar[str]
     nuisances: ClassVar[bool] = False
     injects: ClassVar[bool] = False
+    smooth: ClassVar[bool] = False
 
     @property
     def name(self) -> str:
@@ -240,6 +243,7 @@ class FullModel(DeclaredModel):
     layout = FULL_LAYOUT
     candidates_file = "effects"
     injects = True
+    smooth = True
 
     def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration for rows of parameters."""
@@ -309,6 +313,11 @@ class RecordingProblem:
                 self.acceleration_weights.append(1.0 / np.hypot(r.acceleration_noise(), floor))
             else:
                 self.acceleration_weights.append(0.0)
+
+    @property
+    def smooth(self) -> bool:
+        """Whether its residuals change with the parameters without small jumps."""
+        return self.model.smooth
 
     def drawn(self, injection: float) -> RecordingProblem:
         """The same with runs that are drawn towards the measurement at a rate [1/s], where the model can."""

@@ -37,6 +37,7 @@ class UnknownModel(DeclaredModel):
     candidates_file = "effects"
     nuisances: ClassVar[bool] = True
     injects: ClassVar[bool] = True
+    smooth: ClassVar[bool] = True
 
     table: TableParameters | None = None
     unknown: tuple[str, ...] = ()

@@ -115,7 +115,7 @@ def test_a_fit_that_sits_in_the_worse_valley_is_led_out_of_it() -> None:
 
 
 def test_a_fit_that_has_converged_stays_the_one_it_is() -> None:
-    current = stuck_at(1.0)
+    current = stuck_at(0.7)
     assert reconverged(VALLEYS, current, led_to(0.9)) is current
     assert reconverged(VALLEYS, current, led_to(-1.2)) is current
 
@@ -133,4 +133,4 @@ def test_a_refit_that_comes_near_the_noise_is_brought_to_its_end() -> None:
     )
     end = fitted(MASS, 40).result.fit
     assert near.cost == pytest.approx(end.cost, rel=1e-9)
-    assert far.evaluations < near.evaluations
+    assert far.cost > 1.01 * end.cost

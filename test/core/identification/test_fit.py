@@ -216,6 +216,8 @@ def test_extension_adds_each_parameter_once() -> None:
 class Valley:
     """Rosenbrock's curved valley in two parameters, and how many sets were simulated."""
 
+    smooth = True
+
     def __init__(self) -> None:
         self.simulated = 0
 
@@ -242,6 +244,8 @@ def test_the_jacobian_of_a_fit_is_that_of_its_end() -> None:
 
 class Decay:
     """A decaying exponential whose size and rate are sought, without noise."""
+
+    smooth = True
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         size, rate = vectors[:, [INDEX[VISCOUS]]] / 50.0, vectors[:, [INDEX[COULOMB]]] / 20.0
