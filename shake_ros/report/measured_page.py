@@ -8,7 +8,7 @@ from shake_ros.core.measured_harmonics.comparison import HarmonicComparison, Mea
 from shake_ros.report.charts_harmonics import harmonics_chart, shown, title, traces_chart
 from shake_ros.report.measured_text import second_lines
 from shake_ros.report.page import Bar, Made, Page
-from shake_ros.report.readable import estimate_text, unit_of
+from shake_ros.report.readable import bound_text, estimate_text, unit_of
 
 
 def measured_page(comparison: HarmonicComparison, command: str = "") -> Page:
@@ -93,7 +93,7 @@ def _parameters(page: Page, model: MeasuredModel) -> None:
         text = estimate_text(Estimate(f.name, value, None, f.unit))
         if resting:
             warn.append(i)
-            text += f",\nat its {'lower' if value - f.low < f.high - value else 'upper'} bound"
+            text += f",\n{bound_text(value, f.low, f.high)}"
         meaning = str(model.table.fields[f.name].metadata["meaning"])
         rows.append([f.name.removeprefix("effects."), text, unit_of(f.unit)[1], meaning])
     page.table(("parameter", model.name, "unit", "meaning"), rows, warn=warn)

@@ -56,6 +56,15 @@ def rounded(value: float, error: float | None = None) -> str:
     return text.replace("-", "−")
 
 
+def bound_text(value: float, low: float, high: float) -> str:
+    """At which of its two bounds a value rests.
+
+    >>> bound_text(0.01, 0.0, 5.0)
+    'at its lower bound'
+    """
+    return f"at its {'lower' if value - low < high - value else 'upper'} bound"
+
+
 def estimate_text(p: Estimate) -> str:
     """Value and standard deviation (noise and the forms assumed near rest) without the unit.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
-from shake_ros.core.identification.experiments import UNKNOWN
+from shake_ros.core.identification.experiments import stated
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.identification.uncertainty import Estimate
@@ -20,7 +20,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.report import charts_fit
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page, Source
-from shake_ros.report.readable import estimate_text, rounded, unit_of
+from shake_ros.report.readable import bound_text, estimate_text, rounded, unit_of
 from shake_ros.report.text import percent, sentence
 
 ERROR = "Error of the free run: rms(measured − simulated) / rms(measured − mean), simulated from the command alone."
@@ -100,7 +100,7 @@ def _parameter(p: Estimate | None, limits: tuple[float, float] | None) -> str:
     low, high = limits
     if abs(p.value - low) > 1e-3 * (high - low) and abs(high - p.value) > 1e-3 * (high - low):
         return f"{text},\ndoes not act"
-    return f"{text},\nat its {'lower' if p.value - low < high - p.value else 'upper'} bound"
+    return f"{text},\n{bound_text(p.value, low, high)}"
 
 
 def identified_section(page: Page, told: Sequence[Estimate], data: Prepared | None) -> None:
@@ -220,14 +220,10 @@ def known_section(page: Page, diagnosis: Diagnosis) -> None:
         )
         columns = [known.deviations, *(b.deviations for b in diagnosis.benefits)]
         rows = [
-            [name.removeprefix("effects."), *(_uncertainty(float(d[k])) for d in columns)]
+            [name.removeprefix("effects."), *(stated(float(d[k])) for d in columns)]
             for k, name in enumerate(known.names)
         ]
         page.table(["parameter", "now", *(b.candidate.name for b in diagnosis.benefits)], rows)
-
-
-def _uncertainty(deviation: float) -> str:
-    return f"± {100.0 * deviation:.2g} %" if deviation < UNKNOWN else "not known"
 
 
 class Track(NamedTuple):

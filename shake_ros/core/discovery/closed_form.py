@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, mean_square
 from shake_ros.core.discovery.unlisted_functions import NODE_NAMES, OF_HYDRAULICS, OF_MOTION, PREFIX, PULSATION
 from shake_ros.core.effects.unlisted import NODES
+from shake_ros.core.identification.fit import LOST
 from shake_ros.core.identification.uncertainty import covariance
 
 Curve = Callable[..., np.ndarray]
@@ -175,6 +176,6 @@ def learnt_function(problem: SearchProblem, final: ScoredFit) -> LearntFunction 
     form = fitted_forms(at, values, spread[columns])[0]
     row = result.free.vectors(result.x)
     row[:, [list(result.free.base.fields).index(name) for name in NODE_NAMES]] = form.values
-    cost = mean_square(np.nan_to_num(problem.validation.residuals(row)[0], nan=1e6))
+    cost = mean_square(np.nan_to_num(problem.validation.residuals(row)[0], nan=LOST))
     form = replace(form, cost=math.sqrt(cost / final.validation_cost))
     return LearntFunction(kind.quantity, kind.place, kind.unit, at, values, spread[columns], form)

@@ -18,7 +18,7 @@ from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.accelerometer import Accelerometer
 from shake_ros.core.identification.approach import Approach, approached, arrived, led
-from shake_ros.core.identification.fit import Fit, Problem, fit, jacobian
+from shake_ros.core.identification.fit import LOST, Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, RecordingProblem, windows
 from shake_ros.core.plant.parameters import TableParameters
@@ -27,7 +27,6 @@ from shake_ros.core.plant.simulation import workers
 T = TypeVar("T")
 R = TypeVar("R")
 Progress = Callable[[str, float], None]
-FAILED = 1e6  # weighted residual of a simulation that ends in no number
 
 
 @dataclass(frozen=True)
@@ -189,7 +188,7 @@ class SearchProblem:
         return ScoredFit(result, mean_square(result.residuals), mean_square(r), np.asarray(blocks))
 
     def _validation_residuals(self, result: Fit) -> np.ndarray:
-        return np.nan_to_num(self.validation.residuals(result.free.vectors(result.x))[0], nan=FAILED)
+        return np.nan_to_num(self.validation.residuals(result.free.vectors(result.x))[0], nan=LOST)
 
     def seen(self, accelerometer: Accelerometer) -> SearchProblem:
         """The problem with what has been learned of the accelerometer."""

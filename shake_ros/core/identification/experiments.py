@@ -160,6 +160,11 @@ def benefits(
     return sorted(found, key=lambda b: float(np.max(b.deviations)))
 
 
+def stated(deviation: float) -> str:
+    """A deviation, in parts of a parameter's value or usual size, for people."""
+    return f"± {100.0 * deviation:.2g} %" if deviation < UNKNOWN else "not known"
+
+
 def advice(known: Identifiability, found: Sequence[RecordingBenefit]) -> str:
     """A sentence on the recording that would help most, with the parameter that is known least, or gains most."""
     if not found:
@@ -167,8 +172,6 @@ def advice(known: Identifiability, found: Sequence[RecordingBenefit]) -> str:
     best, k = found[0], known.weakest
     if best.deviations[k] >= UNKNOWN:
         k = int(np.argmin(best.deviations / known.deviations))
-    before, after = (
-        f"± {100.0 * d[k]:.2g} %" if d[k] < UNKNOWN else "not known" for d in (known.deviations, best.deviations)
-    )
+    before, after = (stated(d[k]) for d in (known.deviations, best.deviations))
     change = f"{known.names[k]} from {before} to {after}"
     return f"the most helpful further recording is {best.candidate.name}: {change}"

@@ -19,9 +19,8 @@ TABLE = load_table("bergamo").with_values(TRUE)
 def slowly(seed: int, noise: float) -> Record:
     """A recording at a fifth of the rate, its command held as long."""
     made = record(seed, 10.0, noisy=False)
-    felt = made.acceleration[::EACH] + noise * np.random.default_rng(seed).standard_normal(
-        len(made.acceleration[::EACH])
-    )
+    felt = made.acceleration[::EACH]
+    felt = felt + noise * np.random.default_rng(seed).standard_normal(len(felt))
     commands = made.commands[: len(made.commands) // EACH * EACH].reshape(-1, EACH).mean(axis=1)
     n = min(len(commands), len(felt))
     return Record(f"run{seed}", EACH * SAMPLE_TIME, commands[:n], made.position[::EACH][:n], felt[:n])
