@@ -88,7 +88,7 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
 def with_accelerometer(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
     """Problem and models with what the final model tells of the accelerometer."""
     known, others = found.accelerometer, problem.validation.records
-    learned = known.learned(problem.estimation, others, found.final.fit.vector)
+    learned = known.learned(problem.estimation, others, found.final.fit)
     if learned is known:
         return problem, found
     problem = problem.seen(learned)

@@ -13,9 +13,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.noise import white_deviation
 from shake_ros.core.identification.recordings import Record, RecordingProblem
-from shake_ros.core.identification.sensor_pair import better_filter, through_filter
+from shake_ros.core.identification.sensor_filter import SensorFilter, better_filter
 
 CALMER = 0.95  # of the noise that is assumed, from which a smaller one counts
 
@@ -24,35 +25,35 @@ CALMER = 0.95  # of the noise that is assumed, from which a smaller one counts
 class Accelerometer:
     """What is known of it from a model.
 
-    filter_share : of its delay that is a filter's, as of `sensor_pair.through_filter`; None: as at the start.
+    behind : delay and filter, as of sensor_filter.py; None: as at the start.
     noise : largest standard deviation by recording [m/s²], where a model shows it to be smaller than at the start.
     """
 
-    filter_share: float | None = None
+    behind: SensorFilter | None = None
     noise: Mapping[str, float] = field(default_factory=dict)
 
     def seen(self, record: Record) -> Record:
         """A recording as it is seen with this knowledge."""
-        known = record if self.filter_share is None else through_filter(record, self.filter_share)
+        known = record if self.behind is None else self.behind.seen(record)
         return replace(known, calmest=self.noise[record.name]) if record.name in self.noise else known
 
     def problem(self, problem: RecordingProblem) -> RecordingProblem:
         """A problem with its recordings as they are seen."""
         return RecordingProblem([self.seen(r) for r in problem.records], problem.model)
 
-    def learned(self, problem: RecordingProblem, others: Sequence[Record], vector: np.ndarray) -> Accelerometer:
+    def learned(self, problem: RecordingProblem, others: Sequence[Record], model: Fit) -> Accelerometer:
         """More of it from a fitted table, or the same where that tells nothing new.
 
         Parameters
         ----------
         problem : recordings of the fit, as they are seen. others : recordings whose noise counts as well.
-        vector : parameters of the table.
+        model : the fit of the table to them.
         """
-        share = better_filter(problem, vector)
-        known = self if share is None else replace(self, filter_share=share)
+        behind = better_filter(problem, model)
+        known = self if behind is None else replace(self, behind=behind)
         noise = dict(known.noise)
         for name, records in by_name([known.seen(r) for r in (*problem.records, *others)]).items():
-            found = residual_noise(RecordingProblem(records, problem.model), vector)
+            found = residual_noise(RecordingProblem(records, problem.model), model.vector)
             if found < CALMER * records[0].acceleration_noise():
                 noise[name] = found
         return known if noise == known.noise else replace(known, noise=noise)

@@ -39,7 +39,7 @@ class Prepared:
     """Recordings with their offsets taken out.
 
     full_scale : of the recorded command, which counts as 1 from here on. sensors : what position and acceleration tell
-    of each other; the delay has been taken out but that of a filter with the recordings' `cutoff`, the rest has not.
+    of each other at first; the recordings' `delay` has been taken out but that of a filter with their `cutoff`.
     """
 
     estimation: list[Record]
@@ -54,16 +54,21 @@ class Prepared:
         return replace(self, estimation=both[0], validation=both[1])
 
     @property
+    def delay(self) -> float:
+        """Of the accelerometer [s]."""
+        return max((r.delay for r in self.estimation), key=abs, default=0.0)
+
+    @property
     def cutoff(self) -> float:
         """Of the filter behind the accelerometer [Hz]; 0 where its delay is all that shows."""
         return max((r.cutoff for r in self.estimation), default=0.0)
 
     def lateness(self) -> str:
         """How late the accelerometer is and what for; empty where it is not."""
-        if not self.sensors.delay:
+        if not self.delay:
             return ""
         cutoff = f", a low-pass of {self.cutoff:.3g} Hz" if self.cutoff else ""
-        return f"accelerometer later than the position by {1e3 * self.sensors.delay:.2f} ms (its filter{cutoff})"
+        return f"accelerometer later than the position by {1e3 * self.delay:.2f} ms (its filter{cutoff})"
 
     def note(self) -> str:
         """What was assumed of the command; empty where it is per unit."""

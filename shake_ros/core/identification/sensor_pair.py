@@ -6,8 +6,7 @@ by g e^(−jωδ)/(1 − β(ω)) where the table stands on a base that moves (ba
 the base, the acceleration is absolute, and β = ω² c M ω_b²/(ω_b² − ω² + 2jζω_bω) is the base's part of it. The delay δ
 of the filter tells nothing of the table and is taken out of the recording; the rest stays for the model to explain.
 
-The delay alone does not tell the filter, which also rounds what friction makes of the acceleration at each reversal.
-How much of the delay is that of a Butterworth filter of second order, √2/ω_c, the fit tells (`better_filter`).
+Delay and lag are much alike, so the delay is a first one: with what filter it comes the fit tells (sensor_filter.py).
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from shake_ros.core.analysis.frequency_response import SHORTEST, frequency_response
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recordings import Record
 
 WINDOW = 4.0  # of the response [s]
 LOWEST, HIGHEST = 1.0, 40.0  # lines that are looked at [Hz]
@@ -32,11 +31,6 @@ WORTH = 0.8  # fall of the cost from which a lag counts as one
 WORTH_OF_BASE = 0.3  # the same of a base's mode, which has three parameters
 BASES = (4.0, 7.0, 11.0, 16.0, 24.0, 35.0)  # natural frequencies from which one is sought [Hz]
 AMPLIFIED = 0.05  # β at low damping and a third of the frequency, from which it is sought
-FILTER_DELAY = math.sqrt(0.5) / math.pi  # of a Butterworth filter of second order, times its cut-off [-]
-SHARES = (0.0, 0.5, 0.75, 1.0)  # of the accelerometer's delay that may be a filter's
-SHORTEST_DELAY = 0.1  # samples, from which a filter is sought
-FAR = 5.0  # ratio of the residual to the noise from which no filter is chosen
-LESS = 0.98  # of the mean square that another filter has to leave
 WIDEST = 0.05  # rms of the relative gain's departure from its mean up to which the mean is that of the sensors
 
 
@@ -170,31 +164,10 @@ def timely(record: Record, delay: float) -> Record:
     if record.acceleration is None or delay == 0.0:
         return record
     samples = delay / record.sample_time
-    blind = max(record.blind, math.ceil(samples))
-    return replace(record, acceleration=advanced(record.acceleration, samples), delay=record.delay + delay, blind=blind)
-
-
-def through_filter(record: Record, share: float) -> Record:
-    """The recording with so much of the delay that was taken out back, as that of a filter of the simulation too."""
-    before, delay = FILTER_DELAY / record.cutoff if record.cutoff else 0.0, share * record.delay
-    if math.isclose(delay, before, abs_tol=1e-9):
-        return record
-    moved = timely(record, before - delay)
-    return replace(moved, delay=record.delay, cutoff=FILTER_DELAY / delay if delay else 0.0)
-
-
-def better_filter(problem: RecordingProblem, vector: NDArray[np.float64]) -> float | None:
-    """Share of the delay that is a filter's, where with another than the present one a table leaves less; or None.
-
-    None as well where all leave much above the noise: then the effects that are missing would choose.
-    """
-
-    def left(records: Sequence[Record]) -> float:
-        residuals = RecordingProblem(list(records), problem.model).residuals(vector[None, :])
-        return float(np.mean(residuals**2))
-
-    if not any(r.delay > SHORTEST_DELAY * r.sample_time for r in problem.records):
-        return None
-    costs = [left([through_filter(r, share) for r in problem.records]) for share in SHARES]
-    best = int(np.argmin(costs))
-    return SHARES[best] if costs[best] < min(LESS * left(problem.records), FAR**2 * problem.noise_cost()) else None
+    return replace(
+        record,
+        acceleration=advanced(record.acceleration, samples),
+        delay=record.delay + delay,
+        blind=max(record.blind, math.ceil(samples)),
+        calmest=record.acceleration_noise(),  # jumps ring between the samples of an advanced signal
+    )

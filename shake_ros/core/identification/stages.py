@@ -16,12 +16,14 @@ import numpy as np
 from shake_ros.core.identification.accelerometer import Accelerometer
 from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.first_guess import FirstGuess
+from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
 from shake_ros.core.identification.nuisances import Nuisance, Prepared
 from shake_ros.core.identification.recordings import Record, RecordingProblem, windows
-from shake_ros.core.identification.sensor_pair import SensorPair, better_filter
+from shake_ros.core.identification.sensor_filter import behind_filter, better_filter
+from shake_ros.core.identification.sensor_pair import SensorPair
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
@@ -33,9 +35,11 @@ EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
 ROUNDS = 2  # of null shifts and fit
 FAR = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
 JOINED = 0.5  # part of the cost that these may leave
+CLEAR = 0.1  # part that they leave where they are beyond doubt
 JOINTS = 3  # times that they are looked for
 EffectsOf = Callable[[TableParameters], Mapping[str, JoiningEffect]]
 BETWEEN_SENSORS = ("accelerometer_lag", "position_sensor_lag", "accelerometer_scale", "base_flexibility")
+NARROW = {"coupling_backlash": (0, 2)}  # trials from which they are sought where many effects are tried at once
 SPECIMEN = "specimen_resonance"
 SHOWN = (SPECIMEN, *BETWEEN_SENSORS)  # effects that show without a search
 LEAST_SCALE = 0.02  # error of the accelerometer's scale that counts as one: smaller ones are those of a calibration
@@ -80,6 +84,7 @@ def staged_start(
     free : parameters that a fit may move. effects : that a table may lack.
     """
     assert model.table is not None
+    data = data.seen(Accelerometer(behind_filter(data.estimation)))
     first = FirstGuess(data.estimation)
     may_lack = tuple(effect for effect in SHOWN if model.may_lack(effect))
 
@@ -94,26 +99,44 @@ def staged_start(
         return [*free, *(p for e in names for p in known[e].free)]
 
     pieces = _pieces(model, data)
-    cost, table = min((_fitted(pieces, moved(shown), guess) for guess in guesses), key=lambda found: found[0])
-    if (share := better_filter(pieces, table.vector())) is not None:
-        data = data.seen(Accelerometer(share))
+    best = min((_fitted(pieces, moved(shown), guess) for guess in guesses), key=_cost)
+    if (behind := better_filter(pieces, best)) is not None:
+        data = data.seen(Accelerometer(behind))
         pieces = _pieces(model, data)
-        cost, table = _fitted(pieces, moved(shown), table)
+        best = _fitted(pieces, moved(shown), _table(best))
     begin = guesses[0]
     for _ in range(JOINTS):
-        if cost < 0.5 * FAR**2 * pieces.noise_cost() * pieces.count:
+        if best.cost < 0.5 * FAR**2 * pieces.noise_cost() * pieces.count:
             break
-        joined, more = joint_start(pieces, moved(shown), known, begin)
-        with_more, joined = _fitted(pieces, moved((*shown, *more)), joined)
-        if with_more > JOINED * cost:
+        start, more = joint_start(pieces, moved(shown), known, begin)
+        joined = _fitted(pieces, moved((*shown, *more)), start)
+        if joined.cost > CLEAR * best.cost:
+            for other, effect in narrow_starts(known, begin):
+                narrow = _fitted(pieces, moved((*shown, effect)), other)
+                if narrow.cost < joined.cost:
+                    joined, more = narrow, (effect,)
+        if joined.cost > JOINED * best.cost:
             break
-        cost, table, shown, begin = with_more, joined, (*shown, *more), joined  # what is left shows others better
-    again, anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], table, model))
-    table = anew if again < cost else table
+        best, shown, begin = joined, (*shown, *more), _table(joined)  # what is left shows others better
+    anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], _table(best), model))
+    table = _table(min(best, anew, key=_cost))
     for _ in range(ROUNDS - 1):
         data = recentred(model, table, data)
-        table = _fitted(_pieces(model, data), moved(shown), table)[1]
+        table = _table(_fitted(_pieces(model, data), moved(shown), table))
     return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
+
+
+def narrow_starts(known: Mapping[str, JoiningEffect], table: TableParameters) -> list[tuple[TableParameters, str]]:
+    """A table with each start of an effect whose valley is too narrow to be met from its absence, and that effect.
+
+    A play between rod and table is one: near nothing it is a rigid joint, and other effects smear its dwells.
+    """
+    return [
+        (table.with_values(known[effect].trials[i]), effect)
+        for effect, trials in NARROW.items()
+        if effect in known and effect not in table.effects
+        for i in trials
+    ]
 
 
 def told_by_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:
@@ -152,13 +175,18 @@ def _pieces(model: UnknownModel, data: Prepared) -> RecordingProblem:
     return RecordingProblem(windows(data.estimation, PIECES, PIECE), model)
 
 
-def _fitted(
-    pieces: RecordingProblem, free: Sequence[FreeParameter], start: TableParameters
-) -> tuple[float, TableParameters]:
-    """Cost and table of a short fit to pieces."""
+def _fitted(pieces: RecordingProblem, free: Sequence[FreeParameter], start: TableParameters) -> Fit:
+    """A short fit to pieces."""
     parameters = FreeParameters(start, free)
-    found = approached(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
-    return found.cost, parameters.table(found.x)
+    return approached(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
+
+
+def _cost(found: Fit) -> float:
+    return found.cost
+
+
+def _table(found: Fit) -> TableParameters:
+    return found.free.table(found.x)
 
 
 def recentred(model: UnknownModel, table: TableParameters, data: Prepared) -> Prepared:

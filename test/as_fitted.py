@@ -1,0 +1,19 @@
+"""A table as a fit would give it that began and ended there: for tests of what a fitted table tells."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from shake_ros.core.discovery.problem import linearised
+from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
+from shake_ros.core.identification.recordings import RecordingProblem
+from shake_ros.core.plant.parameters import TableParameters
+
+FREE = FreeParameter("valve.flow_coefficient", 1e-9, 0.0, 1e-6, "m^4/(s*N^0.5)")
+
+
+def as_fitted(table: TableParameters, problem: RecordingProblem) -> Fit:
+    """The table with its flow coefficient free, and what it leaves of a problem."""
+    free = FreeParameters(table, [FREE])
+    return linearised(problem, Fit(free, free.start(), np.zeros(1), np.zeros((1, 1)), 0.0, 0))
