@@ -3,7 +3,7 @@
     ./shake campaign foreign --out DIR
 
 Tables of foreign_tables.py, none to four effects hidden in each, three recordings to learn from and two held out, all
-in volts and with offsets of their own; `close_loop` with the model `unknown`.
+in volts and with offsets of their own; `close_loop` with the model `unknown`, as `--minutes` would end it.
 """
 
 from __future__ import annotations
@@ -18,8 +18,11 @@ from shake_ros.api.model import model
 from shake_ros.api.read import recording
 
 
-def measure(seed: int, seconds: float) -> dict[str, Any]:
-    """One table: what was hidden and named, errors over the noise. seconds : length of each recording."""
+def measure(seed: int, seconds: float, minutes: float) -> dict[str, Any]:
+    """One table: what was hidden and named, errors over the noise.
+
+    seconds : length of each recording. minutes : of one core, after which the search ends with its best answer so far.
+    """
     case = foreign.case_of(seed)
     runs, noise = {}, {}
     for name in foreign.RUNS:
@@ -27,7 +30,8 @@ def measure(seed: int, seconds: float) -> dict[str, Any]:
         noise[name] = float(made.pop("noise"))
         runs[name] = recording(name, **made)
     learn, hold = ([n for n in foreign.RUNS if n.startswith(role)] for role in ("learn", "hold"))
-    found = close_loop(model("unknown"), [runs[n][0] for n in learn], [runs[n][0] for n in hold], progress=False)
+    data = ([runs[n][0] for n in role] for role in (learn, hold))
+    found = close_loop(model("unknown"), *data, minutes=minutes, progress=False)
     named = found.effects.names
     floor = {n: noise[n] / float(np.std(runs[n][0].acceleration)) for n in hold}
     over = {

@@ -5,8 +5,14 @@ from __future__ import annotations
 import pytest
 
 from shake_ros.core.identification.sensor_pair import BaseMode, SensorPair
-from shake_ros.core.identification.stages import BETWEEN_SENSORS, told_by_sensors, with_friction_of
-from shake_ros.declared import unknown_model
+from shake_ros.core.identification.stages import (
+    BETWEEN_SENSORS,
+    NARROW,
+    narrow_starts,
+    told_by_sensors,
+    with_friction_of,
+)
+from shake_ros.declared import effect_candidates, unknown_model
 from shake_ros.settings import load_table
 
 
@@ -39,3 +45,14 @@ def test_what_shows_between_the_sensors_is_on_the_table_where_it_may_lack_it() -
     assert shown["effects.base_flexibility.compliance"] * table.moved_mass == pytest.approx(2e-5)
     assert "effects.accelerometer_lag.time_constant" not in shown
     assert told_by_sensors(table, SensorPair(lag=0.01, scale_error=0.01), ("position_sensor_lag",)) == {}
+
+
+def test_a_play_has_starts_of_its_own_where_the_table_has_none() -> None:
+    table = load_table("bergamo")
+    known = {c.effect: c for c in effect_candidates()}
+    starts = narrow_starts(known, table)
+    gaps = [t.value("effects.coupling_backlash.gap") for t, _ in starts]
+    assert gaps == [2e-5, 1e-4]
+    assert {effect for _, effect in starts} == set(NARROW)
+    assert narrow_starts(known, starts[0][0]) == []
+    assert narrow_starts({}, table) == []
