@@ -7,7 +7,7 @@ import numpy as np
 from shake_ros.core.discovery.problem import linearised
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recordings import RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.plant.parameters import TableParameters
 
 FREE = FreeParameter("valve.flow_coefficient", 1e-9, 0.0, 1e-6, "m^4/(s*N^0.5)")

@@ -28,7 +28,8 @@ from shake_ros.core.discovery.problem import ModelStructure, SearchProblem
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.data.recordings import write_table_recording
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import load_search, load_table

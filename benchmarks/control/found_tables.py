@@ -46,7 +46,8 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import covariance
 from shake_ros.core.loop.metrics import ASIDE, SETTLING, come_to_rest, ringing, settle_first, still_moving
 from shake_ros.core.loop.robust import Uncertainty

@@ -28,7 +28,8 @@ import numpy as np
 from benchmarks import ROOT
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem, relative_error
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record, relative_error
 from shake_ros.core.identification.reduced_model import REDUCED
 from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters

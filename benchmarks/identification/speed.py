@@ -25,7 +25,8 @@ from benchmarks.plant import reference_model as reference
 from shake_ros.core.discovery.declared_fit import identify
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.simulation import workers
 from shake_ros.declared import free_parameters, model_structure
 from shake_ros.settings import load_search, load_table

@@ -23,7 +23,8 @@ from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.recordings import FULL, Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import FULL, Record
 from shake_ros.core.identification.uncertainty import Estimate, known_covariance
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.loop.robust import Uncertainty

@@ -24,7 +24,7 @@ from shake_ros.api.read import Recordings
 from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.api.simulate import Simulation
 from shake_ros.api.tune_table import TunedTable, tune_table
-from shake_ros.core.identification.recordings import RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.uncertainty import known_covariance
 from shake_ros.core.loop.metrics import come_to_rest
 from shake_ros.core.loop.robust import Uncertainty

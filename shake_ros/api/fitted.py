@@ -12,7 +12,8 @@ from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.identified import identified
 from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording

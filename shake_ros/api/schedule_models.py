@@ -12,7 +12,8 @@ from shake_ros.api.progress import Progress
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.network import Training, radial_basis, train
-from shake_ros.core.identification.recordings import FULL, Record, RecordingProblem, relative_error
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import FULL, Record, relative_error
 from shake_ros.core.identification.schedule import WINDOW, pieces, run_scheduled, window_fits
 from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters

@@ -13,7 +13,7 @@ import shake_ros as sr
 from shake_ros.__main__ import main
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.reduced_model import REDUCED
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced_simulation import run

@@ -15,7 +15,8 @@ from shake_ros.core.effects.soft_zone import factor
 from shake_ros.core.friction.tustin import force
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.chamber_work import work_of_cycle
 from shake_ros.core.plant.hydraulics import chamber_moduli
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters

@@ -13,7 +13,8 @@ from shake_ros.api.progress import Progress
 from shake_ros.core.friction import FRICTIONS
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.declared import free_parameters
 from shake_ros.report.chart import Chart

@@ -17,7 +17,8 @@ from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.axis_model import InverseDynamics
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate, estimates, form_errors
 from shake_ros.core.plant.parameters import TableParameters
 

@@ -20,7 +20,8 @@ from shake_ros.core.identification.accelerometer import Accelerometer
 from shake_ros.core.identification.approach import Approach, approached, arrived, led
 from shake_ros.core.identification.fit import LOST, Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, RecordingProblem, windows
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, windows
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import workers
 

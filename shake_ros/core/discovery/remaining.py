@@ -16,7 +16,7 @@ from scipy.signal import welch
 
 from shake_ros.core.discovery.problem import SearchProblem
 from shake_ros.core.discovery.selection import Selection
-from shake_ros.core.identification.recordings import RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 

@@ -23,7 +23,7 @@ from shake_ros.core.effects import unlisted as law
 from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.fit import Fit, Problem, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recordings import RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
 
 UNLISTED = "unlisted"
 PREFIX = "effects.unlisted."

@@ -15,7 +15,8 @@ import numpy as np
 
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.noise import white_deviation
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_filter import SensorFilter, better_filter
 
 CALMER = 0.95  # of the noise that is assumed, from which a smaller one counts

@@ -10,7 +10,8 @@ from typing import final
 
 import numpy as np
 
-from shake_ros.core.identification.recordings import BLOCK, DeclaredModel, Record
+from shake_ros.core.identification.recording_problem import BLOCK
+from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.identification.velocity_filter import CUTOFF, low_pass
 from shake_ros.core.plant.axis import AXIS_LAYOUT, AxisParameters, initial_state, run_batch
 from shake_ros.core.plant.parameters import TableParameters

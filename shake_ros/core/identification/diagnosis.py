@@ -10,7 +10,8 @@ import numpy as np
 from shake_ros.core.identification.experiments import Candidate, RecordingBenefit, advice, benefits
 from shake_ros.core.identification.fit import Fit, jacobian
 from shake_ros.core.identification.identifiability import Identifiability, identifiability
-from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.identification.residual_tests import LAGS, ErrorSplit, ResidualTest, error_split, residual_test
 from shake_ros.core.identification.velocity_filter import CUTOFF
 

@@ -16,7 +16,8 @@ import numpy as np
 from shake_ros.core.identification.fit import Fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.identifiability import Identifiability, deviations_of
-from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
 

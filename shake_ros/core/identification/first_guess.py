@@ -14,7 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from shake_ros.core.identification.linear_table import linear_table
-from shake_ros.core.identification.recordings import DeclaredModel, Record, RecordingProblem, windows
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import DeclaredModel, Record, windows
 from shake_ros.core.plant.parameters import TableParameters
 
 RESERVES = (1.2, 1.7, 3.0)  # acceleration at full pressure, in parts of the largest measured one

@@ -17,7 +17,7 @@ import numpy as np
 from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recordings import RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.plant.parameters import TableParameters
 
 EVALUATIONS, TOLERANCE = 12, 1e-3  # enough to tell what the fit wants

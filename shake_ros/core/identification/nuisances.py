@@ -2,7 +2,7 @@
 
 The accelerometer's bias is its mean less the change of the velocity. The null shift is what the regression of the
 slow velocity on the command leaves as a constant; a term in |u| keeps a gain that differs by direction out of it. Both
-are taken out of the recording before a fit, what is left of them within it (recordings.RecordingProblem); what all
+are taken out of the recording before a fit, what is left of them within it (recording_problem.py); what all
 recordings have in common of the null shift is free in the fit. The delay of the accelerometer's filter is that of the
 set-up (sensor_pair.py) and is taken out as well.
 """

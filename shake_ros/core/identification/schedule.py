@@ -16,7 +16,8 @@ from shake_ros.core.compiled import njit
 from shake_ros.core.identification.fit import Problem, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.network import Network
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_sample, delayed, outputs
 from shake_ros.core.plant.parameters import records

@@ -17,7 +17,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import timely
 
 FILTER_DELAY = math.sqrt(0.5) / math.pi  # of a Butterworth filter of second order, times its cut-off [-]

@@ -21,7 +21,8 @@ from shake_ros.core.identification.free_parameters import FreeParameter, FreePar
 from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
 from shake_ros.core.identification.nuisances import Nuisance, Prepared
-from shake_ros.core.identification.recordings import Record, RecordingProblem, windows
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record, windows
 from shake_ros.core.identification.sensor_filter import behind_filter, better_filter
 from shake_ros.core.identification.sensor_pair import SensorPair
 from shake_ros.core.identification.unknown_model import UnknownModel

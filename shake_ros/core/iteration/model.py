@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.iteration.drive import Iteration, converged, error_in_band
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError

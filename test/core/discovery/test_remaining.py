@@ -10,7 +10,7 @@ from closed_loops import named
 
 from shake_ros.core.discovery.remaining import band_share, explained_share, remaining, without_single
 from shake_ros.core.effects import PLACES
-from shake_ros.core.identification.recordings import RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
 
 GROUPS = 24
 X = np.linspace(-1.0, 1.0, 24000)

@@ -9,7 +9,8 @@ from shake_ros.core.effects.oil_warming import OilWarming
 from shake_ros.core.fluid.oil import Oil
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
-from shake_ros.core.identification.recordings import FULL, Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import FULL, Record
 from shake_ros.core.plant.parameters import records
 from shake_ros.core.plant.right_hand_side import active_states, right_hand_side
 from shake_ros.core.plant.simulation import initial_state, run

@@ -11,7 +11,8 @@ from as_fitted import as_fitted
 from hidden_table import ACCELERATION_NOISE, SAMPLE_TIME, TRUE, record
 
 from shake_ros.core.identification.accelerometer import Accelerometer, residual_noise
-from shake_ros.core.identification.recordings import Record, RecordingProblem, windows
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record, windows
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.settings import load_table
 

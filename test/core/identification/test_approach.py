@@ -10,7 +10,8 @@ from shake_ros.core.identification.approach import INJECTION, approached
 from shake_ros.core.identification.axis_model import AXIS
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import load_table

@@ -12,7 +12,8 @@ from shake_ros.core.identification.experiments import KINDS, Candidate, advice, 
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
 from shake_ros.core.identification.identifiability import deviations_of, identifiability
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import ShakeError
 from shake_ros.settings import find, load_table, read_yaml

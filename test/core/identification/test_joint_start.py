@@ -8,7 +8,8 @@ from hidden_table import SAMPLE_TIME, Hidden, record
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.joint_start import MOST, joint_start, loss
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import load_table
 

@@ -9,15 +9,8 @@ import pytest
 from closed_loops import declared_fit, recording
 from hidden_table import ACCELERATION_NOISE, POSITION_NOISE, POSITION_STEP, SAMPLE_TIME, Hidden, record
 
-from shake_ros.core.identification.recordings import (
-    BLOCK,
-    BLOCKS,
-    SETTLE,
-    Record,
-    RecordingProblem,
-    relative_error,
-    windows,
-)
+from shake_ros.core.identification.recording_problem import BLOCK, BLOCKS, RecordingProblem
+from shake_ros.core.identification.recordings import SETTLE, Record, relative_error, windows
 from shake_ros.core.identification.velocity_filter import derivative, filtered_velocity, low_pass
 from shake_ros.core.plant.simulation import run
 from shake_ros.settings import load_table

@@ -7,7 +7,8 @@ import pytest
 
 from shake_ros.core.discovery.close_loop import close_loop
 from shake_ros.core.discovery.problem import ModelStructure
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.reduced_model import REDUCED
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters

@@ -8,7 +8,8 @@ from as_fitted import as_fitted
 from hidden_table import SAMPLE_TIME, TRUE, record
 from scipy.signal import lsim
 
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_filter import SensorFilter, behind_filter, better_filter, filter_of
 from shake_ros.core.identification.sensor_pair import timely
 from shake_ros.core.plant.parameters import TableParameters

@@ -9,7 +9,8 @@ from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recordings import Record, RecordingProblem
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import closed_form

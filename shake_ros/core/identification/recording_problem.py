@@ -1,0 +1,153 @@
+"""The free-running simulation error over several recordings (chapter 4, 6.3.3.2): what a fit makes small.
+
+Open-loop positions drift, so velocity and acceleration are fitted. The simulated velocity goes through the filter that
+the measured one has gone through (filtered against filtered).
+"""
+
+from __future__ import annotations
+
+import copy
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, relative_error
+from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity
+from shake_ros.core.plant.simulation import workers
+
+BLOCK = 0.5  # length of a block of time for standard errors [s], shorter where the recordings would give less than
+BLOCKS = 24  # blocks in all: with fewer, the scatter of the blocks tells too little of itself
+MODEL_FLOOR = 2e-3  # weights do not fall below this part of a channel's rms: no model is better than that
+
+
+class RecordingProblem:
+    """Weighted free-running simulation error over several recordings.
+
+    Each channel is weighted by its noise, with a floor relative to its size; velocity counts with the number of its
+    independent samples in the filter's band.
+    """
+
+    def __init__(self, records: list[Record], model: DeclaredModel = FULL) -> None:
+        self.records = records
+        self.model = model
+        self.injection = 0.0
+        self.velocity_weights = []
+        self.acceleration_weights = []
+        for r in records:
+            floor = MODEL_FLOOR * float(np.std(r.velocity[r.start :]))
+            independent = min(2.0 * CUTOFF * r.sample_time, 1.0)
+            self.velocity_weights.append(np.sqrt(independent) / np.hypot(r.velocity_noise(), floor))
+            if r.acceleration is not None:
+                floor = MODEL_FLOOR * float(np.std(r.acceleration[r.start :]))
+                self.acceleration_weights.append(1.0 / np.hypot(r.acceleration_noise(), floor))
+            else:
+                self.acceleration_weights.append(0.0)
+
+    @property
+    def smooth(self) -> bool:
+        """Whether its residuals change with the parameters without small jumps."""
+        return self.model.smooth
+
+    def drawn(self, injection: float) -> RecordingProblem:
+        """The same with runs that are drawn towards the measurement at a rate [1/s], where the model can."""
+        if not self.model.injects:
+            return self
+        problem = copy.copy(self)
+        problem.injection = injection
+        return problem
+
+    def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
+        """Filtered velocity and acceleration of one recording, each of shape (m, n)."""
+        velocity, acceleration = self.model.simulate(vectors, record, self.injection)
+        velocity = filtered_velocity(velocity, record.sample_time)
+        if self.model.nuisances:
+            velocity = self._with_offset(velocity, record.velocity, record.start)
+            if record.acceleration is not None:
+                acceleration = self._with_offset(acceleration, record.acceleration, record.start)
+        return velocity, acceleration
+
+    @staticmethod
+    def _with_offset(simulated: np.ndarray, measured: np.ndarray, start: int) -> np.ndarray:
+        """Rows of simulated signals with the offset of least squares to the measured one."""
+        return np.asarray(simulated + np.mean((measured - simulated)[:, start:], axis=1, keepdims=True))
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        """Weighted residuals of all recordings, shape (m, n)."""
+        with ThreadPoolExecutor(workers()) as pool:
+            runs = list(pool.map(lambda record: self.simulate(vectors, record), self.records))
+        parts = []
+        weights = zip(self.records, runs, self.velocity_weights, self.acceleration_weights, strict=True)
+        for record, (velocity, acceleration), w_v, w_a in weights:
+            parts.append(w_v * (velocity - record.velocity)[:, record.start :])
+            if record.acceleration is not None:
+                left = w_a * (acceleration - record.acceleration)[:, record.start :]
+                left[:, left.shape[1] - record.blind :] = 0.0
+                parts.append(left)
+        parts += [(vectors[:, [i]] - value) / deviation for i, value, deviation in self.model.priors]
+        return np.concatenate(parts, axis=1)
+
+    @property
+    def count(self) -> int:
+        """Number of residuals."""
+        return sum((len(r.commands) - r.start) * (1 if r.acceleration is None else 2) for r in self.records)
+
+    def noise_cost(self) -> float:
+        """Mean square of the weighted residuals that the sensor noise alone would leave [-]."""
+        total = 0.0
+        for record, w_v, w_a in zip(self.records, self.velocity_weights, self.acceleration_weights, strict=True):
+            n = len(record.commands) - record.start
+            total += n * (w_v * record.velocity_noise()) ** 2
+            if record.acceleration is not None:
+                total += n * (w_a * record.acceleration_noise()) ** 2
+        return float(total / self.count)
+
+    def blocks(self) -> np.ndarray:
+        """Number of the block of time that each residual belongs to, shape (n,): velocity and acceleration share it."""
+        parts, first = [], 0
+        seconds = sum((len(r.commands) - r.start) * r.sample_time for r in self.records)
+        block = min(BLOCK, seconds / BLOCKS)
+        for record in self.records:
+            n = len(record.commands) - record.start
+            numbers = first + np.arange(n) // max(round(block / record.sample_time), 1)
+            parts.append(numbers)
+            if record.acceleration is not None:
+                parts.append(numbers)
+            first = int(numbers[-1]) + 1
+        return np.concatenate([*parts, first + np.arange(len(self.model.priors))])
+
+    def times(self) -> np.ndarray:
+        """Time since its recording's start of each residual, shape (n,) [s]."""
+        parts = []
+        for record in self.records:
+            time = record.begin + np.arange(record.start, len(record.commands)) * record.sample_time
+            parts += [time] if record.acceleration is None else [time, time]
+        return np.concatenate([*parts, np.zeros(len(self.model.priors))])
+
+    def errors(self, vector: np.ndarray) -> dict[str, dict[str, float]]:
+        """Relative error of velocity and acceleration per recording."""
+        result: dict[str, dict[str, float]] = {}
+        for name in dict.fromkeys(r.name for r in self.records):
+            pieces = [(r, *self.simulate(vector[None, :], r)) for r in self.records if r.name == name]
+            spans = [slice(r.start, None) for r, _, _ in pieces]
+            entry = {
+                "velocity": relative_error(
+                    np.concatenate([r.velocity[s] for (r, _, _), s in zip(pieces, spans, strict=True)]),
+                    np.concatenate([v[0, s] for (_, v, _), s in zip(pieces, spans, strict=True)]),
+                )
+            }
+            measured = [
+                r.acceleration[s] for (r, _, _), s in zip(pieces, spans, strict=True) if r.acceleration is not None
+            ]
+            if len(measured) == len(pieces):
+                simulated = [a[0, s] for (_, _, a), s in zip(pieces, spans, strict=True)]
+                entry["acceleration"] = relative_error(np.concatenate(measured), np.concatenate(simulated))
+            result[name] = entry
+        return result
+
+    def noise(self) -> dict[str, float]:
+        """Estimated noise of velocity [m/s] and acceleration [m/s²], root mean square over the recordings."""
+        result = {"velocity": float(np.sqrt(np.mean([r.velocity_noise() ** 2 for r in self.records])))}
+        measured = [r.acceleration_noise() ** 2 for r in self.records if r.acceleration is not None]
+        if measured:
+            result["acceleration"] = float(np.sqrt(np.mean(measured)))
+        return result
