@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from shake_ros.core.discovery.decision import ForwardStep, improves
 from shake_ros.core.discovery.elimination import without
-from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem
+from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, Stopped, patiently
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.free_parameters import FreeParameters
 
@@ -22,9 +22,13 @@ def shown_steps(problem: SearchProblem, model: ModelStructure, declared: ScoredF
     own = [p for c in left for p in c.free]
     free = FreeParameters(model.table, [*model.free, *own])  # a table that lacks them, so that each can be taken out
     start = free.x_of({p.name: model.fitted.value(p.name) for p in (*model.free, *own)})
-    problem.progress(f"with {' and '.join(c.effect for c in left)}", 0.0)
+    patiently(problem.progress)(f"with {' and '.join(c.effect for c in left)}", 0.0)
     final = problem.fitted(free, start, settings.converging_evaluations, settings.converged)
     while left:
+        try:
+            problem.progress("which of them are needed?", 1.0 - len(left) / len(own))
+        except Stopped:  # how sure each is will be judged all the same
+            return (*(ForwardStep(each, (each,)) for each in (Refit(c, final, 0.0) for c in left)), *reversed(steps))
         reduced = [without(problem, final, c) if len(left) > 1 else declared for c in left]
         least = min(range(len(left)), key=lambda i: reduced[i].score)
         dropped = left.pop(least)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from closed_loops import DEAD_BAND, declared_fit, problem_of, recording
 
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.elimination import without
-from shake_ros.core.discovery.problem import ModelStructure, SearchProblem
+from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, Stopped
 from shake_ros.core.discovery.shown_effects import shown_steps
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import load_table
@@ -15,10 +17,11 @@ from shake_ros.settings import load_table
 EFFECT, WIDTH = "spool_deadband", "effects.spool_deadband.width"
 
 
-def shown(case: str) -> tuple[SearchProblem, tuple[ForwardStep, ...]]:
+def shown(case: str, progress: Progress | None = None) -> tuple[SearchProblem, tuple[ForwardStep, ...]]:
     """Steps where a dead band seems to show on a case's table."""
     declared, learn = declared_fit(case)
     problem = problem_of(learn.records, [recording(case, 2, "hold")])
+    problem = problem if progress is None else replace(problem, progress=progress)
     table = load_table("bergamo")
     pool = tuple(c for c in effect_candidates() if c.effect == EFFECT)
     model = ModelStructure(
@@ -43,3 +46,15 @@ def test_what_shows_and_is_there_becomes_a_step_that_can_be_taken_out() -> None:
 
 def test_what_only_seems_to_show_is_left_out() -> None:
     assert shown("nothing")[1] == ()
+
+
+def test_where_the_time_is_over_what_shows_is_fitted_and_stays_to_be_judged() -> None:
+    def over(text: str, part: float) -> None:
+        raise Stopped
+
+    (step,) = shown("nothing", over)[1]
+    assert step.chosen.candidate.effect == EFFECT
+    assert step.chosen.result.fit.free.names[-1] in {p.name for p in step.chosen.candidate.free}
+    (step,) = shown("spool_deadband", over)[1]
+    fit = step.chosen.result.fit
+    assert fit.free.table(fit.x).value(WIDTH) == pytest.approx(DEAD_BAND, rel=0.1)
