@@ -109,13 +109,7 @@ def staged_start(
     for _ in range(JOINTS):
         if best.cost < 0.5 * FAR**2 * pieces.noise_cost() * pieces.count:
             break
-        start, more = joint_start(pieces, moved(shown), known, begin)
-        joined = _fitted(pieces, moved((*shown, *more)), start)
-        if joined.cost > CLEAR * best.cost:
-            for other, effect in narrow_starts(known, begin):
-                narrow = _fitted(pieces, moved((*shown, effect)), other)
-                if narrow.cost < joined.cost:
-                    joined, more = narrow, (effect,)
+        joined, more = several_at_once(pieces, moved(shown), known, begin, CLEAR * best.cost)
         if joined.cost > JOINED * best.cost:
             break
         best, shown, begin = joined, (*shown, *more), _table(joined)  # what is left shows others better
@@ -125,6 +119,26 @@ def staged_start(
         data = recentred(model, table, data)
         table = _table(_fitted(_pieces(model, data), moved(shown), table))
     return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
+
+
+def several_at_once(
+    pieces: RecordingProblem,
+    free: Sequence[FreeParameter],
+    known: Mapping[str, JoiningEffect],
+    begin: TableParameters,
+    clear: float,
+) -> tuple[Fit, tuple[str, ...]]:
+    """The fit with the effects that hold where many are tried at once, and these.
+
+    Where it leaves more than the cost `clear`, the fits with each narrow start are held against it.
+    """
+    start, more = joint_start(pieces, free, known, begin)
+    best = _fitted(pieces, [*free, *(p for e in more for p in known[e].free)], start)
+    for other, effect in narrow_starts(known, begin) if best.cost > clear else ():
+        narrow = _fitted(pieces, [*free, *known[effect].free], other)
+        if narrow.cost < best.cost:
+            best, more = narrow, (effect,)
+    return best, more
 
 
 def narrow_starts(known: Mapping[str, JoiningEffect], table: TableParameters) -> list[tuple[TableParameters, str]]:
