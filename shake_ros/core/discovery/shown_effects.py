@@ -18,7 +18,7 @@ def shown_steps(problem: SearchProblem, model: ModelStructure, declared: ScoredF
     assert model.fitted is not None
     settings, tried = problem.settings, len(model.candidates)
     left = [c for c in model.candidates if c.effect in model.shown]
-    steps = list[ForwardStep]()
+    steps, shown = list[ForwardStep](), len(left)
     own = [p for c in left for p in c.free]
     free = FreeParameters(model.table, [*model.free, *own])  # a table that lacks them, so that each can be taken out
     start = free.x_of({p.name: model.fitted.value(p.name) for p in (*model.free, *own)})
@@ -26,7 +26,7 @@ def shown_steps(problem: SearchProblem, model: ModelStructure, declared: ScoredF
     final = problem.fitted(free, start, settings.converging_evaluations, settings.converged)
     while left:
         try:
-            problem.progress("which of them are needed?", 1.0 - len(left) / len(own))
+            problem.progress("which of them are needed?", 1.0 - len(left) / shown)
         except Stopped:  # how sure each is will be judged all the same
             return (*(ForwardStep(each, (each,)) for each in (Refit(c, final, 0.0) for c in left)), *reversed(steps))
         reduced = [without(problem, final, c) if len(left) > 1 else declared for c in left]

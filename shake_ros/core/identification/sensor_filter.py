@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -83,6 +84,7 @@ def better_filter(problem: RecordingProblem, found: Fit) -> SensorFilter | None:
         return None
     explained = np.linalg.qr(found.jacobian)[0]
 
+    @cache
     def left(tried: SensorFilter) -> float:
         seen = RecordingProblem([tried.seen(r) for r in problem.records], problem.model)
         r = seen.residuals(found.vector[None, :])[0]

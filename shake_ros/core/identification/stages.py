@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -97,10 +98,10 @@ def staged_start(
     shown = tuple(e for e in SHOWN if e in known and e in guesses[0].effects)
 
     def moved(names: Sequence[str]) -> list[FreeParameter]:
-        return [*free, *(p for e in names for p in known[e].free)]
+        return with_effects(free, known, names)
 
     pieces = _pieces(model, data)
-    best = min((_fitted(pieces, moved(shown), guess) for guess in guesses), key=_cost)
+    best = min((_fitted(pieces, moved(shown), guess) for guess in guesses), key=attrgetter("cost"))
     if (behind := better_filter(pieces, best)) is not None:
         data = data.seen(Accelerometer(behind))
         pieces = _pieces(model, data)
@@ -114,11 +115,18 @@ def staged_start(
             break
         best, shown, begin = joined, (*shown, *more), _table(joined)  # what is left shows others better
     anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], _table(best), model))
-    table = _table(min(best, anew, key=_cost))
+    table = _table(min(best, anew, key=attrgetter("cost")))
     for _ in range(ROUNDS - 1):
         data = recentred(model, table, data)
         table = _table(_fitted(_pieces(model, data), moved(shown), table))
     return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
+
+
+def with_effects(
+    free: Sequence[FreeParameter], known: Mapping[str, JoiningEffect], names: Sequence[str]
+) -> list[FreeParameter]:
+    """What a fit moves with these effects."""
+    return [*free, *(p for e in names for p in known[e].free)]
 
 
 def several_at_once(
@@ -133,9 +141,9 @@ def several_at_once(
     Where it leaves more than the cost `clear`, the fits with each narrow start are held against it.
     """
     start, more = joint_start(pieces, free, known, begin)
-    best = _fitted(pieces, [*free, *(p for e in more for p in known[e].free)], start)
+    best = _fitted(pieces, with_effects(free, known, more), start)
     for other, effect in narrow_starts(known, begin) if best.cost > clear else ():
-        narrow = _fitted(pieces, [*free, *known[effect].free], other)
+        narrow = _fitted(pieces, with_effects(free, known, (effect,)), other)
         if narrow.cost < best.cost:
             best, more = narrow, (effect,)
     return best, more
@@ -194,10 +202,6 @@ def _fitted(pieces: RecordingProblem, free: Sequence[FreeParameter], start: Tabl
     """A short fit to pieces."""
     parameters = FreeParameters(start, free)
     return approached(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
-
-
-def _cost(found: Fit) -> float:
-    return found.cost
 
 
 def _table(found: Fit) -> TableParameters:
