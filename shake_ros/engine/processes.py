@@ -79,6 +79,7 @@ class _Seat:
         self._pool: ProcessPoolExecutor | None = None
         self._life: Connection | None = None  # the process ends when this is closed
         self._over = False
+        self._changing = threading.Lock()
 
     def call(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
         try:
@@ -95,36 +96,48 @@ class _Seat:
     def _taken(self) -> ProcessPoolExecutor:
         """The executor of a process that runs."""
         if self._pool is None and not self._over:
-            if self._life is not None:
-                self._life.close()
+            _, life = self._emptied()
+            if life is not None:
+                life.close()
             watched, self._life = SPAWN.Pipe(duplex=False)
-            pool = ProcessPoolExecutor(1, mp_context=SPAWN, initializer=_begin, initargs=(watched,))
+            fresh = ProcessPoolExecutor(1, mp_context=SPAWN, initializer=_begin, initargs=(watched,))
             with _starting, _quiet_start():
-                begun = pool.submit(os.getpid)
+                begun = fresh.submit(os.getpid)
             try:
                 begun.result()
             except BrokenProcessPool:
+                if self._over:
+                    raise WorkerDied from None
                 raise ShakeError(
                     "a worker process cannot start: what it printed says why; in a script of your own, call it "
                     'beneath `if __name__ == "__main__":`'
                 ) from None
             finally:
                 watched.close()
-            self._pool = pool
-        if self._over or self._pool is None:
+            self._pool = fresh
+        pool = self._pool
+        if self._over or pool is None:
             self.end(at_once=True)
             raise WorkerDied
-        return self._pool
+        return pool
 
     def end(self, *, at_once: bool = False) -> None:
         """Let the process end when it has done what it does, or at once."""
         self._over = True
-        if at_once and self._life is not None:
-            self._life.close()
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
-        if self._life is not None:
-            self._life.close()
+        pool, life = self._emptied()
+        if at_once and life is not None:
+            life.close()
+        if pool is not None:
+            pool.shutdown(cancel_futures=True)
+        if life is not None:
+            life.close()
+
+    def _emptied(self) -> tuple[ProcessPoolExecutor | None, Connection | None]:
+        """What the seat held, for one caller alone: the thread of a call ends its seat too."""
+        with self._changing:
+            held = self._pool, self._life
+            self._pool = self._life = None
+        return held
 
 
 @contextmanager
