@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.discovery import hidden_tables as hidden
+from shake_ros.api.ending import Ending
+from shake_ros.api.progress import Progress
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.close_loop import LoopClosure, close_loop
 from shake_ros.core.identification.recordings import Record
@@ -36,6 +38,7 @@ def measure(
     strength: float | None = None,
     length: float = 1.0,
     among: Sequence[str] = (),
+    minutes: float | None = None,
 ) -> dict[str, Any]:
     """Close the loop on one table.
 
@@ -43,7 +46,8 @@ def measure(
     ----------
     effect : that is hidden, or "none". seed : of the table. noise : of the sensors, times the usual.
     severity : relative change of the acceleration by the effect [-]; or its strength, in its unit (hidden_tables.py).
-    length : scale of the recordings' durations. among : effects that compete; all without any.
+    length : scale of the recordings' durations. among : effects that compete; all without any. minutes : after which
+    the search ends with its best answer so far; none without.
     """
     commands = hidden.excitations(seed, length)
     made = truth(effect, severity, seed, commands) if strength is None else of_strength(effect, strength, seed)
@@ -51,7 +55,8 @@ def measure(
     learn = [r for n, r in records.items() if n.startswith("learn")]
     hold = [r for n, r in records.items() if n.startswith("hold")]
     model = replace(model_structure(load_table("bergamo")), candidates=candidates(among))
-    result = close_loop(model, learn, hold, load_search(), lambda text, part: None)
+    with Progress("close_loop", told=False) as silent, Ending(silent, minutes) as progress:
+        result = close_loop(model, learn, hold, load_search(), progress)
     report = close_loop_json(result, [r.name for r in learn], [r.name for r in hold], "full")
     floor = {r.name: noise * hidden.ACCELERATION_NOISE / float(np.std(r.acceleration)) for r in hold}
     return {**judged(effect, report), **errors(report, floor), **told(result, report, made, effect)}

@@ -11,7 +11,7 @@ from shake_ros.core.identification.free_parameters import FreeParameter, free_pa
 from shake_ros.core.plant.parameters import FIELDS, TableParameters
 from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
 
-OPTIONAL = {"resembles", "usual", "together"}
+OPTIONAL = {"resembles", "usual", "together", "narrow"}
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,7 @@ class CandidateEffect:
     place, depends_on : where it acts and on what. resembles : effects that recordings can hardly tell from it, which
     are refitted beside it though screening may pass them over. usual : values met on real tables by dotted name.
     together : values from which it takes part in a fit with many effects at once; empty where it does not.
+    narrow : numbers of the trials from each of which a fit sets out, where its valley is hardly met otherwise.
     """
 
     effect: str
@@ -32,6 +33,7 @@ class CandidateEffect:
     resembles: tuple[str, ...] = ()
     usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     together: Mapping[str, float] = field(default_factory=dict)
+    narrow: tuple[int, ...] = ()
 
     @property
     def strength(self) -> FreeParameter:
@@ -77,9 +79,11 @@ def candidates(
         strict_keys(usual, own, where)
         together = {prefix + name: float(v) for name, v in entry.get("together", {}).items()}
         strict_keys(together, own, where)
-        kind = EFFECTS[effect]
-        found = CandidateEffect(effect, free, trials, kind.place, kind.depends_on, resembles, usual, together)
-        result.append(found)
+        narrow = tuple(entry.get("narrow", ()))
+        if not all(i in range(len(trials)) for i in narrow):
+            raise ShakeError(f"{where}: {effect}: narrow: needs numbers of trials, 0 to {len(trials) - 1}")
+        place, depends_on = EFFECTS[effect].place, EFFECTS[effect].depends_on
+        result.append(CandidateEffect(effect, free, trials, place, depends_on, resembles, usual, together, narrow))
     return tuple(result)
 
 

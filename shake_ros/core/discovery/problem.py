@@ -167,6 +167,10 @@ class SearchProblem:
         near = self._much_left(problem)
         return led(problem, free, start, evaluations=evaluations, tolerance=tolerance, near=near)
 
+    def far(self, way: Approach) -> bool:
+        """Whether drawn runs leave much above the noise."""
+        return way.drawn is not None and mean_square(way.drawn.residuals) > self._much_left(self.estimation_pieces)
+
     def fitted_to_pieces(self, free: FreeParameters, way: Approach, evaluations: int, tolerance: float) -> ScoredFit:
         """A fit to pieces of the estimation data; its validation cost is that of whole recordings all the same."""
         result = arrived(self.estimation_pieces, free, way, evaluations=evaluations, tolerance=tolerance)

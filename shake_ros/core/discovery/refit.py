@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -90,10 +91,12 @@ def short_refits(problem: SearchProblem, screening: Screening, effects: list[str
     for way in side_by_side(lambda e: begun(problem, screening, e, most, tolerance), effects):
         ways.append(way)
         problem.progress(f"begun with {way.trial.candidate.effect}", 0.1 + 0.25 * len(ways) / len(effects))
-    bound = settings.hopeless * min(way.drawn_cost for way in ways)
+    if all(problem.far(way.way) for way in ways):
+        ways = [sought(problem, way, most, tolerance) for way in ways]
+    bound = settings.hopeless * min(begun.way.drawn_cost for begun in ways)
 
     def ended(way: Begun) -> Refit:
-        return finished(problem, way, most if way.drawn_cost <= bound else 1, tolerance)
+        return finished(problem, way, most if way.way.drawn_cost <= bound else 1, tolerance)
 
     for tried in side_by_side(ended, ways):
         short.append(tried)
@@ -109,17 +112,25 @@ class Begun:
     free: FreeParameters
     way: Approach
 
-    @property
-    def drawn_cost(self) -> float:
-        """Sum of squares that drawn runs leave; 0 where no run was drawn."""
-        return self.way.drawn.cost if self.way.drawn is not None else 0.0
-
 
 def begun(problem: SearchProblem, screening: Screening, effect: str, evaluations: int, tolerance: float) -> Begun:
     """A refit of one effect on its way, from its best start."""
     trials, multiples = screening.of(effect), problem.settings.start_multiples
     free, start = best_start(problem.estimation_pieces, screening.current, trials, multiples)
     return Begun(trials[0], free, problem.way_to_pieces(free, start, evaluations, tolerance))
+
+
+def sought(problem: SearchProblem, begun: Begun, evaluations: int, tolerance: float) -> Begun:
+    """The same, or one from a narrow start of its effect, where that leads nearer; friction as declared."""
+    candidate, free = begun.trial.candidate, begun.free
+    own = {f.name for f in candidate.free}
+    begins = np.array([name.startswith("friction.") or name in own for name in free.names])
+
+    def way(number: int) -> Begun:
+        x = np.where(begins, free.x_of(candidate.trials[number]), begun.way.start)
+        return replace(begun, way=problem.way_to_pieces(free, x, evaluations, tolerance))
+
+    return min([begun, *side_by_side(way, candidate.narrow)], key=attrgetter("way.drawn_cost"))
 
 
 def finished(problem: SearchProblem, begun: Begun, evaluations: int, tolerance: float) -> Refit:

@@ -52,6 +52,11 @@ class Approach:
     start: np.ndarray
     drawn: Fit | None = None
 
+    @property
+    def drawn_cost(self) -> float:
+        """Half the sum of squares that drawn runs leave; 0 where no run was drawn."""
+        return self.drawn.cost if self.drawn is not None else 0.0
+
 
 def led(
     problem: DrawableProblem,

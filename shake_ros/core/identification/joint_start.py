@@ -28,7 +28,8 @@ MOST = 4  # effects that stay
 class JoiningEffect(Protocol):
     """An effect as it may take part. together : values, by dotted name, from which it does; empty where it cannot.
 
-    free : its parameters that a fit may move. trials : values at which it is tried alone.
+    free : its parameters that a fit may move. trials : values at which it is tried alone. narrow : numbers of those
+    from each of which it is sought alone, where its valley is too narrow to be met from its absence.
     """
 
     @property
@@ -38,6 +39,10 @@ class JoiningEffect(Protocol):
     @property
     def trials(self) -> tuple[Mapping[str, float], ...]:
         """Values of all of them."""
+
+    @property
+    def narrow(self) -> tuple[int, ...]:
+        """Numbers of trials."""
 
     @property
     def together(self) -> Mapping[str, float]:

@@ -15,7 +15,7 @@ from operator import attrgetter
 import numpy as np
 
 from shake_ros.core.identification.accelerometer import Accelerometer
-from shake_ros.core.identification.approach import approached
+from shake_ros.core.identification.approach import Approach, approached, arrived, led
 from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
@@ -41,7 +41,6 @@ CLEAR = 0.1  # part that they leave where they are beyond doubt
 JOINTS = 3  # times that they are looked for
 EffectsOf = Callable[[TableParameters], Mapping[str, JoiningEffect]]
 BETWEEN_SENSORS = ("accelerometer_lag", "position_sensor_lag", "accelerometer_scale", "base_flexibility")
-NARROW = {"coupling_backlash": (0, 2)}  # trials from which they are sought where many effects are tried at once
 SPECIMEN = "specimen_resonance"
 SHOWN = (SPECIMEN, *BETWEEN_SENSORS)  # effects that show without a search
 LEAST_SCALE = 0.02  # error of the accelerometer's scale that counts as one: smaller ones are those of a calibration
@@ -138,15 +137,33 @@ def several_at_once(
 ) -> tuple[Fit, tuple[str, ...]]:
     """The fit with the effects that hold where many are tried at once, and these.
 
-    Where it leaves more than the cost `clear`, the fits with each narrow start are held against it.
+    Where it leaves more than the cost `clear`, the fit from the best narrow start is held against it.
     """
     start, more = joint_start(pieces, free, known, begin)
     best = _fitted(pieces, with_effects(free, known, more), start)
-    for other, effect in narrow_starts(known, begin) if best.cost > clear else ():
-        narrow = _fitted(pieces, with_effects(free, known, (effect,)), other)
-        if narrow.cost < best.cost:
-            best, more = narrow, (effect,)
+    if best.cost > clear and (narrow := from_narrow_start(pieces, free, known, begin)):
+        found, effect = narrow
+        if found.cost < best.cost:
+            return found, (effect,)
     return best, more
+
+
+def from_narrow_start(
+    pieces: RecordingProblem,
+    free: Sequence[FreeParameter],
+    known: Mapping[str, JoiningEffect],
+    begin: TableParameters,
+) -> tuple[Fit, str] | None:
+    """The fit from the narrow start whose drawn runs come nearest, and its effect; None where there is none."""
+    ways: list[tuple[FreeParameters, Approach, str]] = []
+    for other, effect in narrow_starts(known, begin):
+        parameters = FreeParameters(other, with_effects(free, known, (effect,)))
+        way = led(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
+        ways.append((parameters, way, effect))
+    if not ways:
+        return None
+    parameters, way, effect = min(ways, key=lambda w: w[1].drawn_cost)
+    return arrived(pieces, parameters, way, evaluations=EVALUATIONS, tolerance=TOLERANCE), effect
 
 
 def narrow_starts(known: Mapping[str, JoiningEffect], table: TableParameters) -> list[tuple[TableParameters, str]]:
@@ -155,10 +172,10 @@ def narrow_starts(known: Mapping[str, JoiningEffect], table: TableParameters) ->
     A play between rod and table is one: near nothing it is a rigid joint, and other effects smear its dwells.
     """
     return [
-        (table.with_values(known[effect].trials[i]), effect)
-        for effect, trials in NARROW.items()
-        if effect in known and effect not in table.effects
-        for i in trials
+        (table.with_values(other.trials[i]), effect)
+        for effect, other in known.items()
+        if effect not in table.effects
+        for i in other.narrow
     ]
 
 

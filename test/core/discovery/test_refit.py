@@ -5,13 +5,17 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from shake_ros.core.discovery import refit
 from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.refit import Refit, passed_over, rounds, short_refits
+from shake_ros.core.discovery.refit import Begun, Refit, passed_over, rounds, short_refits, sought
 from shake_ros.core.discovery.screening import Screening
-from shake_ros.settings import load_search
+from shake_ros.core.identification.approach import Approach
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.settings import load_search, load_table
 
 TRIALS: Any = tuple(
     SimpleNamespace(candidate=SimpleNamespace(effect=effect), gain=gain)
@@ -68,9 +72,8 @@ def trial_points(costs: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> di
     settings, given = load_search().replace(hopeless=2.0, first_evaluations=5), dict[str, int]()
 
     def begun(_problem: Any, _screening: Any, effect: str, _most: int, _least: float) -> Any:
-        return SimpleNamespace(
-            trial=SimpleNamespace(candidate=SimpleNamespace(effect=effect)), drawn_cost=costs[effect]
-        )
+        way = SimpleNamespace(drawn_cost=costs[effect])
+        return SimpleNamespace(trial=SimpleNamespace(candidate=SimpleNamespace(effect=effect)), way=way)
 
     def finished(_problem: Any, way: Any, most: int, _least: float) -> Any:
         given[way.trial.candidate.effect] = most
@@ -78,9 +81,36 @@ def trial_points(costs: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> di
 
     monkeypatch.setattr(refit, "begun", begun)
     monkeypatch.setattr(refit, "finished", finished)
-    problem: Any = SimpleNamespace(settings=settings, progress=lambda text, part: None)
+    problem: Any = SimpleNamespace(settings=settings, progress=lambda text, part: None, far=lambda way: False)
     short_refits(problem, NOTHING, list(costs))
     return given
+
+
+def test_a_play_is_sought_from_each_narrow_start_with_friction_as_declared() -> None:
+    play = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
+    free = FreeParameters(load_table("bergamo"), [*free_parameters(), *play.free])
+    bent = np.clip(2.0 * free.start(), free.low, free.high)
+    gap, level = (free.names.index(n) for n in ("effects.coupling_backlash.gap", "friction.coulomb_level"))
+    moved = free.names.index("valve.flow_coefficient")
+    starts: list[np.ndarray] = []
+
+    def way_to_pieces(_free: Any, x: np.ndarray, _most: int, _least: float) -> Approach:
+        starts.append(x)
+        drawn: Any = SimpleNamespace(cost=abs(float(x[gap]) - 1.3))  # least of the starts 0.2, 1, 5 in its scale
+        return Approach(x, drawn)
+
+    def found(cost: float) -> Begun:
+        trial, drawn, problem = SimpleNamespace(candidate=play), SimpleNamespace(cost=cost), SimpleNamespace()
+        problem.way_to_pieces = way_to_pieces
+        given: Any = trial, drawn, problem
+        return sought(given[2], Begun(given[0], free, Approach(bent, given[1])), 5, 1e-3)
+
+    assert found(0.1).way.start is bent
+    best = found(10.0).way.start
+    assert sorted(round(float(x[gap]), 9) for x in starts[-3:]) == [0.2, 1.0, 5.0]
+    assert best[gap] == pytest.approx(1.0)
+    assert best[level] == free.start()[level]
+    assert best[moved] == bent[moved]
 
 
 def test_a_refit_ends_where_drawn_runs_show_that_another_effect_is_far_better(monkeypatch: pytest.MonkeyPatch) -> None:

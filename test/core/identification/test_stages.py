@@ -7,7 +7,6 @@ import pytest
 from shake_ros.core.identification.sensor_pair import BaseMode, SensorPair
 from shake_ros.core.identification.stages import (
     BETWEEN_SENSORS,
-    NARROW,
     narrow_starts,
     told_by_sensors,
     with_friction_of,
@@ -52,7 +51,7 @@ def test_a_play_has_starts_of_its_own_where_the_table_has_none() -> None:
     known = {c.effect: c for c in effect_candidates()}
     starts = narrow_starts(known, table)
     gaps = [t.value("effects.coupling_backlash.gap") for t, _ in starts]
-    assert gaps == [2e-5, 1e-4]
-    assert {effect for _, effect in starts} == set(NARROW)
+    assert gaps == [2e-5, 1e-4, 5e-4]
+    assert {effect for _, effect in starts} == {"coupling_backlash"}
     assert narrow_starts(known, starts[0][0]) == []
     assert narrow_starts({}, table) == []
