@@ -175,13 +175,13 @@ def make_fit(case: Case, folder: Path) -> dict[str, Any]:
     start = load_table("bergamo").with_values(known)
     records = records_of(case, truth, commands)
     declared, _ = fitted(start, (), records)
-    base = declared.free.table(declared.x)
+    base = declared.table
     extended, spread = fitted(start.with_values(effect_values(truth, case.effects)), case.effects, records)
     scale = extended.free.scale
     content = {
         "truth": truth._asdict(),
         "declared": base.to_mapping(),
-        "extended": extended.free.table(extended.x).to_mapping(),
+        "extended": extended.table.to_mapping(),
         "names": list(extended.free.names),
         "covariance": np.nan_to_num(spread * scale * scale[:, None]).tolist(),
         "cost": [declared.cost, extended.cost],

@@ -170,7 +170,7 @@ def residual_charts(
 
 def unlisted_chart(fit: Fit, form: FunctionForm | None = None) -> Chart:
     """The estimated function on its nodes, and its closed form."""
-    table = fit.free.table(fit.x)
+    table = fit.table
     low, high = (table.value(f"effects.unlisted.{end}") for end in ("low", "high"))
     values = np.array([table.value(f"effects.unlisted.node_{i:02d}") for i in range(NODES)])
     quantity, label, scale = FUNCTIONS[int(table.value("effects.unlisted.kind"))]

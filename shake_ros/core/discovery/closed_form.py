@@ -166,7 +166,7 @@ def learnt_function(problem: SearchProblem, final: ScoredFit) -> LearntFunction 
     result = final.fit
     if NODE_NAMES[0] not in result.free.names:
         return None
-    table = result.free.table(result.x)
+    table = result.table
     code = int(table.value(PREFIX + "kind"))
     kind = next(k for k in (*OF_MOTION, *OF_HYDRAULICS, PULSATION) if k.code == code)
     columns = [result.free.names.index(name) for name in NODE_NAMES]

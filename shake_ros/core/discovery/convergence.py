@@ -72,7 +72,7 @@ def taken_over(problem: SearchProblem, best: Refit, other: Refit) -> Refit:
     strength, own = candidate.strength.name, {f.name for f in candidate.free}
     keep = [i for i, name in enumerate(start.free.names) if name not in own]
     more = [f for f in other.candidate.free if f.name not in start.free.names]
-    there, here = start.free.table(start.x), other.result.fit.free.table(other.result.fit.x)
+    there, here = start.table, other.result.fit.table
     values = {f.name: here.value(f.name) for f in more} | {other.candidate.strength.name: other.candidate.neutral}
     base, full = start.free.base, there.value(strength)
     x = np.append(start.x[keep], FreeParameters(base.with_values(values), more).start())

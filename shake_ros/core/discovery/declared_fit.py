@@ -48,7 +48,7 @@ def fitted_model(
     vector = result.vector
     return FittedModel(
         result,
-        result.free.table(result.x),
+        result.table,
         tuple(
             estimates(result, estimation.blocks(), form_errors(estimation, result))
             if blocks is None

@@ -17,7 +17,7 @@ def in_its_place(problem: SearchProblem, final: ScoredFit, step: ForwardStep, ot
     """The final model with another effect in the place of a step's, all parameters refitted."""
     start, own = final.fit, {f.name for f in step.chosen.candidate.free}
     keep = [i for i, name in enumerate(start.free.names) if name not in own]
-    there = other.result.fit.free.table(other.result.fit.x)
+    there = other.result.fit.table
     more = [f for f in other.candidate.free if f.name not in start.free.names]
     base = start.free.base.with_values({f.name: there.value(f.name) for f in more})
     free = FreeParameters(base, [*(start.free.free[i] for i in keep), *more])

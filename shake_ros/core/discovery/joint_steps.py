@@ -25,6 +25,6 @@ def joint_steps(problem: SearchProblem, model: ModelStructure, current: ScoredFi
     problem.progress("several effects at once", 0.0)
     part = {c.effect: c for c in model.candidates if c.together}
     part |= {c.effect: replace(c, together=c.trials[len(c.trials) // 2]) for c in model.candidates if c.effect in ALSO}
-    guess = current.fit.free.table(current.fit.x)
+    guess = current.fit.table
     table, stay = joint_start(problem.estimation, model.free, part, guess)
     return shown_steps(problem, replace(model, shown=stay, fitted=table), current) if stay else ()

@@ -32,7 +32,7 @@ class Refit:
     @property
     def usual(self) -> bool:
         """Whether its fitted values are such as are met on real tables."""
-        table = self.result.fit.free.table(self.result.fit.x)
+        table = self.result.fit.table
         return all(low <= table.value(name) <= high for name, (low, high) in self.candidate.usual.items())
 
 

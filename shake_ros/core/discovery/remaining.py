@@ -111,7 +111,7 @@ def without_single(ratios: np.ndarray) -> tuple[float, int]:
 def remaining(problem: SearchProblem, found: Selection) -> Remaining:
     """Judge the residual of the final model on the validation data."""
     settings, final = problem.settings, found.final.fit
-    rest, columns, ratios = residual_series(problem.validation, final.free.table(final.x))
+    rest, columns, ratios = residual_series(problem.validation, final.table)
     ratio = float(np.sqrt(np.mean(ratios**2)))
     shares = {name: explained_share(rest, values, settings.remaining_groups) for name, values in columns.items()}
     if ratio <= settings.remaining_above:

@@ -145,7 +145,7 @@ def screen_functions(problem: SearchProblem, current: Fit) -> list[ScreenedFunct
 
 def ranges(problem: RecordingProblem, current: Fit) -> Mapping[str, tuple[float, float]]:
     """Range of each quantity that the recordings visit."""
-    table = current.free.table(current.x)
+    table = current.table
     seen: dict[str, list[np.ndarray]] = {}
     for record in problem.records:
         out = problem.model.run(table, record)
@@ -214,7 +214,7 @@ def pulsation_periods(problem: RecordingProblem, current: Fit, settings: SearchS
     A slow change m(t) of the supply pressure makes the residual S(t) m(t) with S its sensitivity to the pressure; the
     spectrum of S(t) r(t) over the time since the recordings' start peaks at the frequency of m.
     """
-    table = current.free.table(current.x)
+    table = current.table
     row = current.vector.copy()
     column = list(current.free.base.fields).index(SUPPLY)
     row[column] = 1.01 * table.value(SUPPLY)

@@ -137,7 +137,7 @@ def benefits(
 
     The most helpful is the one with which the parameter that is known least is known best.
     """
-    table = result.free.table(result.x)
+    table = result.table
     largest = 1.0 if model is FULL else max(float(np.max(np.abs(r.commands))) for r in records)
     found = []
     for candidate in candidates:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.plant.parameters import TableParameters
 
 DIFFERENCE = 2e-3  # difference step as a part of a parameter's scale or of its value, whichever is larger
 SMALL_DIFFERENCE = 2e-4  # the same of a smooth problem
@@ -51,6 +52,11 @@ class Fit:
     def vector(self) -> np.ndarray:
         """All parameters of the table that was fitted."""
         return np.asarray(self.free.vectors(self.x)[0])
+
+    @property
+    def table(self) -> TableParameters:
+        """The table that was fitted."""
+        return self.free.table(self.x)
 
     def after(self, evaluations: int) -> Fit:
         """The same, as the end of so many evaluations more."""

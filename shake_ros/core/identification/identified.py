@@ -87,7 +87,7 @@ def identified(result: Fit, blocks: np.ndarray) -> tuple[Estimate, ...]:
     An estimate each; its standard error is None where no free parameter moves it, or one that moves it is at a bound.
     """
     spread = covariance(result, blocks)
-    table = result.free.table(result.x)
+    table = result.table
     steps = DIFFERENCE * np.maximum(1.0, np.abs(result.x))
     steps = np.where(result.x + steps > result.free.high, -steps, steps)
     shifted = [result.free.table(result.x + np.eye(len(steps))[i] * steps[i]) for i in range(len(steps))]

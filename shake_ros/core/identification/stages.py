@@ -104,7 +104,7 @@ def staged_start(
     if (behind := better_filter(pieces, best)) is not None:
         data = data.seen(Accelerometer(behind))
         pieces = _pieces(model, data)
-        best = _fitted(pieces, moved(shown), _table(best))
+        best = _fitted(pieces, moved(shown), best.table)
     begin = guesses[0]
     for _ in range(JOINTS):
         if best.cost < 0.5 * FAR**2 * pieces.noise_cost() * pieces.count:
@@ -112,12 +112,12 @@ def staged_start(
         joined, more = several_at_once(pieces, moved(shown), known, begin, CLEAR * best.cost)
         if joined.cost > JOINED * best.cost:
             break
-        best, shown, begin = joined, (*shown, *more), _table(joined)  # what is left shows others better
-    anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], _table(best), model))
-    table = _table(min(best, anew, key=attrgetter("cost")))
+        best, shown, begin = joined, (*shown, *more), joined.table  # what is left shows others better
+    anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], best.table, model))
+    table = min(best, anew, key=attrgetter("cost")).table
     for _ in range(ROUNDS - 1):
         data = recentred(model, table, data)
-        table = _table(_fitted(_pieces(model, data), moved(shown), table))
+        table = _fitted(_pieces(model, data), moved(shown), table).table
     return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
 
 
@@ -219,10 +219,6 @@ def _fitted(pieces: RecordingProblem, free: Sequence[FreeParameter], start: Tabl
     """A short fit to pieces."""
     parameters = FreeParameters(start, free)
     return approached(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
-
-
-def _table(found: Fit) -> TableParameters:
-    return found.free.table(found.x)
 
 
 def recentred(model: UnknownModel, table: TableParameters, data: Prepared) -> Prepared:

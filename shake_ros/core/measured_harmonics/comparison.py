@@ -66,7 +66,7 @@ def printed_model(problem: HarmonicProblem, name: str, table: TableParameters) -
 def fitted_model(problem: HarmonicProblem, fitted: FittedVariant, neighbours: int = NEIGHBOURS) -> MeasuredModel:
     """A fitted model with each run left out once."""
     vector = fitted.fit.vector
-    table = fitted.fit.free.table(fitted.fit.x)
+    table = fitted.fit.table
     name = f"with {fitted.name}, fitted" if fitted.name else "declared model, fitted"
     prediction = left_out(problem, fitted.fit, neighbours) if len(problem.runs) > 1 else None
     return MeasuredModel(name, table, account(problem, vector), fitted, prediction)

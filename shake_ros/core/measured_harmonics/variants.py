@@ -109,7 +109,7 @@ def extended_fit(
     ----------
     base : the fitted model. others : values of its parameters to start from, in units of its scales.
     """
-    extended = FreeParameters(base.free.table(base.x).with_values(variant.fixed), [*base.free.free, *variant.free])
+    extended = FreeParameters(base.table.with_values(variant.fixed), [*base.free.free, *variant.free])
     centres = []
     for values in variant.trials:
         for other in others:

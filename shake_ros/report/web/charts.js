@@ -33,10 +33,16 @@
 
   const loose = (series) => series.kind === "points" || series.kind === "rings";
 
-  // a band that is shown is in the range, with room around it
+  // a band that is shown is in the range, with room around it; nothing but zeros lies on an axis from 0 to 1
   function range(panel) {
-    if (!panel.shaded) return undefined;
-    return (u, low, high) => [Math.min(low, 1.4 * panel.shaded[0]), Math.max(high, 1.4 * panel.shaded[1])];
+    if (panel.shaded)
+      return (u, low, high) => [Math.min(low, 1.4 * panel.shaded[0]), Math.max(high, 1.4 * panel.shaded[1])];
+    if (panel.log) return undefined;
+    const end = { pad: 0.1, soft: 0, mode: 3 };
+    return (u, low, high) => {
+      if (low == null) return [null, null];
+      return low === 0 && high === 0 ? [0, 1] : uPlot.rangeNum(low, high, { min: end, max: end });
+    };
   }
 
   function shade(u, chart, panel) {

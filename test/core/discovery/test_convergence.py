@@ -63,7 +63,7 @@ def test_the_second_reaches_what_the_first_reaches() -> None:
     done = taken_over(problem_of(OneForTheOther(), continued_evaluations=30), best, early)
     assert done.candidate is TANK
     assert done.result.fit.free.names == (VISCOUS.name, TANK.strength.name)
-    assert done.result.fit.free.table(done.result.fit.x).value(MASS.strength.name) == MASS.neutral
+    assert done.result.fit.table.value(MASS.strength.name) == MASS.neutral
     assert done.result.estimation_cost == pytest.approx(best.result.estimation_cost, rel=1e-6)
 
 

@@ -57,7 +57,7 @@ def freed(estimation: Any, validation: Any = None) -> ScoredFit:
 def test_it_is_freed_where_it_explains_what_is_left() -> None:
     result = freed(Linear(passing=1.0, strange=0.2)).fit
     assert result.free.names == (VISCOUS.name, PASSAGE.name)
-    assert result.free.table(result.x).value(PASSAGE.name) == pytest.approx(TRUE_PASSAGE, rel=0.05)
+    assert result.table.value(PASSAGE.name) == pytest.approx(TRUE_PASSAGE, rel=0.05)
 
 
 def test_it_stays_where_something_else_is_missing() -> None:

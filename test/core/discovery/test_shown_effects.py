@@ -38,9 +38,9 @@ def test_what_shows_and_is_there_becomes_a_step_that_can_be_taken_out() -> None:
     problem, (step,) = shown("spool_deadband")
     fit = step.chosen.result.fit
     assert step.chosen.candidate.effect == EFFECT
-    assert fit.free.table(fit.x).value(WIDTH) == pytest.approx(DEAD_BAND, rel=0.1)
+    assert fit.table.value(WIDTH) == pytest.approx(DEAD_BAND, rel=0.1)
     reduced = without(problem, step.chosen.result, step.chosen.candidate)
-    assert EFFECT not in reduced.fit.free.table(reduced.fit.x).effects
+    assert EFFECT not in reduced.fit.table.effects
     assert reduced.validation_cost > 3.0 * step.chosen.result.validation_cost
 
 
@@ -57,4 +57,4 @@ def test_where_the_time_is_over_what_shows_is_fitted_and_stays_to_be_judged() ->
     assert step.chosen.result.fit.free.names[-1] in {p.name for p in step.chosen.candidate.free}
     (step,) = shown("spool_deadband", over)[1]
     fit = step.chosen.result.fit
-    assert fit.free.table(fit.x).value(WIDTH) == pytest.approx(DEAD_BAND, rel=0.1)
+    assert fit.table.value(WIDTH) == pytest.approx(DEAD_BAND, rel=0.1)
