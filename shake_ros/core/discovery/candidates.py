@@ -79,11 +79,12 @@ def candidates(
         strict_keys(usual, own, where)
         together = {prefix + name: float(v) for name, v in entry.get("together", {}).items()}
         strict_keys(together, own, where)
-        narrow = tuple(entry.get("narrow", ()))
-        if not all(i in range(len(trials)) for i in narrow):
+        narrow = entry.get("narrow", [])
+        if not isinstance(narrow, list) or not all(type(i) is int and 0 <= i < len(trials) for i in narrow):
             raise ShakeError(f"{where}: {effect}: narrow: needs numbers of trials, 0 to {len(trials) - 1}")
         place, depends_on = EFFECTS[effect].place, EFFECTS[effect].depends_on
-        result.append(CandidateEffect(effect, free, trials, place, depends_on, resembles, usual, together, narrow))
+        own_starts = tuple(narrow)
+        result.append(CandidateEffect(effect, free, trials, place, depends_on, resembles, usual, together, own_starts))
     return tuple(result)
 
 

@@ -85,20 +85,20 @@ def passed_over(refits: Sequence[Refit], screening: Screening) -> list[str]:
 
 def short_refits(problem: SearchProblem, screening: Screening, effects: list[str]) -> list[Refit]:
     """First refits of effects; those of which drawn runs show already that another one is far better end there."""
-    settings, ways, short = problem.settings, list[Begun](), list[Refit]()
+    settings, on_way, short = problem.settings, list[Begun](), list[Refit]()
     most, tolerance = settings.first_evaluations, settings.first_tolerance
     problem.progress(f"refit with {effects[0]}", 0.1)
-    for way in side_by_side(lambda e: begun(problem, screening, e, most, tolerance), effects):
-        ways.append(way)
-        problem.progress(f"begun with {way.trial.candidate.effect}", 0.1 + 0.25 * len(ways) / len(effects))
-    if all(problem.far(way.way) for way in ways):
-        ways = [sought(problem, way, most, tolerance) for way in ways]
-    bound = settings.hopeless * min(begun.way.drawn_cost for begun in ways)
+    for first in side_by_side(lambda e: begun(problem, screening, e, most, tolerance), effects):
+        on_way.append(first)
+        problem.progress(f"begun with {first.trial.candidate.effect}", 0.1 + 0.25 * len(on_way) / len(effects))
+    if all(problem.far(each.way) for each in on_way):
+        on_way = [sought(problem, each, most, tolerance) for each in on_way]
+    bound = settings.hopeless * min(each.way.drawn_cost for each in on_way)
 
-    def ended(way: Begun) -> Refit:
-        return finished(problem, way, most if way.way.drawn_cost <= bound else 1, tolerance)
+    def ended(each: Begun) -> Refit:
+        return finished(problem, each, most if each.way.drawn_cost <= bound else 1, tolerance)
 
-    for tried in side_by_side(ended, ways):
+    for tried in side_by_side(ended, on_way):
         short.append(tried)
         problem.progress(f"refitted with {tried.candidate.effect}", 0.35 + 0.25 * len(short) / len(effects))
     return short

@@ -63,6 +63,7 @@ FREE = {"depth": {"scale": 0.1}}
         ({"soft_zone": {"free": {"depth": {}}, "trials": []}}, "needs a number 'scale'"),
         ({"soft_zone": {"free": FREE, "trials": [], "resembles": ["dead_volum"]}}, "did you mean 'dead_volume'"),
         ({"soft_zone": {"free": FREE, "trials": [{"depth": 0.1}], "narrow": [1]}}, "needs numbers of trials, 0 to 0"),
+        ({"soft_zone": {"free": FREE, "trials": [{"depth": 0.1}], "narrow": 0}}, "needs numbers of trials, 0 to 0"),
     ],
 )
 def test_wrong_list_is_one_line_that_names_the_file(content: dict, text: str) -> None:
