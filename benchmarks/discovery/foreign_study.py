@@ -39,7 +39,9 @@ def measure(seed: int, seconds: float, minutes: float) -> dict[str, Any]:
         for which, m in (("before", found.closed.baseline), ("after", found.closed.final))
     }
     return {
-        "hidden": [{"effect": effect, "found": effect in named} for effect in case.effects],
+        "hidden": [
+            {"effect": effect, "found": effect in named, "hidden_effects": len(case.effects)} for effect in case.effects
+        ],
         "named": list(named),
         "alternatives": [list(e.alternatives) for e in found.effects],
         "wrong_names": sum(name not in case.effects for name in named),
