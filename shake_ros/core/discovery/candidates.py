@@ -82,9 +82,9 @@ def candidates(
         narrow = entry.get("narrow", [])
         if not isinstance(narrow, list) or not all(type(i) is int and 0 <= i < len(trials) for i in narrow):
             raise ShakeError(f"{where}: {effect}: narrow: needs numbers of trials, 0 to {len(trials) - 1}")
-        place, depends_on = EFFECTS[effect].place, EFFECTS[effect].depends_on
-        own_starts = tuple(narrow)
-        result.append(CandidateEffect(effect, free, trials, place, depends_on, resembles, usual, together, own_starts))
+        kind = EFFECTS[effect]
+        found = CandidateEffect(effect, free, trials, kind.place, kind.depends_on, resembles, usual, together)
+        result.append(replace(found, narrow=tuple(narrow)))
     return tuple(result)
 
 

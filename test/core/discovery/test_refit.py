@@ -100,10 +100,10 @@ def test_a_play_is_sought_from_each_narrow_start_with_friction_as_declared() -> 
         return Approach(x, drawn)
 
     def found(cost: float) -> Begun:
-        trial, drawn, problem = SimpleNamespace(candidate=play), SimpleNamespace(cost=cost), SimpleNamespace()
-        problem.way_to_pieces = way_to_pieces
-        given: Any = trial, drawn, problem
-        return sought(given[2], Begun(given[0], free, Approach(bent, given[1])), 5, 1e-3)
+        trial: Any = SimpleNamespace(candidate=play)
+        drawn: Any = SimpleNamespace(cost=cost)
+        problem: Any = SimpleNamespace(way_to_pieces=way_to_pieces)
+        return sought(problem, Begun(trial, free, Approach(bent, drawn)), 5, 1e-3)
 
     assert found(0.1).way.start is bent
     best = found(10.0).way.start
