@@ -83,15 +83,25 @@ class _Seat:
 
     def call(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
         try:
-            future = self._taken().submit(fn, *args, **kwargs)
+            future = self._begun(fn, *args, **kwargs)
         except BrokenProcessPool:  # it died while it had nothing to do
             self._pool = None
-            future = self._taken().submit(fn, *args, **kwargs)
+            future = self._begun(fn, *args, **kwargs)
         try:
             return future.result()
         except BrokenProcessPool:
             self._pool = None
             raise WorkerDied from None
+
+    def _begun(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """A call given to a process that runs."""
+        pool = self._taken()
+        try:
+            return pool.submit(fn, *args, **kwargs)
+        except RuntimeError:  # of a broken executor, or of one that is shut down
+            if self._over:
+                raise WorkerDied from None
+            raise
 
     def _taken(self) -> ProcessPoolExecutor:
         """The executor of a process that runs."""

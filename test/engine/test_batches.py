@@ -134,6 +134,21 @@ def test_ended_at_once_no_worker_is_left():
     assert not Path(f"/proc/{worker}").exists()
 
 
+def test_a_call_whose_worker_is_ended_before_it_begins_fails_as_one_whose_worker_died(monkeypatch):
+    with ProcessWorkers(1) as workers:
+        seat = workers._all[0]
+        taken = seat._taken
+
+        def ended_meanwhile():
+            pool = taken()
+            seat.end(at_once=True)
+            return pool
+
+        monkeypatch.setattr(seat, "_taken", ended_meanwhile)
+        with pytest.raises(WorkerDied):
+            workers.submit(os.getpid).result(timeout=60.0)
+
+
 @pytest.mark.parametrize("name", ["benchmarks.campaign.tasks:nobody", "no_such_module:f", "math", "math:pi"])
 def test_what_is_no_function_is_refused(name):
     with pytest.raises(ShakeError, match="no function"):
