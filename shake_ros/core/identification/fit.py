@@ -22,6 +22,7 @@ KEPT = 4  # steps for which the Jacobian of a smooth problem is kept
 LEAST, MOST = 0.5, 2.0  # of the foreseen fall of the cost, between which it is
 TRIALS = 2  # trial points for each of the Jacobians that a fit may take where it keeps them
 LOST = 1e6  # weighted residual of a simulation that ends in no number
+OVERFLOWING = 1e150  # the same of one whose square, summed, is none
 
 
 class Problem(Protocol):
@@ -99,11 +100,11 @@ class KeptJacobian:
         self.simulated = self.taken = self.age = 0
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
-        """Weighted residuals, LOST each where there is no number."""
+        """Weighted residuals, LOST each where there is no number, or one that cannot be squared."""
         if (key := x.tobytes()) != self._last[0]:
             self.simulated += 1
             r = self._problem.residuals(self._free.vectors(x))[0]
-            self._last = key, np.where(np.isfinite(r), r, LOST)
+            self._last = key, np.where(np.abs(r) < OVERFLOWING, r, LOST)
         return self._last[1]
 
     def forget(self) -> None:
@@ -124,7 +125,7 @@ class KeptJacobian:
         self.simulated += len(x)
         self.taken += 1
         found = jacobian(self._problem, self._free, x, r)
-        self._x, self._r, self.new, self.age = x.copy(), r, np.where(np.isfinite(found), found, 0.0), 0
+        self._x, self._r, self.new, self.age = x.copy(), r, np.where(np.abs(found) < OVERFLOWING, found, 0.0), 0
         self._jacobian = self.new
         return self.new
 

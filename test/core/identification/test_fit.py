@@ -81,6 +81,30 @@ def test_simulations_that_break_off_are_avoided_and_do_not_stop_the_fit() -> Non
     assert values(back) == pytest.approx(TRUE, rel=0.01)
 
 
+class Overshot:
+    """arctan((viscous − 300)/50): from far off a Gauss–Newton step crosses to where a run ends in `broken`."""
+
+    def __init__(self, broken: float) -> None:
+        self.broken, self.lost = broken, 0
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        slope, level = vectors[:, [INDEX[VISCOUS]]], vectors[:, [INDEX[COULOMB]]]
+        result = np.hstack([np.arctan((slope - TRUE[0]) / 50.0), level - TRUE[1]])
+        far = slope[:, 0] > 500.0
+        self.lost += int(far.sum())
+        result[far] = self.broken
+        return np.asarray(result)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("broken", [np.nan, np.inf, 1e200])
+def test_a_step_to_where_a_run_is_lost_is_taken_back(broken: float) -> None:
+    problem, free = Overshot(broken), line()
+    result = fit(problem, free, free.x_of({VISCOUS: 200.0}), tolerance=1e-10)
+    assert problem.lost > 0
+    assert values(result) == pytest.approx(TRUE, rel=1e-6)
+
+
 def test_differences_at_an_upper_bound_step_inward() -> None:
     problem, free = Line(WHITE, broken_above=200.0), line(high=200.0)
     x = free.high.copy()
