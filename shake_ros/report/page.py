@@ -86,6 +86,10 @@ class Page:
         """A paragraph of plain text; a note is quieter."""
         self._parts.append(f"<p{' class=note' if note else ''}>{_kept(text)}</p>")
 
+    def hint(self, text: str) -> None:
+        """A paragraph on how to use the page, which paper does not show."""
+        self._parts.append(f"<p class=hint>{_kept(text)}</p>")
+
     def link(self, text: str, file: str) -> None:
         """A paragraph that leads to another file of the same folder."""
         self._parts.append(f"<p><a href='{html.escape(file)}'>{html.escape(text)}</a></p>")

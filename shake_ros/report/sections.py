@@ -55,7 +55,7 @@ def histories_section(
 ) -> list[list[str]]:
     """Measured against simulated, recording by recording, those of validation first. Returns the errors by band."""
     page.heading("Measured against simulated")
-    page.paragraph("Drag over a chart to zoom, double click for all of it; the panels of a recording move together.")
+    page.hint("Drag over a chart to zoom, double click for all of it; the panels of a recording move together.")
     bands = []
     drawn = [(r, "validation") for r in longest(validation)] + [(r, "estimation") for r in longest(estimation)]
     for record, role in drawn[:DRAWN]:

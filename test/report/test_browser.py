@@ -35,6 +35,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rest = 0.1 * np.sin(7.0 * time)
     page = Page("A report", "Lead", Made("./shake x", (Source("run1", "validation", 60.0, SAMPLES, 1000.0),)))
     page.heading("Curves")
+    page.hint("Drag over a chart to zoom.")
     curves = (ChartSeries("measured", measured, "measured"), ChartSeries("model", measured, "after", minus=rest))
     panels = (
         Panel("y [m]", time, curves),
@@ -163,11 +164,14 @@ def test_it_prints_on_a4_with_nothing_cut_off(opened: Any) -> None:
         const rights = [...document.querySelectorAll('table, canvas')].map((e) => e.getBoundingClientRect().right);
         dispatchEvent(new Event('afterprint'));
         return [document.querySelector('main').clientWidth, ...rights];"""
+    hint = "return document.querySelector('.hint').offsetHeight"
+    assert opened.execute_script(hint) > 0
     metrics = {"width": 703, "height": 1000, "deviceScaleFactor": 1, "mobile": False}  # A4 less its margins at 96 dpi
     opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
     opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
     width, *rights = opened.execute_script(program)
     assert max(rights) <= width + 1
+    assert opened.execute_script(hint) == 0  # how to zoom is of no use on paper
     opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     printed = opened.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True, "printBackground": True})
     pdf = base64.b64decode(printed["data"])
