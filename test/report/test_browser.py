@@ -33,7 +33,8 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     measured = np.sin(2.0 * np.pi * time)
     measured[SPIKE] = 5.0
     rest = 0.1 * np.sin(7.0 * time)
-    page = Page("A report", "Lead", Made("./shake x", (Source("run1", "validation", 60.0, SAMPLES, 1000.0),)))
+    made = Made("./shake x", (Source("run1", "validation", 60.0, SAMPLES, 1000.0),))
+    page = Page("A report", "A lead with benchmarks.discovery.foreign_study:measure", made)
     page.heading("Curves")
     page.hint("Drag over a chart to zoom.")
     curves = (ChartSeries("measured", measured, "measured"), ChartSeries("model", measured, "after", minus=rest))

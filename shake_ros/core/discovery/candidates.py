@@ -83,8 +83,11 @@ def candidates(
         if not isinstance(narrow, list) or not all(type(i) is int and 0 <= i < len(trials) for i in narrow):
             raise ShakeError(f"{where}: {effect}: narrow: needs numbers of trials, 0 to {len(trials) - 1}")
         kind = EFFECTS[effect]
-        found = CandidateEffect(effect, free, trials, kind.place, kind.depends_on, resembles, usual, together)
-        result.append(replace(found, narrow=tuple(narrow)))
+        result.append(
+            CandidateEffect(
+                effect, free, trials, kind.place, kind.depends_on, resembles, usual, together, tuple(narrow)
+            )
+        )
     return tuple(result)
 
 
