@@ -9,6 +9,10 @@ velocity and a laminar stretch of the flow's root, whose widths are assumed; a t
 fitted values are then those of the nearest model. How far such a choice moves each of them follows to first order from
 the change of the residuals, δ = −(JᵀJ)⁻¹ Jᵀ (r' − r), with each width a factor SPREAD larger and smaller: an
 uncertainty of type B (JCGM 100:2008, 4.3), stated beside the one of noise.
+
+The model's root also reaches √Δp soon (valve/ports.py), where that of a real orifice, (2.77), comes up to it slowly,
+from below. Δp/√(|Δp| + δ), of the same slope at rest, stays δ/(2 Δp) behind: to first order as if the supply stood δ
+lower and the tank δ higher. A root may lie anywhere between the two, a rectangular distribution of that half-width.
 """
 
 from __future__ import annotations
@@ -20,7 +24,9 @@ import numpy as np
 
 from shake_ros.core.identification.fit import Fit, Problem
 
-NEAR_REST = ("friction.transition_velocity", "valve.laminar_pressure")
+LAMINAR = "valve.laminar_pressure"
+NEAR_REST = ("friction.transition_velocity", LAMINAR)
+DROP = ("supply.supply_pressure", "supply.tank_pressure")
 # Standard factor of such a width. A smooth sign and a linear ramp that take the same off a step have slopes at rest
 # that differ by 2 ln 2, so between forms a width means no more than that; at even odds, ln SPREAD = ln(2 ln 2)/√3.
 SPREAD = (2.0 * math.log(2.0)) ** (1.0 / math.sqrt(3.0))
@@ -83,19 +89,33 @@ def known_covariance(result: Fit, blocks: np.ndarray) -> tuple[tuple[str, ...], 
 
 
 def form_errors(problem: Problem, result: Fit) -> np.ndarray:
-    """Standard deviation of x by the assumed widths near rest, in units of the scales, shape (p,)."""
-    fields = list(result.free.base.fields)
-    assumed = [n for n in NEAR_REST if n in fields and n not in result.free.names]
-    if not assumed:
+    """Standard deviation of x by the forms assumed near rest, in units of the scales, shape (p,)."""
+    rows, variances = _other_forms(result)
+    if not len(rows):
         return np.zeros(len(result.x))
-    rows = np.repeat(result.free.vectors(result.x), 2 * len(assumed), axis=0)
-    for i, name in enumerate(assumed):
-        rows[2 * i : 2 * i + 2, fields.index(name)] *= (SPREAD, 1.0 / SPREAD)
     change = np.nan_to_num(problem.residuals(rows) - result.residuals)
     inside = ~at_bound(result) & np.any(result.jacobian != 0.0, axis=0)
     shifts = np.zeros((len(rows), len(result.x)))
     shifts[:, inside] = -np.linalg.lstsq(result.jacobian[:, inside], change.T, rcond=1e-6)[0].T
-    return np.asarray(np.sqrt(np.sum(shifts**2, axis=0) / 2.0))
+    return np.asarray(np.sqrt(variances @ shifts**2))
+
+
+def _other_forms(result: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """The table with each other form near rest, shape (m, n), and its part in the variance, shape (m,)."""
+    column = {name: i for i, name in enumerate(result.free.base.fields)}
+    fitted = result.free.vectors(result.x)[0]
+    rows, variances = [], []
+    for name in NEAR_REST:
+        if name in column and name not in result.free.names:
+            for factor in (SPREAD, 1.0 / SPREAD):
+                rows.append(fitted.copy())
+                rows[-1][column[name]] *= factor
+                variances.append(1.0 / 2.0)
+    if LAMINAR in column:
+        rows.append(fitted.copy())
+        rows[-1][[column[n] for n in DROP]] += fitted[column[LAMINAR]] * np.array([-1.0, 1.0])
+        variances.append(1.0 / 3.0)
+    return np.array(rows), np.array(variances)
 
 
 def estimates(result: Fit, blocks: np.ndarray, forms: np.ndarray | None = None) -> list[Estimate]:

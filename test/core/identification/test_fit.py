@@ -154,6 +154,21 @@ def test_form_error_is_the_shift_that_another_width_near_rest_brings() -> None:
     assert rounded * line().scale == pytest.approx([0.0, np.sqrt(np.mean(shift**2))], abs=1e-6)
 
 
+class Throttled(Line):
+    """The line whose level follows the pressure between supply and tank, as the flow does."""
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        change = vectors - TABLE.vector()
+        drop = change[:, [INDEX["supply.supply_pressure"]]] - change[:, [INDEX["supply.tank_pressure"]]]
+        return super().residuals(vectors) + 1e-3 * drop
+
+
+def test_form_error_counts_a_root_that_lags_behind() -> None:
+    lag = 2.0 * TABLE.value("valve.laminar_pressure")  # of the drop across both edges
+    found = form_errors(Throttled(WHITE), solve(Throttled(WHITE), line()))
+    assert found * line().scale == pytest.approx([0.0, 1e-3 * lag / np.sqrt(3.0)], abs=1e-6)
+
+
 def test_form_error_widens_the_deviation_and_leaves_the_standard_error() -> None:
     result, blocks = solve(Rounded(WHITE), line()), np.arange(400) // 20
     plain, widened = estimates(result, blocks)[1], estimates(result, blocks, np.array([0.0, 3.0]))[1]
