@@ -127,6 +127,14 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _compiled(function, _nrt=False)
 
 
+def inlined(function: Callable[..., Any]) -> Any:
+    """`kernel` for one that stands at few places, all within a step: its body is put there instead of a call.
+
+    A call hands over each array as seven numbers; in a step of the table calls took a fifth of the time.
+    """
+    return _compiled(function, _nrt=False, forceinline=True)
+
+
 def _compiled(function: Callable[..., Any], **more: bool) -> Any:
     compiler: Any = numba.njit
     settings: Any = numba.config
