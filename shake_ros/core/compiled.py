@@ -127,7 +127,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _compiled(function, _nrt=False)
 
 
-def inlined(function: Callable[..., Any]) -> Any:
+def inlined_kernel(function: Callable[..., Any]) -> Any:
     """`kernel` for one that stands at few places, all within a step: its body is put there instead of a call.
 
     A call hands over each array as seven numbers; in a step of the table calls took a fifth of the time.

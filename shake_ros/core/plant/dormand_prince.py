@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from shake_ros.core.compiled import inlined, kernel, njit
+from shake_ros.core.compiled import inlined_kernel, kernel, njit
 from shake_ros.core.plant.right_hand_side import table_rates
 from shake_ros.core.plant.shear_frame import LARGEST_STOREYS
 from shake_ros.core.plant.spool_path import END, END_RATE
@@ -35,7 +35,7 @@ def workspace():
     return np.zeros((ROWS, CONTINUOUS))
 
 
-@inlined
+@inlined_kernel
 def worst_error(work, y, h, first, last, worst):
     """Largest of `worst` and the errors of states first … last − 1 per scale [-]; not finite where one is not."""
     for i in range(first, last):

@@ -11,7 +11,7 @@ import math
 from shake_ros.core.bulk_modulus.constant import CODE as CONSTANT
 from shake_ros.core.bulk_modulus.ifas import mixture
 from shake_ros.core.bulk_modulus.selected import modulus
-from shake_ros.core.compiled import inlined, kernel
+from shake_ros.core.compiled import inlined_kernel, kernel
 from shake_ros.core.effects.asymmetric_flow_gain import flow_factor
 from shake_ros.core.effects.oil_warming import lightness, stiffness, thickness, warmer
 from shake_ros.core.effects.soft_zone import exchanged
@@ -42,7 +42,7 @@ from shake_ros.core.plant.states import (
 from shake_ros.core.valve.ports import opening, sroot
 
 
-@inlined
+@inlined_kernel
 def port_flows(p, spool, clock, pressure_a, pressure_b, pressure_supply):
     """Flow into A, out of B, and drawn from the supply (3.17), (6.12) [m³/s] at a time of the recording [s]."""
     x_e = effective_spool(spool, p.spool_deadband_width)
@@ -104,7 +104,7 @@ def softness(p, p_a, p_b):
     return soft_zone_factor(p_l, p.soft_zone_depth, p.soft_zone_threshold, p.soft_zone_sharpness)
 
 
-@inlined
+@inlined_kernel
 def chamber_moduli(p, p_a, p_b):
     """E that acts in chambers A and B: `fluid_modulus`, softened by the soft zone [Pa]."""
     if p.pressure_dependent_bulk_modulus_slope != 0.0 or p.entrained_air_fraction != 0.0:
@@ -141,7 +141,7 @@ def pipeline_flows(p, y, clock, p_a, p_b, p_s, rates):
     return q_a, q_b, q_s
 
 
-@inlined
+@inlined_kernel
 def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
     """Ṗ_A and Ṗ_B (6.5), (6.6) into `rates`; returns the flow drawn from the supply [m³/s]."""
     p_s = y[PRESSURE_SUPPLY] if p.supply_droop_resistance != 0.0 else p.supply_supply_pressure

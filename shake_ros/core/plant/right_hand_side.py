@@ -6,7 +6,7 @@ compiled function with other numbers. `p` is one record of plant/parameters.py.
 
 from __future__ import annotations
 
-from shake_ros.core.compiled import inlined, kernel
+from shake_ros.core.compiled import inlined_kernel, kernel
 from shake_ros.core.effects.base_flexibility import base_acceleration
 from shake_ros.core.effects.coupling_backlash import contact_force, has_play
 from shake_ros.core.effects.film_friction import film_rate
@@ -118,7 +118,7 @@ def dry_friction(p, velocity, displacement, start, velocity_start, memory):
     return curve_level(p, velocity), curve_direction(p, velocity), 0.0
 
 
-@inlined
+@inlined_kernel
 def friction_force(p, velocity, position, displacement, start, velocity_start, memory, film):
     """Friction on the piston: the table's law with the effects on its dry part [N].
 
@@ -243,7 +243,7 @@ def valve_load(p, y, force, n, rates):
     return p_a, p_b, rates[PRESSURE_A], rates[PRESSURE_B]
 
 
-@inlined
+@inlined_kernel
 def extended_rates(p, y, q_s, on_rod, on_table, mass, split, piston_velocity, rates):
     """Rates of the velocity and of the states that only effects have; returns the absolute acceleration [m/s²]."""
     base_acc = 0.0
