@@ -303,11 +303,14 @@ def build_node(
     compiling.start()
     try:
         behaviour = build(frame)
-    except InvalidQosOverridesError as error:
-        raise ShakeError(error) from None
+        frame.parameters.check_overrides(files.shared)
+    except BaseException as error:
+        frame.node.destroy_node()  # while its context lives: what the interpreter takes down last may crash
+        if isinstance(error, InvalidQosOverridesError):
+            raise ShakeError(error) from None
+        raise
     finally:
         compiling.cancel()
-    frame.parameters.check_overrides(files.shared)
     frame.say(OK, frame.start_line)
     return behaviour
 
