@@ -26,5 +26,5 @@ def joint_steps(problem: SearchProblem, model: ModelStructure, current: ScoredFi
     part = {c.effect: c for c in model.candidates if c.together}
     part |= {c.effect: replace(c, together=c.trials[len(c.trials) // 2]) for c in model.candidates if c.effect in ALSO}
     guess = current.fit.table
-    table, stay = joint_start(problem.estimation, model.free, part, guess)
+    table, stay = joint_start(problem.estimation_pieces, model.free, part, guess)
     return shown_steps(problem, replace(model, shown=stay, fitted=table), current) if stay else ()

@@ -171,10 +171,16 @@ class SearchProblem:
         """Whether drawn runs leave much above the noise."""
         return way.drawn is not None and mean_square(way.drawn.residuals) > self._much_left(self.estimation_pieces)
 
-    def fitted_to_pieces(self, free: FreeParameters, way: Approach, evaluations: int, tolerance: float) -> ScoredFit:
-        """A fit to pieces of the estimation data; its validation cost is that of whole recordings all the same."""
+    def fitted_to_pieces(
+        self, free: FreeParameters, way: Approach, evaluations: int, tolerance: float, whole: float
+    ) -> ScoredFit:
+        """A fit to pieces of the estimation data; its validation cost is that of whole recordings all the same.
+
+        whole : cost of a model on all estimation data, over that on the pieces: they may be harder or easier [-].
+        """
         result = arrived(self.estimation_pieces, free, way, evaluations=evaluations, tolerance=tolerance)
-        return ScoredFit(result, mean_square(result.residuals), mean_square(self._validation_residuals(result)))
+        estimation = whole * mean_square(result.residuals)
+        return ScoredFit(result, estimation, mean_square(self._validation_residuals(result)))
 
     def converged_at(self, reached: ScoredFit) -> float:
         """Relative change at which a fit that goes on from there has converged: far from the noise models differ."""

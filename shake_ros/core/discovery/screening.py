@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearised
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearised, mean_square
 from shake_ros.core.identification.fit import Fit, Problem, is_smooth
 
 
@@ -32,11 +32,13 @@ class Screening:
     """Every trial of every candidate that promises anything, the most promising first.
 
     current : the model that was screened, on the pieces of the estimation data. candidates : all that were tried.
+    whole : its cost on all estimation data, over that on the pieces [-].
     """
 
     current: Fit
     candidates: tuple[CandidateEffect, ...]
     trials: tuple[ScreenedTrial, ...]
+    whole: float = 1.0
 
     def of(self, effect: str) -> list[ScreenedTrial]:
         """The trials of one effect."""
@@ -103,7 +105,8 @@ def screen(problem: SearchProblem, current: ScoredFit, candidates: tuple[Candida
             change = np.linalg.lstsq(triangle, -q.T @ (r + part * d)[:seen], rcond=1e-10)[0]
             x = current.fit.x + np.clip(change, -shift, shift)
             trials.append(ScreenedTrial(candidate, i, gain, part, x))
-    return Screening(pieces, candidates, tuple(sorted(trials, key=lambda t: -t.gain)))
+    whole = current.estimation_cost / mean_square(pieces.residuals)
+    return Screening(pieces, candidates, tuple(sorted(trials, key=lambda t: -t.gain)), whole)
 
 
 def trial_vector(current: Fit, candidate: CandidateEffect, trial: int) -> np.ndarray:

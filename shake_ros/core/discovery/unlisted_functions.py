@@ -116,12 +116,18 @@ def best_function(problem: SearchProblem, current: ScoredFit) -> FunctionSearch:
     found = screen_functions(problem, linearised(problem.estimation_pieces, fitted))
     least = max(settings.function_rank * found[0].gain, settings.least_function) if found else 0.0
     promising = [f for f in found[: settings.most_functions] if f.gain > least]
-    refits = []
+    short = []
     for i, f in enumerate(promising):
-        problem.progress(f"unlisted: {f.kind.place} of {f.kind.quantity}", 0.4 + 0.6 * i / len(promising))
+        problem.progress(f"unlisted: {f.kind.place} of {f.kind.quantity}", 0.4 + 0.3 * i / len(promising))
+        short.append(fit_to_pieces(problem, f))
+    most = settings.hopeless * min((s.cost for s in short), default=0.0)
+    left = [(f, s) for f, s in zip(promising, short, strict=True) if s.cost <= most]
+    refits = []
+    for i, (f, s) in enumerate(left):
+        problem.progress(f"unlisted: {f.kind.place} of {f.kind.quantity}", 0.7 + 0.3 * i / len(left))
         own = tuple(p for p in f.free.free if p.name not in fitted.free.names)
         candidate = CandidateEffect(UNLISTED, own, (), f.kind.place, f.kind.depends_on)
-        refits.append(Refit(candidate, problem.scored(fit_function(problem, f)), f.gain))
+        refits.append(Refit(candidate, problem.scored(fit_function(problem, f, s)), f.gain))
     best = min(refits, key=lambda r: r.result.validation_cost, default=None)
     return FunctionSearch({(f.kind.place, f.kind.quantity): f.gain for f in reversed(found)}, best)
 
@@ -283,14 +289,20 @@ class WithNodePrior:
         return np.hstack([self._problem.residuals(vectors), nodes / self._node, rough / self._curvature])
 
 
-def fit_function(problem: SearchProblem, found: ScreenedFunction) -> Fit:
-    """All parameters fitted with the nodes of a kind, first on pieces of the estimation data."""
+def fit_to_pieces(problem: SearchProblem, found: ScreenedFunction) -> Fit:
+    """All parameters fitted with the nodes of a kind to pieces of the estimation data."""
     settings, free, pieces = problem.settings, found.free, problem.estimation_pieces
     rows = np.clip(np.array(found.starts), free.low, free.high)
     costs = np.sum(np.nan_to_num(pieces.residuals(free.vectors(rows)), nan=1e3) ** 2, axis=1)
     start, most = rows[int(np.argmin(costs))], settings.function_evaluations
     first = WithNodePrior(pieces, free, found.kind, settings)
-    result = approached(first, free, start, evaluations=most, tolerance=settings.function_first_tolerance)
+    return approached(first, free, start, evaluations=most, tolerance=settings.function_first_tolerance)
+
+
+def fit_function(problem: SearchProblem, found: ScreenedFunction, short: Fit) -> Fit:
+    """The same fitted to all estimation data, from where the fit to pieces has led."""
+    settings, free = problem.settings, found.free
     whole = WithNodePrior(problem.estimation, free, found.kind, settings)
-    result = fit(whole, free, result.x, evaluations=most, tolerance=settings.function_tolerance)
+    most, tolerance = settings.function_evaluations, settings.function_tolerance
+    result = fit(whole, free, short.x, evaluations=most, tolerance=tolerance)
     return replace(linearised(problem.estimation, result), evaluations=result.evaluations)

@@ -24,5 +24,5 @@ def test_blocks_of_the_validation_cost_average_to_it() -> None:
     scored = found.problem.scored(found.search.declared.fit)
     weights = np.bincount(found.problem.validation.blocks())
     assert np.average(scored.validation_blocks, weights=weights) == pytest.approx(scored.validation_cost)
-    short = found.problem.fitted_to_pieces(scored.fit.free, Approach(scored.fit.x), 1, 1e-2)
+    short = found.problem.fitted_to_pieces(scored.fit.free, Approach(scored.fit.x), 1, 1e-2, 1.0)
     assert len(short.validation_blocks) == 0

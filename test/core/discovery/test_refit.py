@@ -75,7 +75,7 @@ def trial_points(costs: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> di
         way = SimpleNamespace(drawn_cost=costs[effect])
         return SimpleNamespace(trial=SimpleNamespace(candidate=SimpleNamespace(effect=effect)), way=way)
 
-    def finished(_problem: Any, way: Any, most: int, _least: float) -> Any:
+    def finished(_problem: Any, _screening: Any, way: Any, most: int, _least: float) -> Any:
         given[way.trial.candidate.effect] = most
         return way.trial
 
