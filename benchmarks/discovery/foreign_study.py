@@ -1,9 +1,10 @@
-"""What does close_loop name on tables of which nothing is known, when the truth is? What the study `foreign` measures.
+"""What does close_loop name on tables of which nothing is known, when the truth is? What two studies measure.
 
     ./shake campaign foreign --out DIR
+    ./shake campaign foreign_nothing --out DIR
 
-Tables of foreign_tables.py, none to four effects hidden in each, three recordings to learn from and two held out, all
-in volts and with offsets of their own; `close_loop` with the model `unknown`, as `--minutes` would end it.
+Tables of foreign_tables.py, none to four effects hidden in each or none in any; three recordings to learn from, two
+held out, in volts and with offsets of their own; `close_loop` with the model `unknown`, as `--minutes` would end it.
 """
 
 from __future__ import annotations
@@ -18,12 +19,13 @@ from shake_ros.api.model import model
 from shake_ros.api.read import recording
 
 
-def measure(seed: int, seconds: float, minutes: float) -> dict[str, Any]:
+def measure(seed: int, seconds: float, minutes: float, most: int = max(foreign.COUNTS)) -> dict[str, Any]:
     """One table: what was hidden and named, errors over the noise.
 
     seconds : length of each recording. minutes : of one core, after which the search ends with its best answer so far.
+    most : effects hidden at most.
     """
-    case = foreign.case_of(seed)
+    case = foreign.case_of(seed, most)
     runs, noise = {}, {}
     for name in foreign.RUNS:
         made = foreign.record(case, name, seconds)

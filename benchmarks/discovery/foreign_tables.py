@@ -203,12 +203,12 @@ def hide(case: Case, effect: str, rng: Any) -> hidden.Truth:
     return base._replace(**{effect: sign * math.exp(low)})
 
 
-def case_of(seed: int) -> Case:
-    """The case of a seed."""
+def case_of(seed: int, most: int = max(COUNTS)) -> Case:
+    """The case of a seed, with no more than `most` of its effects hidden."""
     rng = np.random.default_rng([seed, 2026])
     truth = table(rng)
     case = Case(seed, truth, laboratory(truth, rng), ())
-    effects = tuple(str(e) for e in rng.choice(EFFECTS, rng.choice(COUNTS), replace=False))
+    effects = tuple(str(e) for e in rng.choice(EFFECTS, rng.choice(COUNTS), replace=False))[:most]
     for effect in effects:
         case = Case(seed, hide(case, effect, rng), case.laboratory, ())
     return Case(seed, case.truth, case.laboratory, effects)
