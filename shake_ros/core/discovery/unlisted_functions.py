@@ -122,6 +122,8 @@ def best_function(problem: SearchProblem, current: ScoredFit) -> FunctionSearch:
         own = tuple(p for p in f.free.free if p.name not in fitted.free.names)
         candidate = CandidateEffect(UNLISTED, own, (), f.kind.place, f.kind.depends_on)
         refits.append(Refit(candidate, problem.scored(fit_function(problem, f)), f.gain))
+    records, model = problem.estimation.records, problem.estimation.model
+    refits = [r for r in refits if not model.contradicted(fitted.table, r.result.fit.table, records)]
     best = min(refits, key=lambda r: r.result.validation_cost, default=None)
     return FunctionSearch({(f.kind.place, f.kind.quantity): f.gain for f in reversed(found)}, best)
 
