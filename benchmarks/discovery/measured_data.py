@@ -13,12 +13,16 @@ import argparse
 import contextlib
 import io
 import json
+import math
 import shlex
 import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
+import shake_ros as sr
 from benchmarks import ROOT
 from shake_ros import __main__ as shake_ros
 
@@ -105,14 +109,31 @@ def electric(data: Path, out: Path) -> None:
 
 
 def emps(data: Path, out: Path) -> None:
-    """The positioning axis: published parameters, then what its four-parameter model lacks."""
+    """The positioning axis: published parameters, then what its four-parameter model lacks, by either file."""
     bags = [imported(data / "data" / "emps" / f"{n}.mat", out, EMPS_COLUMNS) for n in ("DATA_EMPS", "DATA_EMPS_PULSES")]
+    print("\n".join(emps_files(bags)))
     both = ("--model", "axis", "--learn", bags[0], "--hold", bags[1])
     printed, _ = command("identify", *both, "--method", "inverse_dynamics", "--out", out / "emps_identify", "--force")
     print("\n".join("  " + line for line in printed.splitlines() if "axis." in line))
-    printed, seconds = command("close_loop", *both, "--out", out / "emps", "--force")
-    print("\n".join("  " + line for line in printed.splitlines() if "free run, " in line))
-    print(verdict(out / "emps", "velocity", seconds), flush=True)
+    for name, learn, hold in (("emps", *bags), ("emps_swapped", *reversed(bags))):
+        arguments = ("--model", "axis", "--learn", learn, "--hold", hold, "--out", out / name, "--force")
+        printed, seconds = command("close_loop", *arguments)
+        shown = ("free run, ", "of its own, ", "effects.")
+        print("\n".join("  " + line for line in printed.splitlines() if any(s in line for s in shown)))
+        print(verdict(out / name, "velocity", seconds), flush=True)
+
+
+def emps_files(bags: Sequence[Path]) -> list[str]:
+    """What the two files tell of each other: they follow one reference, and friction differs before the first pulse."""
+    (first,), (second,) = (sr.read(bag).records("force") for bag in bags)
+    apart = 1e3 * math.sqrt(np.mean((second.position - first.position) ** 2))
+    steady = slice(100, 330)  # at 42 mm/s, before the first pulse at 0.343 s
+    forces = [float(np.mean(r.commands[steady])) for r in (first, second)]
+    ways = [1e3 * float(r.position[steady.stop] - r.position[steady.start]) for r in (first, second)]
+    return [
+        f"  positions of the two files differ by {apart:.3f} mm rms",
+        f"  0.10 to 0.33 s: mean force {forces[0]:.2f} and {forces[1]:.2f} N over {ways[0]:.3f} and {ways[1]:.3f} mm",
+    ]
 
 
 def mts(data: Path, out: Path) -> None:

@@ -20,16 +20,18 @@ from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.remaining import Remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification.axis_model import position_errors
+from shake_ros.core.identification.axis_model import forecast_errors, position_errors, slow_changes
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, Record
+from shake_ros.core.identification.slow_changes import SlowChange
 from shake_ros.core.identification.uncertainty import Estimate, known_covariance
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.loop.robust import Uncertainty
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.data.results import (
+    axis_json,
     close_loop_json,
     diagnosis_json,
     tracking_json,
@@ -203,6 +205,23 @@ class Discovery:
         """Whether a residual stands above the noise, where it acts and on what it depends."""
         return self.closed.remaining
 
+    @property
+    def forecast_error(self) -> dict[str, float]:
+        """The same of the table that was found from the force alone, with nothing of the recordings' own [m rms]."""
+        records = [*self.estimation, *self.validation]
+        return forecast_errors(self.table, records) if self.model.kind == "axis" else {}
+
+    @cached_property
+    def own(self) -> list[SlowChange]:
+        """What each recording of a force-driven axis has of its own; empty for other models."""
+        records = [*self.estimation, *self.validation]
+        return slow_changes(self.table, records) if self.model.kind == "axis" else []
+
+    @property
+    def slow_changes(self) -> ResultTable:
+        """The same as a table."""
+        return fitted.slow_change_frame(self.own)
+
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, before and after; the first one validated."""
         from shake_ros.report.charts_fit import free_runs, history_chart
@@ -229,6 +248,9 @@ class Discovery:
         content = close_loop_json(self.closed, *names, self.model.kind)
         told = self.told
         content |= unknown_json(told, self.data) if told else {}
+        if self.model.kind == "axis":
+            errors = {n: {"before": before, "after": after} for n, (before, after) in self.position_error.items()}
+            content |= {"position_error": errors, **axis_json(self.own, self.forecast_error)}
         added = ", ".join(self.effects.names) or "nothing to add"
 
         def fill(out: Path) -> None:

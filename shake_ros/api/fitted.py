@@ -14,6 +14,7 @@ from shake_ros.core.identification.identified import identified
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.slow_changes import SlowChange
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
@@ -43,6 +44,12 @@ def check_apart(first: Recordings, second: Recordings) -> None:
     both = sorted({*first.names} & {*second.names})
     if both:
         raise ShakeError(f"{', '.join(both)}: given both as estimation and as validation data")
+
+
+def slow_change_frame(changes: Sequence[SlowChange]) -> ResultTable:
+    """What each recording of a force-driven axis has of its own."""
+    rows = [(c.recording, c.level, c.offset, c.drift) for c in changes]
+    return ResultTable(("recording", "level of friction [-]", "offset [N]", "drift [N/s]"), rows)
 
 
 def names_of(records: Sequence[Record]) -> list[str]:

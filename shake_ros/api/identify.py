@@ -14,15 +14,17 @@ from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.discovery import declared_fit
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
+from shake_ros.core.identification.axis_model import InverseDynamics, forecast_errors, position_errors, slow_changes
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.slow_changes import SlowChange
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import (
     IDENTIFY_SCHEMA,
+    axis_json,
     diagnosis_json,
     form_errors_json,
     model_json,
@@ -94,6 +96,23 @@ class Identification:
         records = [*self.estimation, *self.validation]
         return position_errors(self.table, records) if self.model.kind == "axis" else {}
 
+    @property
+    def forecast_error(self) -> dict[str, float]:
+        """The same of the table that was found from the force alone, with nothing of the recordings' own [m rms]."""
+        records = [*self.estimation, *self.validation]
+        return forecast_errors(self.table, records) if self.model.kind == "axis" else {}
+
+    @cached_property
+    def own(self) -> list[SlowChange]:
+        """What each recording of a force-driven axis has of its own; empty for other models."""
+        records = [*self.estimation, *self.validation]
+        return slow_changes(self.table, records) if self.model.kind == "axis" else []
+
+    @property
+    def slow_changes(self) -> ResultTable:
+        """The same as a table."""
+        return fitted.slow_change_frame(self.own)
+
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, as declared, as fitted; the first one validated."""
         from shake_ros.report.charts_fit import free_runs, history_chart
@@ -123,7 +142,7 @@ class Identification:
         told = self.told
         content |= unknown_json(told, self.data) if told else {}
         if self.model.kind == "axis":
-            content["position_error"] = self.position_error
+            content |= {"position_error": self.position_error, **axis_json(self.own, self.forecast_error)}
 
         def fill(out: Path) -> None:
             write_json(out / "report.json", content)

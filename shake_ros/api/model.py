@@ -11,10 +11,12 @@ import numpy as np
 from shake_ros.api.read import Recordings
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.identification.axis_model import AXIS
 from shake_ros.core.identification.contradictions import contradictions
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.nuisances import Prepared, prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.identification.slow_changes import with_own
 from shake_ros.core.identification.stages import StartingPoint, staged_start
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.identification.unknown_model import UnknownModel
@@ -72,11 +74,13 @@ class Model:
     def begin(self, estimation: list[Record], validation: list[Record]) -> StartingPoint:
         """Where a fit begins, with the recordings as it takes them.
 
-        Their offsets are taken out where the model counts these as nuisances.
+        Their offsets are taken out where the model counts these as nuisances; of a force-driven axis each has its own
+        slow changes.
         """
         declared = self.declared
         if not isinstance(declared, UnknownModel):
-            return StartingPoint.declared(self.start(estimation), Prepared(estimation, validation, 1.0, ()))
+            data = with_own(estimation, validation) if declared is AXIS else (estimation, validation)
+            return StartingPoint.declared(self.start(estimation), Prepared(*data, 1.0, ()))
 
         def effects(table: TableParameters) -> dict[str, CandidateEffect]:
             return {c.effect: c for c in effect_candidates(declared, table)}

@@ -11,6 +11,7 @@ from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError
+from shake_ros.report.slow_changes import position_lines, slow_change_lines
 from shake_ros.report.text import close_loop_lines, diagnosis_lines, identified_lines, tracking_lines
 
 
@@ -37,7 +38,7 @@ def main(arguments: Sequence[str]) -> int:
         if not found.tuned.sound and not given.force:
             print("controller.yaml and observer.yaml are not written: the loop rings (--force writes them)")
     print("\n".join([*close_loop_lines(found.closed), *told, *tracking, *diagnosis_lines(found.diagnosis)]))
-    for name, (before, after) in found.position_error.items():
-        print(f"position of the free run, {name}: {1e3 * before:.3f} → {1e3 * after:.3f} mm rms")
+    for line in [*slow_change_lines(found.own), *position_lines(found.position_error, found.forecast_error)]:
+        print(line)
     print(f"report: {given.out / 'report.html'}")
     return 0

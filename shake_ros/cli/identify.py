@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from shake_ros.api.identify import METHODS, identify
 from shake_ros.cli import fitting
 from shake_ros.cli.reporting import add_figures, reporting
+from shake_ros.report.slow_changes import position_lines, slow_change_lines
 from shake_ros.report.text import diagnosis_lines, error_lines, identified_lines, parameter_lines
 
 
@@ -27,7 +28,8 @@ def main(arguments: Sequence[str]) -> int:
     result.report(given.out, given.force, **reporting("identify", given, arguments))
     print("\n".join(parameter_lines(result.fit.parameters) + error_lines(result.fit)))
     print("\n".join([*identified_lines(result.told, result.data), *diagnosis_lines(result.diagnosis)]))
-    for name, error in result.position_error.items():
-        print(f"position of the free run, {name}: {1e3 * error:.3f} mm rms")
+    errors = {name: (error,) for name, error in result.position_error.items()}
+    for line in [*slow_change_lines(result.own), *position_lines(errors, result.forecast_error)]:
+        print(line)
     print(f"report: {given.out / 'report.html'}")
     return 0

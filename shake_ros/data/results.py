@@ -24,6 +24,7 @@ from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.nuisances import Prepared
+from shake_ros.core.identification.slow_changes import SlowChange
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.quantities import ShakeError
@@ -62,6 +63,12 @@ def unknown_json(told: Sequence[Estimate], data: Prepared) -> dict[str, Any]:
         "accelerometer_cutoff": data.cutoff,
         "nuisances": offsets,
     }
+
+
+def axis_json(changes: Sequence[SlowChange], forecast: Mapping[str, float]) -> dict[str, Any]:
+    """What each recording of a force-driven axis has of its own, and position errors without it [m]."""
+    own = {c.recording: {"level": c.level, "offset": c.offset, "drift": c.drift} for c in changes}
+    return {"slow_changes": own, "forecast_error": dict(forecast)}
 
 
 def _judgement_json(judgement: Judgement) -> dict[str, Any]:

@@ -36,6 +36,7 @@ from shake_ros.report.sections import (
     parameter_table,
     remains_section,
 )
+from shake_ros.report.slow_changes import slow_changes_section
 from shake_ros.report.text import function_line, percent, sentence, standing_lines
 
 SIZE = (
@@ -80,6 +81,7 @@ def identify_page(
     labels = ("as declared", "fitted")
     bands = histories_section(page, estimation, validation, (start, model.table), declared, labels)
     errors_section(page, {"fitted": model}, bands, labels)
+    slow_changes_section(page, model.table, [*estimation, *validation])
     remains_section(page, diagnosis)
     _parameters(page, {"value": model})
     known_section(page, diagnosis)
@@ -249,6 +251,7 @@ def model_sections(page: Page, result: LoopClosure, learn: Sequence[Record], hol
     felt = f" and {result.noise['acceleration']:.2g} m/s²" if "acceleration" in result.noise else ""
     noise = f" Sensor noise alone: {result.noise['velocity']:.2g} m/s{felt}."
     errors_section(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)), bands, MODELS, noise)
+    slow_changes_section(page, result.final.table, [*learn, *hold])
     for step, without in zip(result.search.steps, result.search.models, strict=False):
         step_section(page, step, without, result.function)
     depends = [d for s in result.search.steps for d in s.chosen.candidate.depends_on]

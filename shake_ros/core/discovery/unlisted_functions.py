@@ -116,18 +116,22 @@ def best_function(problem: SearchProblem, current: ScoredFit) -> FunctionSearch:
     found = screen_functions(problem, linearised(problem.estimation_pieces, fitted))
     least = max(settings.function_rank * found[0].gain, settings.least_function) if found else 0.0
     promising = [f for f in found[: settings.most_functions] if f.gain > least]
+    records, model = problem.estimation.records, problem.estimation.model
     short = []
     for i, f in enumerate(promising):
         problem.progress(f"unlisted: {f.kind.place} of {f.kind.quantity}", 0.4 + 0.3 * i / len(promising))
-        short.append(fit_to_pieces(problem, f))
-    most = settings.hopeless * min((s.cost for s in short), default=0.0)
-    left = [(f, s) for f, s in zip(promising, short, strict=True) if s.cost <= most]
+        tried = fit_to_pieces(problem, f)
+        if not model.contradicted(fitted.table, tried.table, records):
+            short.append((f, tried))
+    most = settings.hopeless * min((tried.cost for _, tried in short), default=0.0)
+    left = [(f, tried) for f, tried in short if tried.cost <= most]
     refits = []
-    for i, (f, s) in enumerate(left):
+    for i, (f, tried) in enumerate(left):
         problem.progress(f"unlisted: {f.kind.place} of {f.kind.quantity}", 0.7 + 0.3 * i / len(left))
         own = tuple(p for p in f.free.free if p.name not in fitted.free.names)
         candidate = CandidateEffect(UNLISTED, own, (), f.kind.place, f.kind.depends_on)
-        refits.append(Refit(candidate, problem.scored(fit_function(problem, f, s)), f.gain))
+        refits.append(Refit(candidate, problem.scored(fit_function(problem, f, tried)), f.gain))
+    refits = [r for r in refits if not model.contradicted(fitted.table, r.result.fit.table, records)]
     best = min(refits, key=lambda r: r.result.validation_cost, default=None)
     return FunctionSearch({(f.kind.place, f.kind.quantity): f.gain for f in reversed(found)}, best)
 

@@ -6,15 +6,19 @@ signals behind one zero-phase filter, the direction included, is how the EMPS be
 
 from __future__ import annotations
 
-from typing import final
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import ClassVar, final
 
 import numpy as np
 
 from shake_ros.core.identification.recording_problem import BLOCK
 from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.identification.slow_changes import DRIFT, LEVEL, OFFSET, SlowChange, changed, found_changes
 from shake_ros.core.identification.velocity_filter import CUTOFF, low_pass
-from shake_ros.core.plant.axis import AXIS_LAYOUT, AxisParameters, initial_state, run_batch
+from shake_ros.core.plant.axis import AXIS_LAYOUT, AxisParameters, accelerations, initial_state, run_batch
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.simulation import NOTHING
 from shake_ros.core.quantities import ShakeError
 
 
@@ -26,17 +30,63 @@ class AxisModel(DeclaredModel):
     driven_by = "force"
     candidates_file = "axis_effects"
 
-    def simulate(self, vectors: np.ndarray, record: Record, _injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    positions: ClassVar[bool] = True
+
+    def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration for rows of parameters."""
-        start = initial_state(record.track[0], record.velocity[0])
-        out = run_batch(vectors, start, record.commands, record.sample_time, record.track, standing=record.standing)
-        return out[:, :, 1], out[:, :, 2]
+        velocity, acceleration, _ = self.compared(vectors, record, injection)
+        return velocity, acceleration
+
+    def compared(
+        self, vectors: np.ndarray, record: Record, _injection: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Velocity, acceleration and position for rows of parameters, with what the recording has of its own."""
+        out = self._free_runs(vectors, record, record.track)
+        return out[:, :, 1], out[:, :, 2], out[:, :, 0]
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.axis.COLUMNS; the position is the run's own everywhere."""
+        return self._free_runs(table.vector()[None, :], record, NOTHING)[0]
+
+    def slow_change(self, table: TableParameters, record: Record) -> SlowChange:
+        """What a recording has of its own under a table."""
+        _, values = self._changed(table.vector()[None, :], record, NOTHING)
+        own = dict(zip(record.own, values[0].tolist(), strict=True))
+        return SlowChange(record.name, 1.0 + own.get(LEVEL, 0.0), own.get(OFFSET, 0.0), own.get(DRIFT, 0.0))
+
+    def contradicted(self, before: TableParameters, after: TableParameters, records: list[Record]) -> bool:
+        """Whether the force along the measured motion fits a table less than before.
+
+        A free run that is drawn to the velocities of a recording by steps of its friction is near it, whatever the
+        force; along the measured motion each such step is an error of the force.
+        """
+        return force_error(after, records) > force_error(before, records)
+
+    def _free_runs(self, vectors: np.ndarray, record: Record, track: np.ndarray) -> np.ndarray:
+        return self._runs(*self._changed(vectors, record, track)[0], record, track)
+
+    def _changed(
+        self, vectors: np.ndarray, record: Record, track: np.ndarray
+    ) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+        """Parameters and forces under the slow changes of a recording, and these."""
+        if not record.own:
+            return (vectors, record.commands), np.zeros((len(vectors), 0))
+        values = found_changes(lambda v, f: self._runs(v, f, record, track)[:, :, 0], vectors, record)
+        return changed(vectors, record, record.own, values), values
+
+    @staticmethod
+    def _runs(vectors: np.ndarray, forces: np.ndarray, record: Record, track: np.ndarray) -> np.ndarray:
         start = initial_state(record.track[0], record.velocity[0])
-        vectors, standing = table.vector()[None, :], record.standing
-        return np.asarray(run_batch(vectors, start, record.commands, record.sample_time, standing=standing)[0])
+        return run_batch(vectors, start, forces, record.sample_time, track, standing=record.standing)
+
+    def forces_left(self, table: TableParameters, record: Record) -> np.ndarray:
+        """What a table leaves of the low-passed force along the measured motion, shape (n,) [N]."""
+        (vectors, forces), _ = self._changed(table.vector()[None, :], record, NOTHING)
+        dt, v = record.sample_time, record.velocity
+        expected = np.empty(len(v))
+        series = np.ascontiguousarray(np.broadcast_to(forces, (1, len(v)))[0])
+        accelerations(AXIS_LAYOUT.records(vectors)[0], series, record.standing, v, record.track, dt, expected)
+        return self.moved_mass(table) * low_pass(expected - np.gradient(v, dt), dt)
 
     def moved_mass(self, table: TableParameters) -> float:
         """Moved mass [kg]."""
@@ -52,13 +102,32 @@ PARAMETERS = ("axis.mass", "axis.viscous", "axis.coulomb", "axis.offset")
 SETTLED = 2.0 / CUTOFF  # at both ends of a recording, where the filter still settles [s]
 
 
-def position_errors(table: TableParameters, records: list[Record]) -> dict[str, float]:
+def position_errors(table: TableParameters, records: Sequence[Record]) -> dict[str, float]:
     """Root mean square position error of the free run per recording [m]; each piece starts where it was measured."""
     squares: dict[str, list[np.ndarray]] = {}
     for record in records:
         error = AXIS.run(table, record)[:, 0] - record.position
         squares.setdefault(record.name, []).append(error**2)
     return {name: float(np.sqrt(np.mean(np.concatenate(parts)))) for name, parts in squares.items()}
+
+
+def force_error(table: TableParameters, records: Sequence[Record]) -> float:
+    """Root mean square of what a table leaves of the force along the measured motion [N]."""
+    parts = []
+    for record in records:
+        margin = round(SETTLED / record.sample_time)
+        parts.append(AXIS.forces_left(table, record)[margin : len(record.commands) - margin])
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+
+def slow_changes(table: TableParameters, records: Sequence[Record]) -> list[SlowChange]:
+    """What those recordings have of their own that have anything."""
+    return [AXIS.slow_change(table, record) for record in records if record.own]
+
+
+def forecast_errors(table: TableParameters, records: Sequence[Record]) -> dict[str, float]:
+    """The same position errors where no recording has anything of its own: from its force alone [m]."""
+    return position_errors(table, [replace(record, own=()) for record in records])
 
 
 class InverseDynamics:

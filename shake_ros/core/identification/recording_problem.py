@@ -1,7 +1,8 @@
 """The free-running simulation error over several recordings (chapter 4, 6.3.3.2): what a fit makes small.
 
 Open-loop positions drift, so velocity and acceleration are fitted. The simulated velocity goes through the filter that
-the measured one has gone through (filtered against filtered).
+the measured one has gone through (filtered against filtered). Of a force-driven axis the position is fitted as well: it
+is what was measured, and a drift of its free run is that of the force.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ class RecordingProblem:
     """Weighted free-running simulation error over several recordings.
 
     Each channel is weighted by its noise, with a floor relative to its size; velocity counts with the number of its
-    independent samples in the filter's band.
+    independent samples in the filter's band. The samples of a measured position are independent.
     """
 
     def __init__(self, records: list[Record], model: DeclaredModel = FULL) -> None:
@@ -33,6 +34,7 @@ class RecordingProblem:
         self.injection = 0.0
         self.velocity_weights = []
         self.acceleration_weights = []
+        self.position_weights = []
         for r in records:
             floor = MODEL_FLOOR * float(np.std(r.velocity[r.start :]))
             independent = min(2.0 * CUTOFF * r.sample_time, 1.0)
@@ -42,6 +44,11 @@ class RecordingProblem:
                 self.acceleration_weights.append(1.0 / np.hypot(r.acceleration_noise(), floor))
             else:
                 self.acceleration_weights.append(0.0)
+            if model.positions:
+                floor = MODEL_FLOOR * float(np.std(r.position[r.start :]))
+                self.position_weights.append(1.0 / np.hypot(r.position_noise(), floor))
+            else:
+                self.position_weights.append(0.0)
 
     @property
     def smooth(self) -> bool:
@@ -58,13 +65,16 @@ class RecordingProblem:
 
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
         """Filtered velocity and acceleration of one recording, each of shape (m, n)."""
-        velocity, acceleration = self.model.simulate(vectors, record, self.injection)
+        return self._motion(vectors, record)[:2]
+
+    def _motion(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        velocity, acceleration, position = self.model.compared(vectors, record, self.injection)
         velocity = filtered_velocity(velocity, record.sample_time)
         if self.model.nuisances:
             velocity = self._with_offset(velocity, record.velocity, record.start)
             if record.acceleration is not None:
                 acceleration = self._with_offset(acceleration, record.acceleration, record.start)
-        return velocity, acceleration
+        return velocity, acceleration, position
 
     @staticmethod
     def _with_offset(simulated: np.ndarray, measured: np.ndarray, start: int) -> np.ndarray:
@@ -74,44 +84,52 @@ class RecordingProblem:
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Weighted residuals of all recordings, shape (m, n)."""
         with ThreadPoolExecutor(workers()) as pool:
-            runs = list(pool.map(lambda record: self.simulate(vectors, record), self.records))
+            runs = list(pool.map(lambda record: self._motion(vectors, record), self.records))
         parts = []
-        weights = zip(self.records, runs, self.velocity_weights, self.acceleration_weights, strict=True)
-        for record, (velocity, acceleration), w_v, w_a in weights:
+        weights = zip(self.velocity_weights, self.acceleration_weights, self.position_weights, strict=True)
+        for record, (velocity, acceleration, position), (w_v, w_a, w_x) in zip(
+            self.records, runs, weights, strict=True
+        ):
             parts.append(w_v * (velocity - record.velocity)[:, record.start :])
             if record.acceleration is not None:
                 left = w_a * (acceleration - record.acceleration)[:, record.start :]
                 left[:, left.shape[1] - record.blind :] = 0.0
                 parts.append(left)
+            if position is not None:
+                parts.append(w_x * (position - record.position)[:, record.start :])
         parts += [(vectors[:, [i]] - value) / deviation for i, value, deviation in self.model.priors]
         return np.concatenate(parts, axis=1)
 
     @property
     def count(self) -> int:
         """Number of residuals."""
-        return sum((len(r.commands) - r.start) * (1 if r.acceleration is None else 2) for r in self.records)
+        return sum((len(r.commands) - r.start) * self._channels(r) for r in self.records)
+
+    def _channels(self, record: Record) -> int:
+        return 1 + (record.acceleration is not None) + self.model.positions
 
     def noise_cost(self) -> float:
         """Mean square of the weighted residuals that the sensor noise alone would leave [-]."""
         total = 0.0
-        for record, w_v, w_a in zip(self.records, self.velocity_weights, self.acceleration_weights, strict=True):
+        weights = zip(self.velocity_weights, self.acceleration_weights, self.position_weights, strict=True)
+        for record, (w_v, w_a, w_x) in zip(self.records, weights, strict=True):
             n = len(record.commands) - record.start
             total += n * (w_v * record.velocity_noise()) ** 2
             if record.acceleration is not None:
                 total += n * (w_a * record.acceleration_noise()) ** 2
+            if self.model.positions:
+                total += n * (w_x * record.position_noise()) ** 2
         return float(total / self.count)
 
     def blocks(self) -> np.ndarray:
-        """Number of the block of time that each residual belongs to, shape (n,): velocity and acceleration share it."""
+        """Number of the block of time that each residual belongs to, shape (n,): the channels share it."""
         parts, first = [], 0
         seconds = sum((len(r.commands) - r.start) * r.sample_time for r in self.records)
         block = min(BLOCK, seconds / BLOCKS)
         for record in self.records:
             n = len(record.commands) - record.start
             numbers = first + np.arange(n) // max(round(block / record.sample_time), 1)
-            parts.append(numbers)
-            if record.acceleration is not None:
-                parts.append(numbers)
+            parts += [numbers] * self._channels(record)
             first = int(numbers[-1]) + 1
         return np.concatenate([*parts, first + np.arange(len(self.model.priors))])
 
@@ -120,7 +138,7 @@ class RecordingProblem:
         parts = []
         for record in self.records:
             time = record.begin + np.arange(record.start, len(record.commands)) * record.sample_time
-            parts += [time] if record.acceleration is None else [time, time]
+            parts += [time] * self._channels(record)
         return np.concatenate([*parts, np.zeros(len(self.model.priors))])
 
     def errors(self, vector: np.ndarray) -> dict[str, dict[str, float]]:

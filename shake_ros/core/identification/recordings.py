@@ -41,7 +41,8 @@ class Record:
         null where the recording begins with the motion. moved : False of a command alone, at a place.
     delay : of the accelerometer [s], which has been taken out but for that of a filter. cutoff : of that filter [Hz];
         0: none. blind : samples at the end whose acceleration came too late to be recorded. calmest : noise of the
-        acceleration at most, where a model has shown it [m/s²].
+        acceleration at most, where a model has shown it [m/s²]. own : what a force-driven axis takes from this
+        recording for itself, see slow_changes.py.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Record:
     cutoff: float = 0.0
     blind: int = 0
     calmest: float = math.inf
+    own: tuple[str, ...] = ()
     velocity: np.ndarray = field(init=False)
     track: np.ndarray = field(init=False)
 
@@ -167,7 +169,7 @@ class DeclaredModel(ABC):
     candidates_file : file of config/discovery with the effects it may lack. nuisances : whether the offset of each
     channel and recording is estimated with every fit. injects : whether a run can be drawn towards the measurement.
     smooth : whether its runs change with the parameters without small jumps, as friction makes them that holds a table
-    fast for whole steps.
+    fast for whole steps. positions : whether the position of its free run is compared as well.
     """
 
     layout: ClassVar[TableLayout]
@@ -176,6 +178,7 @@ class DeclaredModel(ABC):
     nuisances: ClassVar[bool] = False
     injects: ClassVar[bool] = False
     smooth: ClassVar[bool] = False
+    positions: ClassVar[bool] = False
 
     @property
     def name(self) -> str:
@@ -201,6 +204,21 @@ class DeclaredModel(ABC):
 
         injection : rate at which a model that `injects` is drawn towards what was measured [1/s].
         """
+
+    def compared(
+        self, vectors: np.ndarray, record: Record, injection: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Velocity and acceleration as `simulate` gives them, and the position where `positions` are compared [m]."""
+        return *self.simulate(vectors, record, injection), None
+
+    def contradicted(
+        self,
+        before: TableParameters,  # noqa: ARG002 (for a model whose force is measured)
+        after: TableParameters,  # noqa: ARG002 (the same)
+        records: list[Record],  # noqa: ARG002 (the same)
+    ) -> bool:
+        """Whether something measured besides the motion speaks against what was added to a table."""
+        return False
 
     @abstractmethod
     def run(self, table: TableParameters, record: Record) -> np.ndarray:

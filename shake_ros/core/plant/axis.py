@@ -120,6 +120,22 @@ def simulate(p, forces, standing, track, y0, dt, out):
             hold(p, y, timely, place, (1.0 - fraction) * dt)
 
 
+@njit
+def accelerations(p, forces, standing, velocity, position, dt, out):
+    """Accelerations that forces give the axis along a measured motion, shape (n,) [m/s²]; arguments as in `simulate`.
+
+    Each sample starts from what was measured: nothing adds up, whatever the model.
+    """
+    y = np.zeros(STATES)
+    delay = p.command_delay_delay / dt
+    for i in range(forces.shape[0]):
+        y[POSITION] = position[i]
+        y[VELOCITY] = velocity[i]
+        late, timely, fraction = delayed(forces, i, delay, standing)
+        hold(p, y, fraction * late + (1.0 - fraction) * timely, position[i], dt)
+        out[i] = (y[VELOCITY] - velocity[i]) / dt
+
+
 def initial_state(position: float, velocity: float) -> np.ndarray:
     """State at the first sample: position [m], velocity [m/s], contact unstressed."""
     y = np.zeros(STATES)
@@ -137,11 +153,12 @@ def run_batch(
     *,
     standing: float = 0.0,
 ) -> np.ndarray:
-    """Simulate many parameter sets under the same forces on all cores.
+    """Simulate many parameter sets on all cores.
 
     Parameters
     ----------
-    vectors : shape (m, len(AXIS_LAYOUT.names)). start : shape (STATES,). forces : shape (n,) [N]. sample_time [s].
+    vectors : shape (m, len(AXIS_LAYOUT.names)). start : shape (STATES,). forces : shape (n,), or (m, n) where each set
+        has its own [N]. sample_time [s].
     track : measured position, shape (n,) [m], or empty. standing : force before the first [N].
 
     Returns
@@ -149,12 +166,13 @@ def run_batch(
     shape (m, n, OUTPUTS), columns as COLUMNS.
     """
     rows = AXIS_LAYOUT.records(vectors)
-    forces = series("force", forces, len(forces))
-    track = series("position", track, len(forces)) if len(track) else NOTHING
-    result = np.empty((len(rows), len(forces), OUTPUTS))
+    count = forces.shape[-1]
+    own = np.broadcast_to(series("force", forces, count) if forces.ndim == 1 else forces, (len(rows), count))
+    track = series("position", track, count) if len(track) else NOTHING
+    result = np.empty((len(rows), count, OUTPUTS))
 
     def one(i: int) -> None:
-        simulate(rows[i], forces, standing, track, start, sample_time, result[i])
+        simulate(rows[i], np.ascontiguousarray(own[i]), standing, track, start, sample_time, result[i])
 
     with ThreadPoolExecutor(workers()) as pool:
         list(pool.map(one, range(len(rows))))

@@ -1,0 +1,47 @@
+"""A function without a name on a force-driven axis: refused where the measured force speaks against it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shake_ros.core.discovery.problem import SearchProblem
+from shake_ros.core.discovery.unlisted_functions import best_function
+from shake_ros.core.identification.axis_model import AXIS, AxisModel
+from shake_ros.core.identification.fit import fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.plant.axis import AXIS_LAYOUT, initial_state, run_batch
+from shake_ros.declared import free_parameters, model_structure, search_settings
+
+DECLARED = AXIS_LAYOUT.table({"axis": {"mass": 95.0, "viscous": 200.0, "coulomb": 20.0, "offset": 0.0}}, "axis")
+TRUE = DECLARED.with_values({"effects.stiffness_to_ground.stiffness": 60.0})
+
+
+def recorded(name: str, frequency: float) -> Record:
+    time = 1e-3 * np.arange(4000)
+    force = 60.0 * np.sin(2.0 * np.pi * frequency * time)
+    position = run_batch(TRUE.vector()[None, :], initial_state(0.0, 0.0), force, 1e-3)[0, :, 0]
+    return Record(name, 1e-3, force, np.round(position, 7))
+
+
+@pytest.fixture(scope="module")
+def problem() -> SearchProblem:
+    settings = replace(search_settings(AXIS), most_functions=1, function_evaluations=8)
+    structure = model_structure(DECLARED, AXIS)
+    return SearchProblem.of(structure, [recorded("a", 0.7)], [recorded("b", 1.1)], settings, lambda *_: None)
+
+
+def test_a_function_that_the_force_confirms_is_offered_and_one_that_it_contradicts_is_not(
+    problem: SearchProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free = FreeParameters(DECLARED, list(free_parameters(AXIS)))
+    current = problem.scored(fit(problem.estimation, free, free.start(), evaluations=20))
+    found = best_function(problem, current).best
+    assert found is not None
+    assert found.candidate.depends_on == ("position",)
+    assert found.result.validation_cost < 0.3 * current.validation_cost
+    monkeypatch.setattr(AxisModel, "contradicted", lambda *_: True)
+    assert best_function(problem, current).best is None
