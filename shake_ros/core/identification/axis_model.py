@@ -38,6 +38,15 @@ class AxisModel(DeclaredModel):
         vectors, standing = table.vector()[None, :], record.standing
         return np.asarray(run_batch(vectors, start, record.commands, record.sample_time, standing=standing)[0])
 
+    def run_under(self, table: TableParameters, record: Record, forces: np.ndarray) -> np.ndarray:
+        """The run under an additional force, which a dead time of the command does not delay; it follows the track."""
+        ahead = table.value("effects.command_delay.delay") / record.sample_time
+        sample = np.arange(len(forces))
+        early = np.interp(sample + ahead, sample, forces)
+        start, vectors = initial_state(record.track[0], record.velocity[0]), table.vector()[None, :]
+        given = (record.sample_time, record.track)
+        return np.asarray(run_batch(vectors, start, record.commands + early, *given, standing=record.standing)[0])
+
     def moved_mass(self, table: TableParameters) -> float:
         """Moved mass [kg]."""
         return table.value("axis.mass")

@@ -1,0 +1,187 @@
+"""What kind of thing a missing force is: a table of kinds, each a share of the force's power with a threshold.
+
+    constant      its mean; the other kinds are shares of the whole power too, so that they are not read into what
+                  little varies beside it
+    slow          below a frequency: a drift
+    line          about one frequency at which the table does not move as much
+    at reversals  within a short time of the velocity's zeros, more than those times would have by chance
+    impulsive     few short events: kurtosis
+    memory        position and direction together explain it, neither of them alone nor the velocity: a loop
+
+and on which quantities it depends (`explained_share`), less what chance would explain of a force that is as smooth. A
+force that stays within its confidence band is zero and of no kind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.discovery.remaining import band_share, explained_share
+from shake_ros.core.discovery.search_settings import SearchSettings
+
+Array = NDArray[np.float64]
+SAMPLES = 4  # independent ones that each group needs
+THIRD = 2.0 ** (1.0 / 6.0)  # from the centre of a third of an octave to its ends
+SAYS = {  # kind → what it says of the force
+    "constant": "constant",
+    "slow": "slow, a drift",
+    "line": "a line at {line:.1f} Hz",
+    "at reversals": "acting at reversals",
+    "impulsive": "of few short events",
+    "memory": "with a memory: another one on the way out than on the way back",
+}
+
+
+@dataclass(frozen=True)
+class ForceKinds:
+    """Kinds of a force.
+
+    Attributes
+    ----------
+    zero : whether it stays within its band. outside : share of the time outside. highest : largest ratio to its
+    standard deviation. kinds : those whose measure is beyond the threshold. depends_on : explained shares [-] by
+    quantity, the largest first. measures : of every kind. line : frequency of the largest share of a third of an octave
+    [Hz].
+    """
+
+    zero: bool
+    outside: float
+    highest: float
+    kinds: tuple[str, ...]
+    depends_on: dict[str, float]
+    measures: dict[str, float]
+    line: float
+
+    @property
+    def text(self) -> str:
+        """One phrase of what the force is."""
+        if self.zero:
+            return "zero within its band"
+        said = [SAYS[kind].format(line=self.line) for kind in self.kinds]
+        names = [name.replace("_", " ") for name in self.depends_on]
+        if names:
+            said.append(f"following {' and '.join(names[:2])}")
+        return ", ".join(said) if said else "of no simple kind: it follows no single quantity and has no frequency of its own"
+
+
+def band_factor(settings: SearchSettings) -> float:
+    """Half the width of the confidence band, in standard deviations."""
+    return NormalDist().inv_cdf(0.5 + 0.5 * settings.force_band)
+
+
+def degrees_of_freedom(force: Array) -> float:
+    """Number of independent samples that have as even a spectrum as a force.
+
+    >>> round(degrees_of_freedom(np.sin(np.arange(1000.0))))
+    2
+    """
+    power = np.abs(np.fft.rfft(force - np.mean(force))) ** 2
+    return max(2.0 * float(np.sum(power)) ** 2 / max(float(np.sum(power**2)), 1e-300), 2.0)
+
+
+def adjusted_share(force: Array, by: Array, groups: int, independent: float) -> float:
+    """Explained share of a force, less what as many groups explain by chance of so many independent samples [-].
+
+    >>> x = np.sin(0.01 * np.arange(5000.0))
+    >>> round(adjusted_share(x**2, x, 12, 60.0), 1)
+    1.0
+    """
+    chance = (min(groups, len(np.unique(by))) - 1) / independent
+    return max(explained_share(force, by, groups) - chance, 0.0) / (1.0 - chance)
+
+
+def groups_of(force: Array, settings: SearchSettings) -> tuple[int, float]:
+    """Groups that a force of so many independent samples can fill, and the number of these."""
+    independent = degrees_of_freedom(force)
+    return min(settings.remaining_groups, max(int(independent / SAMPLES), 2)), max(independent, 2.0 * SAMPLES)
+
+
+def dependence(force: Array, known: dict[str, Array], settings: SearchSettings) -> dict[str, float]:
+    """Share of a force's variance that each quantity explains beyond the chance of a force as smooth [-]."""
+    groups, independent = groups_of(force, settings)
+    return {name: float(adjusted_share(force, by, groups, independent)) for name, by in known.items()}
+
+
+def near_reversal(velocity: Array, sample_time: float, within: float) -> NDArray[np.bool_]:
+    """Samples within a time [s] of a change of the velocity's sign."""
+    turns = np.flatnonzero(np.diff(np.signbit(velocity)))
+    near = np.zeros(len(velocity) + 1)
+    reach = max(round(within / sample_time), 1)
+    np.add.at(near, np.maximum(turns + 1 - reach, 0), 1.0)
+    np.add.at(near, np.minimum(turns + 1 + reach, len(velocity)), -1.0)
+    return np.cumsum(near)[:-1] > 0.0
+
+
+def memory(force: Array, known: dict[str, Array], settings: SearchSettings) -> float:
+    """Share that position and direction explain together, beyond position, direction or velocity alone [-]."""
+    groups, independent = groups_of(force, settings)
+    forward, half = known["velocity"] > 0.0, max(groups // 2, 2)
+    if not forward.any() or forward.all():
+        return 0.0
+    rank = np.argsort(np.argsort(known["position"]))
+    both = np.where(forward, rank, rank - len(rank)).astype(float)
+    alone = (adjusted_share(force, known[n], groups, independent) for n in ("position", "direction", "velocity"))
+    return max(adjusted_share(force, both, 2 * half, independent) - max(alone), 0.0)
+
+
+def in_band(values: Array, sample_time: float, low: float, high: float) -> float:
+    """Share of the power between two frequencies [Hz]."""
+    power = np.abs(np.fft.rfft(values - np.mean(values))) ** 2
+    frequency = np.fft.rfftfreq(len(values), sample_time)
+    return float(power[(frequency >= low) & (frequency < high)].sum() / max(float(power.sum()), 1e-300))
+
+
+def measured(
+    force: Array, known: dict[str, Array], sample_time: float, settings: SearchSettings
+) -> tuple[dict[str, float], float]:
+    """The measure of every kind [-], and the frequency of the line [Hz]."""
+    moving = force - np.mean(force)
+    total = max(float(np.mean(force**2)), 1e-300)
+    share, line = band_share(moving, sample_time)
+    motion = in_band(known["velocity"], sample_time, line / THIRD, line * THIRD)
+    near = near_reversal(known["velocity"], sample_time, settings.force_reversal)
+    by_chance = float(np.mean(near))
+    square = max(float(np.mean(moving**2)), 1e-300)
+    energy = float(np.sum(moving[near] ** 2)) / (square * len(moving))
+    varying = square / total
+    return {
+        "constant": 1.0 - varying,
+        "slow": varying * in_band(force, sample_time, 0.0, settings.force_slow),
+        "line": varying * (share if motion < 0.5 * share else 0.0),
+        "at reversals": varying * (energy if energy > 2.0 * by_chance else 0.0),
+        "impulsive": float(np.mean(moving**4)) / square**2 if varying > 0.5 else 0.0,
+        "memory": varying * memory(moving, known, settings),
+    }, line
+
+
+def judged_kinds(
+    force: Array, deviation: Array, known: dict[str, Array], sample_time: float, settings: SearchSettings
+) -> ForceKinds:
+    """What kind of thing a force is.
+
+    Parameters
+    ----------
+    force, deviation : shape (n,). known : what it may depend on, each of shape (n,).
+    """
+    ratio = np.abs(force) / np.maximum(deviation, 1e-300)
+    outside, highest = float(np.mean(ratio > band_factor(settings))), float(np.max(ratio))
+    measures, line = measured(force, known, sample_time, settings)
+    if outside <= settings.force_outside and highest <= settings.force_highest:
+        return ForceKinds(True, outside, highest, (), {}, measures, line)
+    least = {
+        "constant": settings.force_share_of_kind,
+        "slow": settings.force_share_of_kind,
+        "line": settings.band_share,
+        "at reversals": settings.force_share_of_kind,
+        "impulsive": settings.force_kurtosis,
+        "memory": settings.force_memory,
+    }
+    kinds = tuple(kind for kind, threshold in least.items() if measures[kind] > threshold)
+    varying = 1.0 - measures["constant"]
+    shares = {name: varying * share for name, share in dependence(force, known, settings).items()}
+    told = sorted((n for n, share in shares.items() if share > settings.force_depends), key=lambda n: -shares[n])
+    return ForceKinds(False, outside, highest, kinds, {n: shares[n] for n in told}, measures, line)

@@ -1,0 +1,244 @@
+"""The force that a model lacks, as a history: what would have to act for the model to give the measured motion.
+
+Where a residual is on no list and no function of one quantity, its history still tells what kind of thing is missing. A
+residual of the acceleration does not: the oil column rings after every push, and a slow force shows in the velocity
+alone. The force is therefore a state of its own, smoothed over the whole recording (force_smoother.py).
+
+Each pass runs the model under the force so far and smooths what is left beside the linear answer to that force: the
+steps of Gauss and Newton towards the force under which the nonlinear model leaves no more than its noise. Friction that
+reverses at another instant, a soft zone or a specimen's mode are in the runs, not in the linear model, whose errors
+thus only slow the approach. That model is the reduced form (6.36) about the run, its damping with the valve's opening;
+the position is the measured one, as in every run. Velocity counts where its noise is independent (twice the filter's
+bandwidth), either channel with its noise, not below the floor that a model's accuracy has in a fit.
+
+Verified against tables of another simulator, whose force is known (test_latent_force.py).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.discovery.force_kinds import ForceKinds, judged_kinds
+from shake_ros.core.discovery.force_smoother import ForceDynamics, ForceSmoother, Seen, Smoothed
+from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.identification.recording_problem import MODEL_FLOOR
+from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.reduced import closed_form
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LatentForce:
+    """History of the force that a model lacks in one recording, from the first sample compared, shape (n,).
+
+    Attributes
+    ----------
+    recording, held_out : whose. time [s] since its start. force, deviation : along +x and its standard deviation [unit].
+    unit : N, or m/s² where the model counts forces per mass. bandwidth : up to which the force stands out of the noise
+    [Hz]. of_inertia : its rms over that of the force of inertia [-], NaN without an accelerometer.
+    left : what the run leaves without and with the force, in multiples of the noise. kinds : what kind of thing it is.
+    """
+
+    recording: str
+    held_out: bool
+    time: Array
+    force: Array
+    deviation: Array
+    unit: str
+    bandwidth: float
+    of_inertia: float
+    left: tuple[float, float]
+    kinds: ForceKinds
+
+    @property
+    def rms(self) -> float:
+        """Root mean square [unit]."""
+        return float(np.sqrt(np.mean(self.force**2)))
+
+    @property
+    def peak(self) -> float:
+        """Largest size [unit]."""
+        return float(np.max(np.abs(self.force)))
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """Smoothed states of one pass. applied : force per mass from each sample to the next, (n,); left : of the run."""
+
+    smoothed: Smoothed
+    applied: Array
+    intensity: float
+    left: float
+
+
+def _of_full(table: TableParameters, run: Array, dt: float) -> ForceDynamics:
+    """The oil column of (6.36), its relaxation at each opening; viscous friction apart from it."""
+    beta = closed_form(table).beta
+    viscous = table.value("friction.viscous") / moving_mass(table, table.moved_mass)
+    closed = -beta.beta2 - viscous
+    spring = np.full(len(run), max(-beta.beta1 - closed * viscous, 0.0))
+    return ForceDynamics(viscous, spring, np.maximum(closed - beta.beta4 * np.abs(run[:, 6]), 0.0), dt)
+
+
+def _of_reduced(table: TableParameters, run: Array, dt: float) -> ForceDynamics:
+    beta = {name: table.value(f"dynamics.{name}") for name in ("beta1", "beta2", "beta4", "beta5")}
+    opening = np.abs(run[:, 3])
+    spring = np.maximum(-beta["beta1"] - beta["beta5"] * opening, 0.0)
+    return ForceDynamics(0.0, spring, np.maximum(-beta["beta2"] - beta["beta4"] * opening, 0.0), dt)
+
+
+def _of_axis(table: TableParameters, run: Array, dt: float) -> ForceDynamics:
+    none = np.zeros(len(run))
+    return ForceDynamics(table.value("axis.viscous") / table.value("axis.mass"), none, none, dt)
+
+
+DYNAMICS: dict[str, Callable[[TableParameters, Array, float], ForceDynamics]] = {
+    "full": _of_full,
+    "reduced": _of_reduced,
+    "axis": _of_axis,
+}
+
+
+def moving_mass(table: TableParameters, declared: float) -> float:
+    """Declared mass with the error of the payload that was found [kg]."""
+    return declared + (table.value("effects.payload_error.mass") if table.layout.name == "full" else 0.0)
+
+
+def noises(record: Record) -> tuple[float, float]:
+    """Deviation of the velocity [m/s] and the acceleration [m/s²] that counts as noise; 0 without an accelerometer."""
+    span = slice(record.start, None)
+    velocity = math.hypot(record.velocity_noise(), MODEL_FLOOR * float(np.std(record.velocity[span])))
+    if record.acceleration is None:
+        return velocity, 0.0
+    floor = MODEL_FLOOR * float(np.std(record.acceleration[span]))
+    return velocity, math.hypot(record.acceleration_noise(), floor)
+
+
+def rests(model: DeclaredModel, record: Record, run: Array) -> tuple[Array, Array]:
+    """Velocity and acceleration measured less those of a run, from the first sample compared, NaN where not measured.
+
+    Without their mean where a model leaves each channel an offset.
+    """
+    span, unseen = slice(record.start, None), np.full(len(run), np.nan)
+    velocity = (record.velocity - filtered_velocity(run[:, 1], record.sample_time))[span]
+    acceleration = (unseen if record.acceleration is None else record.acceleration - run[:, 2])[span]
+    acceleration[len(acceleration) - record.blind :] = np.nan
+    if model.nuisances:
+        velocity -= np.mean(velocity)
+        acceleration -= np.nanmean(acceleration) if record.acceleration is not None else 0.0
+    return velocity, acceleration
+
+
+def size(rest: tuple[Array, Array], noise: tuple[float, float]) -> float:
+    """Rms of what is left, in multiples of the noise, the channels alike."""
+    squares = [np.nanmean(r**2) / n**2 for r, n in zip(rest, noise, strict=True) if n > 0.0]
+    return float(np.sqrt(np.mean(squares)))
+
+
+class _Passes:
+    """The passes over one recording."""
+
+    def __init__(self, model: DeclaredModel, table: TableParameters, record: Record) -> None:
+        self.model, self.table, self.record = model, table, record
+        self.mass = moving_mass(table, model.moved_mass(table))
+        self.noise = noises(record)
+        self.stride = max(1, round(1.0 / (2.0 * CUTOFF * record.sample_time)))
+        self.start: tuple[float, float, float] | None = None
+
+    def smoothed(self, run: Array, applied: Array, intensity: float | None = None) -> _Pass | None:
+        """One pass beside a run under a force; None where it is lost."""
+        if not np.isfinite(run[:, :3]).all():
+            return None
+        dt = self.record.sample_time
+        velocity, acceleration = rests(self.model, self.record, run)
+        left = size((velocity, acceleration), self.noise)
+        dynamics = DYNAMICS[self.table.layout.name](self.table, run[self.record.start :], dt)
+        if self.start is None:
+            self.start = self._start(velocity, acceleration)
+        by_velocity, by_acceleration = dynamics.response(applied)
+        seen = np.full(len(velocity), np.nan)
+        seen[:: self.stride] = (velocity + by_velocity)[:: self.stride]
+        smoother = ForceSmoother(dynamics, Seen(seen, acceleration + by_acceleration, self.noise), self.start)
+        intensity = smoother.most_likely() if intensity is None else intensity
+        result = smoother.smoothed(intensity)
+        force = result.states[:, 2]
+        return _Pass(result, np.append(force[1:], force[-1]), intensity, left)
+
+    def _start(self, velocity: Array, acceleration: Array) -> tuple[float, float, float]:
+        """Deviations of the first state: as large as what the run without the force leaves."""
+        if self.record.acceleration is None:
+            push = float(np.std(np.gradient(velocity, self.record.sample_time)))
+        else:
+            push = float(np.nanstd(acceleration)) + self.noise[1]
+        return float(np.std(velocity)) + self.noise[0], push, push
+
+    def under(self, applied: Array) -> Array | None:
+        """The run under a force per mass."""
+        forces = np.concatenate([np.zeros(self.record.start), self.mass * applied])
+        return self.model.run_under(self.table, self.record, forces)
+
+    def bandwidth(self, intensity: float) -> float:
+        """Frequency up to which a force of this intensity stands above the acceleration's noise [Hz]."""
+        dt = self.record.sample_time
+        density = self.noise[1] ** 2 * dt
+        if density == 0.0:
+            return CUTOFF
+        return min(math.sqrt(intensity / density) / (2.0 * math.pi), CUTOFF, 0.5 / dt)
+
+
+def latent_force(
+    model: DeclaredModel, table: TableParameters, record: Record, settings: SearchSettings, held_out: bool = True
+) -> LatentForce | None:
+    """The force that a table lacks in a recording; None where its run is lost or the recording too short to tell."""
+    passes = _Passes(model, table, record)
+    run = model.run(table, record)
+    none = np.zeros(len(record.commands) - record.start)
+    best = passes.smoothed(run, none)
+    if best is None:
+        return None
+    without = left = best.left
+    kinds = _kinds(passes, best, run, settings)
+    for _ in range(settings.force_passes if not kinds.zero else 0):
+        under = passes.under(best.applied)
+        following = None if under is None else passes.smoothed(under, best.applied)
+        if under is None or following is None or not following.left < left:
+            break
+        fell, left = left - following.left, following.left
+        best, run = following, under
+        if fell < settings.force_settled * without:
+            break
+    force, deviation = _told(passes, best)
+    mass, felt = passes.mass, record.acceleration
+    inertia = math.nan if felt is None else mass * float(np.sqrt(np.mean(felt[record.start :] ** 2)))
+    return LatentForce(
+        recording=record.name,
+        held_out=held_out,
+        time=record.begin + np.arange(record.start, len(record.commands)) * record.sample_time,
+        force=force,
+        deviation=deviation,
+        unit="m/s²" if table.layout.name == "reduced" else "N",
+        bandwidth=passes.bandwidth(best.intensity),
+        of_inertia=float(np.sqrt(np.mean(force**2))) / inertia if inertia else math.nan,
+        left=(without, left),
+        kinds=_kinds(passes, best, run, settings),
+    )
+
+
+def _told(passes: _Passes, best: _Pass) -> tuple[Array, Array]:
+    """Force at each sample, the mean of those held before and after it, and its standard deviation."""
+    held = best.smoothed.states[:, 2]
+    return passes.mass * 0.5 * (held + best.applied), passes.mass * best.smoothed.deviation
+
+
+def _kinds(passes: _Passes, best: _Pass, run: Array, settings: SearchSettings) -> ForceKinds:
+    record = passes.record
+    known = {n: values[record.start :] for n, values in passes.model.quantities(record, run).items()}
+    return judged_kinds(*_told(passes, best), known, record.sample_time, settings)
