@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from shake_ros.api import fitted
 from shake_ros.api.ending import Ending
+from shake_ros.api.latent_forces import LatentForces
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable
@@ -202,6 +203,11 @@ class Discovery:
     def remaining(self) -> Remaining:
         """Whether a residual stands above the noise, where it acts and on what it depends."""
         return self.closed.remaining
+
+    @property
+    def latent_force(self) -> LatentForces:
+        """The force that would have to act beside the final model, as a history with its band, by recording."""
+        return LatentForces(self.closed.forces)
 
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, before and after; the first one validated."""

@@ -6,7 +6,8 @@
     line          about one frequency at which the table does not move as much
     at reversals  within a short time of the velocity's zeros, more than those times would have by chance
     impulsive     few short events: kurtosis
-    memory        position and direction together explain it, neither of them alone nor the velocity: a loop
+    memory        the position behind a play, or within it, explains more of it than position, direction or velocity:
+                  a loop that is no friction
 
 and on which quantities it depends (`explained_share`), less what chance would explain of a force that is as smooth. A
 force that stays within its confidence band is zero and of no kind.
@@ -20,19 +21,23 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
+from shake_ros.core.compiled import njit
 from shake_ros.core.discovery.remaining import band_share, explained_share
 from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.valve.simplified import play
 
 Array = NDArray[np.float64]
 SAMPLES = 4  # independent ones that each group needs
+SIMPLER = 0.03  # share by which direction, of which velocity tells as well, may lie behind it
+PLAYS = (0.1, 0.3, 0.6, 1.0)  # half widths, in standard deviations of the position
 THIRD = 2.0 ** (1.0 / 6.0)  # from the centre of a third of an octave to its ends
 SAYS = {  # kind → what it says of the force
-    "constant": "constant",
-    "slow": "slow, a drift",
-    "line": "a line at {line:.1f} Hz",
-    "at reversals": "acting at reversals",
-    "impulsive": "of few short events",
-    "memory": "with a memory: another one on the way out than on the way back",
+    "constant": "is constant",
+    "slow": "drifts slowly",
+    "line": "is a line at {line:.1f} Hz",
+    "at reversals": "acts at reversals",
+    "impulsive": "consists of a few short events",
+    "memory": "depends on where the table came from",
 }
 
 
@@ -60,17 +65,25 @@ class ForceKinds:
     def text(self) -> str:
         """One phrase of what the force is."""
         if self.zero:
-            return "zero within its band"
+            return "is zero within its band"
         said = [SAYS[kind].format(line=self.line) for kind in self.kinds]
         names = [name.replace("_", " ") for name in self.depends_on]
         if names:
-            said.append(f"following {' and '.join(names[:2])}")
-        return ", ".join(said) if said else "of no simple kind: it follows no single quantity and has no frequency of its own"
+            said.append(f"follows {' and '.join(names[:2])}")
+        return (
+            ", ".join(said)
+            if said
+            else "is of no simple kind: it follows no single quantity and has no frequency of its own"
+        )
 
 
-def band_factor(settings: SearchSettings) -> float:
-    """Half the width of the confidence band, in standard deviations."""
-    return NormalDist().inv_cdf(0.5 + 0.5 * settings.force_band)
+def band_factor(probability: float) -> float:
+    """Half the width of a confidence band, in standard deviations.
+
+    >>> round(band_factor(0.9), 3)
+    1.645
+    """
+    return NormalDist().inv_cdf(0.5 + 0.5 * probability)
 
 
 def degrees_of_freedom(force: Array) -> float:
@@ -116,16 +129,25 @@ def near_reversal(velocity: Array, sample_time: float, within: float) -> NDArray
     return np.cumsum(near)[:-1] > 0.0
 
 
+@njit
+def played(values, width):  # type: ignore[no-untyped-def]
+    """Values behind a play of half a width."""
+    result, held = np.empty_like(values), values[0]
+    for k in range(len(values)):
+        held = play(held, values[k], width)
+        result[k] = held
+    return result
+
+
 def memory(force: Array, known: dict[str, Array], settings: SearchSettings) -> float:
-    """Share that position and direction explain together, beyond position, direction or velocity alone [-]."""
+    """Share that the position behind a play, or within it, explains beyond position, direction or velocity [-]."""
     groups, independent = groups_of(force, settings)
-    forward, half = known["velocity"] > 0.0, max(groups // 2, 2)
-    if not forward.any() or forward.all():
-        return 0.0
-    rank = np.argsort(np.argsort(known["position"]))
-    both = np.where(forward, rank, rank - len(rank)).astype(float)
+    position = np.ascontiguousarray(known["position"], dtype=np.float64)
+    behind = [played(position, width * float(np.std(position))) for width in PLAYS]
+    loops = [by for follows in behind for by in (follows, position - follows)]
+    best = max(adjusted_share(force, by, groups, independent) for by in loops)
     alone = (adjusted_share(force, known[n], groups, independent) for n in ("position", "direction", "velocity"))
-    return max(adjusted_share(force, both, 2 * half, independent) - max(alone), 0.0)
+    return max(float(best - max(alone)), 0.0)
 
 
 def in_band(values: Array, sample_time: float, low: float, high: float) -> float:
@@ -168,7 +190,7 @@ def judged_kinds(
     force, deviation : shape (n,). known : what it may depend on, each of shape (n,).
     """
     ratio = np.abs(force) / np.maximum(deviation, 1e-300)
-    outside, highest = float(np.mean(ratio > band_factor(settings))), float(np.max(ratio))
+    outside, highest = float(np.mean(ratio > band_factor(settings.force_band))), float(np.max(ratio))
     measures, line = measured(force, known, sample_time, settings)
     if outside <= settings.force_outside and highest <= settings.force_highest:
         return ForceKinds(True, outside, highest, (), {}, measures, line)
@@ -183,5 +205,6 @@ def judged_kinds(
     kinds = tuple(kind for kind, threshold in least.items() if measures[kind] > threshold)
     varying = 1.0 - measures["constant"]
     shares = {name: varying * share for name, share in dependence(force, known, settings).items()}
-    told = sorted((n for n, share in shares.items() if share > settings.force_depends), key=lambda n: -shares[n])
+    simplest = {n: share + (SIMPLER if n == "direction" else 0.0) for n, share in shares.items()}
+    told = sorted((n for n, share in shares.items() if share > settings.force_depends), key=lambda n: -simplest[n])
     return ForceKinds(False, outside, highest, kinds, {n: shares[n] for n in told}, measures, line)

@@ -218,9 +218,7 @@ class ForceSmoother:
         """Logarithm of the likelihood of the innovations, but for a constant; intensity s [(m/s²)²/s]."""
         work = self._x, self._p, self._gains, self._errors, self._spreads
         variances = np.array(self.noise) ** 2
-        return float(
-            _forward(self.steps, self.rows, self.seen, variances, intensity * self.dt, self.start, *work)
-        )
+        return float(_forward(self.steps, self.rows, self.seen, variances, intensity * self.dt, self.start, *work))
 
     def most_likely(self) -> float:
         """Intensity of the largest likelihood [(m/s²)²/s]."""
@@ -236,7 +234,5 @@ class ForceSmoother:
     def smoothed(self, intensity: float) -> Smoothed:
         """States and the force's standard deviation under an intensity."""
         self.likelihood(intensity)
-        states, variance = _backward(
-            self.steps, self.rows, self._x, self._p, self._gains, self._errors, self._spreads
-        )
+        states, variance = _backward(self.steps, self.rows, self._x, self._p, self._gains, self._errors, self._spreads)
         return Smoothed(states, np.sqrt(np.maximum(variance, 0.0)))

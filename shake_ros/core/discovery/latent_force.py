@@ -23,16 +23,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.discovery.force_kinds import ForceKinds, judged_kinds
+from shake_ros.core.discovery.force_kinds import ForceKinds, band_factor, judged_kinds
 from shake_ros.core.discovery.force_smoother import ForceDynamics, ForceSmoother, Seen, Smoothed
+from shake_ros.core.discovery.problem import SearchProblem, side_by_side
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.recording_problem import MODEL_FLOOR
-from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
 from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import closed_form
 
 Array = NDArray[np.float64]
+SPIKE = 8.0  # multiples of the noise by which a single sample stands out; no force of the band seen does that
 
 
 @dataclass(frozen=True)
@@ -41,10 +43,11 @@ class LatentForce:
 
     Attributes
     ----------
-    recording, held_out : whose. time [s] since its start. force, deviation : along +x and its standard deviation [unit].
-    unit : N, or m/s² where the model counts forces per mass. bandwidth : up to which the force stands out of the noise
-    [Hz]. of_inertia : its rms over that of the force of inertia [-], NaN without an accelerometer.
+    recording, held_out : whose. time [s] since its start. force, deviation : along +x, its standard deviation [unit].
+    unit : N, or m/s² where the model counts forces per mass. bandwidth : up to which it stands out of the noise [Hz].
+    of_inertia : its rms over that of the force of inertia [-], NaN without an accelerometer.
     left : what the run leaves without and with the force, in multiples of the noise. kinds : what kind of thing it is.
+    known : what it may depend on, each of shape (n,). band : probability of its confidence band.
     """
 
     recording: str
@@ -57,6 +60,14 @@ class LatentForce:
     of_inertia: float
     left: tuple[float, float]
     kinds: ForceKinds
+    known: dict[str, Array]
+    band: float
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Lower and upper end of the confidence band, shape (n,) [unit]."""
+        half = band_factor(self.band) * self.deviation
+        return self.force - half, self.force + half
 
     @property
     def rms(self) -> float:
@@ -71,12 +82,17 @@ class LatentForce:
 
 @dataclass(frozen=True)
 class _Pass:
-    """Smoothed states of one pass. applied : force per mass from each sample to the next, (n,); left : of the run."""
+    """Smoothed states of one pass.
+
+    applied : force per mass from each sample to the next, shape (n,). left : by the run. linear : by the run and the
+    linear answer to the force.
+    """
 
     smoothed: Smoothed
     applied: Array
     intensity: float
     left: float
+    linear: float
 
 
 def _of_full(table: TableParameters, run: Array, dt: float) -> ForceDynamics:
@@ -131,10 +147,24 @@ def rests(model: DeclaredModel, record: Record, run: Array) -> tuple[Array, Arra
     velocity = (record.velocity - filtered_velocity(run[:, 1], record.sample_time))[span]
     acceleration = (unseen if record.acceleration is None else record.acceleration - run[:, 2])[span]
     acceleration[len(acceleration) - record.blind :] = np.nan
+    if record.acceleration is not None:
+        acceleration[single(acceleration, SPIKE * record.acceleration_noise())] = np.nan
     if model.nuisances:
         velocity -= np.mean(velocity)
         acceleration -= np.nanmean(acceleration) if record.acceleration is not None else 0.0
     return velocity, acceleration
+
+
+def single(values: Array, height: float) -> NDArray[np.bool_]:
+    """Samples that stand out of both neighbours: a reversal within a sample, which a model may show as none.
+
+    >>> single(np.array([0.0, 9.0, 0.0, 0.0, 9.0, 9.0, 0.0]), 5.0).tolist()
+    [False, True, False, False, False, False, False]
+    """
+    found = np.zeros(len(values), dtype=bool)
+    middle = np.median(np.stack([values[:-2], values[1:-1], values[2:]]), axis=0)
+    found[1:-1] = np.abs(values[1:-1] - middle) > height
+    return found
 
 
 def size(rest: tuple[Array, Array], noise: tuple[float, float]) -> float:
@@ -170,7 +200,9 @@ class _Passes:
         intensity = smoother.most_likely() if intensity is None else intensity
         result = smoother.smoothed(intensity)
         force = result.states[:, 2]
-        return _Pass(result, np.append(force[1:], force[-1]), intensity, left)
+        answers = result.states[:, 0] - by_velocity, result.states @ dynamics.acceleration_row - by_acceleration
+        linear = size((velocity - answers[0], acceleration - answers[1]), self.noise)
+        return _Pass(result, np.append(force[1:], force[-1]), intensity, left, linear)
 
     def _start(self, velocity: Array, acceleration: Array) -> tuple[float, float, float]:
         """Deviations of the first state: as large as what the run without the force leaves."""
@@ -208,8 +240,11 @@ def latent_force(
     kinds = _kinds(passes, best, run, settings)
     for _ in range(settings.force_passes if not kinds.zero else 0):
         under = passes.under(best.applied)
-        following = None if under is None else passes.smoothed(under, best.applied)
-        if under is None or following is None or not following.left < left:
+        if under is None:
+            left = best.linear
+            break
+        following = passes.smoothed(under, best.applied)
+        if following is None or not following.left < left:
             break
         fell, left = left - following.left, following.left
         best, run = following, under
@@ -221,7 +256,7 @@ def latent_force(
     return LatentForce(
         recording=record.name,
         held_out=held_out,
-        time=record.begin + np.arange(record.start, len(record.commands)) * record.sample_time,
+        time=np.asarray(record.begin + np.arange(record.start, len(record.commands)) * record.sample_time),
         force=force,
         deviation=deviation,
         unit="m/s²" if table.layout.name == "reduced" else "N",
@@ -229,6 +264,8 @@ def latent_force(
         of_inertia=float(np.sqrt(np.mean(force**2))) / inertia if inertia else math.nan,
         left=(without, left),
         kinds=_kinds(passes, best, run, settings),
+        known=_known(passes, run),
+        band=settings.force_band,
     )
 
 
@@ -239,6 +276,24 @@ def _told(passes: _Passes, best: _Pass) -> tuple[Array, Array]:
 
 
 def _kinds(passes: _Passes, best: _Pass, run: Array, settings: SearchSettings) -> ForceKinds:
-    record = passes.record
-    known = {n: values[record.start :] for n, values in passes.model.quantities(record, run).items()}
-    return judged_kinds(*_told(passes, best), known, record.sample_time, settings)
+    return judged_kinds(*_told(passes, best), _known(passes, run), passes.record.sample_time, settings)
+
+
+def _known(passes: _Passes, run: Array) -> dict[str, Array]:
+    """What the force may depend on, from the first sample compared."""
+    quantities = passes.model.quantities(passes.record, run)
+    return {name: values[passes.record.start :] for name, values in quantities.items()}
+
+
+def latent_forces(problem: SearchProblem, table: TableParameters) -> tuple[LatentForce, ...]:
+    """The force that a table lacks in the longest part of every recording, those of validation first."""
+    records = {(r.name, False): r for r in longest(problem.estimation.records)}
+    names = {name for name, _ in records}
+    held_out = {(r.name, True): r for r in longest(problem.validation.records) if r.name not in names}
+
+    def one(item: tuple[tuple[str, bool], Record]) -> LatentForce | None:
+        (_, held), record = item
+        return latent_force(problem.estimation.model, table, record, problem.settings, held)
+
+    found = side_by_side(one, list({**held_out, **records}.items()))
+    return tuple(force for force in found if force is not None)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, final
@@ -158,6 +159,12 @@ def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[
     return pieces
 
 
+def longest(records: Sequence[Record]) -> list[Record]:
+    """The longest part of every recording."""
+    names = dict.fromkeys(r.name for r in records)
+    return [max((r for r in records if r.name == name), key=lambda r: len(r.commands)) for name in names]
+
+
 class DeclaredModel(ABC):
     """A declared model: the layout of its tables, and its free runs over recordings. MODELS has all of them by name.
 
@@ -207,7 +214,7 @@ class DeclaredModel(ABC):
         """Free run, shape (n, ≥ 3): position, velocity, acceleration, then columns of the model's own."""
 
     def run_under(self, table: TableParameters, record: Record, forces: np.ndarray) -> np.ndarray | None:  # noqa: ARG002
-        """The run under an additional force on the table [N], held from each sample, shape (n,); None where none acts."""
+        """The run under an additional force [N], held from each sample, shape (n,); None for a model without one."""
         return None
 
     @abstractmethod
