@@ -76,9 +76,9 @@ def row(name: str, effects: dict[str, float], seeds: Sequence[int]) -> list[str]
         for which in RECORDINGS:
             made = hidden.record(truth, hidden.excitations(seed)[which], 1.0, np.random.default_rng(seed))
             record = Record(which, hidden.SAMPLE, made["command"], made["position"], made["acceleration"])
-            start = time.perf_counter()
+            start = time.process_time()
             force = latent_force(FULL, table, record, settings)
-            seconds += time.perf_counter() - start
+            seconds += time.process_time() - start
             if force is None:
                 said["lost"] += 1
                 continue

@@ -50,7 +50,7 @@ class ForceKinds:
     zero : whether it stays within its band. outside : share of the time outside. highest : largest ratio to its
     standard deviation. kinds : those whose measure is beyond the threshold. depends_on : explained shares [-] by
     quantity, the largest first. measures : of every kind. line : frequency of the largest share of a third of an octave
-    [Hz].
+    [Hz]. A force that is zero has none of these.
     """
 
     zero: bool
@@ -70,11 +70,9 @@ class ForceKinds:
         names = [name.replace("_", " ") for name in self.depends_on]
         if names:
             said.append(f"follows {' and '.join(names[:2])}")
-        return (
-            ", ".join(said)
-            if said
-            else "is of no simple kind: it follows no single quantity and has no frequency of its own"
-        )
+        if said:
+            return ", ".join(said)
+        return "is of no simple kind: it follows no single quantity and has no frequency of its own"
 
 
 def band_factor(probability: float) -> float:
@@ -180,6 +178,13 @@ def measured(
     }, line
 
 
+def beside_band(force: Array, deviation: Array, settings: SearchSettings) -> tuple[bool, float, float]:
+    """Whether a force is zero within its band, the share of the time outside, the largest ratio to its deviation."""
+    ratio = np.abs(force) / np.maximum(deviation, 1e-300)
+    outside, highest = float(np.mean(ratio > band_factor(settings.force_band))), float(np.max(ratio))
+    return outside <= settings.force_outside and highest <= settings.force_highest, outside, highest
+
+
 def judged_kinds(
     force: Array, deviation: Array, known: dict[str, Array], sample_time: float, settings: SearchSettings
 ) -> ForceKinds:
@@ -189,11 +194,10 @@ def judged_kinds(
     ----------
     force, deviation : shape (n,). known : what it may depend on, each of shape (n,).
     """
-    ratio = np.abs(force) / np.maximum(deviation, 1e-300)
-    outside, highest = float(np.mean(ratio > band_factor(settings.force_band))), float(np.max(ratio))
+    zero, outside, highest = beside_band(force, deviation, settings)
+    if zero:
+        return ForceKinds(True, outside, highest, (), {}, {}, 0.0)
     measures, line = measured(force, known, sample_time, settings)
-    if outside <= settings.force_outside and highest <= settings.force_highest:
-        return ForceKinds(True, outside, highest, (), {}, measures, line)
     least = {
         "constant": settings.force_share_of_kind,
         "slow": settings.force_share_of_kind,

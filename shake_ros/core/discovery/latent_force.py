@@ -17,21 +17,20 @@ Verified against tables of another simulator, whose force is known (test_latent_
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.discovery.force_kinds import ForceKinds, band_factor, judged_kinds
-from shake_ros.core.discovery.force_smoother import ForceDynamics, ForceSmoother, Seen, Smoothed
+from shake_ros.core.discovery.force_dynamics import force_dynamics, moving_mass
+from shake_ros.core.discovery.force_kinds import ForceKinds, band_factor, beside_band, judged_kinds
+from shake_ros.core.discovery.force_smoother import ForceSmoother, Seen, Smoothed
 from shake_ros.core.discovery.problem import SearchProblem, side_by_side
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.recording_problem import MODEL_FLOOR
 from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
 from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.reduced import closed_form
 
 Array = NDArray[np.float64]
 SPIKE = 8.0  # multiples of the noise by which a single sample stands out; no force of the band seen does that
@@ -93,39 +92,6 @@ class _Pass:
     intensity: float
     left: float
     linear: float
-
-
-def _of_full(table: TableParameters, run: Array, dt: float) -> ForceDynamics:
-    """The oil column of (6.36), its relaxation at each opening; viscous friction apart from it."""
-    beta = closed_form(table).beta
-    viscous = table.value("friction.viscous") / moving_mass(table, table.moved_mass)
-    closed = -beta.beta2 - viscous
-    spring = np.full(len(run), max(-beta.beta1 - closed * viscous, 0.0))
-    return ForceDynamics(viscous, spring, np.maximum(closed - beta.beta4 * np.abs(run[:, 6]), 0.0), dt)
-
-
-def _of_reduced(table: TableParameters, run: Array, dt: float) -> ForceDynamics:
-    beta = {name: table.value(f"dynamics.{name}") for name in ("beta1", "beta2", "beta4", "beta5")}
-    opening = np.abs(run[:, 3])
-    spring = np.maximum(-beta["beta1"] - beta["beta5"] * opening, 0.0)
-    return ForceDynamics(0.0, spring, np.maximum(-beta["beta2"] - beta["beta4"] * opening, 0.0), dt)
-
-
-def _of_axis(table: TableParameters, run: Array, dt: float) -> ForceDynamics:
-    none = np.zeros(len(run))
-    return ForceDynamics(table.value("axis.viscous") / table.value("axis.mass"), none, none, dt)
-
-
-DYNAMICS: dict[str, Callable[[TableParameters, Array, float], ForceDynamics]] = {
-    "full": _of_full,
-    "reduced": _of_reduced,
-    "axis": _of_axis,
-}
-
-
-def moving_mass(table: TableParameters, declared: float) -> float:
-    """Declared mass with the error of the payload that was found [kg]."""
-    return declared + (table.value("effects.payload_error.mass") if table.layout.name == "full" else 0.0)
 
 
 def noises(record: Record) -> tuple[float, float]:
@@ -190,7 +156,7 @@ class _Passes:
         dt = self.record.sample_time
         velocity, acceleration = rests(self.model, self.record, run)
         left = size((velocity, acceleration), self.noise)
-        dynamics = DYNAMICS[self.table.layout.name](self.table, run[self.record.start :], dt)
+        dynamics = force_dynamics(self.table, run[self.record.start :], dt)
         if self.start is None:
             self.start = self._start(velocity, acceleration)
         by_velocity, by_acceleration = dynamics.response(applied)
@@ -236,20 +202,9 @@ def latent_force(
     best = passes.smoothed(run, none)
     if best is None:
         return None
-    without = left = best.left
-    kinds = _kinds(passes, best, run, settings)
-    for _ in range(settings.force_passes if not kinds.zero else 0):
-        under = passes.under(best.applied)
-        if under is None:
-            left = best.linear
-            break
-        following = passes.smoothed(under, best.applied)
-        if following is None or not following.left < left:
-            break
-        fell, left = left - following.left, following.left
-        best, run = following, under
-        if fell < settings.force_settled * without:
-            break
+    without = best.left
+    if not beside_band(*_told(passes, best), settings)[0]:
+        best, run = _approached(passes, best, run, settings)
     force, deviation = _told(passes, best)
     mass, felt = passes.mass, record.acceleration
     inertia = math.nan if felt is None else mass * float(np.sqrt(np.mean(felt[record.start :] ** 2)))
@@ -262,11 +217,33 @@ def latent_force(
         unit="m/s²" if table.layout.name == "reduced" else "N",
         bandwidth=passes.bandwidth(best.intensity),
         of_inertia=float(np.sqrt(np.mean(force**2))) / inertia if inertia else math.nan,
-        left=(without, left),
+        left=(without, best.left),
         kinds=_kinds(passes, best, run, settings),
         known=_known(passes, run),
         band=settings.force_band,
     )
+
+
+def _approached(passes: _Passes, first: _Pass, run: Array, settings: SearchSettings) -> tuple[_Pass, Array]:
+    """Last pass that left less than the one before, and its run. A step that leaves more is halved.
+
+    A model that runs under no force leaves what its linear answer does.
+    """
+    best, base, step = first, np.zeros(len(first.applied)), 1.0
+    for _ in range(settings.force_passes):
+        trial = base + step * (best.applied - base)
+        under = passes.under(trial)
+        if under is None:
+            return replace(best, left=best.linear), run
+        following = passes.smoothed(under, trial)
+        if following is None or not following.left < best.left:
+            step *= 0.5
+            continue
+        fell, base = best.left - following.left, trial
+        best, run, step = following, under, min(2.0 * step, 1.0)
+        if fell < settings.force_settled * first.left:
+            break
+    return best, run
 
 
 def _told(passes: _Passes, best: _Pass) -> tuple[Array, Array]:
