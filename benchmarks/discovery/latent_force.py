@@ -114,10 +114,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(
         "relative rms error; rms of the error / rms of the force by band of frequency [N]; true force within the band"
     )
-    print("".join(head.ljust(width) for head, width in zip(heads, widths, strict=True)) + "it is")
+    print("".join(head.ljust(width) for head, width in zip(heads, widths, strict=True)).rstrip())
     for name, effects in {**FORCES, **OTHERS}.items():
         *cells, text = row(name, effects, seeds)
-        print("".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)) + text, flush=True)
+        print("".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip())
+        print(f"    {text}", flush=True)
 
 
 def _first() -> Record:

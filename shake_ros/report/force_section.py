@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -49,7 +48,7 @@ def force_section(page: Page, forces: Sequence[LatentForce], model: DeclaredMode
 
 
 def _row(force: LatentForce) -> list[str]:
-    share = f"{100.0 * force.of_inertia:.1f} %" if math.isfinite(force.of_inertia) else "–"
+    share = f"{100.0 * force.of_inertia:.1f} %"
     role = "validation" if force.held_out else "estimation"
     left = f"{force.left[0]:.2f}" if force.kinds.zero else f"{force.left[0]:.2f} → {force.left[1]:.2f}"
     sizes = [f"{size:.3g} {force.unit}" for size in (force.rms, force.peak)]

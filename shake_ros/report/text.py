@@ -90,9 +90,10 @@ def told_force(forces: Sequence[LatentForce]) -> str:
     if force.kinds.zero:
         where = "of every held-out recording" if any(f.held_out for f in forces) else "of every recording"
         return f"the force that the model lacks is zero within its {100.0 * force.band:.0f} % band {where}"
-    share = f" ({100.0 * force.of_inertia:.1f} % of the force of inertia)" if math.isfinite(force.of_inertia) else ""
-    size = f"{force.rms:.3g} {force.unit} rms{share}, at most {force.peak:.3g} {force.unit}, in {force.recording}"
-    return f"the force that the model lacks: {size}; it {force.kinds.text}"
+    share = f"{100.0 * force.of_inertia:.1f} % of the force of inertia"
+    size = f"{force.rms:.3g} {force.unit} rms ({share}), at most {force.peak:.3g} {force.unit}, in {force.recording}"
+    left = "" if force.explains else f", but a run under it still leaves {force.left[1]:.3g} times the noise"
+    return f"the force that the model lacks: {size}; it {force.kinds.text}{left}"
 
 
 def standing_lines(standing: EffectStanding) -> list[str]:

@@ -45,6 +45,7 @@ def force(name: str = "hold", held_out: bool = True, size: float = 300.0, zero: 
         kinds=kinds,
         known={"position": POSITION, "velocity": velocity, "direction": np.sign(velocity)},
         band=0.9,
+        near_noise=1.5,
     )
 
 
@@ -67,6 +68,14 @@ def test_force_that_is_there_has_its_size_its_kind_and_three_charts() -> None:
     row = next(row for row in reader.rows if row[:1] == ["other (validation)"])
     assert row[1:] == ["212 N", "300 N", "12.3 %", "follows position", "5.00 → 1.00", "31 Hz"]
     assert next(row for row in reader.rows if row[:1] == ["hold (validation)"])[-2:] == ["5.00", "–"]
+
+
+def test_force_that_does_not_bring_the_run_near_its_noise_is_not_said_to_explain_it() -> None:
+    assert force().explains
+    assert replace(force(), left=(1.4, 1.3)).explains
+    poor = replace(force(), left=(7.38, 7.08))
+    assert not poor.explains
+    assert told_force([poor]).endswith("follows position, but a run under it still leaves 7.08 times the noise")
 
 
 def test_newtons_of_a_gauge_are_said_to_be_relative() -> None:

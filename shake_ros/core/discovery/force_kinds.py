@@ -10,7 +10,7 @@
                   a loop that is no friction
 
 and on which quantities it depends (`explained_share`), less what chance would explain of a force that is as smooth. A
-force that stays within its confidence band is zero and of no kind.
+force that stays within its confidence band is zero and of no kind, unless the run is far above its noise.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def adjusted_share(force: Array, by: Array, groups: int, independent: float) -> 
     1.0
     """
     chance = (min(groups, len(np.unique(by))) - 1) / independent
-    return max(explained_share(force, by, groups) - chance, 0.0) / (1.0 - chance)
+    return float(max(explained_share(force, by, groups) - chance, 0.0) / (1.0 - chance))
 
 
 def groups_of(force: Array, settings: SearchSettings) -> tuple[int, float]:
@@ -178,23 +178,33 @@ def measured(
     }, line
 
 
-def beside_band(force: Array, deviation: Array, settings: SearchSettings) -> tuple[bool, float, float]:
-    """Whether a force is zero within its band, the share of the time outside, the largest ratio to its deviation."""
+def beside_band(force: Array, deviation: Array, left: float, settings: SearchSettings) -> tuple[bool, float, float]:
+    """Whether a force is zero, the share of the time outside its band, and the largest ratio to its deviation.
+
+    left : what the run without it leaves, in multiples of the noise. Far above the noise something is missing, though
+    it may change too fast to leave its band at any one instant.
+    """
     ratio = np.abs(force) / np.maximum(deviation, 1e-300)
     outside, highest = float(np.mean(ratio > band_factor(settings.force_band))), float(np.max(ratio))
-    return outside <= settings.force_outside and highest <= settings.force_highest, outside, highest
+    within = outside <= settings.force_outside and highest <= settings.force_highest
+    return within and left <= settings.near_noise, outside, highest
 
 
 def judged_kinds(
-    force: Array, deviation: Array, known: dict[str, Array], sample_time: float, settings: SearchSettings
+    force: Array,
+    deviation: Array,
+    left: float,
+    known: dict[str, Array],
+    sample_time: float,
+    settings: SearchSettings,
 ) -> ForceKinds:
     """What kind of thing a force is.
 
     Parameters
     ----------
-    force, deviation : shape (n,). known : what it may depend on, each of shape (n,).
+    force, deviation : shape (n,). left : as of `beside_band`. known : what it may depend on, each of shape (n,).
     """
-    zero, outside, highest = beside_band(force, deviation, settings)
+    zero, outside, highest = beside_band(force, deviation, left, settings)
     if zero:
         return ForceKinds(True, outside, highest, (), {}, {}, 0.0)
     measures, line = measured(force, known, sample_time, settings)

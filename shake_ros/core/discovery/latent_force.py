@@ -33,6 +33,7 @@ from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_veloc
 from shake_ros.core.plant.parameters import TableParameters
 
 Array = NDArray[np.float64]
+EXPLAINED = 0.5  # part of what a run leaves, from which on the force is the smaller part of what is missing
 SPIKE = 8.0  # multiples of the noise by which a single sample stands out; no force of the band seen does that
 
 
@@ -44,9 +45,10 @@ class LatentForce:
     ----------
     recording, held_out : whose. time [s] since its start. force, deviation : along +x, its standard deviation [unit].
     unit : N, or m/s² where the model counts forces per mass. bandwidth : up to which it stands out of the noise [Hz].
-    of_inertia : its rms over that of the force of inertia [-], NaN without an accelerometer.
+    of_inertia : its rms over that of the force of inertia [-].
     left : what the run leaves without and with the force, in multiples of the noise. kinds : what kind of thing it is.
     known : what it may depend on, each of shape (n,). band : probability of its confidence band.
+    near_noise : multiple of the noise within which a run is at it.
     """
 
     recording: str
@@ -61,12 +63,19 @@ class LatentForce:
     kinds: ForceKinds
     known: dict[str, Array]
     band: float
+    near_noise: float
 
     @property
     def ends(self) -> tuple[Array, Array]:
         """Lower and upper end of the confidence band, shape (n,) [unit]."""
         half = band_factor(self.band) * self.deviation
         return self.force - half, self.force + half
+
+    @property
+    def explains(self) -> bool:
+        """Whether a run under the force is at its noise, or leaves at most EXPLAINED of what one without it does."""
+        without, under = self.left
+        return under <= max(self.near_noise, EXPLAINED * without)
 
     @property
     def rms(self) -> float:
@@ -203,11 +212,11 @@ def latent_force(
     if best is None:
         return None
     without = best.left
-    if not beside_band(*_told(passes, best), settings)[0]:
+    if not beside_band(*_told(passes, best), without, settings)[0]:
         best, run = _approached(passes, best, run, settings)
     force, deviation = _told(passes, best)
-    mass, felt = passes.mass, record.acceleration
-    inertia = math.nan if felt is None else mass * float(np.sqrt(np.mean(felt[record.start :] ** 2)))
+    known = _known(passes, run)
+    inertia = passes.mass * float(np.sqrt(np.mean(_accelerations(record) ** 2)))
     return LatentForce(
         recording=record.name,
         held_out=held_out,
@@ -216,11 +225,12 @@ def latent_force(
         deviation=deviation,
         unit="m/s²" if table.layout.name == "reduced" else "N",
         bandwidth=passes.bandwidth(best.intensity),
-        of_inertia=float(np.sqrt(np.mean(force**2))) / inertia if inertia else math.nan,
+        of_inertia=float(np.sqrt(np.mean(force**2))) / max(inertia, 1e-300),
         left=(without, best.left),
-        kinds=_kinds(passes, best, run, settings),
-        known=_known(passes, run),
+        kinds=judged_kinds(force, deviation, without, known, record.sample_time, settings),
+        known=known,
         band=settings.force_band,
+        near_noise=settings.near_noise,
     )
 
 
@@ -252,8 +262,10 @@ def _told(passes: _Passes, best: _Pass) -> tuple[Array, Array]:
     return passes.mass * 0.5 * (held + best.applied), passes.mass * best.smoothed.deviation
 
 
-def _kinds(passes: _Passes, best: _Pass, run: Array, settings: SearchSettings) -> ForceKinds:
-    return judged_kinds(*_told(passes, best), _known(passes, run), passes.record.sample_time, settings)
+def _accelerations(record: Record) -> Array:
+    """What was felt, or the derivative of the velocity, from the first sample compared, shape (n,) [m/s²]."""
+    felt = record.acceleration
+    return (np.gradient(record.velocity, record.sample_time) if felt is None else felt)[record.start :]
 
 
 def _known(passes: _Passes, run: Array) -> dict[str, Array]:

@@ -18,7 +18,7 @@ VELOCITY = np.gradient(POSITION, DT)
 DEVIATION = np.full(len(TIME), 20.0)
 
 
-def kinds_of(force: np.ndarray) -> ForceKinds:
+def kinds_of(force: np.ndarray, left: float = 1.0) -> ForceKinds:
     known = {
         "position": POSITION,
         "velocity": VELOCITY,
@@ -26,7 +26,7 @@ def kinds_of(force: np.ndarray) -> ForceKinds:
         "time": TIME,
     }
     smooth = np.convolve(RNG.standard_normal(len(TIME) + 20), np.full(21, 20.0 / np.sqrt(21.0)), "valid")
-    return judged_kinds(force + 0.5 * smooth, DEVIATION, known, DT, SETTINGS)
+    return judged_kinds(force + 0.5 * smooth, DEVIATION, left, known, DT, SETTINGS)
 
 
 def played(position: np.ndarray, width: float) -> np.ndarray:
@@ -81,6 +81,12 @@ def test_what_noise_leaves_is_zero_and_of_no_kind() -> None:
     assert found.text == "is zero within its band"
 
 
+def test_force_within_its_band_is_not_zero_where_the_run_is_far_above_its_noise() -> None:
+    found = kinds_of(20.0 * NEAR * np.sign(VELOCITY), left=7.0)
+    assert found.outside < SETTINGS.force_outside
+    assert not found.zero
+
+
 def test_force_that_follows_nothing_depends_on_nothing() -> None:
     chance = sum(
         200.0 * np.sin(2.0 * np.pi * f * TIME + phase)
@@ -95,7 +101,7 @@ def test_force_that_follows_nothing_depends_on_nothing() -> None:
 def test_line_that_the_table_follows_itself_is_not_the_forces_own() -> None:
     wave = np.sin(2.0 * np.pi * 2.0 * TIME)
     known = {"position": -wave, "velocity": np.cos(2.0 * np.pi * 2.0 * TIME), "direction": np.sign(wave), "time": TIME}
-    found = judged_kinds(300.0 * wave, DEVIATION, known, DT, SETTINGS)
+    found = judged_kinds(300.0 * wave, DEVIATION, 5.0, known, DT, SETTINGS)
     assert "line" not in found.kinds
 
 
