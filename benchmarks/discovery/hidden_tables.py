@@ -110,6 +110,10 @@ class Truth(NamedTuple):
     cubic_specimen: float = 0.0  # unlisted: mass on a spring that hardens with the cube [kg]
     cubic_frequency: float = 3.0
     cubic_scale: float = 0.01  # deflection at which the cubic part equals the linear one [m]
+    force_bump: float = 0.0  # unlisted: push along +x about bump_place [N]
+    pulse_force: float = 0.0  # unlisted: half sines along +x, pulse_length long, every pulse_every [N]
+    pulse_every: float = 1.1  # [s]
+    pulse_length: float = 0.12  # [s]
 
 
 @dataclass(frozen=True)
@@ -237,6 +241,19 @@ def chambers(t, y, time, x, v, d):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
+def ground_force(t, x, time):
+    """Force of the surroundings on the table [N]."""
+    force = t.constant_force - t.stiffness_to_ground * x
+    if t.force_bump != 0.0:
+        force += t.force_bump * math.exp(-(((x - t.bump_place) / t.bump_width) ** 2))
+    if t.pulse_force != 0.0:
+        within = time % t.pulse_every
+        if within < t.pulse_length:
+            force += t.pulse_force * math.sin(math.pi * within / t.pulse_length)
+    return force
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def masses(t):
     """Inverse mass that the friction meets, mass of the table, mass of the base (infinite where rigid)."""
     table = t.mass + t.payload_error - t.specimen_resonance - t.cubic_specimen
@@ -261,7 +278,7 @@ def rates(t, y, time, wanted, friction, d):
         friction = dry_level(t, v, x, y[FILM]) * y[Z]
         d[Z] = (v - abs(v) * y[Z]) / t.presliding_friction
     push = t.area * (y[PA] - y[PB]) - friction - t.viscous * v - t.quadratic_drag * abs(v) * v + stop
-    outer = t.constant_force - t.stiffness_to_ground * y[X]
+    outer = ground_force(t, y[X], time)
     w = 2.0 * math.pi * t.specimen_frequency
     spring = 0.0
     if t.specimen_resonance > 0.0:

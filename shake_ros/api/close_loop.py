@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from shake_ros.api import fitted
 from shake_ros.api.ending import Ending
+from shake_ros.api.latent_forces import LatentForces
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable
@@ -221,6 +222,11 @@ class Discovery:
     def slow_changes(self) -> ResultTable:
         """The same as a table."""
         return fitted.slow_change_frame(self.own)
+
+    @property
+    def latent_force(self) -> LatentForces:
+        """The force that would have to act beside the final model, as a history with its band, by recording."""
+        return LatentForces(self.closed.forces)
 
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, before and after; the first one validated."""

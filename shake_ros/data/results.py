@@ -20,6 +20,7 @@ from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
+from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
@@ -146,6 +147,26 @@ def _function_json(function: LearntFunction) -> dict[str, Any]:
     }
 
 
+def _force_json(force: LatentForce) -> dict[str, Any]:
+    kinds = force.kinds
+    return {
+        "held_out": force.held_out,
+        "zero": kinds.zero,
+        "rms": force.rms,
+        "peak": force.peak,
+        "unit": force.unit,
+        "share_of_inertia": force.of_inertia,
+        "kinds": list(kinds.kinds),
+        "depends_on": kinds.depends_on,
+        "line_frequency": kinds.line if "line" in kinds.kinds else None,
+        "bandwidth": force.bandwidth,
+        "explains": force.explains,
+        "outside_band": kinds.outside,
+        "residual_over_noise": {"without": force.left[0], "with": force.left[1]},
+        "text": kinds.text,
+    }
+
+
 def _step_json(step: ForwardStep, model: FittedModel, standing: EffectStanding | None) -> dict[str, Any]:
     own = {f.name for f in step.chosen.candidate.free}
     best, second = step.chosen, step.ranking[1] if len(step.ranking) > 1 else None
@@ -195,6 +216,7 @@ def close_loop_json(result: LoopClosure, learn: Sequence[str], hold: Sequence[st
             "text": text,
             "candidates": [_candidate_json(c) for c in result.candidates],
             "validation_with_candidates": result.with_candidates,
+            "latent_force": {force.recording: _force_json(force) for force in result.forces},
         },
         "function": _function_json(result.function) if result.function else None,
         "ended_early": result.search.stopped,

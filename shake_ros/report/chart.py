@@ -40,7 +40,11 @@ class ChartSeries:
 
 @dataclass(frozen=True)
 class Panel:
-    """Curves over one abscissa, x of shape (n,). y : label with unit. height : [pixel]. shaded : (from, to) in y."""
+    """Curves over one abscissa, x of shape (n,).
+
+    y : label with unit. height : [pixel]. shaded : (from, to) in y. band : places in `series` of two curves that
+    enclose a shaded band, the upper one first.
+    """
 
     y: str
     x: Array
@@ -48,6 +52,7 @@ class Panel:
     log: bool = False
     height: int = 190
     shaded: tuple[float, float] | None = None
+    band: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -115,6 +120,7 @@ def chart_json(chart: Chart) -> dict[str, Any]:
             "log": p.log,
             "height": p.height,
             "shaded": p.shaded,
+            **({"band": p.band} if p.band else {}),
             "series": [
                 {
                     "label": s.label,

@@ -17,11 +17,12 @@ from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.report import charts_fit
+from shake_ros.report.force_section import force_section
 from shake_ros.report.page import Bar, Page
 from shake_ros.report.readable import estimate_text, unit_of
 from shake_ros.report.sections import (
@@ -31,7 +32,6 @@ from shake_ros.report.sections import (
     hydraulic_table,
     identified_section,
     known_section,
-    longest,
     made_of,
     parameter_table,
     remains_section,
@@ -283,6 +283,7 @@ def close_loop_page(
     model_sections(page, result, learn, hold)
     if diagnosis:
         remains_section(page, diagnosis, result.remaining.text)
+    force_section(page, result.forces, result.model)
     if benefit:
         benefit_section(page, benefit)
     _parameters(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)))

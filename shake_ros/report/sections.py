@@ -13,7 +13,7 @@ from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.experiments import stated
 from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
@@ -68,12 +68,6 @@ def histories_section(
     if len(drawn) > DRAWN:
         page.paragraph(f"The first {DRAWN} of {len(drawn)} recordings.", note=True)
     return bands
-
-
-def longest(records: Sequence[Record]) -> list[Record]:
-    """The longest part of every recording."""
-    names = dict.fromkeys(r.name for r in records)
-    return [max((r for r in records if r.name == name), key=lambda r: len(r.commands)) for name in names]
 
 
 def parameter_table(page: Page, models: Mapping[str, FittedModel]) -> None:

@@ -38,6 +38,9 @@ def static_figure(chart: Chart, width: float = 9.5) -> Figure:
                 markerfacecolor="none" if s.kind == "rings" else None,
                 label=s.label,
             )
+        if panel.band:
+            upper, lower = (panel.series[i].drawn[seen] for i in panel.band)
+            axes.fill_between(panel.x[seen], lower, upper, color=MEASURED, alpha=0.12, linewidth=0.0)
         if panel.shaded:
             axes.axhspan(*panel.shaded, color=MEASURED, alpha=0.12, linewidth=0.0)
         for span in chart.shaded:

@@ -9,6 +9,7 @@ from itertools import zip_longest
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.declared_fit import Errors, FittedModel
+from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
@@ -77,6 +78,24 @@ def function_line(function: LearntFunction) -> str:
     )
 
 
+def largest_force(forces: Sequence[LatentForce]) -> LatentForce:
+    """The largest force outside its band in a held-out recording, in any recording where none is held out."""
+    held_out = [force for force in forces if force.held_out] or list(forces)
+    return max(held_out, key=lambda force: (not force.kinds.zero, force.rms))
+
+
+def told_force(forces: Sequence[LatentForce]) -> str:
+    """The force that a model lacks, as a phrase: how large it is and of what kind."""
+    force = largest_force(forces)
+    if force.kinds.zero:
+        where = "of every held-out recording" if any(f.held_out for f in forces) else "of every recording"
+        return f"the force that the model lacks is zero within its {100.0 * force.band:.0f} % band {where}"
+    share = f"{100.0 * force.of_inertia:.1f} % of the force of inertia"
+    size = f"{force.rms:.3g} {force.unit} rms ({share}), at most {force.peak:.3g} {force.unit}, in {force.recording}"
+    left = "" if force.explains else f", but a run under it still leaves {force.left[1]:.3g} times the noise"
+    return f"the force that the model lacks: {size}; it {force.kinds.text}{left}"
+
+
 def standing_lines(standing: EffectStanding) -> list[str]:
     """State of an effect with its worth and what rests on a bound."""
     lines = [f"  {standing.state}: {standing.reason}; without it the error is {standing.worth:.2f} times as large"]
@@ -99,6 +118,7 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
         lines += ["", f"nothing is added: {why} on the validation data"]
     lines += [function_line(result.function)] if result.function else []
     lines += ["", f"remaining: {result.remaining.text}"]
+    lines += [told_force(result.forces)] if result.forces else []
     if result.search.stopped:
         lines.append("the search was ended before it was done; this is the best answer so far")
     for doubtful in result.candidates:

@@ -149,6 +149,7 @@ def test_page_of_a_closed_loop_answers_in_the_order_of_the_questions() -> None:
         "Errors",
         "Why spool_deadband and not another",
         "What remains",
+        "The force that the model lacks",
         "What the extended model gains in the loop",
         "Parameters",
         "What to record next",

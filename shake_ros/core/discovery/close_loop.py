@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
 from shake_ros.core.discovery.forward_selection import fitted_again, forward_selection
+from shake_ros.core.discovery.latent_force import LatentForce, latent_forces
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, patiently
 from shake_ros.core.discovery.remaining import Remaining, remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
@@ -23,7 +24,7 @@ class LoopClosure:
 
     standings : how sure each step's effect is. candidates : effects that helped and are not established.
     with_candidates : held-out errors of the model that has them too, as FittedModel.validation; empty without any.
-    function : the one without a name, where it was needed.
+    function : the one without a name, where it was needed. forces : that the final model lacks, by recording.
     """
 
     baseline: FittedModel
@@ -36,6 +37,7 @@ class LoopClosure:
     candidates: tuple[EffectStanding, ...] = ()
     with_candidates: dict[str, dict[str, float]] = field(default_factory=dict)
     function: LearntFunction | None = None
+    forces: tuple[LatentForce, ...] = ()
 
     @property
     def final(self) -> FittedModel:
@@ -71,9 +73,11 @@ def close_loop(
     problem.progress("errors and what remains", 0.9)
     models = tuple(fitted_model(m.fit, problem.estimation, problem.validation) for m in found.models)
     rest = remaining(problem, found)
+    problem.progress("the force that the model lacks", 0.95)
+    forces = latent_forces(problem, models[-1].table)
     function, noise = learnt_function(problem, found.final), problem.estimation.noise()
     return LoopClosure(
-        models[0], models[1:], found, rest, noise, model.simulator, standings, doubtful, tentative, function
+        models[0], models[1:], found, rest, noise, model.simulator, standings, doubtful, tentative, function, forces
     )
 
 

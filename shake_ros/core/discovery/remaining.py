@@ -49,12 +49,18 @@ class Remaining:
 def explained_share(values: np.ndarray, by: np.ndarray, groups: int) -> float:
     """Share of the variance of `values` that its mean in quantile groups of `by` explains, less what chance gives.
 
+    A quantity of fewer values than groups, such as a direction, has a group for each.
+
     >>> x = np.linspace(-1.0, 1.0, 1000)
     >>> round(float(explained_share(x**2, x, 24)), 1)
     1.0
     """
-    edges = np.unique(np.quantile(by, np.linspace(0.0, 1.0, groups + 1)))
-    group = np.clip(np.searchsorted(edges, by, side="right") - 1, 0, max(len(edges) - 2, 0))
+    different = np.unique(by)
+    if len(different) <= groups:
+        group = np.searchsorted(different, by)
+    else:
+        edges = np.unique(np.quantile(by, np.linspace(0.0, 1.0, groups + 1)))
+        group = np.clip(np.searchsorted(edges, by, side="right") - 1, 0, max(len(edges) - 2, 0))
     count = np.bincount(group)
     mean = np.bincount(group, values) / np.maximum(count, 1)
     centre = float(np.mean(values))

@@ -94,6 +94,18 @@ class SearchSettings(Parameters):
     remaining_share: float = quantity("-", "explained share from which a residual depends on a quantity", low=0.0)
     memoryless: float = quantity("-", "largest fall by any function where something has states of its own", low=0.0)
     band_share: float = quantity("-", "share of the power within a third of an octave that makes a band", low=0.0)
+    # the force that the final model lacks
+    force_passes: int = quantity("-", "runs under the force so far, at most", low=0)
+    force_settled: float = quantity("-", "fall of what is left, of that without the force, that ends them", low=0.0)
+    force_band: float = quantity("-", "probability of the force's confidence band", low=0.01, high=0.999)
+    force_outside: float = quantity("-", "share of the time outside its band up to which it is zero", low=0.0, high=1.0)
+    force_highest: float = quantity("-", "largest ratio to its standard deviation up to which it is zero", low=0.0)
+    force_depends: float = quantity("-", "explained share from which it depends on a quantity", low=0.0, high=1.0)
+    force_slow: float = quantity("Hz", "frequency below which a force is slow", low=1e-3)
+    force_share_of_kind: float = quantity("-", "share of the power that makes it of a kind", low=0.0, high=1.0)
+    force_kurtosis: float = quantity("-", "kurtosis from which it is impulsive", low=0.0)
+    force_reversal: float = quantity("s", "time about a reversal that counts as at it", low=1e-4)
+    force_memory: float = quantity("-", "share that only its loop explains from which it has a memory", low=0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -88,6 +88,17 @@ class AxisModel(DeclaredModel):
         accelerations(AXIS_LAYOUT.records(vectors)[0], series, record.standing, v, record.track, dt, expected)
         return self.moved_mass(table) * low_pass(expected - np.gradient(v, dt), dt)
 
+    def run_under(self, table: TableParameters, record: Record, forces: np.ndarray) -> np.ndarray:
+        """The run under an additional force, which a dead time of the command does not delay; it follows the track.
+
+        What the recording has of its own is what it has without that force.
+        """
+        ahead = table.value("effects.command_delay.delay") / record.sample_time
+        sample = np.arange(len(forces))
+        early = np.interp(sample + ahead, sample, forces)
+        (vectors, own), _ = self._changed(table.vector()[None, :], record, record.track)
+        return np.asarray(self._runs(vectors, own + early, record, record.track)[0])
+
     def moved_mass(self, table: TableParameters) -> float:
         """Moved mass [kg]."""
         return table.value("axis.mass")

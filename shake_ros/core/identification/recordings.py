@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, final
@@ -23,7 +24,7 @@ from shake_ros.core.identification.velocity_filter import (
     velocity_noise_gain,
 )
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
-from shake_ros.core.plant.simulation import SMOOTH, UNSEEN, initial_state, run, run_batch
+from shake_ros.core.plant.simulation import NOTHING, SMOOTH, UNSEEN, initial_state, run, run_batch
 from shake_ros.core.plant.states import CLOCK, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
@@ -160,6 +161,12 @@ def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[
     return pieces
 
 
+def longest(records: Sequence[Record]) -> list[Record]:
+    """The longest part of every recording."""
+    names = dict.fromkeys(r.name for r in records)
+    return [max((r for r in records if r.name == name), key=lambda r: len(r.commands)) for name in names]
+
+
 class DeclaredModel(ABC):
     """A declared model: the layout of its tables, and its free runs over recordings. MODELS has all of them by name.
 
@@ -224,6 +231,10 @@ class DeclaredModel(ABC):
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run, shape (n, ≥ 3): position, velocity, acceleration, then columns of the model's own."""
 
+    def run_under(self, table: TableParameters, record: Record, forces: np.ndarray) -> np.ndarray | None:  # noqa: ARG002
+        """The run under an additional force [N], held from each sample, shape (n,); None for a model without one."""
+        return None
+
     @abstractmethod
     def moved_mass(self, table: TableParameters) -> float:
         """Mass that makes a force of a residual acceleration [kg]; 1 where the model counts in forces per mass."""
@@ -275,11 +286,16 @@ class FullModel(DeclaredModel):
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.simulation.COLUMNS."""
+        return self.run_under(table, record, NOTHING)
+
+    def run_under(self, table: TableParameters, record: Record, forces: np.ndarray) -> np.ndarray:
+        """The run under an additional force."""
         state = initial_state(table.vector(), record.track[0])
         state[VELOCITY], state[CLOCK] = record.velocity[0], record.begin
         return run(
             *(table, record.commands, record.sample_time),
             position=record.track,
+            forces=forces,
             state=state,
             standing=record.standing,
             measured=record.beginning,

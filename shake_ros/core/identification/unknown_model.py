@@ -75,6 +75,10 @@ class UnknownModel(DeclaredModel):
         """Free run with the columns of plant.simulation.COLUMNS."""
         return FULL.run(table, record)
 
+    def run_under(self, table: TableParameters, record: Record, forces: np.ndarray) -> np.ndarray:
+        """The run under an additional force, in the gauge."""
+        return FULL.run_under(table, record, forces)
+
     def moved_mass(self, table: TableParameters) -> float:
         """Mass in motion, in the gauge [kg]."""
         return FULL.moved_mass(table)

@@ -105,6 +105,7 @@
           spanGaps: false,
         })),
       ],
+      bands: panel.band ? [{ series: panel.band.map((i) => i + 1), fill: () => colour("band") }] : undefined,
       legend: { markers: { stroke: (u, i) => (i ? `var(--${panel.series[i - 1].colour})` : "transparent"),
         fill: (u, i) => (i ? `var(--${panel.series[i - 1].colour})` : "transparent") } },
       cursor: { drag: { x: true, y: false }, sync: { key: spec.name }, points: { size: 6 } },
