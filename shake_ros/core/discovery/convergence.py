@@ -11,7 +11,7 @@ import numpy as np
 
 from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
-from shake_ros.core.discovery.refit import Refit, continued, helps
+from shake_ros.core.discovery.refit import Refit, continued
 from shake_ros.core.identification.free_parameters import FreeParameters
 
 
@@ -23,10 +23,12 @@ def converge(problem: SearchProblem, current: ScoredFit, refits: tuple[Refit, ..
     settings = problem.settings
     problem.progress(f"converge {refits[0].candidate.effect}", 0.95)
     best = with_declared_friction(problem, settled(problem, refits[0]))
+    improved = (1.0 - 0.5 * settings.least_validation_gain) * current.score
+
     near = [r for r in refits[1:] if r.score < settings.rival * best.score][: settings.most_continued]
 
     def is_rival(r: Refit) -> bool:
-        return (r in near or r.candidate.effect in best.candidate.resembles) and helps(r, current, settings)
+        return (r in near or r.candidate.effect in best.candidate.resembles) and r.score < improved
 
     def converged(r: Refit) -> Refit:
         done = settled(problem, r)

@@ -119,7 +119,7 @@ def forward_step(
     screening = screen(problem, current, candidates)
     ranking: tuple[Refit, ...] = ()
     for effects in rounds(problem, current, screening):
-        refits = refit(problem, current, screening, effects, ranking)
+        refits = refit(problem, screening, effects, ranking)
         converged, others = converge(problem, current, refits)
         ranking = ranked(converged, others)
         if improves(ranking[0].result, current, settings, tried):

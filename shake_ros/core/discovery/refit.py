@@ -11,7 +11,6 @@ import numpy as np
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, mean_square, side_by_side
 from shake_ros.core.discovery.screening import ScreenedTrial, Screening
-from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.approach import Approach
 from shake_ros.core.identification.fit import Fit, Problem
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -56,26 +55,16 @@ def rounds(problem: SearchProblem, current: ScoredFit, screening: Screening) -> 
         yield others
 
 
-def helps(tried: Refit, current: ScoredFit, settings: SearchSettings) -> bool:
-    """Whether a refit lowers the score of the model as it stands by half of what it takes to be added."""
-    return tried.score < (1.0 - 0.5 * settings.least_validation_gain) * current.score
-
-
 def refit(
-    problem: SearchProblem, current: ScoredFit, screening: Screening, effects: list[str], known: tuple[Refit, ...]
+    problem: SearchProblem, screening: Screening, effects: list[str], known: tuple[Refit, ...]
 ) -> tuple[Refit, ...]:
-    """Effects refitted on pieces of the recordings, the best of these and of those known on all; the best first.
-
-    Beside a best one that helps, only what helps as well goes on.
-    """
+    """Effects refitted on pieces of the recordings, the best of these and of those known on all; the best first."""
     settings = problem.settings
     most, tolerance = settings.continued_evaluations, settings.continued_tolerance
     refits = list(ranked(known, short_refits(problem, screening, effects)))
     problem.progress(f"polish {refits[0].candidate.effect}", 0.6)
     refits[0] = continued(problem, refits[0], most, tolerance)
     near = [r for r in refits[1 : settings.most_continued] if r.score < settings.worth_continuing * refits[0].score]
-    if helps(refits[0], current, settings):
-        near = [r for r in near if helps(r, current, settings)]
     for tried in side_by_side(lambda r: continued(problem, r, most, tolerance), near):
         problem.progress(f"polished {tried.candidate.effect}", 0.8)
         refits = [tried if r.candidate is tried.candidate else r for r in refits]
