@@ -58,6 +58,7 @@ def unknown_json(told: Sequence[Estimate], data: Prepared) -> dict[str, Any]:
     return {
         "identified": parameters_json(told),
         "command_full_scale": data.full_scale,
+        "command_ahead": data.ahead,
         "accelerometer_delay": data.delay,
         "accelerometer_cutoff": data.cutoff,
         "nuisances": offsets,

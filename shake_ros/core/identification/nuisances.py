@@ -18,10 +18,13 @@ from scipy.signal import butter, decimate, sosfiltfilt
 from shake_ros.core.identification.accelerometer import Accelerometer
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair, timely
+from shake_ros.core.quantities import ShakeError
 
 FASTEST = 1000.0  # rate of a recording that a fit takes [Hz]
 SLOW = 2.0  # the table follows its valve up to here, whatever its dynamics [Hz]
 ALIKE = SensorPair()  # sensors that tell nothing of each other
+ONE_SIDED = 0.1  # smallest command in parts of the largest, from which its zero is not that of the valve
+LIVE_ZERO = (3.5, 20.5)  # within which a command in 4 to 20 mA stays [mA]
 FULL_SCALES = (1.0, 10.0, 20.0, 100.0)  # of a command: per unit, volts, milliamperes, per cent
 
 
@@ -40,6 +43,7 @@ class Prepared:
 
     full_scale : of the recorded command, which counts as 1 from here on. sensors : what position and acceleration tell
     of each other at first; the recordings' `delay` has been taken out but that of a filter with their `cutoff`.
+    ahead : time by which commands that were recorded late have been moved (late_command.py) [s].
     """
 
     estimation: list[Record]
@@ -47,6 +51,7 @@ class Prepared:
     full_scale: float
     nuisances: tuple[Nuisance, ...]
     sensors: SensorPair = ALIKE
+    ahead: float = 0.0
 
     def seen(self, accelerometer: Accelerometer) -> Prepared:
         """The same with what has been learned of the accelerometer."""
@@ -70,6 +75,15 @@ class Prepared:
         cutoff = f", a low-pass of {self.cutoff:.3g} Hz" if self.cutoff else ""
         return f"accelerometer later than the position by {1e3 * self.delay:.2f} ms (its filter{cutoff})"
 
+    def promptness(self) -> str:
+        """By how much a late command was moved; empty where it was not."""
+        if not self.ahead:
+            return ""
+        return (
+            f"the table moves before its recorded command: taken {1e3 * self.ahead:.2f} ms earlier, where the dead "
+            "time counts from"
+        )
+
     def note(self) -> str:
         """What was assumed of the command; empty where it is per unit."""
         if self.full_scale == 1.0:
@@ -81,6 +95,33 @@ def full_scale(records: Sequence[Record]) -> float:
     """The smallest usual full scale that holds all commands."""
     largest = max(float(np.max(np.abs(r.commands))) for r in records)
     return next((s for s in FULL_SCALES if largest <= 1.05 * s), largest)
+
+
+def check_zero(records: Sequence[Record]) -> None:
+    """ShakeError where no command ever comes near zero: then its zero is not that of the valve.
+
+    Where the table stands still, which is what moves the zero, the regression of the slow velocity on the command
+    tells.
+    """
+    low, high = (float(f([f(r.commands) for r in records])) for f in (np.min, np.max))
+    if low * high <= 0.0 or min(abs(low), abs(high)) < ONE_SIDED * max(abs(low), abs(high)):
+        return
+    names = ", ".join(dict.fromkeys(r.name for r in records))
+    said = f"{names}: the command stays within {low:.4g} … {high:.4g} and never comes near zero"
+    if LIVE_ZERO[0] <= low and high <= LIVE_ZERO[1]:
+        raise ShakeError(f"{said}: 4 to 20 mA, whose zero is 12 mA? Import it with --command 'COL*0.125-1.5'")
+    zero = float(np.mean([standstill(r) for r in records]))
+    raise ShakeError(
+        f"{said}; the table stands still at about {zero:.4g}: import it with --command 'COL*1{-zero:+.4g}', or with "
+        "the scale that makes it −1 … 1"
+    )
+
+
+def standstill(record: Record) -> float:
+    """Command at which the table stands still, whatever its zero, in the recorded unit."""
+    u, v = (slow(x, record.sample_time)[record.start :] for x in (record.commands, record.velocity))
+    gain = float(np.cov(u, v)[0, 1] / max(np.var(u), 1e-300))
+    return float(np.mean(u) - np.mean(v) / gain) if gain else float(np.mean(u))
 
 
 def slow(values: np.ndarray, sample_time: float) -> np.ndarray:
@@ -138,6 +179,7 @@ def without_offsets(record: Record) -> tuple[Record, Nuisance]:
 def prepared(estimation: Sequence[Record], validation: Sequence[Record]) -> Prepared:
     """Both sets of recordings at a rate that a fit takes, with the command per unit and without offsets."""
     both = [thinned(r) for r in (*estimation, *validation)]
+    check_zero(both)
     scale = full_scale(both)
     scaled = [replace(r, commands=r.commands / scale, standing=r.standing / scale) for r in both]
     sensors = sensor_pair(scaled)
