@@ -18,6 +18,7 @@ from scipy.signal import butter, decimate, sosfiltfilt
 from shake_ros.core.identification.accelerometer import Accelerometer
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair, timely
+from shake_ros.core.identification.spikes import unseen_spikes, without
 from shake_ros.core.quantities import ShakeError
 
 FASTEST = 1000.0  # rate of a recording that a fit takes [Hz]
@@ -30,11 +31,15 @@ FULL_SCALES = (1.0, 10.0, 20.0, 100.0)  # of a command: per unit, volts, milliam
 
 @dataclass(frozen=True)
 class Nuisance:
-    """Offsets of one recording. null_shift : of the valve [-]. acceleration_bias [m/s²], None without acceleration."""
+    """What was taken out of one recording.
+
+    null_shift : of the valve [-]. acceleration_bias [m/s²], None without acceleration. spikes : samples of the command.
+    """
 
     recording: str
     null_shift: float
     acceleration_bias: float | None
+    spikes: int = 0
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,11 @@ class Prepared:
             f"the table moves before its recorded command: taken {1e3 * self.ahead:.2f} ms earlier, where the dead "
             "time counts from"
         )
+
+    def spikes(self) -> str:
+        """How many spikes were taken out of the commands; empty where none was."""
+        count = sum(n.spikes for n in self.nuisances)
+        return f"{count} spikes of one sample in the commands, which the motion does not follow: taken out" if count else ""
 
     def note(self) -> str:
         """What was assumed of the command; empty where it is per unit."""
@@ -154,6 +164,11 @@ def thinned(record: Record) -> Record:
     )
 
 
+def without_spikes(record: Record, places: np.ndarray) -> Record:
+    """The recording without spikes of its command at some samples."""
+    return replace(record, commands=without(record.commands, places)) if len(places) else record
+
+
 def null_shift(record: Record) -> float:
     """Command at which the table stands still, with its sign turned [-]."""
     u, v = (slow(x, record.sample_time)[record.start :] for x in (record.commands, record.velocity))
@@ -178,12 +193,15 @@ def without_offsets(record: Record) -> tuple[Record, Nuisance]:
 
 def prepared(estimation: Sequence[Record], validation: Sequence[Record]) -> Prepared:
     """Both sets of recordings at a rate that a fit takes, with the command per unit and without offsets."""
-    both = [thinned(r) for r in (*estimation, *validation)]
+    both = [*estimation, *validation]
+    places = unseen_spikes(both)
+    both = [thinned(without_spikes(r, at)) for r, at in zip(both, places, strict=True)]
     check_zero(both)
     scale = full_scale(both)
     scaled = [replace(r, commands=r.commands / scale, standing=r.standing / scale) for r in both]
     sensors = sensor_pair(scaled)
     found = [without_offsets(timely(r, sensors.delay)) for r in scaled]
     records = [r for r, _ in found]
+    offsets = tuple(replace(n, spikes=len(at)) for (_, n), at in zip(found, places, strict=True))
     count = len(estimation)
-    return Prepared(records[:count], records[count:], scale, tuple(n for _, n in found), sensors)
+    return Prepared(records[:count], records[count:], scale, offsets, sensors)

@@ -1,0 +1,78 @@
+"""Spikes of one sample in a recorded command, which the valve never saw.
+
+Where a logger samples at another rate than the controller writes, it may catch a word half written at each beat of the
+two. Such a sample stands out from both neighbours, which agree, and from all that is around. The valve has not seen it
+where the slow velocity does not follow: v = g u + h s by least squares, with the spikes s apart from the command u
+without them, and h well below g.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from shake_ros.core.identification.recordings import Record
+
+Floats = NDArray[np.float64]
+RARE = 8.0  # of the robust deviation of the second differences, above which a sample is looked at
+ALONE = 4.0  # times as large as any second difference around it
+AROUND = 6  # samples on either side
+AGREEING = 0.25  # of the spike, by which its neighbours may differ
+FEWEST = 5  # in a recording: a beat returns
+FOLLOWED = 5.0  # up to which the velocity follows the command whatever the dynamics of table and valve [Hz]
+SEEN = 0.5  # of the command's gain, from which the valve has seen the spikes
+
+
+def spikes(commands: Floats) -> NDArray[np.int64]:
+    """Samples that are spikes, ascending; none where there are fewer than FEWEST.
+
+    >>> u = np.sin(np.arange(1000) / 20.0)
+    >>> u[50::100] += 0.5
+    >>> spikes(u).tolist()
+    [50, 150, 250, 350, 450, 550, 650, 750, 850, 950]
+    """
+    out = np.zeros(len(commands))
+    out[1:-1] = commands[1:-1] - 0.5 * (commands[:-2] + commands[2:])
+    size = np.abs(out)
+    limit = RARE * 1.4826 * float(np.median(size))
+    found = []
+    for k in np.flatnonzero(size > max(limit, 1e-3 * float(np.ptp(commands)))).tolist():
+        if not AROUND <= k < len(commands) - AROUND:
+            continue
+        beside = np.concatenate([size[k - AROUND : k - 1], size[k + 2 : k + AROUND + 1]])
+        agree = abs(commands[k + 1] - commands[k - 1]) < AGREEING * size[k]
+        opposite = max(out[k - 1] / out[k], out[k + 1] / out[k]) < -AGREEING  # a corner has none beside it
+        if agree and opposite and size[k] > ALONE * float(np.max(beside)):
+            found.append(k)
+    return np.array(found if len(found) >= FEWEST else [], dtype=np.int64)
+
+
+def without(commands: Floats, places: NDArray[np.int64]) -> Floats:
+    """The command with the mean of its neighbours at some samples."""
+    if not len(places):
+        return commands
+    smooth = commands.copy()
+    smooth[places] = 0.5 * (commands[places - 1] + commands[places + 1])
+    return smooth
+
+
+def unseen_spikes(records: Sequence[Record]) -> list[NDArray[np.int64]]:
+    """The spikes of each recording that its valve has not seen; none of any where the motion follows them."""
+    places = [spikes(r.commands) for r in records]
+    rows, velocities = [], []
+    for record, at in zip(records, places, strict=True):
+        if not len(at):
+            continue
+        smooth = without(record.commands, at)
+        sections = butter(2, min(2.0 * FOLLOWED * record.sample_time, 0.9), output="sos")
+        columns = (smooth, record.commands - smooth, record.velocity)
+        u, s, v = (sosfiltfilt(sections, c - np.mean(c))[record.start :] for c in columns)
+        rows.append(np.column_stack([u, s]))
+        velocities.append(v)
+    if not rows:
+        return places
+    gain, of_spikes = np.linalg.lstsq(np.concatenate(rows), np.concatenate(velocities), rcond=None)[0]
+    return places if of_spikes < SEEN * gain else [p[:0] for p in places]
