@@ -148,7 +148,8 @@ def _mended(values: Columns, path: Path, bridge: int, findings: list[Finding]) -
         text = f"{path.name}: {count} samples in {gaps} gaps of up to {bridge} samples are filled by interpolation"
         findings += [Finding("gap", "", count, text)] if count else []
     elif longest := longest_short_gap(values, SHORT):
-        text = f"{path.name}: has gaps of up to {longest} samples, which part it: --bridge {longest} fills them"
+        what = "gaps of one sample" if longest == 1 else f"gaps of up to {longest} samples"
+        text = f"{path.name}: has {what}, which part it: --bridge {longest} fills them"
         findings.append(Finding("gap", "", 0, text))
     return values
 

@@ -86,4 +86,6 @@ def main(arguments: Sequence[str]) -> int:
     print(f"{given.out}: {len(recording)} samples, every {recording.sample_time * 1e3:.6g} ms, {ranges}")
     for finding in recording.findings:
         print(f"  {finding}")
+    if any(getattr(recording, name) is not None for name in SIGNALS if name.startswith("pressure")):
+        print("  pressures: kept in the recording; identify and close_loop do not use them")
     return 0

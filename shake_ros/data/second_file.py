@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from shake_ros.core.analysis.clocks import Clock, Signal, clock_of
+from shake_ros.core.analysis.clocks import Clock, EvenSamples, clock_of
 from shake_ros.core.quantities import ShakeError
 
 Floats = npt.NDArray[np.float64]
@@ -18,12 +18,12 @@ PASSED = 0.4  # of the first file's rate, up to which it passes
 LOST = 1.5  # periods between two rows from which samples are missing there
 
 
-def even(time: Floats, values: Floats) -> Signal:
+def even(time: Floats, values: Floats) -> EvenSamples:
     """A signal on even samples: as it is where its stamps are even, otherwise on a line between its neighbours."""
     known = np.isfinite(values)
     count = round((time[-1] - time[0]) / float(np.median(np.diff(time)))) + 1
     step = float(time[-1] - time[0]) / (count - 1)
-    return Signal(float(time[0]), step, np.interp(time[0] + step * np.arange(count), time[known], values[known]))
+    return EvenSamples(float(time[0]), step, np.interp(time[0] + step * np.arange(count), time[known], values[known]))
 
 
 def clock_between(first: dict[str, Floats], second: dict[str, Floats], names: tuple[Path, Path]) -> Clock:

@@ -148,10 +148,11 @@ def test_a_column_may_have_an_offset(tmp_path):
     assert np.allclose(recording.valve_command, np.sin(ROWS), atol=1e-8)
 
 
-def test_pressures_are_kept(tmp_path):
+def test_pressures_are_kept_and_are_said_to_be_used_by_no_fit(tmp_path, capsys):
     recording = run(tmp_path, TABLE, "--pressure_a", "a*1e5", "--pressure_supply", "u*1e5+2e7")
     assert np.allclose(recording.pressure_a, 1e5 * (np.arange(5) + 0.5))
     assert np.allclose(recording.pressure_supply, 2e7 + 1e4 * np.arange(5))
+    assert "identify and close_loop do not use them" in capsys.readouterr().out
 
 
 def test_rows_that_are_there_twice_are_left_out_and_told(tmp_path, capsys):

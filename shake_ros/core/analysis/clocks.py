@@ -35,7 +35,7 @@ DRIFT = 1e-3  # of a clock at most [-]
 
 
 @dataclass(frozen=True)
-class Signal:
+class EvenSamples:
     """A signal of even samples. begin : time of the first on its own clock [s]. values : shape (n,)."""
 
     begin: float
@@ -75,7 +75,7 @@ class Clock:
         return np.asarray((time - second) * (1.0 + self.drift) + first + self.shift)
 
 
-def clock_of(position: Signal, acceleration: Signal) -> Clock:
+def clock_of(position: EvenSamples, acceleration: EvenSamples) -> Clock:
     """The clock of an acceleration on that of a position.
 
     Raises

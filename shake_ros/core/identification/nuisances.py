@@ -92,7 +92,11 @@ class Prepared:
     def spikes(self) -> str:
         """How many spikes were taken out of the commands; empty where none was."""
         count = sum(n.spikes for n in self.nuisances)
-        return f"{count} spikes of one sample in the commands, which the motion does not follow: taken out" if count else ""
+        return (
+            f"{count} spikes of one sample in the commands, which the motion does not follow: taken out"
+            if count
+            else ""
+        )
 
     def note(self) -> str:
         """What was assumed of the command; empty where it is per unit."""

@@ -2,8 +2,8 @@
 
 Where a logger samples at another rate than the controller writes, it may catch a word half written at each beat of the
 two. Such a sample stands out from both neighbours, which agree, and from all that is around. The valve has not seen it
-where the slow velocity does not follow: v = g u + h s by least squares, with the spikes s apart from the command u
-without them, and h well below g.
+where the velocity does not answer: a finite impulse response g from the command u without spikes to the velocity, then
+the share h of the spikes s that the rest shows, v − g∗u = h g∗s, each by least squares.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ ALONE = 4.0  # times as large as any second difference around it
 AROUND = 6  # samples on either side
 AGREEING = 0.25  # of the spike, by which its neighbours may differ
 FEWEST = 5  # in a recording: a beat returns
-FOLLOWED = 5.0  # up to which the velocity follows the command whatever the dynamics of table and valve [Hz]
-SEEN = 0.5  # of the command's gain, from which the valve has seen the spikes
+FOLLOWED = 8.0  # up to which command and velocity are compared: commands reach as far [Hz]
+LAGS = np.arange(-0.03, 0.081, 0.01)  # of the response, some before zero for the filters that look ahead [s]
+SEEN = 0.5  # share from which the valve has seen the spikes
 
 
 def spikes(commands: Floats) -> NDArray[np.int64]:
@@ -62,17 +63,27 @@ def without(commands: Floats, places: NDArray[np.int64]) -> Floats:
 def unseen_spikes(records: Sequence[Record]) -> list[NDArray[np.int64]]:
     """The spikes of each recording that its valve has not seen; none of any where the motion follows them."""
     places = [spikes(r.commands) for r in records]
-    rows, velocities = [], []
+    answered = shown = 0.0
     for record, at in zip(records, places, strict=True):
         if not len(at):
             continue
         smooth = without(record.commands, at)
-        sections = butter(2, min(2.0 * FOLLOWED * record.sample_time, 0.9), output="sos")
-        columns = (smooth, record.commands - smooth, record.velocity)
-        u, s, v = (sosfiltfilt(sections, c - np.mean(c))[record.start :] for c in columns)
-        rows.append(np.column_stack([u, s]))
-        velocities.append(v)
-    if not rows:
-        return places
-    gain, of_spikes = np.linalg.lstsq(np.concatenate(rows), np.concatenate(velocities), rcond=None)[0]
-    return places if of_spikes < SEEN * gain else [p[:0] for p in places]
+        of_command, of_spikes = (_lagged(record, u) for u in (smooth, record.commands - smooth))
+        velocity = _slow(record, record.velocity)
+        response = np.linalg.lstsq(of_command, velocity, rcond=None)[0]
+        expected = of_spikes @ response
+        answered += float(expected @ (velocity - of_command @ response)) / record.sample_time
+        shown += float(expected @ expected) / record.sample_time
+    return places if answered < SEEN * shown or not shown else [p[:0] for p in places]
+
+
+def _slow(record: Record, values: Floats) -> Floats:
+    """What of a signal is slower than FOLLOWED, without mean and phase."""
+    sections = butter(2, min(2.0 * FOLLOWED * record.sample_time, 0.9), output="sos")
+    return np.asarray(sosfiltfilt(sections, values - np.mean(values)))
+
+
+def _lagged(record: Record, drive: Floats) -> Floats:
+    """The slow part of a drive, a column for each lag."""
+    slow = _slow(record, drive)
+    return np.column_stack([np.roll(slow, round(lag / record.sample_time)) for lag in LAGS])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.analysis.clocks import Signal, clock_of
+from shake_ros.core.analysis.clocks import EvenSamples, clock_of
 from shake_ros.core.quantities import ShakeError
 
 FREQUENCIES = np.random.default_rng(3).uniform(1.5, 12.0, 40)  # [Hz]
@@ -19,12 +19,12 @@ def motion(time: np.ndarray, derivative: int = 0) -> np.ndarray:
     return np.asarray(np.sin(np.outer(time, w) + PHASES) @ size)
 
 
-def files(start: float, drift: float, noise: float = 0.0, sign: float = 1.0) -> tuple[Signal, Signal]:
+def files(start: float, drift: float, noise: float = 0.0, sign: float = 1.0) -> tuple[EvenSamples, EvenSamples]:
     """A position at 256 Hz from 0 s, an acceleration at 480 Hz whose clock shows 100 s at `start`."""
     own = np.arange(0.0, 20.0, 1.0 / 480.0)
     felt = sign * motion(start + own * (1.0 + drift), 2)
     felt += noise * np.std(felt) * np.random.default_rng(5).standard_normal(len(own))
-    return Signal(0.0, 1.0 / 256.0, motion(np.arange(6144) / 256.0)), Signal(100.0, 1.0 / 480.0, felt)
+    return EvenSamples(0.0, 1.0 / 256.0, motion(np.arange(6144) / 256.0)), EvenSamples(100.0, 1.0 / 480.0, felt)
 
 
 @pytest.mark.parametrize(("start", "drift"), [(1.2347, -50e-6), (-3.3, 120e-6)])
@@ -52,10 +52,10 @@ def test_accelerometer_that_points_the_other_way_tells_the_same() -> None:
 def test_sine_does_not_tell() -> None:
     time = np.arange(5000) / 250.0
     with pytest.raises(ShakeError, match="repeats itself"):
-        clock_of(Signal(0.0, 0.004, np.sin(12.0 * time)), Signal(0.0, 0.004, -np.sin(12.0 * time + 1.0)))
+        clock_of(EvenSamples(0.0, 0.004, np.sin(12.0 * time)), EvenSamples(0.0, 0.004, -np.sin(12.0 * time + 1.0)))
 
 
 def test_another_motion_is_refused() -> None:
     other = np.random.default_rng(6).standard_normal(9600)
     with pytest.raises(ShakeError, match="not seen the same motion"):
-        clock_of(files(0.0, 0.0)[0], Signal(0.0, 1.0 / 480.0, other))
+        clock_of(files(0.0, 0.0)[0], EvenSamples(0.0, 1.0 / 480.0, other))

@@ -1,4 +1,4 @@
-"""Spikes of a recorded command: found where they are, told from corners, steps and noise, and from what the valve saw."""
+"""Spikes of a recorded command: found, told from corners, steps and noise, and from what the valve saw."""
 
 from __future__ import annotations
 
