@@ -16,20 +16,36 @@ import json
 import re
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from benchmarks import ROOT
 from benchmarks.discovery import foreign_tables as foreign
+from benchmarks.discovery.disturbances import (
+    Columns,
+    Disturbance,
+    cells_empty,
+    clipped,
+    drifting,
+    every,
+    jitter,
+    moved,
+    own_clock,
+    rows_absent,
+    rows_twice,
+    scaled,
+    sine,
+    spikes,
+    steps,
+    swapped,
+    without,
+)
 from shake_ros import __main__ as shake_ros
 
-Columns = dict[str, np.ndarray]
-Disturbance = Callable[[Columns, np.random.Generator], Columns]
 SEEDS = {"drag": 457, "nothing": 425}  # one hidden effect, which is quadratic_drag; none
 RUNS = ("learn_quake", "learn_random", "hold_quake")
 SECONDS = 20.0  # of each recording
@@ -70,104 +86,6 @@ class Condition:
     expected: tuple[str, ...] = ()
 
 
-def every(change: Callable[[np.ndarray, np.random.Generator], np.ndarray], *names: str) -> Disturbance:
-    """The same change of some columns."""
-    return lambda run, rng: run | {n: change(run[n], rng) for n in names}
-
-
-def jitter(share: float) -> Disturbance:
-    """Stamps off by up to a share of the period; the samples themselves are regular."""
-
-    def change(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        return np.asarray(t + share * (t[1] - t[0]) * rng.uniform(-1.0, 1.0, len(t)))
-
-    return every(change, "t")
-
-
-def rows_absent(share: float) -> Disturbance:
-    """A share of the rows is not there."""
-
-    def change(run: Columns, rng: np.random.Generator) -> Columns:
-        kept = rng.uniform(size=len(run["t"])) >= share
-        return {n: values[kept] for n, values in run.items()}
-
-    return change
-
-
-def cells_empty(share: float) -> Disturbance:
-    """A share of the cells of the signals is empty."""
-
-    def change(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        return np.where(rng.uniform(size=len(values)) < share, np.nan, values)
-
-    return every(change, "u", "x", "a")
-
-
-def rows_twice(run: Columns, rng: np.random.Generator) -> Columns:
-    """One row in two hundred is written twice."""
-    count = 1 + (rng.uniform(size=len(run["t"])) < 0.005)
-    return {n: np.repeat(values, count) for n, values in run.items()}
-
-
-def steps(name: str, step: float) -> Disturbance:
-    """A column in steps."""
-    return every(lambda values, rng: step * np.round(values / step), name)
-
-
-def clipped(name: str, share: float) -> Disturbance:
-    """A column that ends at a share of its peak."""
-    return every(lambda v, rng: np.clip(v, -share * np.max(np.abs(v)), share * np.max(np.abs(v))), name)
-
-
-def spikes(run: Columns, rng: np.random.Generator) -> Columns:
-    """One sample of the recorded command off at each beat of two sampling rates, which the valve never saw."""
-    command = run["u"].copy()
-    at = np.arange(37, len(command), 173)
-    command[at] += 3.0 * np.std(command) * rng.choice((-1.0, 1.0), len(at))
-    return run | {"u": command}
-
-
-def moved(samples: int) -> Disturbance:
-    """The command recorded later by some samples."""
-
-    def change(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        return (
-            np.concatenate([np.zeros(samples), values[:-samples]])
-            if samples > 0
-            else np.append(values[-samples:], np.zeros(-samples))
-        )
-
-    return every(change, "u")
-
-
-def drifting(name: str, size: float) -> Disturbance:
-    """A zero that wanders by `size` over the run."""
-    return every(lambda values, rng: values + size * np.sin(np.linspace(0.0, 2.0, len(values))), name)
-
-
-def without(*names: str) -> Disturbance:
-    """Columns that are not there."""
-    return lambda run, rng: {n: v for n, v in run.items() if n not in names}
-
-
-def own_clock(run: Columns, rng: np.random.Generator) -> Columns:
-    """The acceleration in a file of its own: started up to 0.8 s away, at 480 Hz, its clock 50 ppm fast."""
-    t = run["t"]
-    late = float(rng.uniform(-0.8, 0.8))
-    own = np.arange(0.0, t[-1] - t[0] - abs(late), 1.0 / 480.0)
-    true = own / (1.0 + 50e-6) + max(late, 0.0)
-    return {"ts": own + 100.0, "a": CubicSpline(t, run["a"])(true)}
-
-
-def sine(run: Columns, rng: np.random.Generator) -> Columns:
-    """A sine alone: a table as a pure integrator of its command."""
-    t = run["t"]
-    u = 0.3 * np.sin(2.0 * np.pi * 2.0 * t)
-    x = -0.01 * np.cos(2.0 * np.pi * 2.0 * t) + 3e-6 * rng.standard_normal(len(t))
-    a = 0.01 * (4.0 * np.pi) ** 2 * np.cos(2.0 * np.pi * 2.0 * t) + 0.02 * rng.standard_normal(len(t))
-    return run | {"u": u, "x": x, "a": a}
-
-
 TWO_FILES = ("--time", "t", "--command", "u", "--position", "x")
 SECOND_FILE = ("--time", "ts", "--acceleration", "a")
 FOUR = ("--time", "t", "--command", "u", "--position", "x", "--acceleration", "a")
@@ -181,16 +99,6 @@ def columns(**changes: str) -> tuple[str, ...]:
 def condition(name: str, disturb: Disturbance | None = None, **more: Any) -> Condition:
     """A condition by its disturbance."""
     return Condition(name, **({} if disturb is None else {"disturb": disturb}), **more)
-
-
-def scaled(name: str, factor: float, offset: float = 0.0) -> Disturbance:
-    """A column in another unit."""
-    return every(lambda values, rng: factor * values + offset, name)
-
-
-def swapped(run: Columns, rng: np.random.Generator) -> Columns:
-    """Command and position exchanged."""
-    return run | {"u": run["x"], "x": run["u"]}
 
 
 CONDITIONS = (
@@ -350,7 +258,9 @@ def measure(asked: Condition, out: Path, minutes: float) -> list[str]:
     learn, hold = ([f for f in folders if f.name.startswith(role)] for role in (("learn", "other"), "hold"))
     given = ("--config", "unknown", "--minutes", minutes, "--learn", *learn, "--hold", *hold)
     ran = command("close_loop", *given, "--out", place / "report", "--force")
-    hears = said("\n".join([*(h.out for h in heard[:1]), *(h.error for h in heard), ran.error]), [str(place), *RUNS])
+    told = [line for line in ran.out.splitlines() if re.search("taken|later than", line)]
+    everything = [*(h.out for h in heard[:1]), *(h.error for h in heard), ran.error, *told]
+    hears = said("\n".join(everything), [str(place), *RUNS])
     if ran.code:
         return [f"{asked.name}: refused with exit code {ran.code} [{ran.seconds:.0f} s]", *(f"    {x}" for x in hears)]
     report = json.loads((place / "report" / "report.json").read_text(encoding="utf-8"))
