@@ -258,7 +258,7 @@ def measure(asked: Condition, out: Path, minutes: float) -> list[str]:
     learn, hold = ([f for f in folders if f.name.startswith(role)] for role in (("learn", "other"), "hold"))
     given = ("--config", "unknown", "--minutes", minutes, "--learn", *learn, "--hold", *hold)
     ran = command("close_loop", *given, "--out", place / "report", "--force")
-    told = [line for line in ran.out.splitlines() if re.search("taken|later than", line)]
+    told = [line for line in ran.out.splitlines() if re.search("taken (?!out of the rec)|taken out$|later than", line)]
     everything = [*(h.out for h in heard[:1]), *(h.error for h in heard), ran.error, *told]
     hears = said("\n".join(everything), [str(place), *RUNS])
     if ran.code:

@@ -1,9 +1,9 @@
 """Spikes of one sample in a recorded command, which the valve never saw.
 
 Where a logger samples at another rate than the controller writes, it may catch a word half written at each beat of the
-two. Such a sample stands out from both neighbours, which agree, and from all that is around. The valve has not seen it
-where the velocity does not answer: a finite impulse response g from the command u without spikes to the velocity, then
-the share h of the spikes s that the rest shows, v − g∗u = h g∗s, each by least squares.
+two. Such a sample stands out from both neighbours and from all that is around. The valve has not seen it where the
+velocity does not answer: a finite impulse response g from the command u without spikes to the velocity, then the share
+h of the spikes s that the rest shows, v − g∗u = h g∗s, each by least squares.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 RARE = 8.0  # of the robust deviation of the second differences, above which a sample is looked at
 ALONE = 4.0  # times as large as any second difference around it
 AROUND = 6  # samples on either side
-AGREEING = 0.25  # of the spike, by which its neighbours may differ
+OPPOSITE = 0.25  # second differences beside a spike are of the other sign, half as large; a corner has none there
 FEWEST = 5  # in a recording: a beat returns
 FOLLOWED = 8.0  # up to which command and velocity are compared: commands reach as far [Hz]
 LAGS = np.arange(-0.03, 0.081, 0.01)  # of the response, some before zero for the filters that look ahead [s]
@@ -44,9 +44,7 @@ def spikes(commands: Floats) -> NDArray[np.int64]:
         if not AROUND <= k < len(commands) - AROUND:
             continue
         beside = np.concatenate([size[k - AROUND : k - 1], size[k + 2 : k + AROUND + 1]])
-        agree = abs(commands[k + 1] - commands[k - 1]) < AGREEING * size[k]
-        opposite = max(out[k - 1] / out[k], out[k + 1] / out[k]) < -AGREEING  # a corner has none beside it
-        if agree and opposite and size[k] > ALONE * float(np.max(beside)):
+        if max(out[k - 1] / out[k], out[k + 1] / out[k]) < -OPPOSITE and size[k] > ALONE * float(np.max(beside)):
             found.append(k)
     return np.array(found if len(found) >= FEWEST else [], dtype=np.int64)
 

@@ -36,6 +36,12 @@ def test_command_of_a_closed_loop_has_none(seed: int) -> None:
     assert not len(spikes(foreign_run(seed).commands))
 
 
+def test_spike_on_a_steep_slope_is_found() -> None:
+    slope = np.abs((TIME * 3.0) % 2.0 - 1.0)
+    slope[50:3900:100] += 0.01
+    assert spikes(slope).tolist() == list(range(50, 3900, 100))
+
+
 TIME = np.arange(4000) / 500.0
 WAVES = {
     "triangle": np.abs((TIME * 3.0) % 2.0 - 1.0),
