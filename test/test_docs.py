@@ -135,6 +135,19 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
         run.write(folder / name)
         columns = np.column_stack([time, run.command, 1e3 * run.position, run.acceleration])
         np.savetxt(folder / f"{name}.csv", columns, "%.9g", ",", header="t_s,u,x,a", comments="")
+    time = np.arange(0.0, 12.0, 0.002)
+    waves = 2.0 * np.pi * np.random.default_rng(1).uniform(2.0, 12.0, (20, 1))
+    position, acceleration = (np.sum(w * np.sin(waves * time), axis=0) for w in (1e-3 / waves, -1e-3 * waves))
+    for name, columns in (
+        (
+            "run7",
+            {"t_ms": 1e3 * time, "mA": 12.0 + np.sin(time), "x_mm": 1e3 * position, "a_g": acceleration / 9.80665},
+        ),
+        ("run8", {"t": time, "u": np.sin(time), "x": position}),
+        ("imu8", {"ts": 50.0 + time[500:5500], "a": acceleration[500:5500]}),
+    ):
+        cells = np.column_stack(list(columns.values()))
+        np.savetxt(folder / f"{name}.csv", cells, "%.9g", ",", header=",".join(columns), comments="")
     (folder / "my_table.yaml").write_text((config_folder() / "table" / "bergamo.yaml").read_text(encoding="utf-8"))
     return folder
 

@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from shake_ros.core.quantities import ShakeError
+from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.data.bridging import bridged, longest_short_gap, without_repeats
 from shake_ros.data.columns import Column, read_columns
 from shake_ros.data.mat_file import read_mat_columns
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
+from shake_ros.data.recordings.findings import Finding
+from shake_ros.data.second_file import brought, clock_between, clock_line
 
 SIGNALS = {
     "command": "valve command, −1 … 1",
     "position": "position [m]",
     "acceleration": "acceleration [m/s²]",
     "force": "external force on the table [N]",
+    "pressure_a": "absolute pressure of chamber A [Pa]; kept in the recording, no fit uses it",
+    "pressure_b": "the same of chamber B [Pa]",
+    "pressure_supply": "the same of the supply [Pa]",
 }
+OF_SECOND = tuple(name for name in SIGNALS if name not in ("command", "position"))  # what a second file may bring
+SHORT = 3  # samples of a gap that is worth filling
+Columns = dict[str, npt.NDArray[np.float64]]
 
 
 def import_csv(
@@ -28,10 +39,12 @@ def import_csv(
     position: str,
     time: str | None = None,
     rate: float | None = None,
-    acceleration: str | None = None,
-    force: str | None = None,
     skip: int | None = None,
+    bridge: int = 0,
+    also: Sequence[Mapping[str, str | float | Path]] = (),
+    same_clock: bool = False,
     overwrite: bool = False,
+    **signals: str | None,
 ) -> TableRecording:
     """Write the columns of a text table, or the variables of a .mat file, as a rosbag2 recording.
 
@@ -39,16 +52,20 @@ def import_csv(
     ----------
     file : text table, or .mat file of version 7 and older.
     out : folder of the recording.
-    command, position, acceleration, force : a column's name or its number from 1, with a factor to SI units where it
-        needs one (`"CHANNEL0*0.01"`): valve command [-], position [m], acceleration [m/s²], force on the table [N].
+    command, position, signals : a column's name or its number from 1, with a factor to SI units where it needs one
+        (`"CHANNEL0*0.01"`), and with what is added then (`"mA*0.125-1.5"`): valve command [-], position [m]; and of
+        acceleration [m/s²], force on the table [N], pressure_a, pressure_b, pressure_supply [Pa] those that there are.
     time : column of the time [s]. rate : sampling rate, where no column holds the time [Hz].
     skip : lines above the table, where they are not found right.
+    bridge : samples of the longest gap that is filled by interpolation; 0: none is.
+    also : further files, each with `file`, `time` or `rate` and its own columns, of which an acceleration is one. Their
+        clocks are found by the correlation of the acceleration with the position. same_clock : they are the first's.
     overwrite : replace an existing recording.
 
     Returns
     -------
     TableRecording
-        As read back from the folder; its `findings` say what was not as it should be.
+        As read back from the folder; its `findings` say what was not as it should be, and what was done about it.
 
     Raises
     ------
@@ -66,27 +83,104 @@ def import_csv(
     >>> len(recording), recording.sample_time, recording.position[-1].item()
     (5, 0.01, 0.004)
     """
-    path = Path(file)
-    given = {"time": time, "command": command, "position": position, "acceleration": acceleration, "force": force}
-    columns = {name: Column.parse(text) for name, text in given.items() if text is not None}
-    if (time is None) == (rate is None):
-        raise ShakeError(f"{path}: give either the column of the time or the sampling rate")
-    if skip is not None and skip < 0:
-        raise ShakeError(f"--skip {skip}: a number of lines is needed")
-    is_mat = path.suffix.lower() == ".mat"
-    values = read_mat_columns(path, columns) if is_mat else read_columns(path, columns, skip)
-    values["time"] = values["time"] if rate is None else _steps(len(values["position"]), rate)
-    _check_time(path, values["time"])
+    path, findings = Path(file), list[Finding]()
+    given = {"command": command, "position": position, **_known(signals)}
+    values = _read(path, given, time, rate, skip, bridge, findings)
+    for more in also:
+        values = _with(path, values, more, same_clock, bridge, findings)
     write_table_recording(
         out,
         values["time"],
         values["command"],
         values["position"],
         values.get("acceleration"),
+        pressure_a=values.get("pressure_a"),
+        pressure_b=values.get("pressure_b"),
+        pressure_supply=values.get("pressure_supply"),
         force=values.get("force"),
         overwrite=overwrite,
     )
-    return read_table_recording(out)
+    recording = read_table_recording(out)
+    return replace(recording, findings=(*findings, *recording.findings))
+
+
+def _known(signals: Mapping[str, str | None]) -> dict[str, str]:
+    """The signals that are given; an unknown one is an error."""
+    for name in signals:
+        if name not in OF_SECOND:
+            raise unknown_name("signal", name, SIGNALS)
+    return {name: text for name, text in signals.items() if text is not None}
+
+
+def _read(
+    path: Path,
+    signals: Mapping[str, str],
+    time: str | None,
+    rate: float | None,
+    skip: int | None,
+    bridge: int,
+    findings: list[Finding],
+) -> Columns:
+    """The columns of one file in SI units, its time among them; what was mended is told."""
+    if (time is None) == (rate is None):
+        raise ShakeError(f"{path}: give either the column of the time or the sampling rate")
+    if skip is not None and skip < 0:
+        raise ShakeError(f"--skip {skip}: a number of lines is needed")
+    if bridge < 0:
+        raise ShakeError(f"--bridge {bridge}: a number of samples is needed")
+    texts = dict(signals) if time is None else {"time": time, **signals}
+    columns = {name: Column.parse(text) for name, text in texts.items()}
+    is_mat = path.suffix.lower() == ".mat"
+    values = read_mat_columns(path, columns) if is_mat else read_columns(path, columns, skip)
+    if rate is not None:
+        return _mended({"time": _steps(len(next(iter(values.values()))), rate), **values}, path, bridge, findings)
+    values, repeats = without_repeats(values)
+    if repeats:
+        findings.append(Finding("duplicate", "", repeats, f"{path.name}: {repeats} rows are there twice; left out"))
+    return _mended(values, path, bridge, findings)
+
+
+def _mended(values: Columns, path: Path, bridge: int, findings: list[Finding]) -> Columns:
+    """The table with its short gaps filled, where that is asked for."""
+    _check_time(path, values["time"])
+    if bridge:
+        values, count, gaps = bridged(values, bridge)
+        text = f"{path.name}: {count} samples in {gaps} gaps of up to {bridge} samples are filled by interpolation"
+        findings += [Finding("gap", "", count, text)] if count else []
+    elif longest := longest_short_gap(values, SHORT):
+        what = "gaps of one sample" if longest == 1 else f"gaps of up to {longest} samples"
+        text = f"{path.name}: has {what}, which part it: --bridge {longest} fills them"
+        findings.append(Finding("gap", "", 0, text))
+    return values
+
+
+def _with(
+    path: Path,
+    first: Columns,
+    more: Mapping[str, str | float | Path],
+    same_clock: bool,
+    bridge: int,
+    findings: list[Finding],
+) -> Columns:
+    """The first file's columns with those of another one on its stamps."""
+    other = Path(str(more["file"]))
+    signals = {n: str(v) for n, v in more.items() if n not in ("file", "time", "rate", "skip") and v is not None}
+    for name in signals:
+        if name not in OF_SECOND or name in first:
+            reason = "is in the first file" if name in first else "belongs into the first file, on one clock"
+            raise ShakeError(f"{other}: the {name} {reason}; a second file brings {', '.join(OF_SECOND)}")
+    if "acceleration" not in signals and not same_clock:
+        raise ShakeError(f"{other}: without an acceleration nothing tells how its clock stands to that of {path}")
+    time, rate, skip = more.get("time"), more.get("rate"), more.get("skip")
+    numbers = None if rate is None else float(str(rate)), None if skip is None else int(str(skip))
+    second = _read(other, signals, None if time is None else str(time), *numbers, bridge, findings)
+    clock = None if same_clock else clock_between(first, second, (path, other))
+    if clock is not None:
+        findings.append(Finding("resampled", "", len(second["time"]), clock_line(clock, (path, other))))
+    values = brought(first, second, clock)
+    if len(values["time"]) < 2:
+        raise ShakeError(f"{other}: was not recorded while {path} was")
+    return values
 
 
 def _steps(count: int, rate: float) -> npt.NDArray[np.float64]:

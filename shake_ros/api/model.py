@@ -13,6 +13,7 @@ from shake_ros.api.result_table import ResultTable
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.identification.axis_model import AXIS
 from shake_ros.core.identification.contradictions import contradictions
+from shake_ros.core.identification.late_command import in_time
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.nuisances import Prepared, prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record
@@ -85,7 +86,7 @@ class Model:
         def effects(table: TableParameters) -> dict[str, CandidateEffect]:
             return {c.effect: c for c in effect_candidates(declared, table)}
 
-        return staged_start(declared, free_parameters(declared), effects, prepared(estimation, validation))
+        return staged_start(declared, free_parameters(declared), effects, in_time(prepared(estimation, validation)))
 
     def contradictions(self, recordings: Recordings) -> list[str]:
         """In which quantities the declared numbers and the recordings are far apart, a line each."""

@@ -3,38 +3,80 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from shake_ros.api.import_csv import SIGNALS, import_csv
+from shake_ros.api.import_csv import OF_SECOND, SIGNALS, import_csv
+from shake_ros.core.quantities import ShakeError
+
+ALSO = "--also"
+NEEDED = {
+    "command": "what drives the valve; a motion alone does not tell a table",
+    "position": "velocity and place of the table come from it; an acceleration alone tells neither",
+}
 
 
 def parser() -> argparse.ArgumentParser:
-    """Arguments of the command."""
+    """Arguments of the command, and of its first file."""
     command = argparse.ArgumentParser(
         prog="import_csv",
-        description="Columns of a text table become topics of a recording: valve_command, joint_states, imu, force.",
-        epilog="COL is a column's name or its number from 1, or the name of a variable of a .mat file; "
-        "'*scale' takes it to SI units, as in 'CHANNEL0*0.01'.",
+        usage="import_csv FILE --time COL --command COL --position COL [--acceleration COL …] --out BAG "
+        f"[options] [{ALSO} FILE --time COL --acceleration COL …]",
+        description="Columns of a text table become topics of a recording: valve_command, joint_states, imu, force, "
+        "pressures.",
+        epilog="COL is a column's name or its number from 1, or the name of a variable of a .mat file; '*scale' takes "
+        "it to SI units and '*scale+offset' moves its zero as well: 'CHANNEL0*0.01', 'mA*0.125-1.5' for 4 to 20 mA. "
+        f"Options behind {ALSO} belong to that file: its time and its acceleration, and force and pressures if it has "
+        "them. Where its clock stands to the first is found by the correlation of acceleration and position, and told.",
     )
-    command.add_argument("file", type=Path)
-    clock = command.add_mutually_exclusive_group(required=True)
-    clock.add_argument("--time", metavar="COL[*scale]", help="time [s]")
-    clock.add_argument("--rate", type=float, metavar="HZ", help="sampling rate, where no column holds the time")
-    for name, meaning in SIGNALS.items():
-        required = name in ("command", "position")
-        command.add_argument(f"--{name}", metavar="COL[*scale]", required=required, help=meaning)
+    _add_file(command, SIGNALS)
     command.add_argument("--out", type=Path, required=True, metavar="BAG", help="folder of the recording")
-    command.add_argument("--skip", type=int, metavar="N", help="lines above the table, where they are not found right")
+    command.add_argument(
+        "--bridge", type=int, default=0, metavar="N", help="fill gaps of up to N samples by interpolation"
+    )
+    command.add_argument(
+        "--same-clock", action="store_true", help=f"the time of the files behind {ALSO} is that of the first"
+    )
     command.add_argument("--overwrite", action="store_true", help="replace an existing recording")
     return command
 
 
+def _add_file(command: argparse.ArgumentParser, signals: Iterable[str]) -> None:
+    """The arguments of one file."""
+    command.add_argument("file", type=Path)
+    clock = command.add_mutually_exclusive_group(required=True)
+    clock.add_argument("--time", metavar="COL[*scale]", help="time [s]")
+    clock.add_argument("--rate", type=float, metavar="HZ", help="sampling rate, where no column holds the time")
+    for name in signals:
+        command.add_argument(f"--{name}", metavar="COL[*scale[+offset]]", help=SIGNALS[name])
+    command.add_argument("--skip", type=int, metavar="N", help="lines above the table, where they are not found right")
+
+
+def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
+    """The arguments of the first file, and in `also` those of each further one."""
+    places = [i for i, word in enumerate(arguments) if word == ALSO]
+    first, *others = (arguments[a:b] for a, b in pairwise([0, *places, len(arguments)]))
+    second = argparse.ArgumentParser(prog=f"import_csv {ALSO}", allow_abbrev=False)
+    _add_file(second, OF_SECOND)
+    read, rest = [], list[str]()
+    for words in others:
+        more, left = second.parse_known_args(words[1:])  # --out and the like may stand behind it too
+        read.append({name: value for name, value in vars(more).items() if value is not None})
+        rest += left
+    named = parser().parse_args([*first, *rest])
+    named.also = read
+    for name in ("command", "position"):
+        if getattr(named, name) is None:
+            raise ShakeError(f"{named.file}: --{name} is needed: {NEEDED[name]}")
+    return named
+
+
 def main(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    given = parser().parse_args(list(arguments))
+    given = read_arguments(list(arguments))
     recording = import_csv(**vars(given))
     ranges = ", ".join(
         f"{name} {np.nanmin(values):.4g} … {np.nanmax(values):.4g}"
@@ -44,4 +86,6 @@ def main(arguments: Sequence[str]) -> int:
     print(f"{given.out}: {len(recording)} samples, every {recording.sample_time * 1e3:.6g} ms, {ranges}")
     for finding in recording.findings:
         print(f"  {finding}")
+    if any(getattr(recording, name) is not None for name in SIGNALS if name.startswith("pressure")):
+        print("  pressures: kept in the recording; identify and close_loop do not use them")
     return 0

@@ -19,30 +19,42 @@ LOOKED_AT = 200  # lines from which the layout is found
 LONGEST_HEADER = 100
 
 
+NUMBER = r"\d*\.?\d+(?:[eE][+-]?\d+)?|\d+\.?"
+SHIFTED = re.compile(rf"\s*([+-]?(?:{NUMBER}))\s*([+-]\s*(?:{NUMBER}))\s*")  # scale and offset
+
+
 @dataclass(frozen=True)
 class Column:
-    """A column by name or by number from 1, and the factor that takes it to SI units."""
+    """A column by name or by number from 1, with the factor that takes it to SI units and what is added then."""
 
     name: str
     scale: float = 1.0
+    offset: float = 0.0
 
     @classmethod
     def parse(cls, text: str) -> Column:
-        """Read `COL` or `COL*scale`.
+        """Read `COL`, `COL*scale` or `COL*scale+offset`.
 
         >>> Column.parse("CHANNEL0*0.01")
-        Column(name='CHANNEL0', scale=0.01)
+        Column(name='CHANNEL0', scale=0.01, offset=0.0)
+        >>> Column.parse("mA*0.125-1.5").of(12.0)
+        0.0
         """
         name, star, factor = text.rpartition("*")
         if not star:
             return cls(text.strip())
+        shifted = SHIFTED.fullmatch(factor)
         try:
-            scale = float(factor)
+            scale = float(shifted[1] if shifted else factor)
         except ValueError:
             return cls(text.strip())
         if not np.isfinite(scale) or scale == 0.0:
             raise ShakeError(f"column '{text}': the scale must be a finite number other than 0")
-        return cls(name.strip(), scale)
+        return cls(name.strip(), scale, float(shifted[2].replace(" ", "")) if shifted else 0.0)
+
+    def of(self, value: float) -> float:
+        """A value of the column in SI units."""
+        return value * self.scale + self.offset
 
 
 @dataclass(frozen=True)
@@ -86,7 +98,7 @@ def read_columns(
 
     Returns
     -------
-    key → (n,) values times scale; NaN where a cell is empty.
+    key → (n,) values in SI units; NaN where a cell is empty.
 
     Raises
     ------
@@ -107,7 +119,7 @@ def read_columns(
             raise ShakeError(f"{path}: line {number + 1} has {len(cells)} columns, {needed + 1} are needed")
         for key, place in places.items():
             try:
-                values[key].append(layout.number(cells[place]) * columns[key].scale)
+                values[key].append(columns[key].of(layout.number(cells[place])))
             except ValueError:
                 raise ShakeError(
                     f"{path}: line {number + 1}, column '{columns[key].name}' holds '{cells[place][:40]}', not a number"

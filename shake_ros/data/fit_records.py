@@ -13,6 +13,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
 
 SHORTEST = 1.0  # a segment shorter than this tells nothing of the dynamics [s]
+SLOWEST = 0.1  # between two samples, from which none of a table's dynamics shows [s]
 LEAP = 2.5  # steps of the position above this multiple of its fast ones …
 FAST = 99.0  # … which are this percentile of all steps of the recording,
 NEIGHBOURS = 4.0  # … and above this multiple of the largest step next to them, are leaps
@@ -53,13 +54,19 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
 
     Raises
     ------
-    ShakeError : where no part is long enough, the driving signal is not there, or it acted nowhere.
+    ShakeError : where no part is long enough, samples are too far apart, the driving signal is not there, or it acted
+        nowhere.
     """
     drive = getattr(recording, driven_by)
     if drive is None:
         raise ShakeError(f"{recording.name}: no topic {driven_by}, which drives this model")
     if idle := [f for f in recording.findings if f.kind == "idle" and f.count == len(recording)]:
         raise ShakeError(f"{recording.name}: {idle[0]}: nothing to fit")
+    if recording.sample_time > SLOWEST:
+        raise ShakeError(
+            f"{recording.name}: a sample every {recording.sample_time:.3g} s shows none of a table's dynamics; is the "
+            "time in milliseconds? Import it with the scale 0.001"
+        )
     records = []
     for span in unbroken(recording):
         if not np.all(np.isfinite(drive[span])):
@@ -82,7 +89,10 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
     if not np.ptp(recording.position[np.isfinite(recording.position)]):
         raise ShakeError(f"{recording.name}: joint_states: the position stands still throughout, nothing to fit")
     if not records:
-        raise ShakeError(f"{recording.name}: no stretch of {SHORTEST:g} s without a gap or a leap of the position")
+        raise ShakeError(
+            f"{recording.name}: no stretch of {SHORTEST:g} s without a gap or a leap of the position; import_csv "
+            "--bridge N fills gaps of up to N samples"
+        )
     return records
 
 

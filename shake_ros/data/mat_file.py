@@ -21,7 +21,7 @@ def read_mat_columns(path: Path | str, columns: dict[str, Column]) -> dict[str, 
 
     Returns
     -------
-    key → (n,) values times scale.
+    key → (n,) values in SI units.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def read_mat_columns(path: Path | str, columns: dict[str, Column]) -> dict[str, 
         array = np.asarray(content[column.name])
         if array.dtype.kind not in "fiub" or array.size != max(array.shape, default=0) or array.size < 2:
             raise ShakeError(f"{path}: variable '{column.name}' of shape {array.shape} is no column of real numbers")
-        values[key] = array.ravel().astype(np.float64) * column.scale
+        values[key] = array.ravel().astype(np.float64) * column.scale + column.offset
     lengths = {columns[key].name: len(x) for key, x in values.items()}
     if len(set(lengths.values())) > 1:
         raise ShakeError(f"{path}: variables differ in length: {', '.join(f'{n} {k}' for n, k in lengths.items())}")

@@ -55,11 +55,17 @@ def model_json(model: FittedModel) -> dict[str, Any]:
 def unknown_json(told: Sequence[Estimate], data: Prepared) -> dict[str, Any]:
     """What recordings tell of a table without a data sheet, and what was taken out of them."""
     offsets = {
-        n.recording: {"null_shift": n.null_shift, "acceleration_bias": n.acceleration_bias} for n in data.nuisances
+        n.recording: {
+            "null_shift": n.null_shift,
+            "acceleration_bias": n.acceleration_bias,
+            "command_spikes": n.spikes,
+        }
+        for n in data.nuisances
     }
     return {
         "identified": parameters_json(told),
         "command_full_scale": data.full_scale,
+        "command_ahead": data.ahead,
         "accelerometer_delay": data.delay,
         "accelerometer_cutoff": data.cutoff,
         "nuisances": offsets,

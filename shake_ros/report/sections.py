@@ -110,7 +110,7 @@ def identified_section(page: Page, told: Sequence[Estimate], data: Prepared | No
         for n in data.nuisances
     ]
     page.table(("taken out of the recording", "null shift of the valve [-]", "accelerometer bias [m/s²]"), rows)
-    for said in filter(None, (data.lateness(), data.note())):
+    for said in filter(None, (data.lateness(), data.promptness(), data.spikes(), data.note())):
         page.paragraph(f"{said[0].upper()}{said[1:]}.")
 
 

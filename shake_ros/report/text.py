@@ -50,7 +50,7 @@ def identified_lines(told: Sequence[Estimate], data: Prepared) -> list[str]:
     for n in data.nuisances:
         bias = "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"
         lines.append(f"{n.recording:<36}{n.null_shift:>12.5f}{bias:>14}")
-    return [*lines, *filter(None, (data.lateness(), data.note()))]
+    return [*lines, *filter(None, (data.lateness(), data.promptness(), data.spikes(), data.note()))]
 
 
 def error_lines(model: FittedModel, title: str = "error of the free run") -> list[str]:

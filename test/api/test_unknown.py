@@ -116,6 +116,17 @@ def test_command_per_unit_keeps_its_scale() -> None:
     assert null_shift(data.estimation[0]) == pytest.approx(0.0, abs=2e-5)
 
 
+@pytest.mark.parametrize(
+    ("scale", "zero", "said"),
+    [(8.0, 12.0, r"4 to 20 mA, whose zero is 12 mA\? .*COL\*0.125-1.5"), (5.0, 7.0, r"stands still at about 7\.0")],
+)
+def test_command_whose_zero_is_not_that_of_the_valve_is_refused(scale: float, zero: float, said: str) -> None:
+    made = record(5, 4.0)
+    commands = zero + scale * made.commands / np.max(np.abs(made.commands))
+    with pytest.raises(ShakeError, match=said):
+        prepared([Record("live", SAMPLE_TIME, commands, made.position, made.acceleration)], [])
+
+
 def test_recording_at_ten_kilohertz_is_thinned_to_one() -> None:
     time = np.arange(20000) / 1e4
     x, u = 1e-3 * np.sin(10.0 * pi * time), np.round(np.sin(6.0 * pi * time), 2)

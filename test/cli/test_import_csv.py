@@ -126,3 +126,103 @@ def test_the_servo_hydraulic_actuator_is_imported_with_its_force(shared, tmp_pat
     expected = np.genfromtxt(file, delimiter=",", skip_header=7, usecols=(2, 3), comments=None)
     assert np.allclose(recording.position, 0.01 * expected[:, 0], rtol=1e-15)
     assert np.allclose(recording.force, 9806.65 * expected[:, 1], rtol=1e-15)
+
+
+ROWS = np.arange(2000) / 250.0
+WAVES = np.random.default_rng(2).uniform(1.5, 12.0, 30)  # [Hz]
+
+
+def swung(time: np.ndarray, derivative: int = 0) -> np.ndarray:
+    w = 2.0 * np.pi * WAVES
+    return np.asarray(np.sin(np.outer(time, w) + 3.0 * w) @ (1e-3 / w * (-(w**2) if derivative else 1.0)))
+
+
+def text_of(**columns: np.ndarray) -> str:
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return "\n".join([",".join(columns), *(",".join("" if v != v else f"{v:.9g}" for v in row) for row in rows)]) + "\n"
+
+
+def test_a_column_may_have_an_offset(tmp_path):
+    text = text_of(t=ROWS, mA=12.0 + 8.0 * np.sin(ROWS), x=ROWS)
+    recording = run(tmp_path, text, columns="--time t --command mA*0.125-1.5 --position x")
+    assert np.allclose(recording.valve_command, np.sin(ROWS), atol=1e-8)
+
+
+def test_pressures_are_kept_and_are_said_to_be_used_by_no_fit(tmp_path, capsys):
+    recording = run(tmp_path, TABLE, "--pressure_a", "a*1e5", "--pressure_supply", "u*1e5+2e7")
+    assert np.allclose(recording.pressure_a, 1e5 * (np.arange(5) + 0.5))
+    assert np.allclose(recording.pressure_supply, 2e7 + 1e4 * np.arange(5))
+    assert "identify and close_loop do not use them" in capsys.readouterr().out
+
+
+def test_rows_that_are_there_twice_are_left_out_and_told(tmp_path, capsys):
+    first, second, *rest = TABLE.splitlines(keepends=True)
+    recording = run(tmp_path, "".join([first, second, second, *rest]))
+    assert np.allclose(recording.valve_command, 0.1 * np.arange(5))
+    assert "1 rows are there twice" in capsys.readouterr().out
+
+
+def test_short_gaps_are_filled_where_that_is_asked_for(tmp_path, capsys):
+    missing = np.isin(np.arange(2000), [500, 900, 901])
+    text = text_of(t=ROWS[~missing], u=np.sin(ROWS)[~missing], x=swung(ROWS)[~missing])
+    columns = "--time t --command u --position x"
+    assert len(run(tmp_path, text, columns=columns).segments) == 3
+    assert "--bridge 2 fills them" in capsys.readouterr().out
+    recording = run(tmp_path, text, "--bridge", "2", "--overwrite", columns=columns)
+    assert recording.segments == (slice(0, 2000),)
+    assert np.allclose(recording.position, swung(ROWS), atol=1e-6)
+    assert "3 samples in 2 gaps of up to 2 samples are filled" in capsys.readouterr().out
+
+
+def test_stamps_that_jitter_by_a_third_of_a_period_part_nothing(tmp_path):
+    late = ROWS + np.random.default_rng(1).uniform(-0.3, 0.3, 2000) / 250.0
+    recording = run(
+        tmp_path, text_of(t=late, u=np.sin(ROWS), x=swung(ROWS)), columns="--time t --command u --position x"
+    )
+    assert recording.segments == (slice(0, 2000),)
+    assert recording.sample_time == pytest.approx(0.004, rel=1e-4)
+
+
+def second_file(tmp_path: Path, **columns: np.ndarray) -> list[str]:
+    (tmp_path / "imu.csv").write_text(text_of(**columns), encoding="utf-8")
+    return ["--also", str(tmp_path / "imu.csv"), "--time", "ts", "--acceleration", "a*10"]
+
+
+def test_a_second_file_is_put_on_the_clock_of_the_first(tmp_path, capsys):
+    own = np.arange(0.0, 6.0, 1.0 / 480.0)  # its clock is 50 ppm fast and shows 70 s at 1.302 s of the first file
+    behind = second_file(tmp_path, ts=70.0 + own, a=0.1 * swung(1.302 + own / (1.0 + 50e-6), 2))
+    text = text_of(t=ROWS, u=np.sin(ROWS), x=swung(ROWS))
+    recording = run(tmp_path, text, *behind, columns="--time t --command u --position x")
+    begin = ROWS[np.argmax(ROWS >= 1.302)]
+    assert recording.position[0] == pytest.approx(swung(np.array([begin]))[0], abs=1e-9)
+    true = swung(begin + recording.time, 2)
+    assert np.sqrt(np.mean((recording.acceleration - true) ** 2)) < 0.01 * np.std(true)
+    said = capsys.readouterr().out
+    assert "imu.csv: begins 1.302" in said
+    assert " ppm fast" in said
+
+
+def test_the_time_of_a_second_file_may_be_that_of_the_first(tmp_path):
+    behind = second_file(tmp_path, ts=ROWS[100:1900], a=0.1 * np.sin(3.0 * ROWS[100:1900]))
+    text = text_of(t=ROWS, u=np.sin(ROWS), x=np.sin(3.0 * ROWS))
+    recording = run(tmp_path, text, *behind, "--same-clock", columns="--time t --command u --position x")
+    assert len(recording) == 1800
+    assert np.allclose(recording.acceleration, np.sin(3.0 * ROWS[100:1900]), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("second", "columns", "words"),
+    [
+        ("noise", "--time t --command u --position x", "imu.csv: its acceleration does not tell how its clock stands"),
+        ("sine", "--time t --command u --position s", "repeats itself"),
+        ("noise", "--time t --command u --position x --acceleration x", "the acceleration is in the first file"),
+        ("noise", "--time t --command u", "--position is needed"),
+    ],
+)
+def test_files_that_cannot_be_put_together_are_refused_in_a_line(tmp_path, second, columns, words):
+    felt = {"noise": np.random.default_rng(3).standard_normal(2000), "sine": np.sin(12.0 * ROWS)}[second]
+    text = text_of(t=ROWS, u=np.sin(ROWS), x=swung(ROWS), s=np.sin(12.0 * ROWS))
+    with pytest.raises(ShakeError, match=words) as refused:
+        run(tmp_path, text, *second_file(tmp_path, ts=ROWS, a=felt), columns=columns)
+    assert "\n" not in str(refused.value)
+    assert not (tmp_path / "bag").exists()

@@ -78,6 +78,11 @@ def test_recording_of_short_stretches_alone_is_refused(tmp_path: Path) -> None:
         records_and_findings([bag(tmp_path / "run", keep)])
 
 
+def test_time_in_milliseconds_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ShakeError, match=r"run: a sample every 1 s shows none .* milliseconds"):
+        records_and_findings([bag(tmp_path / "run", time=1e3 * TIME)])
+
+
 def test_two_recordings_of_one_name_are_refused(tmp_path: Path) -> None:
     first = bag(tmp_path / "a" / "run")
     second = bag(tmp_path / "b" / "run")

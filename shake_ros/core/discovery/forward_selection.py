@@ -39,10 +39,10 @@ def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructu
     try:
         for grown in stages(problem, found, model):
             found = grown
+        problem = problem.seen(found.accelerometer)
+        steps, final, removed = eliminate(problem, found.steps, found.final)
     except Stopped:
         return replace(found, stopped=True)
-    problem = problem.seen(found.accelerometer)
-    steps, final, removed = eliminate(problem, found.steps, found.final)
     return replace(found, steps=steps, final=final, removed=removed)
 
 

@@ -25,7 +25,8 @@ UNITS = {
 }
 FOLLOWS = 0.6  # correlation of the slow velocity with the command from which a table follows its valve
 TWICE = 1.6  # factor between the velocity gains of two recordings from which these are of two tables
-SHORT = 10.0  # [s]
+SHORT = 12.0  # of all recordings together: two of 5 s, one of them held out, are less [s]
+SLOWLY = 150.0  # rate below which sampling hides what the sensors do, and effects of theirs are named wrongly [Hz]
 ONE_LINE = 0.95  # share of the command's power within 5 % of its strongest frequency that makes it a sine
 
 
@@ -97,6 +98,12 @@ def _too_little(records: Sequence[Record]) -> list[str]:
     lines = []
     if seconds < SHORT:
         lines.append(f"{names}: {seconds:.1f} s in all: too little to tell many effects apart, 30 s or more would")
+    slowest = min(1.0 / r.sample_time for r in records)
+    if slowest < SLOWLY:
+        lines.append(
+            f"{names}: sampled at {slowest:.0f} Hz: what friction and sensors do lies beyond; a name of an effect is a "
+            "guess, record with 200 Hz or more"
+        )
     strongest = [_strongest(r) for r in records]
     if all(share > ONE_LINE for share, _ in strongest):
         low, high = min(f for _, f in strongest), max(f for _, f in strongest)

@@ -18,20 +18,28 @@ from scipy.signal import butter, decimate, sosfiltfilt
 from shake_ros.core.identification.accelerometer import Accelerometer
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair, timely
+from shake_ros.core.identification.spikes import unseen_spikes, without
+from shake_ros.core.quantities import ShakeError
 
 FASTEST = 1000.0  # rate of a recording that a fit takes [Hz]
 SLOW = 2.0  # the table follows its valve up to here, whatever its dynamics [Hz]
 ALIKE = SensorPair()  # sensors that tell nothing of each other
+ONE_SIDED = 0.1  # smallest command in parts of the largest, from which its zero is not that of the valve
+LIVE_ZERO = (3.5, 20.5)  # within which a command in 4 to 20 mA stays [mA]
 FULL_SCALES = (1.0, 10.0, 20.0, 100.0)  # of a command: per unit, volts, milliamperes, per cent
 
 
 @dataclass(frozen=True)
 class Nuisance:
-    """Offsets of one recording. null_shift : of the valve [-]. acceleration_bias [m/s²], None without acceleration."""
+    """What was taken out of one recording.
+
+    null_shift : of the valve [-]. acceleration_bias [m/s²], None without acceleration. spikes : samples of the command.
+    """
 
     recording: str
     null_shift: float
     acceleration_bias: float | None
+    spikes: int = 0
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,7 @@ class Prepared:
 
     full_scale : of the recorded command, which counts as 1 from here on. sensors : what position and acceleration tell
     of each other at first; the recordings' `delay` has been taken out but that of a filter with their `cutoff`.
+    ahead : time by which commands that were recorded late have been moved (late_command.py) [s].
     """
 
     estimation: list[Record]
@@ -47,6 +56,7 @@ class Prepared:
     full_scale: float
     nuisances: tuple[Nuisance, ...]
     sensors: SensorPair = ALIKE
+    ahead: float = 0.0
 
     def seen(self, accelerometer: Accelerometer) -> Prepared:
         """The same with what has been learned of the accelerometer."""
@@ -70,6 +80,24 @@ class Prepared:
         cutoff = f", a low-pass of {self.cutoff:.3g} Hz" if self.cutoff else ""
         return f"accelerometer later than the position by {1e3 * self.delay:.2f} ms (its filter{cutoff})"
 
+    def promptness(self) -> str:
+        """By how much a late command was moved; empty where it was not."""
+        if not self.ahead:
+            return ""
+        return (
+            f"the table moves before its recorded command: taken {1e3 * self.ahead:.2f} ms earlier, where the dead "
+            "time counts from"
+        )
+
+    def spikes(self) -> str:
+        """How many spikes were taken out of the commands; empty where none was."""
+        count = sum(n.spikes for n in self.nuisances)
+        return (
+            f"{count} spikes of one sample in the commands, which the motion does not follow: taken out"
+            if count
+            else ""
+        )
+
     def note(self) -> str:
         """What was assumed of the command; empty where it is per unit."""
         if self.full_scale == 1.0:
@@ -81,6 +109,33 @@ def full_scale(records: Sequence[Record]) -> float:
     """The smallest usual full scale that holds all commands."""
     largest = max(float(np.max(np.abs(r.commands))) for r in records)
     return next((s for s in FULL_SCALES if largest <= 1.05 * s), largest)
+
+
+def check_zero(records: Sequence[Record]) -> None:
+    """ShakeError where no command ever comes near zero: then its zero is not that of the valve.
+
+    Where the table stands still, which is what moves the zero, the regression of the slow velocity on the command
+    tells.
+    """
+    low, high = (float(f([f(r.commands) for r in records])) for f in (np.min, np.max))
+    if low * high <= 0.0 or min(abs(low), abs(high)) < ONE_SIDED * max(abs(low), abs(high)):
+        return
+    names = ", ".join(dict.fromkeys(r.name for r in records))
+    said = f"{names}: the command stays within {low:.4g} … {high:.4g} and never comes near zero"
+    if LIVE_ZERO[0] <= low and high <= LIVE_ZERO[1]:
+        raise ShakeError(f"{said}: 4 to 20 mA, whose zero is 12 mA? Import it with --command 'COL*0.125-1.5'")
+    zero = float(np.mean([standstill(r) for r in records]))
+    raise ShakeError(
+        f"{said}; the table stands still at about {zero:.4g}: import it with --command 'COL*1{-zero:+.4g}', or with "
+        "the scale that makes it −1 … 1"
+    )
+
+
+def standstill(record: Record) -> float:
+    """Command at which the table stands still, whatever its zero, in the recorded unit."""
+    u, v = (slow(x, record.sample_time)[record.start :] for x in (record.commands, record.velocity))
+    gain = float(np.cov(u, v)[0, 1] / max(np.var(u), 1e-300))
+    return float(np.mean(u) - np.mean(v) / gain) if gain else float(np.mean(u))
 
 
 def slow(values: np.ndarray, sample_time: float) -> np.ndarray:
@@ -113,6 +168,11 @@ def thinned(record: Record) -> Record:
     )
 
 
+def without_spikes(record: Record, places: np.ndarray) -> Record:
+    """The recording without spikes of its command at some samples."""
+    return replace(record, commands=without(record.commands, places)) if len(places) else record
+
+
 def null_shift(record: Record) -> float:
     """Command at which the table stands still, with its sign turned [-]."""
     u, v = (slow(x, record.sample_time)[record.start :] for x in (record.commands, record.velocity))
@@ -137,11 +197,15 @@ def without_offsets(record: Record) -> tuple[Record, Nuisance]:
 
 def prepared(estimation: Sequence[Record], validation: Sequence[Record]) -> Prepared:
     """Both sets of recordings at a rate that a fit takes, with the command per unit and without offsets."""
-    both = [thinned(r) for r in (*estimation, *validation)]
+    both = [*estimation, *validation]
+    places = unseen_spikes(both)
+    both = [thinned(without_spikes(r, at)) for r, at in zip(both, places, strict=True)]
+    check_zero(both)
     scale = full_scale(both)
     scaled = [replace(r, commands=r.commands / scale, standing=r.standing / scale) for r in both]
     sensors = sensor_pair(scaled)
     found = [without_offsets(timely(r, sensors.delay)) for r in scaled]
     records = [r for r, _ in found]
+    offsets = tuple(replace(n, spikes=len(at)) for (_, n), at in zip(found, places, strict=True))
     count = len(estimation)
-    return Prepared(records[:count], records[count:], scale, tuple(n for _, n in found), sensors)
+    return Prepared(records[:count], records[count:], scale, offsets, sensors)

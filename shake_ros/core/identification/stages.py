@@ -21,7 +21,7 @@ from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
-from shake_ros.core.identification.nuisances import Nuisance, Prepared
+from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record, windows
 from shake_ros.core.identification.sensor_filter import behind_filter, better_filter
@@ -235,9 +235,7 @@ def recentred(model: UnknownModel, table: TableParameters, data: Prepared) -> Pr
         shift = shifts[record.name]
         return replace(record, commands=record.commands + shift, standing=record.standing + shift)
 
-    offsets = tuple(
-        Nuisance(n.recording, n.null_shift + shifts[n.recording], n.acceleration_bias) for n in data.nuisances
-    )
+    offsets = tuple(replace(n, null_shift=n.null_shift + shifts[n.recording]) for n in data.nuisances)
     return replace(
         data,
         estimation=[moved(r) for r in data.estimation],

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from shake_ros.data.recordings.cdr import Floats, Integers
 from shake_ros.data.recordings.findings import Finding
-from shake_ros.data.recordings.series import GAP_FACTOR, JITTER_LIMIT, Series
+from shake_ros.data.recordings.series import GAP_FACTOR, JITTER_LIMIT, Series, broken
 
 SAME_SAMPLE = 0.1  # share of a period within which two stamps mean the same sampling instant
 IRREGULAR = 3.0  # 90th percentile over median of the distances, from which commands count as events
@@ -48,7 +48,7 @@ class Grid:
         """The time base of an ordered series; gaps and jitter are reported."""
         steps = np.diff(series.stamps)
         period = float(np.median(steps))
-        gaps = steps > GAP_FACTOR * period
+        gaps = broken(series.stamps)
         mean = float(steps[~gaps].mean())
         restarted = any(finding.kind == "restart" and finding.topic == series.topic for finding in findings)
         grid = cls(series.stamps, gaps, mean / 1e9, restarted)
@@ -99,10 +99,10 @@ def hold(series: Series, grid: Grid, findings: list[Finding]) -> Floats:
         findings.append(Finding("gap", topic, early, f"the first {early} positions come before the first command", 0.0))
     if regular:
         age = grid.stamps - series.stamps[np.maximum(index, 0)]
-        open_ended = np.append(steps > GAP_FACTOR * period, True)  # the next command is lost, or there is none
+        lost = broken(series.stamps)
+        open_ended = np.append(lost, True)  # the next command is lost, or there is none
         stale = (index >= 0) & (age > period - tolerance) & open_ended[np.maximum(index, 0)]
-        if (steps > GAP_FACTOR * period).any():
-            report_gaps(topic, steps, steps > GAP_FACTOR * period, period, findings)
+        report_gaps(topic, steps, lost, period, findings)
         last = int((stale & (index == len(series) - 1)).sum())
         if last > 1:
             text = f"the last {last} positions come after the last command"

@@ -17,6 +17,7 @@ BATCH = 4096
 RESTART_SAMPLES = 100
 GAP_FACTOR = 1.5
 JITTER_LIMIT = 0.1
+AROUND = 10  # samples on either side over which a stamp's jitter is told from a gap
 
 
 @dataclass(frozen=True)
@@ -207,6 +208,21 @@ def in_order(series: Series, findings: list[Finding]) -> Series:
         report("duplicate", same, f"stamps occur twice, {changed} with another value; the first counts")
         series = series[~same]
     return series
+
+
+def broken(stamps: Integers) -> npt.NDArray[np.bool_]:
+    """Whether samples are missing after each stamp but the last, shape (n − 1,).
+
+    A late stamp with an early one behind it is jitter: a gap is where the stamps behind are later on the whole.
+    """
+    steps = np.diff(stamps)
+    period = float(np.median(steps)) if len(steps) else 0.0
+    gaps = np.asarray(steps > GAP_FACTOR * period)
+    for k in np.flatnonzero(gaps & (steps < (GAP_FACTOR + 1.0) * period)).tolist():
+        count = min(AROUND, k + 1, len(stamps) - k - 1)
+        later = float(np.mean(stamps[k + 1 : k + 1 + count] - stamps[k + 1 - count : k + 1]))
+        gaps[k] = later > (count + GAP_FACTOR - 1.0) * period
+    return gaps
 
 
 def _far(stamps: Integers) -> float:

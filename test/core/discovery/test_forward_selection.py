@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import cast
+
 import numpy as np
 import pytest
 from closed_loops import DEAD_BAND, LEAN, named
 
+from shake_ros.core.discovery import forward_selection as forward
+from shake_ros.core.discovery.problem import ModelStructure, Stopped
 from shake_ros.core.identification.uncertainty import estimates
 
 EFFECTS = ["spool_deadband", "soft_zone", "asymmetric_flow_gain"]
@@ -71,3 +76,18 @@ def test_specimen_of_another_mass_is_not_told_from_another_pressure_difference()
     assert len(steps) == 1
     group = {steps[0].chosen.candidate.effect, *steps[0].alternatives}
     assert group == {"payload_error", "tank_back_pressure"}
+
+
+def test_search_whose_time_is_over_before_it_eliminates_answers_with_what_it_has(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def over(text: str, part: float) -> None:
+        if text == "are all needed?":
+            raise Stopped
+
+    found = named("nothing")
+    monkeypatch.setattr(forward, "stages", lambda *_: iter([found.search]))
+    problem = replace(found.problem, progress=over)
+    stopped = forward.forward_selection(problem, found.search.declared.fit, cast("ModelStructure", None))
+    assert stopped.stopped
+    assert stopped.final is found.search.final

@@ -53,7 +53,15 @@ def test_recordings_of_two_tables_are_said() -> None:
 
 def test_five_seconds_are_too_little() -> None:
     made = record(3, 5.0)
-    assert "5.0 s in all" in said(Record("short", SAMPLE_TIME, made.commands, made.position, made.acceleration))
+    short = Record("short", SAMPLE_TIME, made.commands, made.position, made.acceleration)
+    assert "5.0 s in all" in said(short)
+    assert "10.0 s in all" in said(short, replace(short, name="held"))
+
+
+def test_recordings_at_a_hundred_hertz_are_said_to_be_slow() -> None:
+    factor = round(0.01 / SAMPLE_TIME)
+    thin = replace(good(), sample_time=0.01, commands=good().commands[::factor], position=good().position[::factor])
+    assert "sampled at 100 Hz" in said(replace(thin, acceleration=None))
 
 
 def test_sine_alone_is_said() -> None:

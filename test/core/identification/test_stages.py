@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import pytest
+from foreign_run import foreign_run
 
+from shake_ros.core.identification.nuisances import Nuisance, Prepared
 from shake_ros.core.identification.sensor_pair import BaseMode, SensorPair
 from shake_ros.core.identification.stages import (
     BETWEEN_SENSORS,
     narrow_starts,
+    recentred,
     told_by_sensors,
     with_friction_of,
 )
@@ -55,3 +58,11 @@ def test_a_play_has_starts_of_its_own_where_the_table_has_none() -> None:
     assert {effect for _, effect in starts} == {"coupling_backlash"}
     assert narrow_starts(known, starts[0][0]) == []
     assert narrow_starts({}, table) == []
+
+
+def test_null_shift_that_the_free_run_tells_leaves_what_else_was_taken_out() -> None:
+    before = Nuisance("run", 0.001, 0.1, spikes=7)
+    data = Prepared([foreign_run(425)], [], 1.0, (before,))
+    (after,) = recentred(unknown_model(), load_table("bergamo"), data).nuisances
+    assert after.null_shift != before.null_shift
+    assert (after.acceleration_bias, after.spikes) == (0.1, 7)

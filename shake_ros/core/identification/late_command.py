@@ -1,0 +1,68 @@
+"""A command that is recorded after it acted: the table seems to move before it is told to.
+
+A logger that takes the command from another program, or through a filter, has it late. The delay of the linear table
+nearest to the response (linear_table.py) contains dead time and lag of the valve, and is above zero for every table;
+below zero the recorded command is late for certain. No dead time of a model explains that, so the commands are moved
+to where a delay is left. By how much they were late is not told beyond that: the dead time that is found counts from
+where they are then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from shake_ros.core.identification.linear_table import linear_table
+from shake_ros.core.identification.nuisances import Prepared
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.quantities import ShakeError
+
+LEAD = 0.02  # by which commands are earlier for a look at a delay below zero [s]
+LEFT = 5e-3  # delay that a late command is left with: dead time and valve of a usual table [s]
+
+
+def response_delay(records: Sequence[Record]) -> float:
+    """Delay from the held command to the motion [s], below zero where the motion comes first; inf where nothing tells.
+
+    A command that is held from sample to sample is half a sample late by itself, in a simulation as well.
+    """
+    held = 0.5 * min(r.sample_time for r in records)
+    try:
+        return linear_table([earlier(r, LEAD) for r in records]).delay - LEAD - held
+    except ShakeError:
+        return float("inf")
+
+
+def earlier(record: Record, time: float) -> Record:
+    """The recording with its command earlier by a time [s], to whole samples and the fraction between two of them."""
+    samples = time / record.sample_time
+    whole, part = int(samples), samples - int(samples)
+    u = record.commands
+    moved = (1.0 - part) * u + part * np.append(u[1:], u[-1])
+    count = len(u) - whole
+    return Record(
+        record.name,
+        record.sample_time,
+        moved[whole:],
+        record.position[:count],
+        None if record.acceleration is None else record.acceleration[:count],
+        record.begin,
+        float(moved[whole - 1]) if whole else record.standing,
+        delay=record.delay,
+        cutoff=record.cutoff,
+        blind=record.blind,
+        calmest=record.calmest,
+    )
+
+
+def in_time(data: Prepared) -> Prepared:
+    """The recordings with their commands moved to where they are before the motion, where they were behind it."""
+    delay = response_delay(data.estimation)
+    if not delay < 0.0:
+        return data
+    step = max(r.sample_time for r in data.estimation)
+    ahead = step * np.ceil((LEFT - delay) / step)
+    both = [[earlier(r, ahead) for r in records] for records in (data.estimation, data.validation)]
+    return replace(data, estimation=both[0], validation=both[1], ahead=float(ahead))

@@ -1,0 +1,67 @@
+"""Spikes of a recorded command: found, told from corners, steps and noise, and from what the valve saw."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from foreign_run import foreign_run
+
+from shake_ros.core.identification.nuisances import prepared
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.spikes import spikes, unseen_spikes
+
+AT = np.arange(37, 5900, 173)
+SIGNS = np.random.default_rng(1).choice((-1.0, 1.0), len(AT))
+
+
+def spiked(record: Record) -> Record:
+    commands = record.commands.copy()
+    commands[AT] += 3.0 * np.std(commands) * SIGNS
+    return Record(record.name, record.sample_time, commands, record.position, record.acceleration)
+
+
+@pytest.mark.parametrize("seed", [425, 422])
+def test_spikes_at_the_beat_of_two_rates_are_found_and_taken_out(seed: int) -> None:
+    clean = foreign_run(seed)
+    (found,) = unseen_spikes([spiked(clean)])
+    assert np.array_equal(found, AT)
+    data = prepared([spiked(clean)], [])
+    assert data.nuisances[0].spikes == len(AT)
+    assert np.max(np.abs(data.estimation[0].commands - prepared([clean], []).estimation[0].commands)) < 0.1
+    assert "spikes of one sample" in data.spikes()
+
+
+@pytest.mark.parametrize("seed", [425, 457, 404, 422])
+def test_command_of_a_closed_loop_has_none(seed: int) -> None:
+    assert not len(spikes(foreign_run(seed).commands))
+
+
+def test_spike_on_a_steep_slope_is_found() -> None:
+    slope = np.abs((TIME * 3.0) % 2.0 - 1.0)
+    slope[50:3900:100] += 0.01
+    assert spikes(slope).tolist() == list(range(50, 3900, 100))
+
+
+TIME = np.arange(4000) / 500.0
+WAVES = {
+    "triangle": np.abs((TIME * 3.0) % 2.0 - 1.0),
+    "square": np.sign(np.sin(20.0 * TIME)),
+    "held": np.repeat(np.random.default_rng(2).standard_normal(400), 10),
+    "white": np.random.default_rng(3).standard_normal(4000),
+    "quake": np.exp(-TIME) * np.sin(150.0 * TIME),
+    "quantised": np.round(np.sin(2.0 * TIME), 2),
+}
+
+
+@pytest.mark.parametrize("name", WAVES)
+def test_waves_without_spikes_have_none(name: str) -> None:
+    assert not len(spikes(WAVES[name]))
+
+
+def test_spikes_that_move_the_table_stay() -> None:
+    command = np.random.default_rng(4).standard_normal(800).repeat(10)[:6000]
+    command = np.convolve(command, np.hanning(40) / 20.0, "same")
+    command[AT] += 20.0 * SIGNS
+    position = np.cumsum(0.3 * command) * 0.002
+    assert len(spikes(command)) == len(AT)
+    assert not len(unseen_spikes([Record("run", 0.002, command, position)])[0])
