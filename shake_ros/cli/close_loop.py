@@ -11,7 +11,13 @@ from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError
-from shake_ros.report.text import close_loop_lines, diagnosis_lines, identified_lines, tracking_lines
+from shake_ros.report.text import (
+    close_loop_lines,
+    diagnosis_lines,
+    identified_lines,
+    predictable_lines,
+    tracking_lines,
+)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -36,7 +42,9 @@ def main(arguments: Sequence[str]) -> int:
         print(found.tuned)
         if not found.tuned.sound and not given.force:
             print("controller.yaml and observer.yaml are not written: the loop rings (--force writes them)")
-    print("\n".join([*close_loop_lines(found.closed), *told, *tracking, *diagnosis_lines(found.diagnosis)]))
+    predictable = predictable_lines(found.closed, found.diagnosis)
+    lines = [*close_loop_lines(found.closed), *predictable, *told, *tracking, *diagnosis_lines(found.diagnosis)]
+    print("\n".join(lines))
     for name, (before, after) in found.position_error.items():
         print(f"position of the free run, {name}: {1e3 * before:.3f} → {1e3 * after:.3f} mm rms")
     print(f"report: {given.out / 'report.html'}")
