@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+from scipy.signal import lfilter
 
 SAMPLE = 1e-3  # [s]
 SUBSTEPS = 40  # integration steps per sample
@@ -23,8 +24,8 @@ POSITION_NOISE = 8e-6  # [m] at noise level 1
 ACCELERATION_NOISE = 0.05  # [m/s²] at noise level 1
 POSITION_STEP = 4.6e-6  # [m]
 ROOT = 1e4  # pressure drop about which the flow's root is rounded [Pa]
-STATES = 17
-X, V, PA, PB, S, DS, PS, FILM, Q, DQ, R, DR, B, DB, LAGA, LAGX, Z = range(STATES)
+STATES = 18
+X, V, PA, PB, S, DS, PS, FILM, Q, DQ, R, DR, B, DB, LAGA, LAGX, Z, PUSH = range(STATES)
 DECLARED = {  # what a declared model may fit: names of the package → fields of Truth
     "friction.coulomb_level": "coulomb",
     "friction.stribeck_rise": "rise",
@@ -114,6 +115,8 @@ class Truth(NamedTuple):
     pulse_force: float = 0.0  # unlisted: half sines along +x, pulse_length long, every pulse_every [N]
     pulse_every: float = 1.1  # [s]
     pulse_length: float = 0.12  # [s]
+    rumble: float = 0.0  # process noise: rms of a random force on the table that no command tells [N]
+    rumble_rate: float = 125.0  # at which that force forgets itself [1/s]
 
 
 @dataclass(frozen=True)
@@ -278,7 +281,7 @@ def rates(t, y, time, wanted, friction, d):
         friction = dry_level(t, v, x, y[FILM]) * y[Z]
         d[Z] = (v - abs(v) * y[Z]) / t.presliding_friction
     push = t.area * (y[PA] - y[PB]) - friction - t.viscous * v - t.quadratic_drag * abs(v) * v + stop
-    outer = ground_force(t, y[X], time)
+    outer = ground_force(t, y[X], time) + y[PUSH]
     w = 2.0 * math.pi * t.specimen_frequency
     spring = 0.0
     if t.specimen_resonance > 0.0:
@@ -365,8 +368,11 @@ def step(t, y, time, h, u, k, work):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def drive(t, excitation, noise, step_size, commands, out, substeps):
-    """Closed weak loop over a whole recording; `out` gets position, velocity, acceleration of every sample."""
+def drive(t, excitation, noise, step_size, commands, out, substeps, pushes):
+    """Closed weak loop over a whole recording; `out` gets position, velocity, acceleration of every sample.
+
+    pushes : random force of each sample, shape (n,) or (0,) [N].
+    """
     y, d = np.zeros(STATES), np.zeros(STATES)
     y[PA] = y[PB] = 0.5 * (t.supply + t.tank)
     y[PS] = t.supply
@@ -382,6 +388,8 @@ def drive(t, excitation, noise, step_size, commands, out, substeps):
         out[i, 0], out[i, 1] = seen, y[V]
         out[i, 2] = (1.0 + t.accelerometer_scale) * felt + t.accelerometer_bias + noise[i, 1]
         commands[i] = min(max(excitation[i] - LOOP_GAIN * seen, -1.0), 1.0)
+        if len(pushes) > 0:
+            y[PUSH] = pushes[i]
         for j in range(substeps):
             back = (i * substeps + j - late) // substeps
             step(t, y, i * SAMPLE + j * h, h, commands[max(back, 0)], k, work)
@@ -442,6 +450,14 @@ def declared_truth(seed: int) -> Truth:
     )
 
 
+def random_force(truth: Truth, count: int, rng: Any) -> np.ndarray:
+    """Process noise: an Ornstein–Uhlenbeck force, held over each sample, shape (count,) [N]."""
+    kept = math.exp(-truth.rumble_rate * SAMPLE)
+    white = truth.rumble * rng.standard_normal(count)
+    white[1:] *= math.sqrt(1.0 - kept * kept)
+    return np.asarray(lfilter([1.0], [1.0, -kept], white))
+
+
 def record(
     truth: Truth, excitation: np.ndarray, noise: float, rng: Any, substeps: int = SUBSTEPS
 ) -> dict[str, np.ndarray]:
@@ -449,7 +465,8 @@ def record(
     n = len(excitation)
     scatter = rng.standard_normal((n, 2)) * (POSITION_NOISE * noise, ACCELERATION_NOISE * noise)
     commands, out = np.zeros(n), np.zeros((n, 3))
-    drive(truth, excitation, scatter, POSITION_STEP if noise > 0.0 else 0.0, commands, out, substeps)
+    pushes = random_force(truth, n, rng) if truth.rumble > 0.0 else np.zeros(0)
+    drive(truth, excitation, scatter, POSITION_STEP if noise > 0.0 else 0.0, commands, out, substeps, pushes)
     return {"command": commands, "position": out[:, 0], "velocity": out[:, 1], "acceleration": out[:, 2]}
 
 

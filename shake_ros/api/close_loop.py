@@ -35,6 +35,7 @@ from shake_ros.data.results import (
     axis_json,
     close_loop_json,
     diagnosis_json,
+    predictable_json,
     tracking_json,
     unknown_json,
     write_folder,
@@ -252,6 +253,7 @@ class Discovery:
 
         names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
         content = close_loop_json(self.closed, *names, self.model.kind)
+        content["remaining"]["predictable"] = predictable_json(self.diagnosis.predictable)
         told = self.told
         content |= unknown_json(told, self.data) if told else {}
         if self.model.kind == "axis":

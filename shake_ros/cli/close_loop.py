@@ -12,7 +12,13 @@ from shake_ros.core.identification.models import MODELS
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError
 from shake_ros.report.slow_changes import position_lines, slow_change_lines
-from shake_ros.report.text import close_loop_lines, diagnosis_lines, identified_lines, tracking_lines
+from shake_ros.report.text import (
+    close_loop_lines,
+    diagnosis_lines,
+    identified_lines,
+    predictable_lines,
+    tracking_lines,
+)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -37,8 +43,9 @@ def main(arguments: Sequence[str]) -> int:
         print(found.tuned)
         if not found.tuned.sound and not given.force:
             print("controller.yaml and observer.yaml are not written: the loop rings (--force writes them)")
-    print("\n".join([*close_loop_lines(found.closed), *told, *tracking, *diagnosis_lines(found.diagnosis)]))
-    for line in [*slow_change_lines(found.own), *position_lines(found.position_error, found.forecast_error)]:
-        print(line)
+    predictable = predictable_lines(found.closed, found.diagnosis)
+    lines = [*close_loop_lines(found.closed), *predictable, *told, *tracking, *diagnosis_lines(found.diagnosis)]
+    own = [*slow_change_lines(found.own), *position_lines(found.position_error, found.forecast_error)]
+    print("\n".join([*lines, *own]))
     print(f"report: {given.out / 'report.html'}")
     return 0

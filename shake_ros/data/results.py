@@ -25,6 +25,7 @@ from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.nuisances import Prepared
+from shake_ros.core.identification.predictability import Predictability
 from shake_ros.core.identification.slow_changes import SlowChange
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
@@ -94,12 +95,33 @@ def _judgement_json(judgement: Judgement) -> dict[str, Any]:
     }
 
 
+def predictable_json(parts: Sequence[Predictability]) -> list[dict[str, Any]]:
+    """Shares of each residual's mean square by what predicts them; null where a means was not at hand."""
+    return [
+        {
+            "recording": p.name,
+            "held_out": p.held_out,
+            "channel": p.channel,
+            "over_noise": p.ratio,
+            "least_over_noise": p.least_ratio,
+            "sensor_noise": p.noise,
+            "coherent": p.linear,
+            "filtered": p.filtered,
+            "repeated": p.repeated,
+            "different": p.different,
+            "unknown": p.unknown,
+        }
+        for p in parts
+    ]
+
+
 def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
     """Residual tests, correlation of the estimates (null at bounds), combinations left open, the recording to make."""
     known = diagnosis.identifiability
     rows = [[float(c) if np.isfinite(c) else None for c in row] for row in known.correlation]
     return {
         "residuals": [_judgement_json(j) for j in diagnosis.judgements],
+        "predictable": predictable_json(diagnosis.predictable),
         "correlation": {"names": list(known.names), "matrix": rows},
         "not_identified": [{"weights": c.weights, "deviation": c.deviation} for c in known.left_open],
         "relative_deviation": dict(zip(known.names, known.deviations.tolist(), strict=True)),

@@ -13,6 +13,7 @@ from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
+from shake_ros.core.identification.predictability import verdict
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.benefit import TrackingBenefit
 
@@ -131,6 +132,11 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
             *_error_rows("validation", result.with_candidates),
         ]
     return lines
+
+
+def predictable_lines(result: LoopClosure, diagnosis: Diagnosis) -> list[str]:
+    """What of the residual is predictable at all, in one line; nothing where it is noise."""
+    return [f"predictable: {verdict(diagnosis.predictable)}"] if result.remaining.above_noise else []
 
 
 def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 from shake_ros.core.identification.experiments import Candidate, RecordingBenefit, advice, benefits
 from shake_ros.core.identification.fit import Fit, jacobian
 from shake_ros.core.identification.identifiability import Identifiability, identifiability
+from shake_ros.core.identification.predictability import Predictability, predictability, residuals_left
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.identification.residual_tests import LAGS, ErrorSplit, ResidualTest, error_split, residual_test
@@ -39,11 +40,12 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Judgements of all recordings, identifiability, and what each candidate recording would add."""
+    """Judgements of all recordings, identifiability, what each candidate recording would add, what is predictable."""
 
     judgements: tuple[Judgement, ...]
     identifiability: Identifiability
     benefits: tuple[RecordingBenefit, ...]
+    predictable: tuple[Predictability, ...] = ()
 
     @property
     def advice(self) -> str:
@@ -106,13 +108,16 @@ def diagnose(
     """
     vector = result.vector
     problem = RecordingProblem(list(estimation), model)
-    judged = judge(problem, vector, False)
+    judged, left, held = judge(problem, vector, False), residuals_left(problem, vector, False), []
     if validation:
-        judged += judge(RecordingProblem(list(validation), model), vector, True)
+        others = RecordingProblem(list(validation), model)
+        judged += judge(others, vector, True)
+        held = residuals_left(others, vector, True)
     blocks = problem.blocks() if blocks is None else blocks
     if len(blocks) != len(result.residuals):  # fitted to a part of the recordings
         residuals = problem.residuals(vector[None, :])[0]
         derivative = jacobian(problem, result.free, result.x, residuals)
         result = replace(result, residuals=residuals, jacobian=derivative)
     known = identifiability(result, blocks)
-    return Diagnosis(tuple(judged), known, tuple(benefits(result, known, estimation, candidates, model)))
+    helpful = tuple(benefits(result, known, estimation, candidates, model))
+    return Diagnosis(tuple(judged), known, helpful, predictability(left, held))

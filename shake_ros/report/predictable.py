@@ -1,0 +1,30 @@
+"""What of a residual is predictable at all: its table on a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from shake_ros.core.identification.predictability import Predictability, verdict
+from shake_ros.report.page import Page
+from shake_ros.report.text import sentence
+
+
+def predictable_table(page: Page, parts: Sequence[Predictability]) -> None:
+    """What of each residual is predictable at all, in shares of its mean square."""
+    page.subheading("What of it is predictable at all")
+    page.paragraph(sentence(verdict(parts)))
+    page.paragraph(
+        "Shares of the residual's mean square. The filter may look ahead, holds the command, its magnitude, its sign "
+        "and its square with sign, and has not seen the recording that it is judged by. What does not repeat between "
+        "equal commands, beyond the sensor noise, no model that the command drives can have: process noise, or a state "
+        "that the recording began with.",
+        note=True,
+    )
+    rows = []
+    for p in parts:
+        shares = ["–" if s is None else f"{100.0 * s:.0f} %" for s in (p.linear, p.filtered, p.repeated, p.different)]
+        role = "validation" if p.held_out else "estimation"
+        sizes = f"{p.ratio:.2f} × noise", f"{100.0 * p.noise:.0f} %"
+        rows.append([f"{p.name} ({role})", p.channel, *sizes, *shares, f"{p.least_ratio:.2f} × noise"])
+    heads = ("recording", "residual of", "size", "sensor noise", "coherent", "a filter takes", "repeats", "does not")
+    page.table((*heads, "at best"), rows)
