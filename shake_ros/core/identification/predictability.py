@@ -30,6 +30,7 @@ from shake_ros.core.identification.velocity_filter import velocity_noise_gain
 Floats = NDArray[np.float64]
 CHANNELS = ("velocity", "acceleration")
 SHORTEST = 64  # samples of a residual that can be told apart
+NOTHING = 0.01  # share below which equal commands show nothing but noise
 
 
 @dataclass(frozen=True)
@@ -99,13 +100,15 @@ class Predictability:
         parts.append(f"{_percent(self.linear)} is coherent with the command")
         if self.repeated is not None:
             parts.append(self.same_text)
-        elif self.unknown >= 0.01:
+        elif self.unknown >= NOTHING:
             parts.append(f"the rest of {_percent(self.unknown)} is not known to be predictable")
         return f"of the {self.channel}'s residual of {self.ratio:.2f} × the noise {', '.join(parts)}"
 
     @property
     def same_text(self) -> str:
         """What equal commands tell, as a phrase."""
+        if (self.repeated or 0.0) + (self.different or 0.0) < NOTHING:
+            return "equal commands leave noise alone"
         same, other = _percent(self.repeated or 0.0), _percent(self.different or 0.0)
         return f"{same} repeats between equal commands and {other} does not, so no model of the command has it"
 
