@@ -31,6 +31,7 @@ class RecordingProblem:
         self.records = records
         self.model = model
         self.injection = 0.0
+        self.unpredictable = 1.0
         self.velocity_weights = []
         self.acceleration_weights = []
         for r in records:
@@ -54,6 +55,12 @@ class RecordingProblem:
             return self
         problem = copy.copy(self)
         problem.injection = injection
+        return problem
+
+    def unpredicted(self, ratio: float) -> RecordingProblem:
+        """The same where process noise and sensor noise together are so many times the sensor noise's mean square."""
+        problem = copy.copy(self)
+        problem.unpredictable = ratio
         return problem
 
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
@@ -92,10 +99,14 @@ class RecordingProblem:
         return sum((len(r.commands) - r.start) * (1 if r.acceleration is None else 2) for r in self.records)
 
     def noise_cost(self) -> float:
-        """Mean square of the weighted residuals that the sensor noise alone would leave [-]."""
+        """Mean square of the weighted residuals that the sensor noise alone would leave, or what no command tells [-].
+
+        Noise that comes from the periods of a recording has what no command tells in it already.
+        """
         total = 0.0
         for record, w_v, w_a in zip(self.records, self.velocity_weights, self.acceleration_weights, strict=True):
             n = len(record.commands) - record.start
+            n *= self.unpredictable if self.unpredictable != 1.0 and not record.noise_from_periods else 1
             total += n * (w_v * record.velocity_noise()) ** 2
             if record.acceleration is not None:
                 total += n * (w_a * record.acceleration_noise()) ** 2

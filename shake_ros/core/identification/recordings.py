@@ -8,6 +8,7 @@ recording_problem.py.
 
 from __future__ import annotations
 
+import copy
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
@@ -23,7 +24,7 @@ from shake_ros.core.identification.velocity_filter import (
     velocity_noise_gain,
 )
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
-from shake_ros.core.plant.simulation import SMOOTH, UNSEEN, initial_state, run, run_batch
+from shake_ros.core.plant.simulation import NOTHING, SMOOTH, UNSEEN, initial_state, run, run_batch
 from shake_ros.core.plant.states import CLOCK, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
@@ -76,6 +77,12 @@ class Record:
         begins at rest, whose state is known: the noise of the measured velocity would only break a standing contact.
         """
         return self.motion[: self.start] if self.moved and not self._begins_at_rest() else UNSEEN
+
+    def drawn_by(self, motion: np.ndarray) -> Record:
+        """The same recording with another motion that draws its runs, shape (n, 2); NaN where a run is free."""
+        other = copy.copy(self)
+        other.__dict__["motion"] = motion
+        return other
 
     def _begins_at_rest(self) -> bool:
         first = self.velocity[: max(3, round(AT_REST / self.sample_time))]
@@ -206,6 +213,10 @@ class DeclaredModel(ABC):
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run, shape (n, ≥ 3): position, velocity, acceleration, then columns of the model's own."""
 
+    def pushed(self, table: TableParameters, record: Record, forces: np.ndarray) -> np.ndarray | None:  # noqa: ARG002
+        """The free run with an external force on the table as well, shape (n,) [N]; None of a model that takes none."""
+        return None
+
     @abstractmethod
     def moved_mass(self, table: TableParameters) -> float:
         """Mass that makes a force of a residual acceleration [kg]; 1 where the model counts in forces per mass."""
@@ -257,11 +268,16 @@ class FullModel(DeclaredModel):
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.simulation.COLUMNS."""
+        return self.pushed(table, record, NOTHING)
+
+    def pushed(self, table: TableParameters, record: Record, forces: np.ndarray) -> np.ndarray:
+        """The free run under an external force [N] as well."""
         state = initial_state(table.vector(), record.track[0])
         state[VELOCITY], state[CLOCK] = record.velocity[0], record.begin
         return run(
             *(table, record.commands, record.sample_time),
             position=record.track,
+            forces=forces,
             state=state,
             standing=record.standing,
             measured=record.beginning,

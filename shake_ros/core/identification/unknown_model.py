@@ -75,6 +75,10 @@ class UnknownModel(DeclaredModel):
         """Free run with the columns of plant.simulation.COLUMNS."""
         return FULL.run(table, record)
 
+    def pushed(self, table: TableParameters, record: Record, forces: np.ndarray) -> np.ndarray:
+        """The free run under an external force, in the gauge [N], as well."""
+        return FULL.pushed(table, record, forces)
+
     def moved_mass(self, table: TableParameters) -> float:
         """Mass in motion, in the gauge [kg]."""
         return FULL.moved_mass(table)
