@@ -230,6 +230,7 @@ def close_loop_json(result: LoopClosure, learn: Sequence[str], hold: Sequence[st
             "text": text,
             "candidates": [_candidate_json(c) for c in result.candidates],
             "validation_with_candidates": result.with_candidates,
+            "process_noise": math.sqrt(result.unpredictable) if result.unpredictable > 1.0 else None,
         },
         "function": _function_json(result.function) if result.function else None,
         "ended_early": result.search.stopped,

@@ -122,7 +122,8 @@ class SearchProblem:
     """Estimation and validation data with pieces of both, the parameters that may be freed late, settings, progress.
 
     progress : called with what is being done and the part of the step that is done. reduced : fits that have been made
-    without an effect, by its name and those of all free parameters before.
+    without an effect, by its name and those of all free parameters before. drawing : rate of the drawn runs that are
+    heard beside the free ones [1/s]; 0 where no process noise shows.
     """
 
     estimation: RecordingProblem
@@ -133,6 +134,7 @@ class SearchProblem:
     settings: SearchSettings
     progress: Progress
     reduced: dict[tuple[str, tuple[str, ...]], Reduced] = field(default_factory=dict, repr=False)
+    drawing: float = 0.0
 
     @classmethod
     def of(

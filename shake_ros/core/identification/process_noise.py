@@ -1,4 +1,4 @@
-"""Process noise: what no command tells, shown by equal commands; and fits to free and drawn runs together where it acts.
+"""Process noise: what no command tells, shown by equal commands; and fits to free and drawn runs where it acts.
 
 What two stretches under equal commands leave differently is no fault of the model. A free run carries all of it along,
 so its sum of squares is mostly chance and its residuals last; a drawn run forgets it within 1/rate. Each of the two is
@@ -45,12 +45,14 @@ def process_noise(problems: Sequence[RecordingProblem], vector: np.ndarray, leas
     for pair in pairs:
         (p, k), (other, j) = records[pair.first], records[pair.second]
         here, there = _weighted(p, k, vector), _weighted(other, j, vector)
-        for (a, alone), (b, _) in zip(here, there, strict=False):
+        channels = min(len(here), len(there))
+        squares = np.zeros(pair.here.stop - pair.here.start)
+        for (a, _), (b, _) in zip(here[:channels], there[:channels], strict=True):
             change = a[pair.here] - b[pair.there]
-            squares = 0.5 * (change - np.mean(change)) ** 2
-            count = max(len(squares) // max(round(BLOCK / p.records[k].sample_time), 1), 1)
-            differing += [float(np.mean(block)) for block in np.array_split(squares, count)]
-            noise += [alone] * count
+            squares += 0.5 * (change - np.mean(change)) ** 2
+        count = max(len(squares) // max(round(BLOCK / p.records[k].sample_time), 1), 1)
+        differing += [float(np.mean(block)) for block in np.array_split(squares, count)]
+        noise += [sum(alone for _, alone in here[:channels])] * count
     if len(differing) < 3:
         return None
     scatter = float(np.std(differing, ddof=1)) / math.sqrt(len(differing))

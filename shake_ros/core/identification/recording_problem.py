@@ -106,10 +106,10 @@ class RecordingProblem:
         total = 0.0
         for record, w_v, w_a in zip(self.records, self.velocity_weights, self.acceleration_weights, strict=True):
             n = len(record.commands) - record.start
-            n *= self.unpredictable if self.unpredictable != 1.0 and not record.noise_from_periods else 1
-            total += n * (w_v * record.velocity_noise()) ** 2
+            told = 1.0 if record.noise_from_periods else self.unpredictable
+            total += told * n * (w_v * record.velocity_noise()) ** 2
             if record.acceleration is not None:
-                total += n * (w_a * record.acceleration_noise()) ** 2
+                total += told * n * (w_a * record.acceleration_noise()) ** 2
         return float(total / self.count)
 
     def blocks(self) -> np.ndarray:
