@@ -35,6 +35,7 @@ from shake_ros.data.results import (
     axis_json,
     close_loop_json,
     diagnosis_json,
+    innovations_json,
     predictable_json,
     tracking_json,
     unknown_json,
@@ -254,6 +255,7 @@ class Discovery:
         names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
         content = close_loop_json(self.closed, *names, self.model.kind)
         content["remaining"]["predictable"] = predictable_json(self.diagnosis.predictable)
+        content["remaining"]["innovations"] = innovations_json(self.diagnosis.innovations)
         told = self.told
         content |= unknown_json(told, self.data) if told else {}
         if self.model.kind == "axis":

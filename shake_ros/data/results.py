@@ -24,6 +24,7 @@ from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
+from shake_ros.core.identification.innovations import HORIZONS, RATES, Innovations
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.predictability import Predictability
 from shake_ros.core.identification.slow_changes import SlowChange
@@ -115,6 +116,24 @@ def predictable_json(parts: Sequence[Predictability]) -> list[dict[str, Any]]:
     ]
 
 
+def innovations_json(found: Innovations | None) -> dict[str, Any] | None:
+    """Errors of prediction over the sensor noise by rate of drawing [1/s] and by horizon [s]; null without any."""
+    if found is None:
+        return None
+    return {
+        "rates": list(RATES),
+        "over_noise": {channel: list(values) for channel, values in found.errors.items()},
+        "by_noise_alone": {channel: list(values) for channel, values in found.by_noise.items()},
+        "relative_cost": list(found.relative),
+        "best_rate": found.best,
+        "drawing_helps": found.helps,
+        "horizons": list(HORIZONS),
+        "over_noise_ahead": {channel: list(values) for channel, values in found.horizons.items()},
+        "equivalent_force": found.force,
+        "text": found.text,
+    }
+
+
 def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
     """Residual tests, correlation of the estimates (null at bounds), combinations left open, the recording to make."""
     known = diagnosis.identifiability
@@ -122,6 +141,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
     return {
         "residuals": [_judgement_json(j) for j in diagnosis.judgements],
         "predictable": predictable_json(diagnosis.predictable),
+        "innovations": innovations_json(diagnosis.innovations),
         "correlation": {"names": list(known.names), "matrix": rows},
         "not_identified": [{"weights": c.weights, "deviation": c.deviation} for c in known.left_open],
         "relative_deviation": dict(zip(known.names, known.deviations.tolist(), strict=True)),
@@ -245,6 +265,7 @@ def close_loop_json(result: LoopClosure, learn: Sequence[str], hold: Sequence[st
             "candidates": [_candidate_json(c) for c in result.candidates],
             "validation_with_candidates": result.with_candidates,
             "latent_force": {force.recording: _force_json(force) for force in result.forces},
+            "process_noise": math.sqrt(result.unpredictable) if result.unpredictable > 1.0 else None,
         },
         "function": _function_json(result.function) if result.function else None,
         "ended_early": result.search.stopped,

@@ -20,7 +20,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.report import charts_fit
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page, Source
-from shake_ros.report.predictable import predictable_table
+from shake_ros.report.predictable import innovations_table, predictable_table
 from shake_ros.report.readable import bound_text, estimate_text, rounded, unit_of
 from shake_ros.report.text import percent, sentence
 
@@ -198,6 +198,8 @@ def remains_section(page: Page, diagnosis: Diagnosis, text: str = "") -> None:
         page.chart(charts_fit.correlation_chart(diagnosis.judgements, False))
     if diagnosis.predictable:
         predictable_table(page, diagnosis.predictable)
+    if diagnosis.innovations:
+        innovations_table(page, diagnosis.innovations)
 
 
 def known_section(page: Page, diagnosis: Diagnosis) -> None:

@@ -25,6 +25,8 @@ class LoopClosure:
     standings : how sure each step's effect is. candidates : effects that helped and are not established.
     with_candidates : held-out errors of the model that has them too, as FittedModel.validation; empty without any.
     function : the one without a name, where it was needed. forces : that the final model lacks, by recording.
+    unpredictable : mean square that process noise and sensor noise leave over that of sensor noise, where equal
+    commands show it; 1 elsewhere.
     """
 
     baseline: FittedModel
@@ -38,6 +40,7 @@ class LoopClosure:
     with_candidates: dict[str, dict[str, float]] = field(default_factory=dict)
     function: LearntFunction | None = None
     forces: tuple[LatentForce, ...] = ()
+    unpredictable: float = 1.0
 
     @property
     def final(self) -> FittedModel:
@@ -63,6 +66,7 @@ def close_loop(
     """
     problem = SearchProblem.of(model, estimation, validation, settings, patiently(progress))
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
+    problem = problem.listening(declared)
     selection = forward_selection(replace(problem, progress=progress), declared, model)
     problem = problem.seen(selection.accelerometer)
     found, standings, doubtful = judged(problem, selection)
@@ -70,15 +74,15 @@ def close_loop(
     if sum(len(r.commands) for r in problem.estimation.records) < sum(len(r.commands) for r in estimation):
         problem.progress("final fit to all recordings", 0.8)
         problem, found = on_whole(problem, found, estimation)
+    found = found.on(lambda m: m, problem.heard) if problem.drawing > 0.0 else found
     problem.progress("errors and what remains", 0.9)
     models = tuple(fitted_model(m.fit, problem.estimation, problem.validation) for m in found.models)
     rest = remaining(problem, found)
     problem.progress("the force that the model lacks", 0.95)
     forces = latent_forces(problem, models[-1].table)
     function, noise = learnt_function(problem, found.final), problem.estimation.noise()
-    return LoopClosure(
-        models[0], models[1:], found, rest, noise, model.simulator, standings, doubtful, tentative, function, forces
-    )
+    told = standings, doubtful, tentative, function, forces, problem.estimation.unpredictable
+    return LoopClosure(models[0], models[1:], found, rest, noise, model.simulator, *told)
 
 
 def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:

@@ -1,7 +1,8 @@
 """Decision: is the best refit better than the model without it, beyond chance, and which others may stand for it?
 
 Costs are mean squares of weighted residuals; those of the validation data also block of time by block of time, so that
-a difference can be held against its own scatter.
+a difference can be held against its own scatter. Where process noise shows, the errors of drawn runs have a say
+beside those of free ones: they may forbid an effect, and decide on one that the free run cannot tell from chance.
 """
 
 from __future__ import annotations
@@ -51,10 +52,30 @@ def beyond_chance(chance: float, tried: int, blocks: int) -> float:
 def improves(best: ScoredFit, without: ScoredFit, settings: SearchSettings, tried: int = 1) -> bool:
     """Whether a model is better than the one without its last effect, beyond chance.
 
+    Free runs decide; where drawn runs are heard too, neither may get worse beyond chance, and one must get better.
+
     Parameters
     ----------
     tried : number of candidates of which this is the best.
     """
+    drawn, before = best.innovation_blocks, without.innovation_blocks
+    if not len(drawn) or len(drawn) != len(before):
+        return free_run_improves(best, without, settings, tried)
+    least = beyond_chance(settings.chance, tried, len(before))
+    if significance(before, drawn) > beyond_chance(settings.chance, 1, len(before)):
+        return False  # drawn runs get worse
+    if free_run_improves(best, without, settings, tried):
+        return True
+    blocks = without.validation_blocks
+    worse = significance(blocks, best.validation_blocks) > beyond_chance(settings.chance, 1, len(blocks))
+    clear = np.mean(drawn) <= (1.0 - settings.least_validation_gain) * np.mean(before)
+    return bool(
+        best.estimation_cost <= without.estimation_cost and not worse and clear and significance(drawn, before) > least
+    )
+
+
+def free_run_improves(best: ScoredFit, without: ScoredFit, settings: SearchSettings, tried: int) -> bool:
+    """The same by free runs alone."""
     if best.estimation_cost > (1.0 - settings.least_estimation_gain) * without.estimation_cost:
         return False
     if best.validation_cost > (1.0 - settings.least_validation_gain) * without.validation_cost:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.decision import ForwardStep, improves
 from shake_ros.core.discovery.problem import Reduced, ScoredFit, SearchProblem
 from shake_ros.core.identification.free_parameters import FreeParameters
 
@@ -42,6 +42,7 @@ def eliminate(
     for step in steps[:-1]:
         reduced = without(problem, current, step.chosen.candidate)
         needless = reduced.estimation_cost * least < current.estimation_cost
+        needless = needless and not (problem.drawing > 0.0 and improves(current, reduced, problem.settings))
         if needless and reduced.validation_cost * least < current.validation_cost:
             kept.remove(step)
             removed.append(step.chosen.candidate.effect)

@@ -17,9 +17,10 @@ import numpy as np
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.accelerometer import Accelerometer
-from shake_ros.core.identification.approach import Approach, approached, arrived, led
+from shake_ros.core.identification.approach import INJECTION, Approach, approached, arrived, led
 from shake_ros.core.identification.fit import LOST, Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
+from shake_ros.core.identification.process_noise import FreeAndDrawn, process_noise
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, windows
 from shake_ros.core.plant.parameters import TableParameters
@@ -87,13 +88,15 @@ class ScoredFit:
     """A fit with its costs on estimation and validation data [-].
 
     validation_blocks : validation cost of each block of time, shape (b,); empty for a fit to pieces, whose costs are
-    too preliminary to be tested.
+    too preliminary to be tested. innovation_blocks : the same of runs that are drawn towards the measurement, where
+    process noise shows; empty elsewhere.
     """
 
     fit: Fit
     estimation_cost: float
     validation_cost: float
     validation_blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    innovation_blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def preliminary(self) -> bool:
@@ -119,7 +122,8 @@ class SearchProblem:
     """Estimation and validation data with pieces of both, the parameters that may be freed late, settings, progress.
 
     progress : called with what is being done and the part of the step that is done. reduced : fits that have been made
-    without an effect, by its name and those of all free parameters before.
+    without an effect, by its name and those of all free parameters before. drawing : rate of the drawn runs that are
+    heard beside the free ones [1/s]; 0 where no process noise shows.
     """
 
     estimation: RecordingProblem
@@ -130,6 +134,7 @@ class SearchProblem:
     settings: SearchSettings
     progress: Progress
     reduced: dict[tuple[str, tuple[str, ...]], Reduced] = field(default_factory=dict, repr=False)
+    drawing: float = 0.0
 
     @classmethod
     def of(
@@ -196,7 +201,35 @@ class SearchProblem:
         r = self._validation_residuals(result)
         number = self.validation.blocks()
         blocks = np.bincount(number, r**2) / np.maximum(np.bincount(number), 1)
-        return ScoredFit(result, mean_square(result.residuals), mean_square(r), np.asarray(blocks))
+        drawn = np.zeros(0)
+        if self.drawing > 0.0:
+            left = self.validation.drawn(self.drawing).residuals(result.free.vectors(result.x))[0]
+            drawn = np.bincount(number, np.nan_to_num(left, nan=LOST) ** 2) / np.maximum(np.bincount(number), 1)
+        return ScoredFit(result, mean_square(result.residuals), mean_square(r), np.asarray(blocks), drawn)
+
+    def listening(self, model: Fit) -> SearchProblem:
+        """The same, with drawn runs heard beside the free ones where equal commands show process noise."""
+        ratio = process_noise([self.estimation, self.validation], model.vector, self.settings.process_noise)
+        if ratio is None:
+            return self
+        return replace(
+            self,
+            drawing=INJECTION,
+            estimation=self.estimation.unpredicted(ratio),
+            validation=self.validation.unpredicted(ratio),
+            estimation_pieces=self.estimation_pieces.unpredicted(ratio),
+            validation_pieces=self.validation_pieces.unpredicted(ratio),
+            reduced={},
+        )
+
+    def heard(self, current: ScoredFit) -> ScoredFit:
+        """A fit of free runs, or where process noise shows one of free and drawn runs together from there."""
+        if self.drawing <= 0.0:
+            return current
+        both = FreeAndDrawn(self.estimation, self.drawing, current.fit.vector)
+        most, tolerance = self.settings.converging_evaluations, self.settings.converged
+        result = fit(both, current.fit.free, current.fit.x, evaluations=most, tolerance=tolerance)
+        return self.scored(linearised(self.estimation, result))
 
     def _validation_residuals(self, result: Fit) -> np.ndarray:
         return np.nan_to_num(self.validation.residuals(result.free.vectors(result.x))[0], nan=LOST)
@@ -214,13 +247,16 @@ class SearchProblem:
 
     def on_whole(self, estimation: Sequence[Record]) -> SearchProblem:
         """The same problem with all of the estimation data."""
-        return replace(self, estimation=RecordingProblem(list(estimation), self.estimation.model), reduced={})
+        whole = RecordingProblem(list(estimation), self.estimation.model).unpredicted(self.estimation.unpredictable)
+        return replace(self, estimation=whole, reduced={})
 
     def at_noise(self, current: ScoredFit) -> bool:
         """Whether a fit leaves nothing to learn: no more than the sensor noise on either set of recordings.
 
         Where the estimation data leave less than that, what the validation data show cannot be learned from them.
         """
+        if self.drawing > 0.0:
+            return False  # drawn runs may tell what free runs leave in the noise
         most, noise = self.settings.at_noise, self.estimation.noise_cost()
         if current.estimation_cost > most * noise:
             return False

@@ -130,9 +130,17 @@ def remaining(problem: SearchProblem, found: Selection) -> Remaining:
             f"{most:.2f} times without the largest {few} of {len(ratios)}"
         )
         return Remaining(False, ratio, None, (), shares, text)
+    unpredictable = problem.validation.unpredictable
+    at_most = settings.remaining_above**2 * problem.validation.noise_cost()
+    if unpredictable > 1.0 and found.final.validation_cost <= at_most:
+        text = (
+            f"nothing above what no command tells: the residual is {ratio:.2f} times the sensor noise, and answers to "
+            f"equal commands differ by {math.sqrt(unpredictable):.2f} times, weighted over the channels (process noise)"
+        )
+        return Remaining(False, ratio, None, (), shares, text)
     in_band, centre = band_share(rest, problem.validation.records[0].sample_time)
     shares["frequency"] = in_band if in_band > settings.band_share else 0.0
-    if ratio > settings.remaining_far_above and nothing_fits(found, settings.memoryless):
+    if unpredictable <= 1.0 and ratio > settings.remaining_far_above and nothing_fits(found, settings.memoryless):
         best = max(found.functions.gains.values()) if found.functions else 0.0
         text = (
             f"the residual is {ratio:.2f} times the sensor noise; no function of position, velocity, opening, load "

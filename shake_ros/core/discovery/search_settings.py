@@ -58,6 +58,7 @@ class SearchSettings(Parameters):
     takeover_parts: tuple[float, ...] = quantity("-", "parts of an effect left as another takes over", low=0.0)
     takeover_tolerance: float = quantity("-", "relative change at which a fit on that path stops", low=1e-12, high=1.0)
     # decision
+    process_noise: float = quantity("-", "what differs between equal commands over the noise, mean squares", low=1.0)
     most_effects: int = quantity("-", "effects added, at most", low=0)
     at_noise: float = quantity("-", "ratio to the noise's cost up to which nothing more is looked for", low=0.0)
     least_estimation_gain: float = quantity("-", "least fall of the estimation cost", low=0.0, high=1.0)

@@ -40,7 +40,8 @@ class Accelerometer:
 
     def problem(self, problem: RecordingProblem) -> RecordingProblem:
         """A problem with its recordings as they are seen."""
-        return RecordingProblem([self.seen(r) for r in problem.records], problem.model)
+        seen = RecordingProblem([self.seen(r) for r in problem.records], problem.model)
+        return seen.unpredicted(problem.unpredictable)
 
     def learned(self, problem: RecordingProblem, others: Sequence[Record], model: Fit) -> Accelerometer:
         """More of it from a fitted table, or the same where that tells nothing new.

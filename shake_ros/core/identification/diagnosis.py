@@ -10,6 +10,7 @@ import numpy as np
 from shake_ros.core.identification.experiments import Candidate, RecordingBenefit, advice, benefits
 from shake_ros.core.identification.fit import Fit, jacobian
 from shake_ros.core.identification.identifiability import Identifiability, identifiability
+from shake_ros.core.identification.innovations import Innovations, innovations
 from shake_ros.core.identification.predictability import Predictability, predictability, residuals_left
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
@@ -40,12 +41,16 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Judgements of all recordings, identifiability, what each candidate recording would add, what is predictable."""
+    """Judgements of all recordings, identifiability, and what each candidate recording would add.
+
+    predictable : what of each residual is predictable at all. innovations : errors of drawn runs on held-out data.
+    """
 
     judgements: tuple[Judgement, ...]
     identifiability: Identifiability
     benefits: tuple[RecordingBenefit, ...]
     predictable: tuple[Predictability, ...] = ()
+    innovations: Innovations | None = None
 
     @property
     def advice(self) -> str:
@@ -108,11 +113,12 @@ def diagnose(
     """
     vector = result.vector
     problem = RecordingProblem(list(estimation), model)
-    judged, left, held = judge(problem, vector, False), residuals_left(problem, vector, False), []
+    judged, left, held, others = judge(problem, vector, False), residuals_left(problem, vector, False), [], problem
     if validation:
         others = RecordingProblem(list(validation), model)
         judged += judge(others, vector, True)
         held = residuals_left(others, vector, True)
+    drawn = innovations(others, vector, result.table)
     blocks = problem.blocks() if blocks is None else blocks
     if len(blocks) != len(result.residuals):  # fitted to a part of the recordings
         residuals = problem.residuals(vector[None, :])[0]
@@ -120,4 +126,4 @@ def diagnose(
         result = replace(result, residuals=residuals, jacobian=derivative)
     known = identifiability(result, blocks)
     helpful = tuple(benefits(result, known, estimation, candidates, model))
-    return Diagnosis(tuple(judged), known, helpful, predictability(left, held))
+    return Diagnosis(tuple(judged), known, helpful, predictability(left, held), drawn)

@@ -32,6 +32,7 @@ class RecordingProblem:
         self.records = records
         self.model = model
         self.injection = 0.0
+        self.unpredictable = 1.0
         self.velocity_weights = []
         self.acceleration_weights = []
         self.position_weights = []
@@ -61,6 +62,12 @@ class RecordingProblem:
             return self
         problem = copy.copy(self)
         problem.injection = injection
+        return problem
+
+    def unpredicted(self, ratio: float) -> RecordingProblem:
+        """The same where process noise and sensor noise together are so many times the sensor noise's mean square."""
+        problem = copy.copy(self)
+        problem.unpredictable = ratio
         return problem
 
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
@@ -109,14 +116,18 @@ class RecordingProblem:
         return 1 + (record.acceleration is not None) + self.model.positions
 
     def noise_cost(self) -> float:
-        """Mean square of the weighted residuals that the sensor noise alone would leave [-]."""
+        """Mean square of the weighted residuals that the sensor noise alone would leave, or what no command tells [-].
+
+        Noise that comes from the periods of a recording has what no command tells in it already.
+        """
         total = 0.0
         weights = zip(self.velocity_weights, self.acceleration_weights, self.position_weights, strict=True)
         for record, (w_v, w_a, w_x) in zip(self.records, weights, strict=True):
             n = len(record.commands) - record.start
-            total += n * (w_v * record.velocity_noise()) ** 2
+            told = 1.0 if record.noise_from_periods else self.unpredictable
+            total += told * n * (w_v * record.velocity_noise()) ** 2
             if record.acceleration is not None:
-                total += n * (w_a * record.acceleration_noise()) ** 2
+                total += told * n * (w_a * record.acceleration_noise()) ** 2
             if self.model.positions:
                 total += n * (w_x * record.position_noise()) ** 2
         return float(total / self.count)

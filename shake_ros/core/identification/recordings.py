@@ -8,6 +8,7 @@ recording_problem.py.
 
 from __future__ import annotations
 
+import copy
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -79,6 +80,12 @@ class Record:
         begins at rest, whose state is known: the noise of the measured velocity would only break a standing contact.
         """
         return self.motion[: self.start] if self.moved and not self._begins_at_rest() else UNSEEN
+
+    def drawn_by(self, motion: np.ndarray) -> Record:
+        """The same recording with another motion that draws its runs, shape (n, 2); NaN where a run is free."""
+        other = copy.copy(self)
+        other.__dict__["motion"] = motion
+        return other
 
     def _begins_at_rest(self) -> bool:
         first = self.velocity[: max(3, round(AT_REST / self.sample_time))]

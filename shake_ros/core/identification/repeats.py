@@ -20,6 +20,7 @@ from shake_ros.core.analysis.multisine_split import PERIODIC, repeated_period
 
 Floats = NDArray[np.float64]
 SHORTEST = 1.0  # stretch of an equal command that tells something [s]
+MOST = 30  # recordings that are compared with each other: of more, each is compared with itself alone
 LEAST_OVERLAP = 0.5  # of the shorter of two recordings, below which stretches are alike by chance
 
 
@@ -50,7 +51,7 @@ def repeats(commands: Sequence[Floats], sample_times: Sequence[float]) -> list[R
         if period is not None and (len(u) - period) * sample_times[i] >= SHORTEST:
             first = min(max(len(u) - 2 * period, 0), period)  # a first period settles, where two follow it
             found.append(Repeat(i, i, slice(first, len(u) - period), slice(first + period, len(u))))
-        for j in range(i + 1, len(commands)):
+        for j in range(i + 1, len(commands) if len(commands) <= MOST else 0):
             pair = _overlap(u, commands[j]) if sample_times[i] == sample_times[j] else None
             if pair is not None and (pair[0].stop - pair[0].start) * sample_times[i] >= SHORTEST:
                 found.append(Repeat(i, j, *pair))

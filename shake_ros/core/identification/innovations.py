@@ -1,0 +1,196 @@
+"""Innovations: how far a run errs that is drawn towards the measurement, at several rates, and how far ahead.
+
+A free run carries along what no command tells (process noise), a drawn one forgets it (`inject` in
+plant/integration.py). Where the model is right and nothing but the command drives the table, drawing only lets sensor
+noise in: each error is held against what sensor noise alone makes of the same run, which a run of the model itself with
+noise added shows. Process noise makes a drawn run err less than that; a model that lacks something does so too, so
+drawing alone tells no process noise: equal commands do (process_noise.py).
+
+The measured velocity has passed a zero-phase filter and looks some 10 ms ahead: horizons below that are flattered.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.identification.predictability import sensor_noise
+from shake_ros.core.identification.recording_problem import BLOCK, RecordingProblem
+from shake_ros.core.identification.recordings import Record, windows
+from shake_ros.core.identification.velocity_filter import derivative, filtered_velocity, low_pass
+from shake_ros.core.plant.parameters import TableParameters
+
+Floats = NDArray[np.float64]
+RATES = (0.0, 5.0, 10.0, 20.0, 40.0, 80.0)  # of drawing [1/s]; 0: a free run
+HORIZONS = (0.005, 0.02, 0.1)  # of prediction [s]
+DRAWN_FOR = 3.0  # times 1/rate that a run is drawn before each prediction
+OFFSETS = 5  # predictions begin at so many places of the recording, evenly apart
+SECONDS, PIECE = 12.0, 3.0  # of recordings, and of each piece of them, that are predicted [s]
+HELPS = 0.8  # part of the free run's mean square, relative to the noise, from which drawing helps …
+BEYOND = 3.0  # … where it is beyond so many standard errors
+TRIES = 3  # of the force that explains a residual: friction makes the answer depend on its size
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """Errors of prediction on held-out data.
+
+    errors, by_noise : rms by channel over the sensor noise at each of RATES, and what sensor noise alone makes of it.
+    relative : mean square of all weighted errors at each rate over that of sensor noise alone. best : rate at which
+    that is least [1/s]. helps : whether drawing at it helps beyond chance. horizons : rms by channel over the sensor
+    noise at each of HORIZONS, for runs that were drawn until then. force : random force below the velocity filter's
+    cut-off that would leave as much [N rms]; None where drawing does not help, or the model takes no force.
+    """
+
+    errors: Mapping[str, tuple[float, ...]]
+    by_noise: Mapping[str, tuple[float, ...]]
+    relative: tuple[float, ...]
+    best: float
+    helps: bool
+    horizons: Mapping[str, tuple[float, ...]]
+    force: float | None = None
+
+    @property
+    def text(self) -> str:
+        """A phrase for a report."""
+        k = RATES.index(self.best)
+        if not self.helps:
+            return "drawing a run towards the measurement does not help beyond chance: no sign of process noise"
+        gain = math.sqrt(self.relative[0] / self.relative[k])
+        text = f"a run drawn at {self.best:g} 1/s errs {gain:.1f} times less than a free one, sensor noise allowed for"
+        if self.force is not None:
+            text += f"; a random force of {self.force:.3g} N rms would leave as much as the free run has"
+        return f"{text}; a missing effect does so too, only equal commands tell it from process noise"
+
+
+def innovations(problem: RecordingProblem, vector: np.ndarray, table: TableParameters) -> Innovations | None:
+    """Errors of prediction of a table over (pieces of) recordings; None of a model whose runs cannot be drawn."""
+    if not problem.model.injects:
+        return None
+    problem = RecordingProblem(windows(problem.records, SECONDS, PIECE), problem.model)
+    true, noise = _errors(problem, vector, [r.motion for r in problem.records])
+    made = [_with_noise(problem, vector, k) for k in range(len(problem.records))]
+    alone, _ = _errors(problem, vector, made)
+    costs = np.array([np.mean(np.concatenate([np.concatenate(e) for e in rate])) for rate in true])
+    floors = np.array([np.mean(np.concatenate([np.concatenate(e) for e in rate])) for rate in alone])
+    relative = costs / np.maximum(floors, 1e-300)
+    k = int(np.argmin(relative))
+    helps = k > 0 and _helps(problem, true[0], true[k], float(floors[0]), float(floors[k]))
+    rate = RATES[k] or RATES[-2]
+    channels = ["velocity", *(["acceleration"] if problem.records[0].acceleration is not None else [])]
+    errors, by_noise = ({c: _over_noise(e, noise, i) for i, c in enumerate(channels)} for e in (true, alone))
+    ahead = _horizons(problem, vector, rate)
+    horizons = {c: ahead[i] for i, c in enumerate(channels)}
+    force = equivalent_force(problem, vector, table) if helps else None
+    return Innovations(errors, by_noise, tuple(relative.tolist()), RATES[k], helps, horizons, force)
+
+
+def _signals(record: Record, motion: Floats) -> list[tuple[Floats, float]]:
+    """What a run is held against, channel by channel, and the sensor noise of each."""
+    found = [(motion[:, 0], sensor_noise(record, "velocity"))]
+    return found if record.acceleration is None else [*found, (motion[:, 1], sensor_noise(record, "acceleration"))]
+
+
+def _errors(
+    problem: RecordingProblem, vector: np.ndarray, motions: list[Floats]
+) -> tuple[list[list[list[Floats]]], list[float]]:
+    """Squares of the weighted errors by rate, record and channel; and the weighted mean square of noise by channel."""
+    found = []
+    weights = list(zip(problem.velocity_weights, problem.acceleration_weights, strict=True))
+    for rate in RATES:
+        drawn = problem.drawn(rate)
+        rows = []
+        for record, motion, weight in zip(problem.records, motions, weights, strict=True):
+            simulated = drawn.simulate(vector[None, :], record.drawn_by(motion))
+            span = slice(record.start, len(record.commands) - record.blind)
+            pairs = zip(_signals(record, motion), simulated, weight, strict=False)
+            rows.append([(w * (wanted - s[0])[span]) ** 2 for (wanted, _), s, w in pairs])
+        found.append(rows)
+    per_channel = []
+    for i in range(len(found[0][0])):
+        noise = [(w[i] * _signals(r, m)[i][1]) ** 2 for r, m, w in zip(problem.records, motions, weights, strict=True)]
+        per_channel.append(float(np.mean(noise)))
+    return found, per_channel
+
+
+def _over_noise(errors: list[list[list[Floats]]], noise: list[float], channel: int) -> tuple[float, ...]:
+    """Rms over the sensor noise of one channel at each rate."""
+    squares = [float(np.mean(np.concatenate([record[channel] for record in rate]))) for rate in errors]
+    return tuple(math.sqrt(square / max(noise[channel], 1e-300)) for square in squares)
+
+
+def _with_noise(problem: RecordingProblem, vector: np.ndarray, number: int) -> Floats:
+    """The motion that sensors would show of the model's own free run, shape (n, 2)."""
+    record, rng = problem.records[number], np.random.default_rng([number, 1])
+    velocity, acceleration = problem.simulate(vector[None, :], record)
+    n = len(record.commands)
+    shaken = derivative(record.position_noise() * rng.standard_normal(n), record.sample_time)
+    felt = np.full(n, np.nan)
+    if record.acceleration is not None:
+        felt = acceleration[0] + sensor_noise(record, "acceleration") * rng.standard_normal(n)
+    return np.column_stack([velocity[0] + shaken, felt])
+
+
+def _helps(
+    problem: RecordingProblem, free: list[list[Floats]], drawn: list[list[Floats]], by_free: float, by_drawn: float
+) -> bool:
+    """Whether drawing helps beyond chance, block of time by block of time, each error over what noise makes of it."""
+    gains, costs = [], []
+    for record, before, after in zip(problem.records, free, drawn, strict=True):
+        count = max(len(before[0]) // max(round(BLOCK / record.sample_time), 1), 1)
+        then = np.mean(before, axis=0) / by_free
+        gains += [float(np.mean(b)) for b in np.array_split(then - np.mean(after, axis=0) / by_drawn, count)]
+        costs += [float(np.mean(b)) for b in np.array_split(then, count)]
+    if len(gains) < 3 or np.mean(gains) < (1.0 - HELPS) * np.mean(costs):
+        return False
+    return bool(np.mean(gains) > BEYOND * np.std(gains, ddof=1) / math.sqrt(len(gains)))
+
+
+def _horizons(problem: RecordingProblem, vector: np.ndarray, rate: float) -> list[tuple[float, ...]]:
+    """Rms error over the sensor noise of each channel at HORIZONS after the run was left free."""
+    drawn, squares = problem.drawn(rate), [[list[Floats]() for _ in HORIZONS] for _ in range(2)]
+    cycle = DRAWN_FOR / rate + HORIZONS[-1]
+    for record in problem.records:
+        time = np.arange(len(record.commands)) * record.sample_time
+        for offset in np.arange(OFFSETS) * cycle / OFFSETS:
+            since = (time + offset) % cycle - DRAWN_FOR / rate  # the run was left free
+            motion = np.where((since > 0.0)[:, None], np.nan, record.motion)
+            simulated = drawn.simulate(vector[None, :], record.drawn_by(motion))
+            for i, (wanted, noise) in enumerate(_signals(record, record.motion)):
+                error = ((wanted - simulated[i][0]) / noise) ** 2
+                for k, horizon in enumerate(HORIZONS):
+                    near = np.abs(since - horizon) <= max(0.5 * record.sample_time, 0.1 * horizon)
+                    near[: record.start] = False
+                    near[len(near) - record.blind :] &= record.blind == 0
+                    squares[i][k].append(error[near])
+    return [tuple(math.sqrt(float(np.mean(np.concatenate(s)))) for s in each) for each in squares if each[0]]
+
+
+def equivalent_force(problem: RecordingProblem, vector: np.ndarray, table: TableParameters) -> float | None:
+    """Random force below the velocity filter's cut-off that makes the velocity err as the free run does [N rms].
+
+    Simulated with such a force, since it meets friction and the oil column; None where a model takes no force.
+    """
+    excess, force = 0.0, 0.0
+    for record in problem.records:
+        left = (record.velocity - problem.simulate(vector[None, :], record)[0][0])[record.start :]
+        excess += max(float(np.var(left)) - sensor_noise(record, "velocity") ** 2, 0.0) / len(problem.records)
+    tried = table.moved_mass * math.sqrt(excess) if problem.model.moved_mass(table) else 0.0
+    for _ in range(TRIES):
+        if tried <= 0.0:
+            return None
+        answer = 0.0
+        for k, record in enumerate(problem.records):
+            white = low_pass(np.random.default_rng([k, 2]).standard_normal(len(record.commands)), record.sample_time)
+            run = problem.model.run_under(table, record, tried * white / np.std(white))
+            if run is None:
+                return None
+            change = filtered_velocity(run[:, 1] - problem.model.run(table, record)[:, 1], record.sample_time)
+            answer += float(np.var(change[record.start :])) / len(problem.records)
+        force = tried * math.sqrt(excess / max(answer, 1e-300))
+        tried = force
+    return force
