@@ -81,7 +81,9 @@ def check_report(report: Any) -> None:
         check_error(step["error"], learn, hold)
     remaining = report["remaining"]
     keys = {"above_noise", "place", "depends_on", "text", "candidates", "validation_with_candidates"}
-    assert set(remaining) == keys
+    assert set(remaining) == keys | {"latent_force", "predictable", "innovations", "process_noise"}
+    assert set(remaining["latent_force"]) == set(learn) | set(hold)
+    assert remaining["process_noise"] is None or remaining["process_noise"] > 1.0
     assert set(remaining["validation_with_candidates"]) == (set(hold) if remaining["candidates"] else set())
     for doubtful in remaining["candidates"]:
         assert doubtful["state"] == "not established"
