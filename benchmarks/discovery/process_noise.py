@@ -125,7 +125,7 @@ def names_table(seeds: Sequence[int]) -> None:
     for effect in HIDDEN:
         for seed in seeds:
             start = time.perf_counter()
-            told = {what: ", ".join(named(seed, effect, what == "both")) or "nothing" for what in ("free", "both")}
+            told = {by: ", ".join(named(seed, effect, by == "both")) or "nothing" for by in ("free", "both")}
             print(f"{effect:<20}seed {seed:<5}free: {told['free']:<30}both: {told['both']}", end="")
             print(f"   [{time.perf_counter() - start:.0f} s]", flush=True)
 
@@ -137,7 +137,8 @@ def main() -> None:
     command.add_argument("--names", type=int, default=0, help="seeds for which close_loop is asked, from the first on")
     given = command.parse_args()
     first, behind = (int(part) for part in given.seeds.split(":"))
-    parameter_table(range(first, behind))
+    if first < behind:
+        parameter_table(range(first, behind))
     if given.names:
         names_table(range(first, first + given.names))
 

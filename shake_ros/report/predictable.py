@@ -27,7 +27,16 @@ def predictable_table(page: Page, parts: Sequence[Predictability]) -> None:
         role = "validation" if p.held_out else "estimation"
         sizes = f"{p.ratio:.2f} × noise", f"{100.0 * p.noise:.0f} %"
         rows.append([f"{p.name} ({role})", p.channel, *sizes, *shares, f"{p.least_ratio:.2f} × noise"])
-    heads = ("recording", "residual of", "size", "sensor noise", "coherent", "a filter takes", "repeats", "does not")
+    heads = (
+        "recording",
+        "residual of",
+        "size",
+        "sensor noise",
+        "coherent",
+        "a filter takes",
+        "repeats",
+        "does not repeat",
+    )
     page.table((*heads, "at best"), rows)
 
 

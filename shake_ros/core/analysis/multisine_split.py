@@ -119,12 +119,13 @@ def noise_from_periods(signal: ArrayLike, samples: int, skip: int | None = None)
     return float(np.sqrt(np.sum(rest**2) / freedom))
 
 
-def repeated_period(excitation: ArrayLike, shortest: int = 64) -> int | None:
+def repeated_period(excitation: ArrayLike, shortest: int = 64, change: float = PERIODIC) -> int | None:
     """Samples after which an excitation repeats itself to the end of its record, or None.
 
     Parameters
     ----------
-    excitation : shape (n,). shortest : shortest period looked for.
+    excitation : shape (n,). shortest : shortest period looked for. change : from period to period, relative to the
+        excitation, up to which it repeats.
 
     >>> rng = np.random.default_rng(1)
     >>> repeated_period(np.tile(rng.standard_normal(500), 3)), repeated_period(rng.standard_normal(1500))
@@ -139,12 +140,12 @@ def repeated_period(excitation: ArrayLike, shortest: int = 64) -> int | None:
     product = np.fft.irfft(np.abs(np.fft.rfft(u, 2 * n)) ** 2)[lags]
     squares = np.concatenate(([0.0], np.cumsum(u**2)))
     size = squares[n - lags] + (squares[n] - squares[lags])
-    change = np.sqrt(np.maximum(size - 2.0 * product, 0.0) / np.maximum(size, 1e-300) * 2.0)
-    good = np.flatnonzero(change < PERIODIC)
+    changed = np.sqrt(np.maximum(size - 2.0 * product, 0.0) / np.maximum(size, 1e-300) * 2.0)
+    good = np.flatnonzero(changed < change)
     if not len(good):
         return None
     valley = good[: np.argmax(np.append(np.diff(good) > 1, True)) + 1]  # the first run of neighbouring lags
-    return int(lags[valley[np.argmin(change[valley])]])
+    return int(lags[valley[np.argmin(changed[valley])]])
 
 
 def multisine_split(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
-from shake_ros.core.discovery.forward_selection import fitted_again, forward_selection
+from shake_ros.core.discovery.forward_selection import fitted_again, forward_selection, listened
 from shake_ros.core.discovery.latent_force import LatentForce, latent_forces
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, patiently
 from shake_ros.core.discovery.remaining import Remaining, remaining
@@ -66,9 +66,10 @@ def close_loop(
     """
     problem = SearchProblem.of(model, estimation, validation, settings, patiently(progress))
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
-    problem = problem.listening(declared)
     selection = forward_selection(replace(problem, progress=progress), declared, model)
-    problem = problem.seen(selection.accelerometer)
+    patient, problem = problem.progress, replace(problem.seen(selection.accelerometer), progress=progress)
+    problem, selection = listened(problem, selection, replace(model, shown=()))
+    problem = replace(problem, progress=patient)
     found, standings, doubtful = judged(problem, selection)
     tentative = problem.validation.errors(selection.final.fit.vector) if doubtful else {}
     if sum(len(r.commands) for r in problem.estimation.records) < sum(len(r.commands) for r in estimation):

@@ -46,6 +46,33 @@ def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructu
     return replace(found, steps=steps, final=final, removed=removed)
 
 
+def listened(problem: SearchProblem, found: Selection, model: ModelStructure) -> tuple[SearchProblem, Selection]:
+    """The search gone on with drawn runs heard beside the free ones, where equal commands still show process noise.
+
+    It begins with what free runs alone have found: what depends on time differs between equal commands as well, and is
+    no process noise once the model has it.
+    """
+    listening = problem.listening(found.final.fit)
+    if listening is problem:
+        return problem, found
+
+    def again(m: ScoredFit) -> ScoredFit:
+        return listening.scored(m.fit)
+
+    found = found.on(again, again)
+    present = {step.chosen.candidate.effect for step in found.steps}
+    if found.stopped or UNLISTED in present:
+        return listening, found
+    left = tuple(c for c in model.candidates if c.effect not in present)
+    try:
+        for grown in stages(listening, found, replace(model, candidates=left)):
+            found = grown
+    except Stopped:
+        return listening, replace(found, stopped=True)
+    steps, final, removed = eliminate(listening, found.steps, found.final)
+    return listening, replace(found, steps=steps, final=final, removed=(*found.removed, *removed))
+
+
 def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> Iterator[Selection]:
     """The selection as it grows, each stage a whole answer."""
     left = model.candidates

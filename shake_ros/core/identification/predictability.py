@@ -29,8 +29,8 @@ from shake_ros.core.identification.velocity_filter import velocity_noise_gain
 
 Floats = NDArray[np.float64]
 CHANNELS = ("velocity", "acceleration")
+LEAST_SHARE = 0.01  # of a mean square that is worth a word
 SHORTEST = 64  # samples of a residual that can be told apart
-NOTHING = 0.01  # share below which equal commands show nothing but noise
 
 
 @dataclass(frozen=True)
@@ -100,17 +100,19 @@ class Predictability:
         parts.append(f"{_percent(self.linear)} is coherent with the command")
         if self.repeated is not None:
             parts.append(self.same_text)
-        elif self.unknown >= NOTHING:
+        elif self.unknown >= LEAST_SHARE:
             parts.append(f"the rest of {_percent(self.unknown)} is not known to be predictable")
         return f"of the {self.channel}'s residual of {self.ratio:.2f} × the noise {', '.join(parts)}"
 
     @property
     def same_text(self) -> str:
         """What equal commands tell, as a phrase."""
-        if (self.repeated or 0.0) + (self.different or 0.0) < NOTHING:
+        if (self.repeated or 0.0) + (self.different or 0.0) < LEAST_SHARE:
             return "equal commands leave noise alone"
-        same, other = _percent(self.repeated or 0.0), _percent(self.different or 0.0)
-        return f"{same} repeats between equal commands and {other} does not, so no model of the command has it"
+        same, other = f"{_percent(self.repeated or 0.0)} repeats between equal commands", self.different or 0.0
+        if other < LEAST_SHARE:
+            return f"{same} and nothing beyond the sensor noise differs"
+        return f"{same} and {_percent(other)} does not, so no model of the command has it"
 
 
 def _percent(share: float) -> str:

@@ -16,10 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.analysis.multisine_split import PERIODIC, repeated_period
+from shake_ros.core.analysis.multisine_split import repeated_period
 
 Floats = NDArray[np.float64]
 SHORTEST = 1.0  # stretch of an equal command that tells something [s]
+ALIKE = 0.15  # change relative to the command up to which it is equal: a residual is without what the model makes of it
 MOST = 30  # recordings that are compared with each other: of more, each is compared with itself alone
 LEAST_OVERLAP = 0.5  # of the shorter of two recordings, below which stretches are alike by chance
 
@@ -47,7 +48,7 @@ def repeats(commands: Sequence[Floats], sample_times: Sequence[float]) -> list[R
     """
     found = []
     for i, u in enumerate(commands):
-        period = repeated_period(u)
+        period = repeated_period(u, change=ALIKE)
         if period is not None and (len(u) - period) * sample_times[i] >= SHORTEST:
             first = min(max(len(u) - 2 * period, 0), period)  # a first period settles, where two follow it
             found.append(Repeat(i, i, slice(first, len(u) - period), slice(first + period, len(u))))
@@ -70,7 +71,7 @@ def _overlap(a: Floats, b: Floats) -> tuple[slice, slice] | None:
         return None
     here, there = slice(first, first + count), slice(second, second + count)
     change, scale = float(np.std(a[here] - b[there])), float(np.std(a[here]))
-    return (here, there) if 0.0 < scale and change < PERIODIC * scale else None
+    return (here, there) if 0.0 < scale and change < ALIKE * scale else None
 
 
 def repeated_and_different(a: Floats, b: Floats) -> tuple[float, float]:
