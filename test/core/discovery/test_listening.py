@@ -1,0 +1,80 @@
+"""A search hears drawn runs beside the free ones only where equal commands show process noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.discovery import hidden_tables as hidden
+from shake_ros.core.discovery.forward_selection import listened
+from shake_ros.core.discovery.problem import ModelStructure, SearchProblem
+from shake_ros.core.discovery.selection import Selection
+from shake_ros.core.identification.approach import INJECTION
+from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.recordings import Record
+from shake_ros.declared import model_structure
+from shake_ros.settings import load_search, load_table
+
+STRUCTURE = model_structure(load_table("bergamo"))
+
+
+def search(force: float) -> tuple[SearchProblem, Fit]:
+    """A search over two recordings of a table with process noise, and the true model."""
+    truth = hidden.declared_truth(3)._replace(rumble=force)
+    made = {
+        name: hidden.record(truth, hidden.excitations(3)[name], 1.0, np.random.default_rng(3))
+        for name in ("learn_multisine", "hold_multisine")
+    }
+    records = [Record(n, hidden.SAMPLE, m["command"], m["position"], m["acceleration"]) for n, m in made.items()]
+    problem = SearchProblem.of(STRUCTURE, records[:1], records[1:], load_search(), lambda *_: None)
+    free = FreeParameters(STRUCTURE.table, STRUCTURE.free)
+    start = free.x_of({name: getattr(truth, field) for name, field in hidden.DECLARED.items()})
+    return problem, fit(problem.estimation, free, start, evaluations=1, tolerance=1e-2)
+
+
+@pytest.fixture(scope="module")
+def rumbling() -> tuple[SearchProblem, Fit]:
+    return search(120.0)
+
+
+def test_without_process_noise_a_search_stays_as_it_is() -> None:
+    problem, true = search(0.0)
+    current = problem.scored(true)
+    assert problem.listening(true) is problem
+    assert problem.heard(current) is current
+    assert len(current.innovation_blocks) == 0
+    found = Selection(current, (), current)
+    assert listened(problem, found, STRUCTURE) == (problem, found)
+
+
+def test_with_process_noise_both_kinds_of_runs_are_scored(rumbling: tuple[SearchProblem, Fit]) -> None:
+    problem, true = rumbling
+    hearing = problem.listening(true)
+    assert hearing.drawing == INJECTION
+    current = hearing.scored(true)
+    assert len(current.innovation_blocks) == len(current.validation_blocks)
+    assert np.mean(current.innovation_blocks) < 0.6 * current.validation_cost
+    assert hearing.validation.noise_cost() > 4.0 * problem.validation.noise_cost()
+
+
+def test_a_fit_that_hears_both_lowers_the_error_of_drawn_runs(rumbling: tuple[SearchProblem, Fit]) -> None:
+    problem, true = rumbling
+    hearing = problem.listening(true)
+    alone = hearing.fitted(true.free, true.x, 10, 1e-4, near=True)
+    both = hearing.heard(alone)
+    drawn = hearing.estimation.drawn(INJECTION)
+    left = [float(np.mean(drawn.residuals(m.fit.vector[None, :]) ** 2)) for m in (alone, both)]
+    assert left[1] < left[0]
+    assert len(both.fit.residuals) == hearing.estimation.count
+
+
+def test_nothing_to_add_leaves_the_models_as_free_runs_have_found_them(rumbling: tuple[SearchProblem, Fit]) -> None:
+    problem, true = rumbling
+    current = problem.scored(true)
+    no_candidates = ModelStructure(STRUCTURE.table, STRUCTURE.free)
+    hearing, found = listened(problem, Selection(current, (), current), no_candidates)
+    assert hearing.drawing == INJECTION
+    assert found.steps == ()
+    assert found.final.fit is true
+    assert len(found.final.innovation_blocks) > 0
