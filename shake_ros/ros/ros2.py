@@ -45,6 +45,11 @@ class Console:
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
 
+    def close(self) -> None:
+        """Leave the graph; an executor that outlives its context complains when it is collected."""
+        self._executor.shutdown()
+        self.node.destroy_node()
+
     def spin(self, seconds: float) -> None:
         self._executor.spin_once(timeout_sec=seconds)
 
@@ -291,4 +296,4 @@ def main(arguments: Sequence[str]) -> int:
         try:
             return int(given.run(console, given))
         finally:
-            console.node.destroy_node()
+            console.close()
