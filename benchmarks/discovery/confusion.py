@@ -21,6 +21,7 @@ from shake_ros.api.ending import Ending
 from shake_ros.api.progress import Progress
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.close_loop import LoopClosure, close_loop
+from shake_ros.core.identification.end_stops import within_stroke
 from shake_ros.core.identification.recordings import Record
 from shake_ros.data.results import close_loop_json
 from shake_ros.declared import effect_candidates, model_structure
@@ -52,13 +53,13 @@ def measure(
     commands = hidden.excitations(seed, length)
     made = truth(effect, severity, seed, commands) if strength is None else of_strength(effect, strength, seed)
     records = recordings(effect, seed, noise, made, commands)
-    learn = [r for n, r in records.items() if n.startswith("learn")]
-    hold = [r for n, r in records.items() if n.startswith("hold")]
+    learn, hold = fitted_parts(records, "learn"), fitted_parts(records, "hold")
     model = replace(model_structure(load_table("bergamo")), candidates=candidates(among))
     with Progress("close_loop", told=False) as silent, Ending(silent, minutes) as progress:
         result = close_loop(model, learn, hold, load_search(), progress)
-    report = close_loop_json(result, [r.name for r in learn], [r.name for r in hold], "full")
-    floor = {r.name: noise * hidden.ACCELERATION_NOISE / float(np.std(r.acceleration)) for r in hold}
+    report = close_loop_json(result, *([*dict.fromkeys(r.name for r in rs)] for rs in (learn, hold)), "full")
+    felt = {name: np.concatenate([r.motion[:, 1] for r in hold if r.name == name]) for name in {r.name for r in hold}}
+    floor = {name: noise * hidden.ACCELERATION_NOISE / float(np.std(values)) for name, values in felt.items()}
     return {**judged(effect, report), **errors(report, floor), **told(result, report, made, effect)}
 
 
@@ -80,6 +81,12 @@ def recordings(
     rng = np.random.default_rng([seed, round(10 * noise), *effect.encode()])
     made = {name: hidden.record(table, u, noise, rng) for name, u in commands.items()}
     return {n: Record(n, hidden.SAMPLE, m["command"], m["position"], m["acceleration"]) for n, m in made.items()}
+
+
+def fitted_parts(records: dict[str, Record], kind: str) -> list[Record]:
+    """The recordings whose names begin with "learn" or "hold", without what lies at the end stops."""
+    stroke = load_table("bergamo").value("body.stroke")
+    return within_stroke([r for n, r in records.items() if n.startswith(kind)], stroke)[0]
 
 
 def candidates(among: Sequence[str]) -> tuple[CandidateEffect, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from shake_ros.api.result_table import ResultTable
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.identification.axis_model import AXIS
 from shake_ros.core.identification.contradictions import contradictions
+from shake_ros.core.identification.end_stops import within_stroke
 from shake_ros.core.identification.late_command import in_time
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.nuisances import Prepared, prepared
@@ -75,18 +76,28 @@ class Model:
     def begin(self, estimation: list[Record], validation: list[Record]) -> StartingPoint:
         """Where a fit begins, with the recordings as it takes them.
 
-        Their offsets are taken out where the model counts these as nuisances; of a force-driven axis each has its own
-        slow changes.
+        What lies at the end stops of a known stroke is left out, offsets are taken out where the model counts these as
+        nuisances; of a force-driven axis each recording has its own slow changes.
         """
         declared = self.declared
+        known, stops = declared.table if isinstance(declared, UnknownModel) else self.table, tuple[str, ...]()
+        if known is not None and known.layout is FULL_LAYOUT:
+            stroke = known.value("body.stroke")
+            (estimation, first), (validation, second) = (within_stroke(r, stroke) for r in (estimation, validation))
+            stops = first + second
         if not isinstance(declared, UnknownModel):
             data = with_own(estimation, validation) if declared is AXIS else (estimation, validation)
-            return StartingPoint.declared(self.start(estimation), Prepared(*data, 1.0, ()))
+            return StartingPoint.declared(self.start(estimation), Prepared(*data, 1.0, (), stops=stops))
 
         def effects(table: TableParameters) -> dict[str, CandidateEffect]:
             return {c.effect: c for c in effect_candidates(declared, table)}
 
-        return staged_start(declared, free_parameters(declared), effects, in_time(prepared(estimation, validation)))
+        return staged_start(
+            declared,
+            free_parameters(declared),
+            effects,
+            replace(in_time(prepared(estimation, validation)), stops=stops),
+        )
 
     def contradictions(self, recordings: Recordings) -> list[str]:
         """In which quantities the declared numbers and the recordings are far apart, a line each."""

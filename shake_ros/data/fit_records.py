@@ -6,8 +6,12 @@ leap is no motion, and a fit must not see it.
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.analysis.clipping import clipped, restored
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
@@ -76,16 +80,15 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
         acceleration = None if recording.acceleration is None else recording.acceleration[span]
         if acceleration is not None and np.ptp(acceleration) == 0.0:
             acceleration = None  # a dead channel measures nothing
-        records.append(
-            Record(
-                recording.name,
-                recording.sample_time,
-                drive[span],
-                recording.position[span],
-                acceleration,
-                standing=float(drive[span][0]) if span.start or recording.time[0] > 0.0 else 0.0,
-            )
+        record = Record(
+            recording.name,
+            recording.sample_time,
+            drive[span],
+            recording.position[span],
+            acceleration,
+            standing=float(drive[span][0]) if span.start or recording.time[0] > 0.0 else 0.0,
         )
+        records.append(record if acceleration is None else _without_clipped(record, clipped_in(recording)[span]))
     if not np.ptp(recording.position[np.isfinite(recording.position)]):
         raise ShakeError(f"{recording.name}: joint_states: the position stands still throughout, nothing to fit")
     if not records:
@@ -96,9 +99,28 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
     return records
 
 
+def clipped_in(recording: TableRecording) -> NDArray[np.bool_]:
+    """Samples at which the accelerometer of a recording is clipped, shape (n,)."""
+    at = np.zeros(len(recording), dtype=np.bool_)
+    if recording.acceleration is not None:
+        seen = np.isfinite(recording.acceleration)
+        at[seen] = clipped(recording.acceleration[seen]) if seen.any() else False
+    return at
+
+
+def _without_clipped(record: Record, at: NDArray[np.bool_]) -> Record:
+    """The record with its clipped acceleration not heard; what looks at spectra sees it follow the position there."""
+    if record.acceleration is None or not at.any() or at.all():
+        return record
+    felt = restored(record.acceleration, at, np.gradient(record.velocity, record.sample_time))
+    return replace(record, acceleration=felt, heard=~at)
+
+
 def finding_lines(recording: TableRecording) -> list[str]:
     """What reading a recording met, a line each, and one on where the position leaps."""
     lines = [f"{recording.name}: {finding}" for finding in recording.findings]
+    if count := int(clipped_in(recording).sum()):
+        lines.append(f"{recording.name}: imu: its {count} clipped samples count in no fit and in no error")
     found = [span.start + k for span in recording.segments for k in leaps(recording.position[span]).tolist()]
     if found:
         used = sum(p.stop - p.start for p in unbroken(recording)) * recording.sample_time

@@ -99,8 +99,12 @@ def _parameter(p: Estimate | None, limits: tuple[float, float] | None) -> str:
 
 
 def identified_section(page: Page, told: Sequence[Estimate], data: Prepared | None) -> None:
-    """What recordings tell of a table without a data sheet, and what was taken out of them; nothing for others."""
-    if not told or data is None:
+    """What recordings tell of a table without a data sheet, and what was done to them; of others the latter."""
+    if data is None:
+        return
+    if not told:
+        for said in data.said():
+            page.paragraph(f"{said}.")
         return
     page.heading("What the recordings tell of this table")
     page.paragraph("Whatever its area and supply pressure: these quantities do not depend on what was assumed of them.")
@@ -111,7 +115,7 @@ def identified_section(page: Page, told: Sequence[Estimate], data: Prepared | No
         for n in data.nuisances
     ]
     page.table(("taken out of the recording", "null shift of the valve [-]", "accelerometer bias [m/s²]"), rows)
-    for said in filter(None, (data.lateness(), data.promptness(), data.spikes(), data.note())):
+    for said in data.said():
         page.paragraph(f"{said[0].upper()}{said[1:]}.")
 
 

@@ -43,15 +43,15 @@ def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
 
 
 def identified_lines(told: Sequence[Estimate], data: Prepared) -> list[str]:
-    """What recordings tell of a table without a data sheet, and what was taken out of them; nothing for others."""
+    """What recordings tell of a table without a data sheet, and what was done to them; of others the latter."""
     if not told:
-        return []
+        return data.said()
     lines = ["", "what the recordings tell, whatever area and pressure are:", *parameter_lines(told), ""]
     lines.append(f"{'taken out of the recording':<36}{'null shift':>12}{'bias [m/s²]':>14}")
     for n in data.nuisances:
         bias = "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"
         lines.append(f"{n.recording:<36}{n.null_shift:>12.5f}{bias:>14}")
-    return [*lines, *filter(None, (data.lateness(), data.promptness(), data.spikes(), data.note()))]
+    return [*lines, *data.said()]
 
 
 def error_lines(model: FittedModel, title: str = "error of the free run") -> list[str]:

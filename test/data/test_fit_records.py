@@ -58,6 +58,19 @@ def test_recording_without_accelerometer_gives_a_record_without_it(tmp_path: Pat
     assert record.acceleration is None
 
 
+def test_clipped_acceleration_is_not_heard_and_told(tmp_path: Path) -> None:
+    whole = -0.05 * (4.0 * np.pi) ** 2 * np.sin(ANGLE)
+    (record,), findings = records_and_findings([bag(tmp_path / "run", acceleration=np.clip(whole, -5.0, 5.0))])
+    assert np.array_equal(record.whole, np.abs(whole) < 5.0)
+    left = record.acceleration_left(whole)
+    assert np.max(np.abs(left)) < 1e-9 and np.all(left[~record.whole[record.start :]] == 0.0)
+    assert record.acceleration is not None
+    assert np.max(np.abs(record.acceleration - whole)[200:-200]) < 0.2  # restored from the position
+    assert (
+        f"run: imu: its {np.count_nonzero(~record.whole)} clipped samples count in no fit and in no error" in findings
+    )
+
+
 def test_gap_makes_two_records_of_one_name_and_is_told(tmp_path: Path) -> None:
     records, findings = records_and_findings([bag(tmp_path / "run", without(1.5, 1.8))])
     assert [r.name for r in records] == ["run", "run"]

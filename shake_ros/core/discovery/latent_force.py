@@ -121,7 +121,7 @@ def rests(model: DeclaredModel, record: Record, run: Array) -> tuple[Array, Arra
     span, unseen = slice(record.start, None), np.full(len(run), np.nan)
     velocity = (record.velocity - filtered_velocity(run[:, 1], record.sample_time))[span]
     acceleration = (unseen if record.acceleration is None else record.acceleration - run[:, 2])[span]
-    acceleration[len(acceleration) - record.blind :] = np.nan
+    acceleration[~record.whole[span]] = np.nan
     if record.acceleration is not None:
         acceleration[single(acceleration, SPIKE * record.acceleration_noise())] = np.nan
     if model.nuisances:

@@ -91,7 +91,7 @@ def residual_series(
         out = problem.model.run(table, record)
         span = slice(record.start, None)
         if record.acceleration is not None:
-            rest, deviation = (record.acceleration - out[:, 2])[span], record.acceleration_noise()
+            rest, deviation = record.acceleration_left(out[:, 2]), record.acceleration_noise()
         else:
             seen = filtered_velocity(out[:, 1], record.sample_time)
             rest, deviation = (record.velocity - seen)[span], record.velocity_noise()

@@ -74,8 +74,6 @@ def residual_noise(problem: RecordingProblem, vector: np.ndarray) -> float:
     """White part of what a table leaves of the acceleration of one recording's pieces [m/s²]; inf of a lost run."""
     parts = []
     for record in problem.records:
-        assert record.acceleration is not None
-        left = record.acceleration - problem.simulate(vector[None, :], record)[1][0]
-        parts.append(white_deviation(left[record.start : len(left) - record.blind]))
+        parts.append(white_deviation(record.acceleration_left(problem.simulate(vector[None, :], record)[1][0])))
     found = math.sqrt(float(np.mean(np.square(parts))))
     return found if math.isfinite(found) else math.inf

@@ -71,7 +71,7 @@ def residual_of(problem: RecordingProblem, record: Record, vector: np.ndarray) -
     velocity, acceleration = problem.simulate(vector[None, :], record)
     if record.acceleration is not None:
         span = slice(record.start, None)
-        return (record.acceleration - acceleration[0])[span], record.commands[span], record.sample_time
+        return record.acceleration_left(acceleration[0]), record.commands[span], record.sample_time
     step = thinning(record)
     span = slice(record.start, None, step)
     return (record.velocity - velocity[0])[span], record.commands[span], step * record.sample_time

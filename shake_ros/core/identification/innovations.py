@@ -106,9 +106,9 @@ def _errors(
         rows = []
         for record, motion, weight in zip(problem.records, motions, weights, strict=True):
             simulated = drawn.simulate(vector[None, :], record.drawn_by(motion))
-            span = slice(record.start, len(record.commands) - record.blind)
             pairs = zip(_signals(record, motion), simulated, weight, strict=False)
-            rows.append([(w * (wanted - s[0])[span]) ** 2 for (wanted, _), s, w in pairs])
+            left = [w * (wanted - s[0])[record.start :] for (wanted, _), s, w in pairs]
+            rows.append([np.where(record.whole[record.start :], each, 0.0) ** 2 for each in left])
         found.append(rows)
     per_channel = []
     for i in range(len(found[0][0])):
@@ -165,7 +165,7 @@ def _horizons(problem: RecordingProblem, vector: np.ndarray, rate: float) -> lis
                 for k, horizon in enumerate(HORIZONS):
                     near = np.abs(since - horizon) <= max(0.5 * record.sample_time, 0.1 * horizon)
                     near[: record.start] = False
-                    near[len(near) - record.blind :] &= record.blind == 0
+                    near &= record.whole
                     squares[i][k].append(error[near])
     return [tuple(math.sqrt(float(np.mean(np.concatenate(s)))) for s in each) for each in squares if each[0]]
 

@@ -42,19 +42,8 @@ def earlier(record: Record, time: float) -> Record:
     u = record.commands
     moved = (1.0 - part) * u + part * np.append(u[1:], u[-1])
     count = len(u) - whole
-    return Record(
-        record.name,
-        record.sample_time,
-        moved[whole:],
-        record.position[:count],
-        None if record.acceleration is None else record.acceleration[:count],
-        record.begin,
-        float(moved[whole - 1]) if whole else record.standing,
-        delay=record.delay,
-        cutoff=record.cutoff,
-        blind=record.blind,
-        calmest=record.calmest,
-    )
+    standing = float(moved[whole - 1]) if whole else record.standing
+    return replace(record.part(slice(0, count)), commands=moved[whole:], standing=standing)
 
 
 def in_time(data: Prepared) -> Prepared:

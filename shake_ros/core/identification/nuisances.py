@@ -48,7 +48,8 @@ class Prepared:
 
     full_scale : of the recorded command, which counts as 1 from here on. sensors : what position and acceleration tell
     of each other at first; the recordings' `delay` has been taken out but that of a filter with their `cutoff`.
-    ahead : time by which commands that were recorded late have been moved (late_command.py) [s].
+    ahead : time by which commands that were recorded late have been moved (late_command.py) [s]. stops : a line on each
+    recording that meets an end stop (end_stops.py).
     """
 
     estimation: list[Record]
@@ -57,6 +58,7 @@ class Prepared:
     nuisances: tuple[Nuisance, ...]
     sensors: SensorPair = ALIKE
     ahead: float = 0.0
+    stops: tuple[str, ...] = ()
 
     def seen(self, accelerometer: Accelerometer) -> Prepared:
         """The same with what has been learned of the accelerometer."""
@@ -72,6 +74,10 @@ class Prepared:
     def cutoff(self) -> float:
         """Of the filter behind the accelerometer [Hz]; 0 where its delay is all that shows."""
         return max((r.cutoff for r in self.estimation), default=0.0)
+
+    def said(self) -> list[str]:
+        """What was done to the recordings, a line each."""
+        return [*self.stops, *filter(None, (self.lateness(), self.promptness(), self.spikes(), self.note()))]
 
     def lateness(self) -> str:
         """How late the accelerometer is and what for; empty where it is not."""
@@ -157,14 +163,13 @@ def thinned(record: Record) -> Record:
     def fewer(values: np.ndarray) -> np.ndarray:
         return np.asarray(decimate(values, factor, ftype="fir", zero_phase=True)[:count])
 
-    return Record(
-        record.name,
-        factor * record.sample_time,
-        commands,
-        fewer(record.position),
-        None if record.acceleration is None else fewer(record.acceleration),
-        record.begin,
-        record.standing,
+    return replace(
+        record,
+        sample_time=factor * record.sample_time,
+        commands=commands,
+        position=fewer(record.position),
+        acceleration=None if record.acceleration is None else fewer(record.acceleration),
+        heard=np.logical_and.reduce(record.whole[: count * factor].reshape(count, factor), axis=1),
     )
 
 

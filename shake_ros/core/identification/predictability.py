@@ -135,14 +135,14 @@ def residuals_left(problem: RecordingProblem, vector: np.ndarray, held_out: bool
     found = []
     for record in problem.records:
         simulated = dict(zip(CHANNELS, problem.simulate(vector[None, :], record), strict=True))
-        span = slice(record.start, len(record.commands) - record.blind)
-        if span.stop - span.start < SHORTEST:
+        if len(record.commands) - record.start < SHORTEST:
             continue
-        for channel, measured in (("velocity", record.velocity), ("acceleration", record.acceleration)):
-            if measured is not None:
-                left = (measured - simulated[channel][0])[span]
-                known = record.name, held_out, channel, left, record.commands
-                found.append(Left(*known, record.start, record.sample_time, sensor_noise(record, channel)))
+        rests = {"velocity": (record.velocity - simulated["velocity"][0])[record.start :]}
+        if record.acceleration is not None:
+            rests["acceleration"] = record.acceleration_left(simulated["acceleration"][0])
+        for channel, left in rests.items():
+            known = record.name, held_out, channel, left, record.commands
+            found.append(Left(*known, record.start, record.sample_time, sensor_noise(record, channel)))
     return found
 
 

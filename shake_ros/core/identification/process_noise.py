@@ -67,8 +67,7 @@ def _weighted(problem: RecordingProblem, number: int, vector: np.ndarray) -> lis
     w_v, w_a = problem.velocity_weights[number], problem.acceleration_weights[number]
     found = [(w_v * (record.velocity - velocity[0])[record.start :], (w_v * sensor_noise(record, "velocity")) ** 2)]
     if record.acceleration is not None:
-        left = w_a * (record.acceleration - acceleration[0])[record.start :]
-        left[len(left) - record.blind :] = 0.0
+        left = w_a * record.acceleration_left(acceleration[0])
         found.append((left, (w_a * sensor_noise(record, "acceleration")) ** 2))
     return found
 

@@ -78,15 +78,16 @@ class RecordingProblem:
         velocity, acceleration, position = self.model.compared(vectors, record, self.injection)
         velocity = filtered_velocity(velocity, record.sample_time)
         if self.model.nuisances:
-            velocity = self._with_offset(velocity, record.velocity, record.start)
+            seen = np.arange(len(record.commands)) >= record.start
+            velocity = self._with_offset(velocity, record.velocity, seen)
             if record.acceleration is not None:
-                acceleration = self._with_offset(acceleration, record.acceleration, record.start)
+                acceleration = self._with_offset(acceleration, record.acceleration, seen & record.whole)
         return velocity, acceleration, position
 
     @staticmethod
-    def _with_offset(simulated: np.ndarray, measured: np.ndarray, start: int) -> np.ndarray:
-        """Rows of simulated signals with the offset of least squares to the measured one."""
-        return np.asarray(simulated + np.mean((measured - simulated)[:, start:], axis=1, keepdims=True))
+    def _with_offset(simulated: np.ndarray, measured: np.ndarray, seen: np.ndarray) -> np.ndarray:
+        """Rows of simulated signals with the offset of least squares to the measured one where it is seen."""
+        return np.asarray(simulated + np.mean((measured - simulated)[:, seen], axis=1, keepdims=True))
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Weighted residuals of all recordings, shape (m, n)."""
@@ -99,9 +100,7 @@ class RecordingProblem:
         ):
             parts.append(w_v * (velocity - record.velocity)[:, record.start :])
             if record.acceleration is not None:
-                left = w_a * (acceleration - record.acceleration)[:, record.start :]
-                left[:, left.shape[1] - record.blind :] = 0.0
-                parts.append(left)
+                parts.append(-w_a * record.acceleration_left(acceleration))
             if position is not None:
                 parts.append(w_x * (position - record.position)[:, record.start :])
         parts += [(vectors[:, [i]] - value) / deviation for i, value, deviation in self.model.priors]
@@ -127,7 +126,8 @@ class RecordingProblem:
             told = 1.0 if record.noise_from_periods else self.unpredictable
             total += told * n * (w_v * record.velocity_noise()) ** 2
             if record.acceleration is not None:
-                total += told * n * (w_a * record.acceleration_noise()) ** 2
+                heard = np.count_nonzero(record.whole[record.start :])
+                total += told * heard * (w_a * record.acceleration_noise()) ** 2
             if self.model.positions:
                 total += n * (w_x * record.position_noise()) ** 2
         return float(total / self.count)
@@ -164,12 +164,13 @@ class RecordingProblem:
                     np.concatenate([v[0, s] for (_, v, _), s in zip(pieces, spans, strict=True)]),
                 )
             }
-            measured = [
-                r.acceleration[s] for (r, _, _), s in zip(pieces, spans, strict=True) if r.acceleration is not None
-            ]
-            if len(measured) == len(pieces):
-                simulated = [a[0, s] for (_, _, a), s in zip(pieces, spans, strict=True)]
-                entry["acceleration"] = relative_error(np.concatenate(measured), np.concatenate(simulated))
+            if all(r.acceleration is not None for r, _, _ in pieces):
+                felt = [
+                    np.column_stack([r.acceleration[s], a[0, s]])[r.whole[s]]
+                    for (r, _, a), s in zip(pieces, spans, strict=True)
+                    if r.acceleration is not None
+                ]
+                entry["acceleration"] = relative_error(*np.concatenate(felt).T)
             result[name] = entry
         return result
 

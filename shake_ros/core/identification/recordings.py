@@ -12,7 +12,7 @@ import copy
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, final
 
@@ -42,9 +42,9 @@ class Record:
     begin : time of the first sample since the recording's start [s]. standing : command before the first sample [-],
         null where the recording begins with the motion. moved : False of a command alone, at a place.
     delay : of the accelerometer [s], which has been taken out but for that of a filter. cutoff : of that filter [Hz];
-        0: none. blind : samples at the end whose acceleration came too late to be recorded. calmest : noise of the
-        acceleration at most, where a model has shown it [m/s²]. own : what a force-driven axis takes from this
-        recording for itself, see slow_changes.py.
+        0: none. heard : samples whose acceleration was measured, shape (n,): not clipped, nor too late to be recorded;
+        None: all. calmest : noise of the acceleration at most, where a model has shown it [m/s²]. own : what a
+        force-driven axis takes from this recording for itself, see slow_changes.py.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Record:
     moved: bool = True
     delay: float = 0.0
     cutoff: float = 0.0
-    blind: int = 0
+    heard: np.ndarray | None = None
     calmest: float = math.inf
     own: tuple[str, ...] = ()
     velocity: np.ndarray = field(init=False)
@@ -67,11 +67,31 @@ class Record:
         object.__setattr__(self, "velocity", derivative(self.position, self.sample_time))
         object.__setattr__(self, "track", low_pass(self.position, self.sample_time))
 
+    @property
+    def whole(self) -> np.ndarray:
+        """Whether each sample has its acceleration, shape (n,); of no meaning in a recording without one."""
+        return np.ones(len(self.commands), dtype=np.bool_) if self.heard is None else self.heard
+
+    def part(self, span: slice) -> Record:
+        """The samples from span.start to before span.stop, as a recording of the same name with nothing of its own."""
+        first = span.start
+        return replace(
+            self,
+            commands=self.commands[span],
+            position=self.position[span],
+            acceleration=None if self.acceleration is None else self.acceleration[span],
+            begin=self.begin + first * self.sample_time,
+            standing=float(self.commands[first - 1]) if first else self.standing,
+            heard=None if self.heard is None else self.heard[span],
+            own=(),
+        )
+
     @cached_property
     def motion(self) -> np.ndarray:
         """Velocity [m/s] and acceleration [m/s²], NaN without, shape (n, 2)."""
         none = np.full(len(self.commands), np.nan)
-        return np.column_stack([self.velocity, none if self.acceleration is None else self.acceleration])
+        felt = none if self.acceleration is None else np.where(self.whole, self.acceleration, np.nan)
+        return np.column_stack([self.velocity, felt])
 
     @cached_property
     def beginning(self) -> np.ndarray:
@@ -90,6 +110,10 @@ class Record:
     def _begins_at_rest(self) -> bool:
         first = self.velocity[: max(3, round(AT_REST / self.sample_time))]
         return bool(math.sqrt(np.mean(first**2)) < QUIET * self.velocity_noise())
+
+    def acceleration_left(self, simulated: np.ndarray) -> np.ndarray:
+        """Acceleration measured less that of runs, shape (…, n), from `start` on; 0 where it was not measured."""
+        return np.where(self.whole, self.acceleration - simulated, 0.0)[..., self.start :]
 
     @property
     def start(self) -> int:
@@ -146,25 +170,7 @@ def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[
         length = min(round(window / r.sample_time), len(r.commands))
         count = max(round(seconds * len(r.commands) * r.sample_time / total / window), 1)
         for first in np.linspace(0, len(r.commands) - length, count).astype(int):
-            span = slice(first, first + length)
-            acceleration = None if r.acceleration is None else r.acceleration[span]
-            begin = r.begin + first * r.sample_time
-            standing = float(r.commands[first - 1]) if first else r.standing
-            pieces.append(
-                Record(
-                    r.name,
-                    r.sample_time,
-                    r.commands[span],
-                    r.position[span],
-                    acceleration,
-                    begin,
-                    standing,
-                    delay=r.delay,
-                    cutoff=r.cutoff,
-                    blind=max(0, r.blind - (len(r.commands) - first - length)),
-                    calmest=r.calmest,
-                )
-            )
+            pieces.append(r.part(slice(first, first + length)))
     return pieces
 
 

@@ -67,12 +67,7 @@ def pieces(recordings: Sequence[Record]) -> list[Record]:
     for r in recordings:
         n = round(WINDOW / r.sample_time)
         for first in range(0, len(r.commands) - n + 1, n):
-            span = slice(first, first + n)
-            acceleration = None if r.acceleration is None else r.acceleration[span]
-            standing = float(r.commands[first - 1]) if first else r.standing
-            found.append(
-                Record(r.name, r.sample_time, r.commands[span], r.position[span], acceleration, standing=standing)
-            )
+            found.append(r.part(slice(first, first + n)))
     return found
 
 

@@ -11,7 +11,6 @@ Delay and lag are much alike, so the delay is a first one: with what filter it c
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -160,14 +159,17 @@ def advanced(values: np.ndarray, samples: float) -> np.ndarray:
 
 
 def timely(record: Record, delay: float) -> Record:
-    """The recording with its acceleration earlier by a delay [s], blind at its end, where it came too late."""
+    """The recording with its acceleration earlier by a delay [s]; not heard at its end, where it came too late."""
     if record.acceleration is None or delay == 0.0:
         return record
     samples = delay / record.sample_time
+    n, moved = len(record.commands), np.arange(len(record.commands)) + samples
+    ends = (np.floor(moved).astype(int), np.ceil(moved).astype(int))
+    heard = record.whole[np.clip(ends[0], 0, n - 1)] & record.whole[np.clip(ends[1], 0, n - 1)] & (moved <= n - 1)
     return replace(
         record,
         acceleration=advanced(record.acceleration, samples),
         delay=record.delay + delay,
-        blind=max(record.blind, math.ceil(samples)),
+        heard=heard,
         calmest=record.acceleration_noise(),  # jumps ring between the samples of an advanced signal
     )

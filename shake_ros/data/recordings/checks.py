@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shake_ros.core.analysis.clipping import standing_at
 from shake_ros.data.recordings.align import Grid
 from shake_ros.data.recordings.cdr import Floats
 from shake_ros.data.recordings.findings import Finding
 
-FLAT_RUN = 3
-FLAT_SHARE = 0.005
 SCALE_SUSPECT = 3.0
 
 
@@ -70,12 +69,9 @@ def _flat(values: Floats, topic: str, grid: Grid, findings: list[Finding]) -> No
         findings.append(Finding("constant", topic, len(finite), f"has the same value {low:.6g} throughout"))
         return
     for extreme in (low, high):
-        at = values == extreme
-        runs = at.copy()
-        for _ in range(FLAT_RUN - 1):  # keep a sample where FLAT_RUN neighbours stand at the extreme
-            runs = runs[:-1] & runs[1:]
-        if runs.any() and at.mean() > FLAT_SHARE:
-            first = grid.seconds(int(np.argmax(runs)))
+        at = standing_at(values, extreme)
+        if at.any():
+            first = grid.seconds(int(np.argmax(at)))
             text = (
                 f"{int(at.sum())} samples stand at the extreme value {extreme:.6g}; first at {first:.6g} s (saturated?)"
             )
