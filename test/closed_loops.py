@@ -119,7 +119,8 @@ def named(case: str) -> Named:
     problem = problem_of(learn.records, [recording(case, 2, "hold")])
     pool = [c for c in effect_candidates() if c.effect in SHORT_LISTS.get(case, (c.effect,))]
     return Named(
-        forward_selection(problem, declared, ModelStructure(load_table("bergamo"), (), candidates=tuple(pool))), problem
+        forward_selection(problem, declared, ModelStructure(load_table("bergamo"), (), candidates=tuple(pool)))[1],
+        problem,
     )
 
 

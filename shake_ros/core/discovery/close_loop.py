@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
-from shake_ros.core.discovery.forward_selection import fitted_again, forward_selection, listened
+from shake_ros.core.discovery.forward_selection import converged_again, forward_selection, listened
 from shake_ros.core.discovery.latent_force import LatentForce, latent_forces
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, patiently
 from shake_ros.core.discovery.remaining import Remaining, remaining
@@ -66,18 +66,21 @@ def close_loop(
     """
     problem = SearchProblem.of(model, estimation, validation, settings, patiently(progress))
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
-    selection = forward_selection(replace(problem, progress=progress), declared, model)
-    patient, problem = problem.progress, replace(problem.seen(selection.accelerometer), progress=progress)
+    patient = problem.progress
+    problem, selection = forward_selection(replace(problem, progress=progress), declared, model)
     problem, selection = listened(problem, selection, replace(model, shown=()))
     problem = replace(problem, progress=patient)
     found, standings, doubtful = judged(problem, selection)
     tentative = problem.validation.errors(selection.final.fit.vector) if doubtful else {}
+    searched = problem.estimation.blocks()
     if sum(len(r.commands) for r in problem.estimation.records) < sum(len(r.commands) for r in estimation):
         problem.progress("final fit to all recordings", 0.8)
         problem, found = on_whole(problem, found, estimation)
     found = found.on(lambda m: m, problem.heard) if problem.drawing > 0.0 else found
     problem.progress("errors and what remains", 0.9)
-    models = tuple(fitted_model(m.fit, problem.estimation, problem.validation) for m in found.models)
+    fits = [m.fit for m in found.models]
+    before = [fitted_model(f, problem.estimation, problem.validation, searched) for f in fits[:-1]]
+    models = (*before, fitted_model(fits[-1], problem.estimation, problem.validation))
     rest = remaining(problem, found)
     problem.progress("the force that the model lacks", 0.95)
     forces = latent_forces(problem, models[-1].table)
@@ -89,4 +92,4 @@ def close_loop(
 def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:
     """Problem and models on all estimation data: the final model fitted to them, those before it as they are."""
     whole = problem.on_whole(estimation).seen(found.accelerometer)
-    return whole, fitted_again(whole, found)
+    return whole, found.on(lambda m: m, lambda final: converged_again(whole, final))

@@ -71,8 +71,15 @@ def random_starts(free: FreeParameters, count: int, factor: float, seed: int = 0
 
 
 def fit_declared(problem: SearchProblem, free: FreeParameters, shown: bool = False) -> Fit:
-    """Fit the declared model from several starts; only roughly where effects are known to show that it lacks."""
+    """Fit the declared model from several starts; only roughly where effects are known to show that it lacks.
+
+    Where the stages of a first fit have led to the only start, and it lacks something, it is fitted from there.
+    """
     settings, pieces = problem.settings, problem.estimation_pieces
+    if shown and settings.starts == 1:
+        problem.progress("declared model: fit", 0.0)
+        most, tolerance = settings.declared_evaluations, settings.start_tolerance
+        return fit(problem.estimation, free, free.start(), evaluations=most, tolerance=tolerance)
     problem.progress("declared model: starts", 0.0)
     starts = random_starts(free, settings.starts, settings.start_factor)
     rows = np.nan_to_num(pieces.residuals(free.vectors(starts)), nan=1e3, posinf=1e3, neginf=-1e3)

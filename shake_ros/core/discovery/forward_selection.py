@@ -27,8 +27,10 @@ from shake_ros.core.discovery.unlisted_functions import UNLISTED, or_function
 from shake_ros.core.identification.fit import Fit
 
 
-def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructure) -> Selection:
+def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructure) -> tuple[SearchProblem, Selection]:
     """Add effects to the declared model until none lowers the error on validation data; take out the needless.
+
+    Returns the problem as well, with what its models have told of the accelerometer.
 
     Parameters
     ----------
@@ -39,11 +41,11 @@ def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructu
     try:
         for grown in stages(problem, found, model):
             found = grown
-        problem = problem.seen(found.accelerometer)
-        steps, final, removed = eliminate(problem, found.steps, found.final)
+        seen = problem.seen(found.accelerometer)
+        steps, final, removed = eliminate(seen, found.steps, found.final)
     except Stopped:
-        return replace(found, stopped=True)
-    return replace(found, steps=steps, final=final, removed=removed)
+        return problem.seen(found.accelerometer), replace(found, stopped=True)
+    return seen, replace(found, steps=steps, final=final, removed=removed)
 
 
 def listened(problem: SearchProblem, found: Selection, model: ModelStructure) -> tuple[SearchProblem, Selection]:
@@ -125,11 +127,15 @@ def with_accelerometer(problem: SearchProblem, found: Selection) -> tuple[Search
 def fitted_again(problem: SearchProblem, found: Selection) -> Selection:
     """The models on other data: the final one fitted to them, those before it as they are."""
 
-    def fitted(final: ScoredFit) -> ScoredFit:
-        most, tolerance = problem.settings.converging_evaluations, problem.settings.converged
-        return problem.fitted(final.fit.free, final.fit.x, most, tolerance, near=True)
+    return found.on(
+        lambda m: problem.scored(linearised(problem.estimation, m.fit)), lambda final: converged_again(problem, final)
+    )
 
-    return found.on(lambda m: problem.scored(linearised(problem.estimation, m.fit)), fitted)
+
+def converged_again(problem: SearchProblem, final: ScoredFit) -> ScoredFit:
+    """A model fitted to other data from where it stands."""
+    most, tolerance = problem.settings.converging_evaluations, problem.settings.converged
+    return problem.fitted(final.fit.free, final.fit.x, most, tolerance, near=True)
 
 
 def forward_step(

@@ -75,7 +75,7 @@ def linearised(problem: Problem, result: Fit) -> Fit:
     """The same solution with the residuals and the Jacobian of another problem."""
     r = problem.residuals(result.free.vectors(result.x))[0]
     j = jacobian(problem, result.free, result.x, r)
-    return Fit(result.free, result.x, r, j, 0.5 * float(r @ r), len(result.x) + 1)
+    return Fit(result.free, result.x, r, j, 0.5 * float(r @ r), len(result.x) + 2)
 
 
 def mean_square(residuals: np.ndarray) -> float:

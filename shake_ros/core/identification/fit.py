@@ -77,8 +77,8 @@ def jacobian(problem: Problem, free: FreeParameters, x: np.ndarray, residuals: n
     """Forward differences of the residuals in one batch, shape (n, p)."""
     step = (SMALL_DIFFERENCE if is_smooth(problem) else DIFFERENCE) * np.maximum(1.0, np.abs(x))
     step = np.where(x + step > free.high, -step, step)
-    moved = problem.residuals(free.vectors(x + np.diag(step)))
-    return (moved - residuals).T / step
+    moved = problem.residuals(free.vectors(np.vstack([x, x + np.diag(step)])))  # all along the steps of the first
+    return (moved[1:] - residuals).T / step
 
 
 class KeptJacobian:
@@ -122,7 +122,7 @@ class KeptJacobian:
                 self._jacobian = self._jacobian + np.outer(r - foreseen, step / (step @ step))
                 self._x, self._r, self.age = x.copy(), r, self.age + 1
                 return self._jacobian
-        self.simulated += len(x)
+        self.simulated += 1 + len(x)
         self.taken += 1
         found = jacobian(self._problem, self._free, x, r)
         self._x, self._r, self.new, self.age = x.copy(), r, np.where(np.abs(found) < OVERFLOWING, found, 0.0), 0

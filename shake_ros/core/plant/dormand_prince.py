@@ -19,7 +19,8 @@ from shake_ros.core.plant.states import CONTINUOUS, DECLARED, SPOOL, SPOOL_RATE
 STAGES = 7
 STAGE = STAGES  # row of the work array: state at a stage, at the end the state after the step
 PATH = STAGES + 1  # row of the work array: see spool_path.py
-ROWS = STAGES + 2
+PACE = STAGES + 2  # row of the work array: see pace.py
+ROWS = STAGES + 3
 # Error scale of each continuous state: absolute part in its unit, at tolerance 1. The spool's are not used.
 ABSOLUTE = np.array(
     [1e-2, 0.2, 1e6, 1e6, 1.0, 1.0]  # declared

@@ -20,8 +20,18 @@ from shake_ros.core.friction.armstrong import CODE as ARMSTRONG
 from shake_ros.core.friction.armstrong import dwelt
 from shake_ros.core.friction.selected import is_dynamic
 from shake_ros.core.plant.anti_alias import OUTPUT, advance_filter
-from shake_ros.core.plant.dormand_prince import PATH, STAGE, STAGES, dormand_prince, workspace
+from shake_ros.core.plant.dormand_prince import PACE, PATH, STAGE, STAGES, dormand_prince, workspace
 from shake_ros.core.plant.hydraulics import chamber_pressure
+from shake_ros.core.plant.pace import (
+    FOLLOW,
+    FORGIVEN,
+    MODE,
+    OWN,
+    begin_sample,
+    end_sample,
+    followed,
+    stepped,
+)
 from shake_ros.core.plant.right_hand_side import (
     SHORTEST_LAG,
     active_states,
@@ -125,16 +135,17 @@ def integrate(p, y, wanted, force, duration, n, work, known, tolerance):
     acceleration = 0.0 if known else table_rates(p, y, y, force, n, work[0])
     h = max(y[STEP_SIZE], SMALLEST_STEP)
     smallest = math.inf
-    done, last = 0.0, False
+    done, last, pace = 0.0, False, work[PACE]
     while not last:
-        rest = duration - done
-        parts = max(math.ceil(rest / h - 1e-3), 1.0)
-        size = rest / parts
+        rest, following = duration - done, pace[MODE] == FOLLOW
+        size = followed(pace, rest) if following else rest / max(math.ceil(rest / h - 1e-3), 1.0)
         step = spool_path(p, y, wanted, size, work[PATH])
-        last = parts == 1.0 and step == size
+        last = size == rest and step == size
         error, a_end = dormand_prince(p, y, work, step, force, n)
         error /= tolerance
-        if not error <= 1.0 and step > SMALLEST_STEP:
+        if not error <= (FORGIVEN if following else 1.0) and step > SMALLEST_STEP:
+            if following:
+                pace[MODE] = OWN
             h = step * max(0.9 * error**-0.2, 0.1)
             smallest = min(smallest, h)
             last = False
@@ -148,7 +159,8 @@ def integrate(p, y, wanted, force, duration, n, work, known, tolerance):
             y[VELOCITY] = math.nan
             return math.nan
         done += step
-        if step > WHOLE * h or error > 0.5:
+        stepped(pace, step)
+        if not following and (step > WHOLE * h or error > 0.5):
             h = step * min(0.9 * max(error, 1e-6) ** -0.2, LARGEST_GROWTH)
         smallest = min(smallest, h)
     y[STEP_SIZE] = max(smallest, SMALLEST_STEP)
@@ -292,7 +304,7 @@ def inject(p, y, velocity, acceleration, part):
 
 
 @njit
-def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, tolerance, chain, out):
+def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, tolerance, chain, pace, following, out):
     """Simulation under recorded commands: a free run, or one that is drawn towards what was measured.
 
     Parameters
@@ -305,19 +317,21 @@ def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, 
         given, the run is drawn towards them at the rate `injection` [1/s].
     y0 : state at the first sample, shape (STATES,). dt : [s]. tolerance : relative local error of a step.
     chain : filter behind the accelerometer, as `anti_alias.filter_step`.
+    pace : instants of the steps by sample, shape (n, 1 + MOST) of pace.py, or of no samples: kept there, or if
+        `following` taken from there.
     out : result, shape (n, OUTPUTS), row k is the instant t_k, before command k acts.
     """
     y = y0.copy()
     work = workspace()
     delay = p.command_delay_delay / dt
-    following = track.shape[0] > 0
+    tracking, pacing = track.shape[0] > 0, pace.shape[0] > 0
     acceleration = acceleration_now(p, y, work[STAGE])
     force, known = 0.0, False
     filtering = chain.shape[0] > 0
     z, now = np.zeros(2), felt(p, y, acceleration)
     z[OUTPUT] = now
     for i in range(commands.shape[0]):
-        if following:
+        if tracking:
             shift = track[i] - y[POSITION]
             y[POSITION] = track[i]
             y[LAGGED_POSITION] += shift
@@ -330,8 +344,12 @@ def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, 
         speed = y[VELOCITY] + y[BASE_RATE]
         before, force = force, forces[i] if forces.shape[0] > 0 else 0.0
         late, timely, fraction = delayed(commands, i, delay, standing)
-        known = known and force == before and not following and not drawn
+        if pacing:
+            begin_sample(work[PACE], pace[i], following)
+        known = known and force == before and not tracking and not drawn
         acceleration = advance_sample(p, y, late, timely, fraction, force, dt, work, known, tolerance)
+        if pacing and not following:
+            end_sample(work[PACE], pace[i])
         known = True
         if filtering:
             last, now = now, felt(p, y, acceleration)

@@ -10,6 +10,7 @@ import numpy as np
 from shake_ros.core.plant.anti_alias import filter_step
 from shake_ros.core.plant.cylinder import rest_pressures
 from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, simulate
+from shake_ros.core.plant.pace import MOST
 from shake_ros.core.plant.parameters import INDEX, TableParameters, records
 from shake_ros.core.plant.states import (
     CONTINUOUS,
@@ -34,9 +35,10 @@ from shake_ros.core.valve.detailed import CODE as DETAILED
 from shake_ros.core.valve.detailed import VALVE_STATES, valve_at_rest
 
 TOLERANCE = 2e-6  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
-SMOOTH = 1e-7  # the same of a fit, whose derivatives see the jumps that a change of the steps makes in a run
+SMOOTH = 1e-6  # the same of a fit, whose batches follow the steps of their first run (pace.py)
 NOTHING = np.zeros(0)
 UNSEEN = np.zeros((0, 2))  # no measurement that draws the run
+NO_PACE = np.zeros((0, 1 + MOST))  # every run by its own steps
 WEIGHED = 3  # corrections of the load pressure; its law is linear but for the chambers' limits
 BALANCED = 1e-9  # [m/s²] departure of the acceleration that is none
 COLUMNS = ("position", "velocity", "acceleration", "pressure_a", "pressure_b", "pressure_supply", "spool")
@@ -140,7 +142,8 @@ def run(
     y0 = initial_state(vector, start) if state is None else state
     out = np.empty((len(commands), OUTPUTS))
     given = (commands, float(standing), forces, track, measured, injection)
-    simulate(records(vector)[0], *given, y0, sample_time, tolerance, filter_step(cutoff, sample_time), out)
+    chain = filter_step(cutoff, sample_time)
+    simulate(records(vector)[0], *given, y0, sample_time, tolerance, chain, NO_PACE, False, out)
     return out
 
 
@@ -173,6 +176,9 @@ def run_batch(
 ) -> np.ndarray:
     """Simulate many parameter sets, under the same commands or each under its own, on all cores without the GIL.
 
+    Under the same commands all take the steps of the first one as far as their errors permit (pace.py), so that the
+    differences of the results are those of the parameters.
+
     Parameters
     ----------
     vectors : shape (m, len(NAMES)). starts : first states, shape (m, STATES). commands : shape (n,) or (m, n) [-].
@@ -195,12 +201,15 @@ def run_batch(
     result = np.empty((len(rows), length, len(columns)))
     chain = filter_step(cutoff, sample_time)
 
+    pace = np.empty((length, 1 + MOST)) if len(rows) > 1 and len(each) == 1 else NO_PACE
+
     def one(i: int) -> None:
         out = np.empty((length, OUTPUTS))
         given = (rows[i], each[i % len(each)], standing, NOTHING, track, measured, injection)
-        simulate(*given, starts[i], sample_time, tolerance, chain, out)
+        simulate(*given, starts[i], sample_time, tolerance, chain, pace, len(pace) > 0 and i > 0, out)
         result[i] = out[:, columns]
 
+    one(0)
     with ThreadPoolExecutor(workers()) as pool:
-        list(pool.map(one, range(len(rows))))
+        list(pool.map(one, range(1, len(rows))))
     return result

@@ -88,6 +88,6 @@ def test_search_whose_time_is_over_before_it_eliminates_answers_with_what_it_has
     found = named("nothing")
     monkeypatch.setattr(forward, "stages", lambda *_: iter([found.search]))
     problem = replace(found.problem, progress=over)
-    stopped = forward.forward_selection(problem, found.search.declared.fit, cast("ModelStructure", None))
+    _, stopped = forward.forward_selection(problem, found.search.declared.fit, cast("ModelStructure", None))
     assert stopped.stopped
     assert stopped.final is found.search.final
