@@ -19,12 +19,14 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
 import shake_ros as sr
 from benchmarks import ROOT
 from shake_ros import __main__ as shake_ros
+from shake_ros.api.progress import SO_FAR
 
 SEALED = ("s1", "s2", "s3", "s4", "s5", "s6")
 FOREIGN = ("f1", "f2", "f3", "f4")
@@ -46,6 +48,34 @@ def command(*arguments: object) -> tuple[str, float]:
     if code != 0:
         raise SystemExit(f"exit code {code}")
     return printed.getvalue(), time.perf_counter() - start
+
+
+class FirstAnswer:
+    """The answers that a command tells of before its end, with the seconds at which it does; a stream of its own."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream, self.start, self.lines = stream, time.perf_counter(), list[str]()
+
+    def write(self, text: str) -> int:
+        """Pass it on."""
+        if SO_FAR in text:
+            self.lines.append(f"after {time.perf_counter() - self.start:.0f} s: {text.strip().partition(': ')[2]}")
+        return self.stream.write(text)
+
+    def flush(self) -> None:
+        """Pass it on."""
+        self.stream.flush()
+
+    def isatty(self) -> bool:
+        """No bar is drawn over the lines."""
+        return False
+
+    def __enter__(self) -> FirstAnswer:
+        sys.stderr = self  # type: ignore[assignment]
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        sys.stderr = self.stream
 
 
 def per_cent(errors: dict[str, dict[str, float]], channel: str) -> str:
@@ -86,8 +116,11 @@ def tables(data: Path, out: Path, names: Sequence[str], *options: str) -> None:
             continue
         learn, hold = sorted(folder.glob("learn_*")), sorted(folder.glob("hold_*"))
         place = out / folder.name
-        _, seconds = command("close_loop", *options, "--learn", *learn, "--hold", *hold, "--out", place, "--force")
+        with FirstAnswer(sys.stderr) as first:
+            _, seconds = command("close_loop", *options, "--learn", *learn, "--hold", *hold, "--out", place, "--force")
         print(verdict(place, "acceleration", seconds), flush=True)
+        for line in first.lines:
+            print(f"    {line}", flush=True)
 
 
 def imported(file: Path, out: Path, columns: Sequence[str]) -> Path:

@@ -19,6 +19,7 @@ from shake_ros.api.tracking import tracking
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tune_table
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.close_loop import LoopClosure
+from shake_ros.core.discovery.problem import patiently
 from shake_ros.core.discovery.remaining import Remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.axis_model import forecast_errors, position_errors, slow_changes
@@ -346,14 +347,13 @@ def close_loop(
     (10.0, False)
     """
     declared = model.declared
-    start = model.begin(*fitted.fit_data(estimation, validation, declared.driven_by))
-    if declared is FULL:
-        start = start.with_specimen()
-    data = start.data
-    first, second = data.estimation, data.validation
-    structure = model_structure(start, declared)
+    records = fitted.fit_data(estimation, validation, declared.driven_by)
     with Progress("close_loop", progress) as bar:
         with Ending(bar, minutes) as ending:
+            start = model.begin(*records, patiently(ending))
+            start = start.with_specimen() if declared is FULL else start
+            data, structure = start.data, model_structure(start, declared)
+            first, second = data.estimation, data.validation
             found = closing.close_loop(structure, first, second, settings or search_settings(declared), ending)
         data = data.seen(found.search.accelerometer)
         first, second = data.estimation, data.validation

@@ -207,17 +207,19 @@ def identify(
     if method == "inverse_dynamics" and model.kind != "axis":
         raise ShakeError(f"--method inverse_dynamics: needs --model axis, not {model.kind}")
     declared = model.declared
-    start = model.begin(*fitted.fit_data(estimation, validation, declared.driven_by))
-    data = start.data
-    first, second = data.estimation, data.validation
-    structure, settings = model_structure(start, declared), search_settings(declared)
-    if method == "inverse_dynamics":
-        found = declared_fit.identify_inverse(structure, first, second, settings)
-        blocks = InverseDynamics(first).blocks()
-        told = diagnose(found.fit, first, second, recordings_to_make(), declared, blocks)
-        return Identification(model, start.table, found, first, second, told, data)
-    with Progress("identify", progress) as bar:
-        bar.span(0.0, 0.85)
+    records = fitted.fit_data(estimation, validation, declared.driven_by)
+    with Progress("identify", progress and method != "inverse_dynamics") as bar:
+        bar.span(0.0, 0.4)
+        start = model.begin(*records, bar)
+        data = start.data
+        first, second = data.estimation, data.validation
+        structure, settings = model_structure(start, declared), search_settings(declared)
+        if method == "inverse_dynamics":
+            found = declared_fit.identify_inverse(structure, first, second, settings)
+            blocks = InverseDynamics(first).blocks()
+            told = diagnose(found.fit, first, second, recordings_to_make(), declared, blocks)
+            return Identification(model, start.table, found, first, second, told, data)
+        bar.span(0.4, 0.85)
         found = declared_fit.identify(structure, first, second, settings, bar)
         bar.span(0.85, 1.0)
         bar("residuals and what would help", 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -73,11 +73,17 @@ class Model:
         """The table that a fit to these records starts from."""
         return self.table or self.declared.first_table(records).with_values(self.changes)
 
-    def begin(self, estimation: list[Record], validation: list[Record]) -> StartingPoint:
+    def begin(
+        self,
+        estimation: list[Record],
+        validation: list[Record],
+        progress: Callable[[str, float], None] = lambda *_: None,
+    ) -> StartingPoint:
         """Where a fit begins, with the recordings as it takes them.
 
         What lies at the end stops of a known stroke is left out, offsets are taken out where the model counts these as
-        nuisances; of a force-driven axis each recording has its own slow changes.
+        nuisances; of a force-driven axis each recording has its own slow changes. progress : called with what is being
+        done and which part is done.
         """
         declared = self.declared
         known, stops = declared.table if isinstance(declared, UnknownModel) else self.table, tuple[str, ...]()
@@ -86,18 +92,14 @@ class Model:
             (estimation, first), (validation, second) = (within_stroke(r, stroke) for r in (estimation, validation))
             stops = first + second
         if not isinstance(declared, UnknownModel):
-            data = with_own(estimation, validation) if declared is AXIS else (estimation, validation)
-            return StartingPoint.declared(self.start(estimation), Prepared(*data, 1.0, (), stops=stops))
+            both = with_own(estimation, validation) if declared is AXIS else (estimation, validation)
+            return StartingPoint.declared(self.start(estimation), Prepared(*both, 1.0, (), stops=stops))
 
         def effects(table: TableParameters) -> dict[str, CandidateEffect]:
             return {c.effect: c for c in effect_candidates(declared, table)}
 
-        return staged_start(
-            declared,
-            free_parameters(declared),
-            effects,
-            replace(in_time(prepared(estimation, validation)), stops=stops),
-        )
+        data = replace(in_time(prepared(estimation, validation)), stops=stops)
+        return staged_start(declared, free_parameters(declared), effects, data, progress)
 
     def contradictions(self, recordings: Recordings) -> list[str]:
         """In which quantities the declared numbers and the recordings are far apart, a line each."""

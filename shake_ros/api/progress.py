@@ -14,6 +14,7 @@ Told = bool | Callable[[str, float], None]  # whether progress is shown, or who 
 
 TERMINAL = "{desc:<44.44}|{bar:24}| {percentage:3.0f} % {elapsed}"
 PARTS = os.environ.get("SHAKE_ROS_PROGRESS") == "parts"  # who follows a process wants every part, in a form to read
+SO_FAR = "so far "  # begins an answer that work has before its end
 NOTEBOOK = "{desc}{bar} {percentage:3.0f} % {elapsed}"
 
 
@@ -50,6 +51,10 @@ class Progress:
     def __call__(self, text: str, part: float) -> None:
         """Say what is being done and which part of the present span is done; the bar never goes back."""
         whole = self._low + (self._high - self._low) * min(max(part, 0.0), 1.0)
+        if text.startswith(SO_FAR) and self._told is True:
+            tqdm.write(f"{self._title}: {text}", file=sys.stderr)  # stays above the bar
+            sys.stderr.flush()
+            return
         if self._bar is not None:
             self._bar.n = max(self._bar.n, whole)
             self._bar.set_description_str(f"{self._title}: {text}")

@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.convergence import converge, reconverged, refined
 from shake_ros.core.discovery.decision import ForwardStep, decide, improves
@@ -23,7 +25,7 @@ from shake_ros.core.discovery.refit import Refit, ranked, refit, rounds
 from shake_ros.core.discovery.screening import screen
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.shown_effects import shown_steps
-from shake_ros.core.discovery.unlisted_functions import UNLISTED, or_function
+from shake_ros.core.discovery.unlisted_functions import UNLISTED, FunctionSearch, or_function
 from shake_ros.core.identification.fit import Fit
 
 
@@ -40,12 +42,28 @@ def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructu
     found = Selection(current, (), current)
     try:
         for grown in stages(problem, found, model):
-            found = grown
+            before, found = len(found.steps), grown
+            if len(found.steps) > before:
+                problem.progress(so_far(problem, found), 0.0)
         seen = problem.seen(found.accelerometer)
         steps, final, removed = eliminate(seen, found.steps, found.final)
     except Stopped:
         return problem.seen(found.accelerometer), replace(found, stopped=True)
     return seen, replace(found, steps=steps, final=final, removed=removed)
+
+
+def so_far(problem: SearchProblem, found: Selection) -> str:
+    """The answer that a search has by now, in a line."""
+    added = [s.chosen.candidate for s in found.steps]
+    names = [f"a function ({c.place})" if c.effect == UNLISTED else c.effect for c in added]
+    return f"so far {' + '.join(names)}: {held_out(problem, found.final, found.declared)}"
+
+
+def held_out(problem: SearchProblem, after: ScoredFit, before: ScoredFit) -> str:
+    """What two models leave on recordings held out."""
+    noise = problem.validation.noise_cost()
+    ratios = [np.sqrt(m.validation_cost / noise) for m in (after, before)]
+    return f"{ratios[0]:.1f} times the noise on recordings held out ({ratios[1]:.1f} without)"
 
 
 def listened(problem: SearchProblem, found: Selection, model: ModelStructure) -> tuple[SearchProblem, Selection]:
@@ -87,7 +105,7 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
         yield found
         if problem.at_noise(found.final):
             break
-        step, ranking, current = forward_step(problem, found.final, left)
+        step, ranking, current, functions = forward_step(problem, found.final, left)
         improved = current is not found.final
         found = replace(found.with_better_fit(current) if improved else found, rejected=ranking)
         yield found
@@ -100,13 +118,14 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
             left = tuple(c for c in left if c.effect not in {s.chosen.candidate.effect for s in together})
             yield found
             continue
-        step, functions = or_function(problem, current, step, ranking)
+        if step is None or step.chosen.candidate.effect != UNLISTED:
+            step, functions = or_function(problem, current, step, ranking, None if improved else functions)
+            if step is not None and step.chosen.candidate.effect == UNLISTED:
+                step = refined_function(problem, step)
         found = replace(found, functions=functions)
         yield found
         if step is None:
             break
-        if step.chosen.candidate.effect == UNLISTED:
-            step = refined_function(problem, step)
         found = found.with_step(step)
         yield found
         left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)
@@ -140,28 +159,41 @@ def converged_again(problem: SearchProblem, final: ScoredFit) -> ScoredFit:
 
 def forward_step(
     problem: SearchProblem, current: ScoredFit, candidates: tuple[CandidateEffect, ...]
-) -> tuple[ForwardStep | None, tuple[Refit, ...], ScoredFit]:
+) -> tuple[ForwardStep | None, tuple[Refit, ...], ScoredFit, FunctionSearch | None]:
     """Screen, refit, converge, decide.
+
+    Where the promising effects were in vain, a function is tried before all others: it is the answer where it leaves
+    nothing above the noise.
 
     Returns
     -------
-    (step, or None where no effect improves the model; the ranking; the current fit)
+    (step, or None where no effect improves the model; the ranking; the current fit; functions, where they were tried)
         The current fit comes back better where a richer model has shown that it had not converged.
     """
     settings, tried = problem.settings, len(candidates)
     screening = screen(problem, current, candidates)
     ranking: tuple[Refit, ...] = ()
+    functions: FunctionSearch | None = None
     for effects in rounds(problem, current, screening):
+        if ranking:
+            function, functions = or_function(problem, current, None, ranking)
+            if function and function.chosen.score < settings.function_clear * current.score:
+                function = refined_function(problem, function)
+                if problem.at_noise(function.chosen.result):
+                    return function, ranking, current, functions
         refits = refit(problem, screening, effects, ranking)
+        best = refits[0]
+        if not best.result.preliminary and best.score < (1.0 - settings.clear_gain) * current.score:
+            problem.progress(f"so far {best.candidate.effect} leads: {held_out(problem, best.result, current)}", 0.9)
         converged, others = converge(problem, current, refits)
         ranking = ranked(converged, others)
         if improves(ranking[0].result, current, settings, tried):
             break
     else:
-        return None, ranking, current
+        return None, ranking, current, functions
     current = reconverged(problem, current, ranking[0])
     if not improves(ranking[0].result, current, settings, tried):
-        return None, ranking, current
+        return None, ranking, current, functions
     ranking = ranked(refined(problem, converged), others)
     step = decide(ranking, screening.trials, settings, problem.validation.noise_cost())
-    return step, step.ranking, current
+    return step, step.ranking, current, functions

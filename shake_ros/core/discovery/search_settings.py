@@ -74,6 +74,7 @@ class SearchSettings(Parameters):
     function_above_noise: float = quantity("-", "ratio to the noise from which a function is estimated", low=0.0)
     weak_effect: float = quantity("-", "part of the cost that a weak listed effect leaves", low=0.0, high=1.0)
     function_gain: float = quantity("-", "part of a listed effect's cost that a function may leave", low=0.0, high=1.0)
+    function_clear: float = quantity("-", "part of the score from which it goes before unpromising effects", low=0.0)
     function_ridge: float = quantity("-", "ridge on a node, of the mean power of all nodes' directions", low=0.0)
     function_multiples: tuple[float, ...] = quantity("-", "parts of the linear estimate to start from", low=0.0)
     most_functions: int = quantity("-", "kinds of function that are refitted", low=0)

@@ -86,12 +86,18 @@ class FunctionSearch:
 
 
 def or_function(
-    problem: SearchProblem, current: ScoredFit, step: ForwardStep | None, ranking: tuple[Refit, ...]
+    problem: SearchProblem,
+    current: ScoredFit,
+    step: ForwardStep | None,
+    ranking: tuple[Refit, ...],
+    tried: FunctionSearch | None = None,
 ) -> tuple[ForwardStep | None, FunctionSearch | None]:
     """The step, or one that adds a function where the listed effects explain too little; and the functions tried.
 
     A function is estimated only where the validation cost stands clearly above the noise and the best listed effect
     leaves most of it; it replaces a listed effect only where it leaves far less.
+
+    tried : functions of this model, where they are known.
     """
     settings = problem.settings
     before = current.validation_cost
@@ -99,7 +105,7 @@ def or_function(
     near_noise = before < settings.function_above_noise * problem.validation.noise_cost()
     if near_noise or listed < settings.weak_effect * before:
         return step, None
-    found = best_function(problem, current)
+    found = tried or best_function(problem, current)
     if found.best is None:
         return step, found
     result, most = found.best.result, settings.function_gain

@@ -76,14 +76,20 @@ class StartingPoint:
 
 
 def staged_start(
-    model: UnknownModel, free: Sequence[FreeParameter], effects: EffectsOf, data: Prepared
+    model: UnknownModel,
+    free: Sequence[FreeParameter],
+    effects: EffectsOf,
+    data: Prepared,
+    progress: Callable[[str, float], None] = lambda *_: None,
 ) -> StartingPoint:
     """Where the whole fit begins, for a table of which little is known.
 
     Parameters
     ----------
-    free : parameters that a fit may move. effects : that a table may lack.
+    free : parameters that a fit may move. effects : that a table may lack. progress : called with what is being done
+        and the part of it that is done.
     """
+    progress("first guess from the recordings", 0.0)
     assert model.table is not None
     data = data.seen(Accelerometer(behind_filter(data.estimation)))
     first = FirstGuess(data.estimation)
@@ -100,6 +106,7 @@ def staged_start(
         return with_effects(free, known, names)
 
     pieces = _pieces(model, data)
+    progress("first fit", 0.0)
     best = min((_fitted(pieces, moved(shown), guess) for guess in guesses), key=attrgetter("cost"))
     if (behind := better_filter(pieces, best)) is not None:
         data = data.seen(Accelerometer(behind))
@@ -109,10 +116,14 @@ def staged_start(
     for _ in range(JOINTS):
         if best.cost < 0.5 * FAR**2 * pieces.noise_cost() * pieces.count:
             break
+        progress("first fit: several effects at once", 0.0)
         joined, more = several_at_once(pieces, moved(shown), known, begin, CLEAR * best.cost)
         if joined.cost > JOINED * best.cost:
             break
         best, shown, begin = joined, (*shown, *more), joined.table  # what is left shows others better
+        over = np.sqrt(2.0 * best.cost / (pieces.noise_cost() * pieces.count))
+        progress(f"so far {' + '.join(shown)} show: {over:.1f} times the noise in pieces of what is learned from", 0.0)
+    progress("first fit: friction and null shifts", 0.0)
     anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], best.table, model))
     table = min(best, anew, key=attrgetter("cost")).table
     for _ in range(ROUNDS - 1):
