@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,19 +18,19 @@ from shake_ros.api.tracking import tracking
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tune_table
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.close_loop import LoopClosure
+from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.problem import patiently
 from shake_ros.core.discovery.remaining import Remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification.axis_model import forecast_errors, position_errors, slow_changes
+from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, Record
-from shake_ros.core.identification.slow_changes import SlowChange
 from shake_ros.core.identification.uncertainty import Estimate, known_covariance
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.loop.robust import Uncertainty
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.data.results import (
     axis_json,
     close_loop_json,
@@ -119,7 +118,7 @@ class Effects(Sequence[FoundEffect]):
 
 
 @dataclass(frozen=True, repr=False)
-class Discovery:
+class Discovery(fitted.FittedResult):
     """The declared model, what it was missing, and what remains.
 
     Attributes
@@ -142,9 +141,9 @@ class Discovery:
     tuned: TunedTable | None = None
 
     @property
-    def table(self) -> TableParameters:
-        """The fitted table with the effects that were found."""
-        return self.closed.final.table
+    def final(self) -> FittedModel:
+        """The model with the effects that were found."""
+        return self.closed.final
 
     @property
     def effects(self) -> Effects:
@@ -180,26 +179,6 @@ class Discovery:
         return {name: (error, after[name]) for name, error in before.items()}
 
     @property
-    def parameters(self) -> ResultTable:
-        """All fitted parameters of the final model with their standard errors."""
-        return fitted.parameter_frame(self.closed.final.parameters)
-
-    @cached_property
-    def told(self) -> tuple[Estimate, ...]:
-        """What the recordings tell whatever area and pressure are; empty for a declared table."""
-        return fitted.told_by(self.model, self.closed.final.fit, self.estimation)
-
-    @property
-    def identified(self) -> ResultTable:
-        """The same as a table."""
-        return fitted.parameter_frame(self.told)
-
-    @property
-    def nuisances(self) -> ResultTable:
-        """Offsets that were taken out of each recording; empty for a declared table."""
-        return fitted.nuisance_frame(self.data)
-
-    @property
     def uncertainty(self) -> Uncertainty:
         """Fitted parameters that the recordings determine, and their covariance."""
         return _uncertainty(self.closed, self.estimation)
@@ -208,23 +187,6 @@ class Discovery:
     def remaining(self) -> Remaining:
         """Whether a residual stands above the noise, where it acts and on what it depends."""
         return self.closed.remaining
-
-    @property
-    def forecast_error(self) -> dict[str, float]:
-        """The same of the table that was found from the force alone, with nothing of the recordings' own [m rms]."""
-        records = [*self.estimation, *self.validation]
-        return forecast_errors(self.table, records) if self.model.kind == "axis" else {}
-
-    @cached_property
-    def own(self) -> list[SlowChange]:
-        """What each recording of a force-driven axis has of its own; empty for other models."""
-        records = [*self.estimation, *self.validation]
-        return slow_changes(self.table, records) if self.model.kind == "axis" else []
-
-    @property
-    def slow_changes(self) -> ResultTable:
-        """The same as a table."""
-        return fitted.slow_change_frame(self.own)
 
     @property
     def latent_force(self) -> LatentForces:

@@ -2,25 +2,98 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
 from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.axis_model import forecast_errors, slow_changes
 from shake_ros.core.identification.identified import identified
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.slow_changes import SlowChange
 from shake_ros.core.identification.uncertainty import Estimate
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
 
 Data = TableRecording | Sequence[TableRecording]
 CHANNELS = ("velocity", "acceleration")
+
+
+class FittedResult(ABC):
+    """What both results tell of the model that was fitted.
+
+    Attributes
+    ----------
+    model : as declared. estimation, validation : the gapless parts of the recordings. data : these as they were fitted,
+    with what was taken out of them.
+    """
+
+    model: Model
+    estimation: Sequence[Record]
+    validation: Sequence[Record]
+    data: Prepared
+
+    @property
+    @abstractmethod
+    def final(self) -> FittedModel:
+        """The fitted model."""
+
+    @property
+    def table(self) -> TableParameters:
+        """The fitted table, with effects where such were found."""
+        return self.final.table
+
+    @property
+    def parameters(self) -> ResultTable:
+        """Fitted parameters with their standard errors."""
+        return parameter_frame(self.final.parameters)
+
+    @cached_property
+    def told(self) -> tuple[Estimate, ...]:
+        """What the recordings tell whatever area and pressure are; empty for a declared table."""
+        if not self.model.declared.nuisances:
+            return ()
+        problem = RecordingProblem(list(self.estimation), self.model.declared)
+        return identified(self.final.fit, problem.blocks())
+
+    @property
+    def identified(self) -> ResultTable:
+        """The same as a table."""
+        return parameter_frame(self.told)
+
+    @property
+    def nuisances(self) -> ResultTable:
+        """Offsets that were taken out of each recording; empty for a declared table."""
+        rows = [(n.recording, n.null_shift, n.acceleration_bias) for n in self.data.nuisances]
+        return ResultTable(("recording", "null shift [-]", "acceleration bias [m/s^2]"), rows)
+
+    @property
+    def forecast_error(self) -> dict[str, float]:
+        """Position error of the free run from the force alone, with nothing of the recordings' own [m rms].
+
+        Empty but for the model axis.
+        """
+        records = [*self.estimation, *self.validation]
+        return forecast_errors(self.table, records) if self.model.kind == "axis" else {}
+
+    @cached_property
+    def own(self) -> list[SlowChange]:
+        """What each recording of a force-driven axis has of its own; empty for other models."""
+        records = [*self.estimation, *self.validation]
+        return slow_changes(self.table, records) if self.model.kind == "axis" else []
+
+    @property
+    def slow_changes(self) -> ResultTable:
+        """The same as a table."""
+        rows = [(c.recording, c.level, c.offset, c.drift) for c in self.own]
+        return ResultTable(("recording", "level of friction [-]", "offset [N]", "drift [N/s]"), rows)
 
 
 def recordings(data: Data | None) -> Recordings:
@@ -44,12 +117,6 @@ def check_apart(first: Recordings, second: Recordings) -> None:
     both = sorted({*first.names} & {*second.names})
     if both:
         raise ShakeError(f"{', '.join(both)}: given both as estimation and as validation data")
-
-
-def slow_change_frame(changes: Sequence[SlowChange]) -> ResultTable:
-    """What each recording of a force-driven axis has of its own."""
-    rows = [(c.recording, c.level, c.offset, c.drift) for c in changes]
-    return ResultTable(("recording", "level of friction [-]", "offset [N]", "drift [N/s]"), rows)
 
 
 def names_of(records: Sequence[Record]) -> list[str]:
@@ -84,19 +151,6 @@ def parameter_frame(parameters: Sequence[Estimate]) -> ResultTable:
         ("parameter", "value", "std. error", "form error", "unit"),
         [(p.name, p.value, p.std_error, p.form_error, p.unit) for p in parameters],
     )
-
-
-def told_by(model: Model, fit: Fit, estimation: Sequence[Record]) -> tuple[Estimate, ...]:
-    """Quantities that recordings tell without a data sheet; empty where the model declares its table."""
-    if not model.declared.nuisances:
-        return ()
-    return identified(fit, RecordingProblem(list(estimation), model.declared).blocks())
-
-
-def nuisance_frame(data: Prepared) -> ResultTable:
-    """Offsets taken out of each recording."""
-    rows = [(n.recording, n.null_shift, n.acceleration_bias) for n in data.nuisances]
-    return ResultTable(("recording", "null shift [-]", "acceleration bias [m/s^2]"), rows)
 
 
 def command_comment(data: Prepared) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +13,10 @@ from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.discovery import declared_fit
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.identification.axis_model import InverseDynamics, forecast_errors, position_errors, slow_changes
+from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.slow_changes import SlowChange
-from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import (
@@ -42,7 +39,7 @@ METHODS = ("free_run", "inverse_dynamics")
 
 
 @dataclass(frozen=True, repr=False)
-class Identification:
+class Identification(fitted.FittedResult):
     """A fitted model.
 
     Attributes
@@ -61,29 +58,9 @@ class Identification:
     data: Prepared
 
     @property
-    def table(self) -> TableParameters:
-        """The fitted table."""
-        return self.fit.table
-
-    @property
-    def parameters(self) -> ResultTable:
-        """Fitted parameters with their standard errors."""
-        return fitted.parameter_frame(self.fit.parameters)
-
-    @cached_property
-    def told(self) -> tuple[Estimate, ...]:
-        """What the recordings tell whatever area and pressure are; empty for a declared table."""
-        return fitted.told_by(self.model, self.fit.fit, self.estimation)
-
-    @property
-    def identified(self) -> ResultTable:
-        """The same as a table."""
-        return fitted.parameter_frame(self.told)
-
-    @property
-    def nuisances(self) -> ResultTable:
-        """Offsets that were taken out of each recording; empty for a declared table."""
-        return fitted.nuisance_frame(self.data)
+    def final(self) -> FittedModel:
+        """The fitted model."""
+        return self.fit
 
     @property
     def error(self) -> ResultTable:
@@ -95,23 +72,6 @@ class Identification:
         """Root mean square position error of the free run by recording [m]; empty but for the model axis."""
         records = [*self.estimation, *self.validation]
         return position_errors(self.table, records) if self.model.kind == "axis" else {}
-
-    @property
-    def forecast_error(self) -> dict[str, float]:
-        """The same of the table that was found from the force alone, with nothing of the recordings' own [m rms]."""
-        records = [*self.estimation, *self.validation]
-        return forecast_errors(self.table, records) if self.model.kind == "axis" else {}
-
-    @cached_property
-    def own(self) -> list[SlowChange]:
-        """What each recording of a force-driven axis has of its own; empty for other models."""
-        records = [*self.estimation, *self.validation]
-        return slow_changes(self.table, records) if self.model.kind == "axis" else []
-
-    @property
-    def slow_changes(self) -> ResultTable:
-        """The same as a table."""
-        return fitted.slow_change_frame(self.own)
 
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, as declared, as fitted; the first one validated."""

@@ -27,7 +27,6 @@ from shake_ros.core.discovery.force_kinds import ForceKinds, band_factor, beside
 from shake_ros.core.discovery.force_smoother import ForceSmoother, Seen, Smoothed
 from shake_ros.core.discovery.problem import SearchProblem, side_by_side
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification.recording_problem import MODEL_FLOOR
 from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
 from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
@@ -103,16 +102,6 @@ class _Pass:
     linear: float
 
 
-def noises(record: Record) -> tuple[float, float]:
-    """Deviation of the velocity [m/s] and the acceleration [m/s²] that counts as noise; 0 without an accelerometer."""
-    span = slice(record.start, None)
-    velocity = math.hypot(record.velocity_noise(), MODEL_FLOOR * float(np.std(record.velocity[span])))
-    if record.acceleration is None:
-        return velocity, 0.0
-    floor = MODEL_FLOOR * float(np.std(record.acceleration[span]))
-    return velocity, math.hypot(record.acceleration_noise(), floor)
-
-
 def rests(model: DeclaredModel, record: Record, run: Array) -> tuple[Array, Array]:
     """Velocity and acceleration measured less those of a run, from the first sample compared, NaN where not measured.
 
@@ -154,7 +143,7 @@ class _Passes:
     def __init__(self, model: DeclaredModel, table: TableParameters, record: Record) -> None:
         self.model, self.table, self.record = model, table, record
         self.mass = moving_mass(table, model.moved_mass(table))
-        self.noise = noises(record)
+        self.noise = record.deviations()
         self.stride = max(1, round(1.0 / (2.0 * CUTOFF * record.sample_time)))
         self.start: tuple[float, float, float] | None = None
 

@@ -12,13 +12,12 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, relative_error
+from shake_ros.core.identification.recordings import FULL, MODEL_FLOOR, DeclaredModel, Record, relative_error
 from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity
 from shake_ros.core.plant.simulation import workers
 
 BLOCK = 0.5  # length of a block of time for standard errors [s], shorter where the recordings would give less than
 BLOCKS = 24  # blocks in all: with fewer, the scatter of the blocks tells too little of itself
-MODEL_FLOOR = 2e-3  # weights do not fall below this part of a channel's rms: no model is better than that
 
 
 class RecordingProblem:
@@ -37,14 +36,10 @@ class RecordingProblem:
         self.acceleration_weights = []
         self.position_weights = []
         for r in records:
-            floor = MODEL_FLOOR * float(np.std(r.velocity[r.start :]))
             independent = min(2.0 * CUTOFF * r.sample_time, 1.0)
-            self.velocity_weights.append(np.sqrt(independent) / np.hypot(r.velocity_noise(), floor))
-            if r.acceleration is not None:
-                floor = MODEL_FLOOR * float(np.std(r.acceleration[r.start :]))
-                self.acceleration_weights.append(1.0 / np.hypot(r.acceleration_noise(), floor))
-            else:
-                self.acceleration_weights.append(0.0)
+            velocity, acceleration = r.deviations()
+            self.velocity_weights.append(np.sqrt(independent) / velocity)
+            self.acceleration_weights.append(1.0 / acceleration if acceleration else 0.0)
             if model.positions:
                 floor = MODEL_FLOOR * float(np.std(r.position[r.start :]))
                 self.position_weights.append(1.0 / np.hypot(r.position_noise(), floor))

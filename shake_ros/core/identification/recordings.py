@@ -33,6 +33,7 @@ SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pre
 DRAWN = 40.0  # … and found by drawing the run towards the measured motion at this rate [1/s], unless …
 AT_REST = 0.01  # … it begins at rest: with a velocity over this time [s] …
 QUIET = 4.0  # … below so many times its noise
+MODEL_FLOOR = 2e-3  # part of a channel's rms that counts as noise at least
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,18 @@ class Record:
         """Standard deviation of the acceleration noise [m/s²]."""
         assert self.acceleration is not None
         return min(self.noise_from_periods.get("acceleration", self._white_acceleration), self.calmest)
+
+    def deviations(self) -> tuple[float, float]:
+        """Deviation of the velocity [m/s] and the acceleration [m/s²] that counts as noise; 0 without accelerometer.
+
+        Not below a part of each one's size: no model is better than that.
+        """
+        span = slice(self.start, None)
+        velocity = math.hypot(self.velocity_noise(), MODEL_FLOOR * float(np.std(self.velocity[span])))
+        if self.acceleration is None:
+            return velocity, 0.0
+        floor = MODEL_FLOOR * float(np.std(self.acceleration[span]))
+        return velocity, math.hypot(self.acceleration_noise(), floor)
 
     @cached_property
     def _white_acceleration(self) -> float:

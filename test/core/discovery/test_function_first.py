@@ -1,0 +1,91 @@
+"""Where the promising effects are in vain, a clear function is the answer before all other effects are tried."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from shake_ros.core.discovery import forward_selection as forward
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.unlisted_functions import UNLISTED, FunctionSearch
+from shake_ros.settings import load_search
+
+BLOCKS = np.ones(4)
+
+
+def scored(cost: float) -> ScoredFit:
+    return ScoredFit(cast("Any", None), cost, cost, BLOCKS)
+
+
+def refitted(effect: str, cost: float) -> Refit:
+    return Refit(CandidateEffect(effect, (), (), "force", ("position",)), scored(cost), 0.5)
+
+
+@dataclass
+class Case:
+    """A step of a search whose refits are all in vain; what was refitted, and what came of it."""
+
+    refits: list[str]
+    step: ForwardStep | None
+    functions: FunctionSearch | None
+    said: list[str]
+
+
+def tried(monkeypatch: pytest.MonkeyPatch, function: float, moved: float, *, best: float = 900.0) -> Case:
+    """A step from a score of 1000 with a noise of 1; costs of a function with even nodes and with moved ones."""
+    refits, said = list[str](), list[str]()
+
+    def refit(problem: object, screening: object, effects: list[str], known: object) -> tuple[Refit, ...]:
+        refits.extend(effects)
+        return (refitted(effects[0], best),)
+
+    found = refitted(UNLISTED, function)
+    search = FunctionSearch({}, found)
+    monkeypatch.setattr(forward, "screen", lambda *_: SimpleNamespace(trials=()))
+    monkeypatch.setattr(forward, "rounds", lambda *_: iter([["first"], ["other"]]))
+    monkeypatch.setattr(forward, "refit", refit)
+    monkeypatch.setattr(forward, "converge", lambda problem, current, refits: (list(refits), []))
+    monkeypatch.setattr(forward, "improves", lambda *_: False)
+    monkeypatch.setattr(forward, "or_function", lambda *_: (ForwardStep(found, (found,)), search))
+    better = refitted(UNLISTED, moved)
+    monkeypatch.setattr(forward, "refined_function", lambda problem, step: ForwardStep(better, (better,)))
+    problem = SimpleNamespace(
+        settings=load_search(),
+        progress=lambda text, part: said.append(text),
+        at_noise=lambda m: m.validation_cost < 1.05,
+        validation=SimpleNamespace(noise_cost=lambda: 1.0),
+    )
+    step, _, _, functions = forward.forward_step(cast("SearchProblem", problem), scored(1000.0), ())
+    return Case(refits, step, functions, said)
+
+
+def test_a_function_that_leaves_the_noise_is_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = tried(monkeypatch, 25.0, 1.0)
+    assert case.refits == ["first"]
+    assert case.step is not None
+    assert case.step.chosen.candidate.effect == UNLISTED
+    assert case.step.chosen.result.validation_cost == 1.0
+
+
+@pytest.mark.parametrize(("function", "moved"), [(25.0, 2.0), (200.0, 1.0)])
+def test_one_that_leaves_more_waits_for_the_other_effects(
+    monkeypatch: pytest.MonkeyPatch, function: float, moved: float
+) -> None:
+    case = tried(monkeypatch, function, moved)
+    assert case.refits == ["first", "other"]
+    assert case.step is None
+    assert case.functions is not None  # known, need not be fitted again
+
+
+def test_an_effect_that_leads_is_told_before_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = tried(monkeypatch, 25.0, 1.0, best=40.0)
+    said = "so far first leads: 6.3 times the noise on recordings held out (31.6 without)"
+    assert said in case.said
+    assert not any("leads" in text for text in tried(monkeypatch, 25.0, 1.0).said)
