@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, improves
-from shake_ros.core.discovery.problem import Reduced, ScoredFit, SearchProblem
+from shake_ros.core.discovery.problem import Reduced, ScoredFit, SearchProblem, linearised
 from shake_ros.core.identification.free_parameters import FreeParameters
 
 FAR = 10.0  # times the score: without such an effect the model is so much worse that its fit need not converge
@@ -20,6 +20,9 @@ def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect
     keep = [i for i, f in enumerate(result.free.free) if f.name not in names]
     key = (dropped.effect, result.free.names)
     far, known = FAR * current.score, problem.reduced.get(key)
+    if known is not None and not known.at:  # of other data
+        known = Reduced(b"", problem.scored(linearised(problem.estimation, known.reduced.fit)))
+        problem.reduced[key] = known
     if known is not None and (known.at == result.x.tobytes() or known.reduced.score >= far):
         return known.reduced
     free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])

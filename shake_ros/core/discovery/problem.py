@@ -111,7 +111,7 @@ class ScoredFit:
 
 @dataclass(frozen=True)
 class Reduced:
-    """A fit without an effect. at : solution of the model with it from which it began, as bytes."""
+    """A fit without an effect. at : solution of the model with it from which it began, as bytes; none on other data."""
 
     at: bytes
     reduced: ScoredFit
@@ -242,7 +242,7 @@ class SearchProblem:
             validation=accelerometer.problem(self.validation),
             estimation_pieces=accelerometer.problem(self.estimation_pieces),
             validation_pieces=accelerometer.problem(self.validation_pieces),
-            reduced={},
+            reduced={key: Reduced(b"", known.reduced) for key, known in self.reduced.items()},
         )
 
     def on_whole(self, estimation: Sequence[Record]) -> SearchProblem:
