@@ -168,7 +168,7 @@ def identify(
         raise ShakeError(f"--method inverse_dynamics: needs --model axis, not {model.kind}")
     declared = model.declared
     records = fitted.fit_data(estimation, validation, declared.driven_by)
-    with Progress("identify", progress and method != "inverse_dynamics") as bar:
+    with Progress("identify", progress if method == "free_run" else False) as bar:
         bar.span(0.0, 0.4)
         start = model.begin(*records, bar)
         data = start.data
