@@ -18,6 +18,7 @@ import numpy as np
 
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.ending import Ending
+from shake_ros.api.fitted import names_of
 from shake_ros.api.progress import Progress
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.close_loop import LoopClosure, close_loop
@@ -57,8 +58,8 @@ def measure(
     model = replace(model_structure(load_table("bergamo")), candidates=candidates(among))
     with Progress("close_loop", told=False) as silent, Ending(silent, minutes) as progress:
         result = close_loop(model, learn, hold, load_search(), progress)
-    report = close_loop_json(result, *([*dict.fromkeys(r.name for r in rs)] for rs in (learn, hold)), "full")
-    felt = {name: np.concatenate([r.motion[:, 1] for r in hold if r.name == name]) for name in {r.name for r in hold}}
+    report = close_loop_json(result, names_of(learn), names_of(hold), "full")
+    felt = {name: np.concatenate([r.motion[:, 1] for r in hold if r.name == name]) for name in names_of(hold)}
     floor = {name: noise * hidden.ACCELERATION_NOISE / float(np.std(values)) for name, values in felt.items()}
     return {**judged(effect, report), **errors(report, floor), **told(result, report, made, effect)}
 

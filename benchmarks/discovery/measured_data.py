@@ -70,13 +70,6 @@ class FirstAnswer:
         """No bar is drawn over the lines."""
         return False
 
-    def __enter__(self) -> FirstAnswer:
-        sys.stderr = self  # type: ignore[assignment]
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        sys.stderr = self.stream
-
 
 def per_cent(errors: dict[str, dict[str, float]], channel: str) -> str:
     """Errors of a channel by recording."""
@@ -116,7 +109,7 @@ def tables(data: Path, out: Path, names: Sequence[str], *options: str) -> None:
             continue
         learn, hold = sorted(folder.glob("learn_*")), sorted(folder.glob("hold_*"))
         place = out / folder.name
-        with FirstAnswer(sys.stderr) as first:
+        with contextlib.redirect_stderr(FirstAnswer(sys.stderr)) as first:
             _, seconds = command("close_loop", *options, "--learn", *learn, "--hold", *hold, "--out", place, "--force")
         print(verdict(place, "acceleration", seconds), flush=True)
         for line in first.lines:

@@ -69,6 +69,12 @@ class Model:
         rows = [(c.effect, c.place, ", ".join(c.depends_on), c.strength.name) for c in effect_candidates(self.declared)]
         return ResultTable(("effect", "place", "depends on", "strength"), rows)
 
+    @property
+    def _declared_table(self) -> TableParameters | None:
+        """The hydraulic table with the declared numbers; None where the model has none."""
+        table = self.declared.table if isinstance(self.declared, UnknownModel) else self.table
+        return table if table is not None and table.layout is FULL_LAYOUT else None
+
     def start(self, records: list[Record]) -> TableParameters:
         """The table that a fit to these records starts from."""
         return self.table or self.declared.first_table(records).with_values(self.changes)
@@ -85,9 +91,8 @@ class Model:
         nuisances; of a force-driven axis each recording has its own slow changes. progress : called with what is being
         done and which part is done.
         """
-        declared = self.declared
-        known, stops = declared.table if isinstance(declared, UnknownModel) else self.table, tuple[str, ...]()
-        if known is not None and known.layout is FULL_LAYOUT:
+        declared, known, stops = self.declared, self._declared_table, tuple[str, ...]()
+        if known is not None:
             stroke = known.value("body.stroke")
             (estimation, first), (validation, second) = (within_stroke(r, stroke) for r in (estimation, validation))
             stops = first + second
@@ -103,8 +108,8 @@ class Model:
 
     def contradictions(self, recordings: Recordings) -> list[str]:
         """In which quantities the declared numbers and the recordings are far apart, a line each."""
-        declared = self.declared.table if isinstance(self.declared, UnknownModel) else self.table
-        if declared is None or declared.layout is not FULL_LAYOUT:
+        declared = self._declared_table
+        if declared is None:
             return []
         records, unknown = recordings.records(), tuple[str, ...]()
         if isinstance(self.declared, UnknownModel):

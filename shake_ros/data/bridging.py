@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
+from shake_ros.core.analysis.stretches import stretches
 from shake_ros.data.recordings.series import broken
 
 Floats = npt.NDArray[np.float64]
@@ -80,10 +81,8 @@ def _numbers(time: Floats) -> npt.NDArray[np.int64]:
 
 def _short(missing: Flags, most: int) -> Flags:
     """Of runs of missing samples those of up to `most` that have neighbours on both sides."""
-    edges = np.diff(np.concatenate(([0], missing.astype(np.int8), [0])))
-    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     short = np.zeros(len(missing), dtype=np.bool_)
-    for a, b in zip(starts, ends, strict=True):
-        if b - a <= most and a > 0 and b < len(missing):
-            short[a:b] = True
+    for span in stretches(missing):
+        if span.stop - span.start <= most and span.start > 0 and span.stop < len(missing):
+            short[span] = True
     return short

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.analysis.clipping import clipped, restored
-from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.recordings import SHORTEST, Record
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
 
-SHORTEST = 1.0  # a segment shorter than this tells nothing of the dynamics [s]
 SLOWEST = 0.1  # between two samples, from which none of a table's dynamics shows [s]
 LEAP = 2.5  # steps of the position above this multiple of its fast ones …
 FAST = 99.0  # … which are this percentile of all steps of the recording,
@@ -71,7 +70,7 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
             f"{recording.name}: a sample every {recording.sample_time:.3g} s shows none of a table's dynamics; is the "
             "time in milliseconds? Import it with the scale 0.001"
         )
-    records = []
+    records, at = [], clipped_in(recording)
     for span in unbroken(recording):
         if not np.all(np.isfinite(drive[span])):
             raise ShakeError(f"{recording.name}: topic {driven_by} holds values that are not finite numbers")
@@ -88,7 +87,7 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
             acceleration,
             standing=float(drive[span][0]) if span.start or recording.time[0] > 0.0 else 0.0,
         )
-        records.append(record if acceleration is None else _without_clipped(record, clipped_in(recording)[span]))
+        records.append(record if acceleration is None else _without_clipped(record, at[span]))
     if not np.ptp(recording.position[np.isfinite(recording.position)]):
         raise ShakeError(f"{recording.name}: joint_states: the position stands still throughout, nothing to fit")
     if not records:

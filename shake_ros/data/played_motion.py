@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from shake_ros.core.analysis.stretches import stretches
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
 
@@ -84,8 +85,7 @@ def _begin(found: Array, wanted: Array) -> int:
 
 def _longest(missing: NDArray[np.bool_]) -> int:
     """Most true values in a row."""
-    ends = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(np.int8), [0]])))
-    return int(np.max(ends[1::2] - ends[::2], initial=0))
+    return max((span.stop - span.start for span in stretches(missing)), default=0)
 
 
 def _whole(r: TableRecording, place: NDArray[np.int64], rows: slice, sample_time: float, name: str) -> TableRecording:

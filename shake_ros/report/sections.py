@@ -102,9 +102,9 @@ def identified_section(page: Page, told: Sequence[Estimate], data: Prepared | No
     """What recordings tell of a table without a data sheet, and what was done to them; of others the latter."""
     if data is None:
         return
+    for said in data.stops:
+        page.paragraph(f"{said}.")
     if not told:
-        for said in data.said():
-            page.paragraph(f"{said}.")
         return
     page.heading("What the recordings tell of this table")
     page.paragraph("Whatever its area and supply pressure: these quantities do not depend on what was assumed of them.")
@@ -115,8 +115,8 @@ def identified_section(page: Page, told: Sequence[Estimate], data: Prepared | No
         for n in data.nuisances
     ]
     page.table(("taken out of the recording", "null shift of the valve [-]", "accelerometer bias [m/s²]"), rows)
-    for said in data.said():
-        page.paragraph(f"{said[0].upper()}{said[1:]}.")
+    for said in data.changes():
+        page.paragraph(sentence(said))
 
 
 def hydraulic_table(page: Page, models: Mapping[str, FittedModel]) -> None:

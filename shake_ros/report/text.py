@@ -45,13 +45,13 @@ def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
 def identified_lines(told: Sequence[Estimate], data: Prepared) -> list[str]:
     """What recordings tell of a table without a data sheet, and what was done to them; of others the latter."""
     if not told:
-        return data.said()
+        return [*data.stops]
     lines = ["", "what the recordings tell, whatever area and pressure are:", *parameter_lines(told), ""]
     lines.append(f"{'taken out of the recording':<36}{'null shift':>12}{'bias [m/s²]':>14}")
     for n in data.nuisances:
         bias = "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"
         lines.append(f"{n.recording:<36}{n.null_shift:>12.5f}{bias:>14}")
-    return [*lines, *data.said()]
+    return [*lines, *data.stops, *data.changes()]
 
 
 def error_lines(model: FittedModel, title: str = "error of the free run") -> list[str]:

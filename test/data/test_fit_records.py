@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 import shake_ros as sr
-from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.recordings import SHORTEST, Record
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.fit_records import SHORTEST
 from shake_ros.data.recordings import write_table_recording
 
 TIME = np.arange(4000) * 0.001

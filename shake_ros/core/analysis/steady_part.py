@@ -7,6 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from shake_ros.core.analysis.stretches import stretches
 from shake_ros.core.quantities import ShakeError
 
 SHORTEST_BLOCK = 64  # samples whose root mean square is taken; at least one period
@@ -49,9 +50,5 @@ def steady_part(time: npt.ArrayLike, excitation: npt.ArrayLike, frequency: float
 
 def _longest_row(wanted: npt.NDArray[np.bool_]) -> tuple[int, int]:
     """First and behind-the-last index of the longest row of True."""
-    steps = np.flatnonzero(np.diff(np.concatenate(([False], wanted, [False])).astype(np.int8)))
-    starts, stops = steps[::2], steps[1::2]
-    if not len(starts):
-        return 0, len(wanted)
-    longest = int(np.argmax(stops - starts))
-    return int(starts[longest]), int(stops[longest])
+    longest = max(stretches(wanted), key=lambda s: s.stop - s.start, default=slice(0, len(wanted)))
+    return longest.start, longest.stop

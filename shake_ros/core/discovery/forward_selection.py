@@ -145,7 +145,6 @@ def with_accelerometer(problem: SearchProblem, found: Selection) -> tuple[Search
 
 def fitted_again(problem: SearchProblem, found: Selection) -> Selection:
     """The models on other data: the final one fitted to them, those before it as they are."""
-
     return found.on(
         lambda m: problem.scored(linearised(problem.estimation, m.fit)), lambda final: converged_again(problem, final)
     )

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from shake_ros.core.identification.recordings import Record
+from shake_ros.core.analysis.stretches import stretches
+from shake_ros.core.identification.recordings import SHORTEST, Record
 from shake_ros.core.quantities import ShakeError
 
 NEAR = 0.002  # part of the stroke by which a zero of the position may be wrong
-SHORTEST = 1.0  # of a stretch that tells something of the dynamics [s]
 
 
 def within_stroke(records: Sequence[Record], stroke: float) -> tuple[list[Record], tuple[str, ...]]:
@@ -36,9 +36,7 @@ def within_stroke(records: Sequence[Record], stroke: float) -> tuple[list[Record
             found.append(record)
             continue
         said[record.name] = max(said.get(record.name, 0.0), float(np.max(np.abs(record.position))))
-        edges = np.flatnonzero(np.diff(np.concatenate([[True], at, [True]]).astype(int)))
-        spans = [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-        found += [record.part(s) for s in spans if (s.stop - s.start) * record.sample_time >= SHORTEST]
+        found += [record.part(s) for s in stretches(~at) if (s.stop - s.start) * record.sample_time >= SHORTEST]
     lines = []
     for name, farthest in said.items():
         used, whole = (sum(len(r.commands) * r.sample_time for r in rs if r.name == name) for rs in (found, records))

@@ -75,9 +75,9 @@ class Prepared:
         """Of the filter behind the accelerometer [Hz]; 0 where its delay is all that shows."""
         return max((r.cutoff for r in self.estimation), default=0.0)
 
-    def said(self) -> list[str]:
-        """What was done to the recordings, a line each."""
-        return [*self.stops, *filter(None, (self.lateness(), self.promptness(), self.spikes(), self.note()))]
+    def changes(self) -> list[str]:
+        """What was done to the signals, a phrase each."""
+        return [*filter(None, (self.lateness(), self.promptness(), self.spikes(), self.note()))]
 
     def lateness(self) -> str:
         """How late the accelerometer is and what for; empty where it is not."""

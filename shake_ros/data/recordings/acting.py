@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from shake_ros.core.analysis.stretches import stretches
 from shake_ros.data.recordings.align import Grid
 from shake_ros.data.recordings.bag import Message
 from shake_ros.data.recordings.cdr import Integers, UndecodableError, walk
@@ -49,11 +50,10 @@ def without_brief(acts: npt.NDArray[np.bool_], most: int) -> npt.NDArray[np.bool
     >>> without_brief(np.array([False, True, False, False]), 1).tolist()
     [True, True, False, False]
     """
-    edges = np.flatnonzero(np.diff(np.concatenate(([True], acts, [True]))))
     found = acts.copy()
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        if last - first <= most:
-            found[first:last] = True
+    for span in stretches(~acts):
+        if span.stop - span.start <= most:
+            found[span] = True
     return found
 
 
