@@ -144,12 +144,13 @@ def _mended(values: Columns, path: Path, bridge: int, findings: list[Finding]) -
     """The table with its short gaps filled, where that is asked for."""
     _check_time(path, values["time"])
     if bridge:
-        values, count, gaps = bridged(values, bridge)
-        text = f"{path.name}: {count} samples in {gaps} gaps of up to {bridge} samples are filled by interpolation"
-        findings += [Finding("gap", "", count, text)] if count else []
+        found = bridged(values, bridge)
+        text = f"{found.count} samples in {found.gaps} gaps of up to {bridge} samples are filled by interpolation"
+        findings += [Finding("gap", "", found.count, f"{path.name}: {text}")] if found.count else []
+        values = found.values
     elif longest := longest_short_gap(values, SHORT):
         what = "gaps of one sample" if longest == 1 else f"gaps of up to {longest} samples"
-        text = f"{path.name}: has {what}, which part it: --bridge {longest} fills them"
+        text = f"{path.name}: has {what}, which stay in it and part it: --bridge {longest} fills them"
         findings.append(Finding("gap", "", 0, text))
     return values
 

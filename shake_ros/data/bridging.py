@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
@@ -26,8 +29,32 @@ def without_repeats(values: dict[str, Floats]) -> tuple[dict[str, Floats], int]:
     return {name: column[~same] for name, column in values.items()}, int(same.sum())
 
 
-def bridged(values: dict[str, Floats], most: int) -> tuple[dict[str, Floats], int, int]:
-    """A table whose gaps of up to `most` samples are filled, the number of samples filled and that of gaps.
+class Bridged(NamedTuple):
+    """A table with its short gaps filled.
+
+    Attributes
+    ----------
+    values : columns of shape (n,). rows : row of the table before that each sample is, −1 where it was absent, (n,).
+    filled : samples of which some value was filled, (n,).
+    """
+
+    values: dict[str, Floats]
+    rows: npt.NDArray[np.int64]
+    filled: Flags
+
+    @property
+    def count(self) -> int:
+        """Samples filled."""
+        return int(self.filled.sum())
+
+    @property
+    def gaps(self) -> int:
+        """Gaps filled."""
+        return len(stretches(self.filled))
+
+
+def bridged(values: Mapping[str, Floats], most: int) -> Bridged:
+    """A table whose gaps of up to `most` samples are filled.
 
     Parameters
     ----------
@@ -35,16 +62,15 @@ def bridged(values: dict[str, Floats], most: int) -> tuple[dict[str, Floats], in
         goes on by more than a period.
     """
     number = _numbers(values["time"])
-    whole = np.arange(number[-1] + 1)
-    there = np.zeros(len(whole), dtype=np.bool_)
-    there[number] = True
-    kept = there | _short(~there, most)
-    filled: dict[str, Floats] = {"time": np.interp(whole, number, values["time"])[kept]}
-    count, gaps = 0, np.zeros(len(whole), dtype=np.bool_)
+    count = int(number[-1]) + 1
+    rows = np.full(count, -1)
+    rows[number] = np.arange(len(number))
+    whole, filled = np.arange(count), np.zeros(count, dtype=np.bool_)
+    found: dict[str, Floats] = {"time": np.interp(whole, number, values["time"])}
     for name in values:
         if name == "time":
             continue
-        column = np.full(len(whole), np.nan)
+        column = np.full(count, np.nan)
         column[number] = values[name]
         finite = np.isfinite(column)
         fill = _short(~finite, most)
@@ -53,13 +79,13 @@ def bridged(values: dict[str, Floats], most: int) -> tuple[dict[str, Floats], in
             if name not in HELD:
                 curve = np.asarray(CubicSpline(whole[finite], column[finite])(whole))
             column = np.where(fill, curve, column)
-            gaps |= fill
-            count = int(gaps.sum())
-        filled[name] = column[kept]
-    return filled, count, int(np.count_nonzero(np.diff(gaps.astype(int)) == 1))
+            filled |= fill
+        found[name] = column
+    kept = (rows >= 0) | _short(rows < 0, most)
+    return Bridged({name: column[kept] for name, column in found.items()}, rows[kept], filled[kept])
 
 
-def longest_short_gap(values: dict[str, Floats], most: int) -> int:
+def longest_short_gap(values: Mapping[str, Floats], most: int) -> int:
     """Samples of the longest gap among those of up to `most` samples; 0 where there is none."""
     number = _numbers(values["time"])
     finite = np.zeros(number[-1] + 1, dtype=np.bool_)

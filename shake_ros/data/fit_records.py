@@ -1,4 +1,7 @@
-"""Recordings on disk → records that a fit takes, each gapless segment by itself, parted where the position jumps.
+"""Recordings on disk → records that a fit takes, parted at gaps and where the position jumps.
+
+A gap of a few samples parts nothing: every part would begin in the midst of a motion with pressures that nobody knows,
+which costs more than a line through a lost command. What is filled is told, and its acceleration counts in no fit.
 
 A position that leaps within one sample has lost samples that its stamps do not tell (a logger that stood still): the
 leap is no motion, and a fit must not see it.
@@ -6,20 +9,24 @@ leap is no motion, and a fit must not see it.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.analysis.clipping import clipped, restored
+from shake_ros.core.analysis.stretches import stretches
 from shake_ros.core.identification.recordings import SHORTEST, Record
 from shake_ros.core.quantities import ShakeError
+from shake_ros.data.bridging import bridged
 from shake_ros.data.recordings import TableRecording
 
 SLOWEST = 0.1  # between two samples, from which none of a table's dynamics shows [s]
 LEAP = 2.5  # steps of the position above this multiple of its fast ones …
 FAST = 99.0  # … which are this percentile of all steps of the recording,
 NEIGHBOURS = 4.0  # … and above this multiple of the largest step next to them, are leaps
+FILLED = 3  # lost samples of a gap that is filled at most …
+LONGEST_FILLED = 0.015  # … where these last no longer than this, but for a single one [s]
 
 
 def leaps(position: np.ndarray) -> np.ndarray:
@@ -39,17 +46,76 @@ def leaps(position: np.ndarray) -> np.ndarray:
     return np.asarray(np.flatnonzero(large) + 1)
 
 
-def unbroken(recording: TableRecording) -> list[slice]:
-    """The segments of a recording without gap and leap that are long enough to fit."""
-    parts = []
+@dataclass(frozen=True)
+class Stretch:
+    """Samples of a recording at an even pace, short gaps filled: arrays of shape (n,).
+
+    Attributes
+    ----------
+    drive [-] or [N], position [m], acceleration [m/s²] or None. first : row of the recording at which it begins.
+    heard : whether the accelerometer measured each sample: it was neither clipped nor lost. filled : whether a sample
+        or one of its values was lost. gaps : number of these gaps.
+    """
+
+    drive: NDArray[np.float64]
+    position: NDArray[np.float64]
+    acceleration: NDArray[np.float64] | None
+    first: int
+    heard: NDArray[np.bool_]
+    filled: NDArray[np.bool_]
+    gaps: int
+
+
+def stretches_of(recording: TableRecording, driven_by: str = "valve_command") -> list[Stretch]:
+    """The stretches of a recording without leap and longer gap that are long enough to fit."""
+    drive = getattr(recording, driven_by)
+    columns = {"command": drive, "position": recording.position}
+    if recording.acceleration is not None:
+        columns["acceleration"] = recording.acceleration
+    clip, found = clipped_in(recording), list[Stretch]()
+    for rows in _joined(recording, np.isfinite(np.column_stack(list(columns.values()))).all(axis=1)):
+        whole = bridged({"time": recording.time[rows]} | {n: c[rows] for n, c in columns.items()}, FILLED)
+        heard = ~whole.filled & ~((whole.rows >= 0) & clip[rows][whole.rows])
+        cuts = leaps(whole.values["position"])
+        for first, last in zip([0, *cuts], [*cuts, len(heard)], strict=True):
+            if (last - first) * recording.sample_time < SHORTEST:
+                continue
+            part = {name: column[first:last] for name, column in whole.values.items()}
+            filled = whole.filled[first:last]
+            found.append(
+                Stretch(
+                    part["command"],
+                    part["position"],
+                    part.get("acceleration"),
+                    rows.start + int(np.max(whole.rows[: first + 1])),
+                    heard[first:last],
+                    filled,
+                    len(stretches(filled)),
+                )
+            )
+    return found
+
+
+def _joined(recording: TableRecording, measured: NDArray[np.bool_]) -> list[slice]:
+    """Rows of the segments of a recording, those as one between which a few samples are lost and nothing else is."""
+    most = max(1, min(FILLED, int(LONGEST_FILLED / recording.sample_time)))
+    time, position = recording.time, recording.position
+    fast = max(float(np.percentile(np.abs(np.diff(position[s])), FAST)) for s in recording.segments)
+    found = list[slice]()
     for span in recording.segments:
-        cuts = [span.start, *(span.start + leaps(recording.position[span])).tolist(), span.stop]
-        parts += [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
-    return [p for p in parts if (p.stop - p.start) * recording.sample_time >= SHORTEST]
+        if found:
+            last = found[-1].stop - 1
+            periods = (time[span.start] - time[last]) / recording.sample_time
+            leap = abs(position[span.start] - position[last]) > LEAP * fast * periods
+            if 1.5 < periods < most + 1.5 and not leap and not measured[last + 1 : span.start].any():
+                found[-1] = slice(found[-1].start, span.stop)
+                continue
+        found.append(span)
+    return found
 
 
 def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> list[Record]:
-    """The parts of a recording that a fit takes; a gap or a leap is never bridged.
+    """The parts of a recording that a fit takes; a leap or a gap of more than FILLED samples is never bridged.
 
     Parameters
     ----------
@@ -70,30 +136,28 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
             f"{recording.name}: a sample every {recording.sample_time:.3g} s shows none of a table's dynamics; is the "
             "time in milliseconds? Import it with the scale 0.001"
         )
-    records, at = [], clipped_in(recording)
-    for span in unbroken(recording):
-        if not np.all(np.isfinite(drive[span])):
-            raise ShakeError(f"{recording.name}: topic {driven_by} holds values that are not finite numbers")
-        if np.ptp(recording.position[span]) == 0.0:
+    if not all(np.isfinite(drive[span]).all() for span in recording.segments):
+        raise ShakeError(f"{recording.name}: topic {driven_by} holds values that are not finite numbers")
+    records = []
+    for stretch in stretches_of(recording, driven_by):
+        if np.ptp(stretch.position) == 0.0:
             continue  # at rest to the last digit: neither motion nor noise to weigh it by
-        acceleration = None if recording.acceleration is None else recording.acceleration[span]
-        if acceleration is not None and np.ptp(acceleration) == 0.0:
-            acceleration = None  # a dead channel measures nothing
+        dead = stretch.acceleration is None or np.ptp(stretch.acceleration) == 0.0  # a dead channel measures nothing
         record = Record(
             recording.name,
             recording.sample_time,
-            drive[span],
-            recording.position[span],
-            acceleration,
-            standing=float(drive[span][0]) if span.start or recording.time[0] > 0.0 else 0.0,
+            stretch.drive,
+            stretch.position,
+            None if dead else stretch.acceleration,
+            standing=float(stretch.drive[0]) if stretch.first or recording.time[0] > 0.0 else 0.0,
         )
-        records.append(record if acceleration is None else _without_clipped(record, at[span]))
+        records.append(_without_unheard(record, stretch))
     if not np.ptp(recording.position[np.isfinite(recording.position)]):
         raise ShakeError(f"{recording.name}: joint_states: the position stands still throughout, nothing to fit")
     if not records:
         raise ShakeError(
-            f"{recording.name}: no stretch of {SHORTEST:g} s without a gap or a leap of the position; import_csv "
-            "--bridge N fills gaps of up to N samples"
+            f"{recording.name}: no stretch of {SHORTEST:g} s without a gap of more than {FILLED} samples or a leap of "
+            "the position; import_csv --bridge N fills gaps of up to N samples"
         )
     return records
 
@@ -107,24 +171,31 @@ def clipped_in(recording: TableRecording) -> NDArray[np.bool_]:
     return at
 
 
-def _without_clipped(record: Record, at: NDArray[np.bool_]) -> Record:
-    """The record with its clipped acceleration not heard; what looks at spectra sees it follow the position there."""
-    if record.acceleration is None or not at.any() or at.all():
+def _without_unheard(record: Record, stretch: Stretch) -> Record:
+    """The record with its lost acceleration not heard; what looks at spectra sees it follow the position there."""
+    if record.acceleration is None or stretch.heard.all() or not stretch.heard.any():
         return record
-    felt = restored(record.acceleration, at, np.gradient(record.velocity, record.sample_time))
-    return replace(record, acceleration=felt, heard=~at)
+    clip = ~stretch.heard & ~stretch.filled
+    felt = restored(record.acceleration, clip, np.gradient(record.velocity, record.sample_time))
+    return replace(record, acceleration=felt, heard=stretch.heard)
 
 
 def finding_lines(recording: TableRecording) -> list[str]:
-    """What reading a recording met, a line each, and one on where the position leaps."""
+    """What reading a recording met, a line each, and one on lost samples, a clipped accelerometer, a position's leaps."""
     lines = [f"{recording.name}: {finding}" for finding in recording.findings]
+    used = stretches_of(recording)
+    if filled := sum(int(s.filled.sum()) for s in used):
+        lines.append(
+            f"{recording.name}: {filled} lost samples in {sum(s.gaps for s in used)} gaps of up to {FILLED} are filled "
+            "for fits by interpolation; their acceleration counts in no fit and in no error"
+        )
     if count := int(clipped_in(recording).sum()):
         lines.append(f"{recording.name}: imu: its {count} clipped samples count in no fit and in no error")
     found = [span.start + k for span in recording.segments for k in leaps(recording.position[span]).tolist()]
     if found:
-        used = sum(p.stop - p.start for p in unbroken(recording)) * recording.sample_time
+        seconds = sum(len(s.drive) for s in used) * recording.sample_time
         lines.append(
             f"{recording.name}: joint_states: the position leaps {len(found)} times, first at "
-            f"{recording.time[found[0]]:.3f} s; parted there, {used:.1f} of {recording.time[-1]:.1f} s are used"
+            f"{recording.time[found[0]]:.3f} s; parted there, {seconds:.1f} of {recording.time[-1]:.1f} s are used"
         )
     return lines

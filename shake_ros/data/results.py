@@ -60,6 +60,7 @@ def unknown_json(told: Sequence[Estimate], data: Prepared) -> dict[str, Any]:
         n.recording: {
             "null_shift": n.null_shift,
             "acceleration_bias": n.acceleration_bias,
+            "acceleration_drift": n.drift,
             "command_spikes": n.spikes,
         }
         for n in data.nuisances

@@ -15,7 +15,7 @@ import shake_ros as sr
 from shake_ros.api.identify import Identification
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
-from shake_ros.core.identification.nuisances import null_shift, prepared
+from shake_ros.core.identification.nuisances import Prepared, null_shift, prepared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import advanced, sensor_pair
 from shake_ros.core.observer import OBSERVERS
@@ -134,6 +134,22 @@ def test_recording_at_ten_kilohertz_is_thinned_to_one() -> None:
     assert found.sample_time == pytest.approx(1e-3)
     assert np.max(np.abs(found.position - x[::10])) < 1e-5
     assert len(found.commands) == 2000
+
+
+def test_bias_that_wanders_is_taken_out_and_told() -> None:
+    made = record(6, 8.0)
+    at = np.arange(len(made.commands)) / len(made.commands)
+    wander = 0.3 * np.sin(2.0 * at)
+
+    def seen(bias: np.ndarray | float) -> Prepared:
+        return prepared([Record("it", SAMPLE_TIME, made.commands, made.position, made.acceleration + bias)], [])
+
+    still, moved = seen(0.1), seen(0.1 + wander)
+    assert (still.nuisances[0].drift, still.drifts()) == (0.0, "")
+    assert moved.nuisances[0].drift == pytest.approx(0.3, abs=0.02)
+    assert moved.drifts() == f"the accelerometer's bias wanders [m/s²]: it {moved.nuisances[0].drift:.3g}; taken out"
+    left = moved.estimation[0].acceleration - still.estimation[0].acceleration
+    assert np.std(left) < 0.05 * np.std(wander)
 
 
 def test_recordings_without_acceleration_have_no_bias_and_no_delay() -> None:

@@ -17,8 +17,10 @@ def kept(rows: np.ndarray) -> dict[str, np.ndarray]:
 
 def test_absent_rows_are_filled_near_the_truth() -> None:
     rows = ~np.isin(np.arange(1000), [100, 300, 301, 302])
-    found, count, gaps = bridged(kept(rows), 3)
-    assert (count, gaps) == (4, 2)
+    found, _, filled = whole = bridged(kept(rows), 3)
+    assert (whole.count, whole.gaps) == (4, 2)
+    assert np.array_equal(filled, ~rows)
+    assert np.array_equal(whole.rows < 0, ~rows)
     assert found["time"] == pytest.approx(TIME)
     assert found["position"] == pytest.approx(COLUMNS["position"], abs=1e-4)
     assert found["command"] == pytest.approx(COLUMNS["command"], abs=3e-3)
@@ -27,8 +29,9 @@ def test_absent_rows_are_filled_near_the_truth() -> None:
 def test_empty_cells_are_filled_and_the_rest_stays_to_the_bit() -> None:
     position = COLUMNS["position"].copy()
     position[[50, 51, 700]] = np.nan
-    found, count, gaps = bridged(COLUMNS | {"position": position}, 2)
-    assert (count, gaps) == (3, 2)
+    found = (whole := bridged(COLUMNS | {"position": position}, 2)).values
+    assert (whole.count, whole.gaps) == (3, 2)
+    assert np.array_equal(whole.rows, np.arange(1000))
     there = np.isfinite(position)
     assert np.array_equal(found["position"][there], position[there])
     assert np.array_equal(found["command"], COLUMNS["command"])
@@ -37,16 +40,16 @@ def test_empty_cells_are_filled_and_the_rest_stays_to_the_bit() -> None:
 
 def test_longer_gap_stays_one() -> None:
     rows = (np.arange(1000) < 400) | (np.arange(1000) >= 410)
-    found, count, _ = bridged(kept(rows), 3)
-    assert count == 0
-    assert np.array_equal(found["time"], TIME[rows])
+    found = bridged(kept(rows), 3)
+    assert found.count == 0
+    assert np.array_equal(found.values["time"], TIME[rows])
 
 
 def test_stamps_off_by_a_third_of_a_period_are_no_gaps() -> None:
     late = TIME + np.random.default_rng(1).uniform(-0.3, 0.3, 1000) / 250.0
-    assert bridged(COLUMNS | {"time": late}, 3)[1] == 0
+    assert bridged(COLUMNS | {"time": late}, 3).count == 0
     rows = np.arange(1000) != 500
-    assert bridged(kept(rows) | {"time": late[rows]}, 3)[1] == 1
+    assert bridged(kept(rows) | {"time": late[rows]}, 3).count == 1
 
 
 @pytest.mark.parametrize(("missing", "longest"), [([], 0), ([10], 1), ([10, 20, 21], 2), ([10, *range(30, 40)], 1)])

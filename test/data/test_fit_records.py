@@ -70,6 +70,33 @@ def test_clipped_acceleration_is_not_heard_and_told(tmp_path: Path) -> None:
     )
 
 
+def test_a_few_lost_samples_part_nothing_and_are_told(tmp_path: Path) -> None:
+    keep = ~np.isin(np.arange(4000), [700, 701, 702, 2500])
+    felt = -0.05 * (4.0 * np.pi) ** 2 * np.sin(ANGLE)
+    felt[1200] = np.nan
+    (record,), findings = records_and_findings([bag(tmp_path / "run", keep, acceleration=felt)])
+    assert np.flatnonzero(~record.whole).tolist() == [700, 701, 702, 1200, 2500]
+    assert record.position == pytest.approx(0.05 * np.sin(ANGLE), abs=1e-9)
+    assert record.commands == pytest.approx(0.5 * np.cos(ANGLE), abs=2e-4)
+    assert any("run: 5 lost samples in 3 gaps of up to 3 are filled for fits" in line for line in findings)
+
+
+def test_longer_gap_and_leap_over_a_short_one_part_a_recording(tmp_path: Path) -> None:
+    (*longer,), _ = records_and_findings([bag(tmp_path / "longer", ~np.isin(np.arange(4000), np.arange(2000, 2004)))])
+    assert [len(r.commands) for r in longer] == [2000, 1996]
+    leapt = 0.05 * np.sin(ANGLE) + np.where(np.arange(4000) > 2000, 0.02, 0.0)
+    (*apart,), findings = records_and_findings([bag(tmp_path / "apart", np.arange(4000) != 2000, position=leapt)])
+    assert [len(r.commands) for r in apart] == [2000, 1999]
+    assert not any("are filled" in line for line in findings)
+
+
+def test_slow_recording_loses_no_more_than_one_sample_in_a_row(tmp_path: Path) -> None:
+    rows = np.arange(4000) % 10 == 0
+    one, two = rows & (np.arange(4000) != 2000), rows & ~np.isin(np.arange(4000), [2000, 2010])
+    assert len(records_and_findings([bag(tmp_path / "one", one)])[0]) == 1
+    assert len(records_and_findings([bag(tmp_path / "two", two)])[0]) == 2
+
+
 def test_gap_makes_two_records_of_one_name_and_is_told(tmp_path: Path) -> None:
     records, findings = records_and_findings([bag(tmp_path / "run", without(1.5, 1.8))])
     assert [r.name for r in records] == ["run", "run"]

@@ -1,6 +1,7 @@
 """What differs from recording to recording and tells nothing of the table: offsets of the sensors, null of the valve.
 
-The accelerometer's bias is its mean less the change of the velocity. The null shift is what the regression of the
+The accelerometer's bias is its mean less the change of the velocity; where it wanders, a cubic in time goes through what
+the acceleration has beyond the second derivative of the position. The null shift is what the regression of the
 slow velocity on the command leaves as a constant; a term in |u| keeps a gain that differs by direction out of it. Both
 are taken out of the recording before a fit, what is left of them within it (recording_problem.py); what all
 recordings have in common of the null shift is free in the fit. The delay of the accelerometer's filter is that of the
@@ -13,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, decimate, sosfiltfilt
 
 from shake_ros.core.identification.accelerometer import Accelerometer
@@ -24,6 +26,8 @@ from shake_ros.core.quantities import ShakeError
 FASTEST = 1000.0  # rate of a recording that a fit takes [Hz]
 SLOW = 2.0  # the table follows its valve up to here, whatever its dynamics [Hz]
 ALIKE = SensorPair()  # sensors that tell nothing of each other
+LONG, CUBIC = 5.0, 3  # seconds from which a bias is seen to wander, and as a polynomial of which degree
+WANDERS = 0.5  # of the noise, from which the deviation of that polynomial counts
 ONE_SIDED = 0.1  # smallest command in parts of the largest, from which its zero is not that of the valve
 LIVE_ZERO = (3.5, 20.5)  # within which a command in 4 to 20 mA stays [mA]
 FULL_SCALES = (1.0, 10.0, 20.0, 100.0)  # of a command: per unit, volts, milliamperes, per cent
@@ -34,12 +38,14 @@ class Nuisance:
     """What was taken out of one recording.
 
     null_shift : of the valve [-]. acceleration_bias [m/s²], None without acceleration. spikes : samples of the command.
+    drift : by which the bias wanders, from its least to its largest [m/s²].
     """
 
     recording: str
     null_shift: float
     acceleration_bias: float | None
     spikes: int = 0
+    drift: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,7 @@ class Prepared:
 
     def changes(self) -> list[str]:
         """What was done to the signals, a phrase each."""
-        return [*filter(None, (self.lateness(), self.promptness(), self.spikes(), self.note()))]
+        return [*filter(None, (self.lateness(), self.promptness(), self.spikes(), self.drifts(), self.note()))]
 
     def lateness(self) -> str:
         """How late the accelerometer is and what for; empty where it is not."""
@@ -103,6 +109,12 @@ class Prepared:
             if count
             else ""
         )
+
+    def drifts(self) -> str:
+        """By how much the biases of the accelerometer wander; empty where none does."""
+        told = {n.recording: n.drift for n in self.nuisances if n.drift}  # a recording in pieces is named once
+        sizes = ", ".join(f"{name} {drift:.3g}" for name, drift in told.items())
+        return f"the accelerometer's bias wanders [m/s²]: {sizes}; taken out" if told else ""
 
     def note(self) -> str:
         """What was assumed of the command; empty where it is per unit."""
@@ -150,9 +162,10 @@ def slow(values: np.ndarray, sample_time: float) -> np.ndarray:
 
 
 def thinned(record: Record) -> Record:
-    """A recording at no more than about FASTEST: mean of the command over each longer sample, the rest filtered.
+    """A recording at no more than about FASTEST: means of command and acceleration, the position filtered.
 
-    A hydraulic table moves far below; what a free run costs grows with the rate.
+    A hydraulic table moves far below; what a free run costs grows with the rate. A sharp filter of the acceleration
+    would ring wherever the friction turns.
     """
     factor = int(1.05 / (FASTEST * record.sample_time))
     if factor < 2:
@@ -163,12 +176,15 @@ def thinned(record: Record) -> Record:
     def fewer(values: np.ndarray) -> np.ndarray:
         return np.asarray(decimate(values, factor, ftype="fir", zero_phase=True)[:count])
 
+    def averaged(values: np.ndarray) -> np.ndarray:
+        return np.asarray(uniform_filter1d(values, factor, mode="nearest")[::factor][:count])
+
     return replace(
         record,
         sample_time=factor * record.sample_time,
         commands=commands,
         position=fewer(record.position),
-        acceleration=None if record.acceleration is None else fewer(record.acceleration),
+        acceleration=None if record.acceleration is None else averaged(record.acceleration),
         heard=np.logical_and.reduce(record.whole[: count * factor].reshape(count, factor), axis=1),
     )
 
@@ -187,17 +203,30 @@ def null_shift(record: Record) -> float:
     return float(np.clip(constant / gain, -0.2 * largest, 0.2 * largest)) if gain > 0.0 else 0.0
 
 
+def wandering(record: Record) -> np.ndarray:
+    """The accelerometer's bias where it wanders, a cubic in time about the bias, shape (n,) [m/s²]; else zero."""
+    count, none = len(record.commands), np.zeros(len(record.commands))
+    if record.acceleration is None or count * record.sample_time < LONG:
+        return none
+    basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), CUBIC)
+    beyond = record.acceleration - np.gradient(record.velocity, record.sample_time)
+    use = record.whole & (np.arange(count) >= record.start) & (np.arange(count) < count - record.start)
+    cubic = basis @ np.linalg.lstsq(basis[use], beyond[use], rcond=None)[0]
+    cubic -= float(np.mean(cubic))
+    return cubic if float(np.std(cubic)) > WANDERS * record.acceleration_noise() else none
+
+
 def without_offsets(record: Record) -> tuple[Record, Nuisance]:
     """A recording without its offsets, and these."""
-    shift, bias, acceleration = null_shift(record), None, record.acceleration
+    shift, bias, acceleration, wander = null_shift(record), None, record.acceleration, wandering(record)
     if acceleration is not None:
         seconds = len(acceleration) * record.sample_time
         bias = float(np.mean(acceleration) - (record.velocity[-1] - record.velocity[0]) / seconds)
-        acceleration = acceleration - bias
+        acceleration = acceleration - bias - wander
     moved = replace(
         record, commands=record.commands + shift, acceleration=acceleration, standing=record.standing + shift
     )
-    return moved, Nuisance(record.name, shift, bias)
+    return moved, Nuisance(record.name, shift, bias, drift=float(np.ptp(wander)))
 
 
 def prepared(estimation: Sequence[Record], validation: Sequence[Record]) -> Prepared:

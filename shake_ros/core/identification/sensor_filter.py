@@ -9,7 +9,6 @@ first order tells neither (variable projection).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -20,9 +19,8 @@ from scipy.optimize import minimize_scalar
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import timely
+from shake_ros.core.identification.sensor_pair import FILTER_DELAY, timely
 
-FILTER_DELAY = math.sqrt(0.5) / math.pi  # of a Butterworth filter of second order, times its cut-off [-]
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the delay that may be a filter's
 SHORTEST_DELAY = 0.1  # samples, from which a filter is sought
 FAR = 5.0  # ratio of the residual to the noise from which no filter is chosen

@@ -6,17 +6,20 @@ by g e^(−jωδ)/(1 − β(ω)) where the table stands on a base that moves (ba
 the base, the acceleration is absolute, and β = ω² c M ω_b²/(ω_b² − ω² + 2jζω_bω) is the base's part of it. The delay δ
 of the filter tells nothing of the table and is taken out of the recording; the rest stays for the model to explain.
 
-Delay and lag are much alike, so the delay is a first one: with what filter it comes the fit tells (sensor_filter.py).
+A filter of second order below the highest of the lines, as slow sampling asks for, tells itself from a lag by its gain,
+which stays flat and then falls faster. Otherwise delay and lag are much alike, so the delay is a first one: with what
+filter it comes the fit tells (sensor_filter.py).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize_scalar
 
 from shake_ros.core.analysis.frequency_response import SHORTEST, frequency_response
 from shake_ros.core.identification.recordings import Record
@@ -25,8 +28,10 @@ WINDOW = 4.0  # of the response [s]
 LOWEST, HIGHEST = 1.0, 40.0  # lines that are looked at [Hz]
 COHERENT = 0.95  # below, the noise of the position biases the gain
 FEWEST = 10  # lines
+FILTER_DELAY = math.sqrt(0.5) / math.pi  # of a Butterworth filter of second order, times its cut-off [-]
 LAGS = np.concatenate(([0.0], np.geomspace(3e-4, 3e-2, 40), -np.geomspace(3e-4, 3e-2, 40)))  # [s], of the position < 0
-WORTH = 0.8  # fall of the cost from which a lag counts as one
+CUTOFFS = np.geomspace(10.0, 120.0, 26)  # of a filter that is looked for [Hz]
+WORTH = 0.8  # fall of the cost from which a lag counts as one, or a filter
 WORTH_OF_BASE = 0.3  # the same of a base's mode, which has three parameters
 BASES = (4.0, 7.0, 11.0, 16.0, 24.0, 35.0)  # natural frequencies from which one is sought [Hz]
 AMPLIFIED = 0.05  # β at low damping and a third of the frequency, from which it is sought
@@ -109,6 +114,22 @@ def lagged(omega: NDArray[np.float64], lag: float) -> NDArray[np.complex128]:
     return np.asarray(1.0 / slow if lag >= 0.0 else slow)
 
 
+def filtered(omega: NDArray[np.float64], cutoff: float) -> NDArray[np.complex128]:
+    """SensorResponse behind a Butterworth filter of second order [Hz]."""
+    s = 1j * omega / (2.0 * np.pi * cutoff)
+    return np.asarray(1.0 / (1.0 + math.sqrt(2.0) * s + s * s))
+
+
+def best_cutoff(response: SensorResponse) -> float:
+    """Cut-off of the filter that explains most [Hz]."""
+
+    def cost(cutoff: float) -> float:
+        return response.cost(filtered(response.omega, cutoff))
+
+    near, ratio = min(CUTOFFS, key=cost), CUTOFFS[1] / CUTOFFS[0]
+    return float(minimize_scalar(cost, bounds=(near / ratio, near * ratio)).x)
+
+
 def base_mode(response: SensorResponse) -> BaseMode:
     """The mode of a base that explains most."""
 
@@ -134,14 +155,18 @@ def sensor_pair(records: Sequence[Record]) -> SensorPair:
     best = int(np.argmin(costs))
     delay = response.left(lagged(omega, LAGS[best]))[2]
     best = best if costs[best] < WORTH * costs[0] and delay > -1e-3 else 0
-    explained, lag, base = lagged(omega, LAGS[best]), float(LAGS[best]), None
+    explained, lag, cost, base, by_filter = lagged(omega, LAGS[best]), float(LAGS[best]), costs[best], None, 0.0
+    cutoff = best_cutoff(response)
+    if response.cost(filtered(omega, cutoff)) < WORTH * cost:
+        explained, lag, by_filter = filtered(omega, cutoff), 0.0, FILTER_DELAY / cutoff
+        cost = response.cost(explained)
     mode = base_mode(response)
-    if response.cost(mode.response(omega)) < WORTH_OF_BASE * costs[best]:
-        explained, lag, base = mode.response(omega), 0.0, mode
+    if response.cost(mode.response(omega)) < WORTH_OF_BASE * cost:
+        explained, lag, base, by_filter = mode.response(omega), 0.0, mode, 0.0
     rest, gain, delay = response.left(explained)
     sizes = rest[: len(omega)]
     told = float(sizes @ sizes) < WIDEST**2
-    return SensorPair(delay, lag, float(np.exp(gain)) - 1.0 if told else None, base)
+    return SensorPair(delay + by_filter, lag, float(np.exp(gain)) - 1.0 if told else None, base)
 
 
 def advanced(values: np.ndarray, samples: float) -> np.ndarray:

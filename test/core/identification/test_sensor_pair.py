@@ -42,6 +42,15 @@ def test_slow_sensor_is_told_from_a_filter_that_is_late(lag: float) -> None:
     assert found.base is None
 
 
+@pytest.mark.parametrize("cutoff", [25.0, 40.0])
+def test_filter_within_the_lines_is_no_lag(cutoff: float) -> None:
+    natural = 2.0 * np.pi * cutoff
+    found = told_by(lambda omega: natural**2 / (natural**2 - omega**2 + 1j * np.sqrt(2.0) * natural * omega))
+    assert (found.lag, found.base) == (0.0, None)
+    assert found.delay == pytest.approx(np.sqrt(2.0) / natural, rel=0.03)
+    assert found.scale_error == pytest.approx(0.0, abs=0.003)
+
+
 def test_scale_of_the_accelerometer() -> None:
     assert told_by(lambda omega: 1.06 + 0.0 * omega).scale_error == pytest.approx(0.06, abs=0.003)
 
