@@ -19,7 +19,7 @@ from scipy.signal import butter, decimate, sosfiltfilt
 
 from shake_ros.core.identification.accelerometer import Accelerometer
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair, timely
+from shake_ros.core.identification.sensor_pair import FILTER_DELAY, SensorPair, sensor_pair, timely
 from shake_ros.core.identification.spikes import unseen_spikes, without
 from shake_ros.core.quantities import ShakeError
 
@@ -28,6 +28,7 @@ SLOW = 2.0  # the table follows its valve up to here, whatever its dynamics [Hz]
 ALIKE = SensorPair()  # sensors that tell nothing of each other
 LONG, CUBIC = 5.0, 3  # seconds from which a bias is seen to wander, and as a polynomial of which degree
 WANDERS = 0.5  # of the noise, from which the deviation of that polynomial counts
+UNMADE = 0.8  # of a filter's delay, below which something makes up for it
 ONE_SIDED = 0.1  # smallest command in parts of the largest, from which its zero is not that of the valve
 LIVE_ZERO = (3.5, 20.5)  # within which a command in 4 to 20 mA stays [mA]
 FULL_SCALES = (1.0, 10.0, 20.0, 100.0)  # of a command: per unit, volts, milliamperes, per cent
@@ -87,8 +88,11 @@ class Prepared:
 
     def lateness(self) -> str:
         """How late the accelerometer is and what for; empty where it is not."""
-        if not self.delay:
+        if not self.delay and not self.cutoff:
             return ""
+        if self.cutoff * self.delay < UNMADE * FILTER_DELAY and self.cutoff:
+            late = f"later than the position by {1e3 * self.delay:.2f} ms only"
+            return f"accelerometer behind a low-pass of {self.cutoff:.3g} Hz, {late}: its clock makes up for the rest"
         cutoff = f", a low-pass of {self.cutoff:.3g} Hz" if self.cutoff else ""
         return f"accelerometer later than the position by {1e3 * self.delay:.2f} ms (its filter{cutoff})"
 

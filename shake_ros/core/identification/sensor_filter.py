@@ -9,7 +9,7 @@ first order tells neither (variable projection).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -22,31 +22,34 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import FILTER_DELAY, timely
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the delay that may be a filter's
-SHORTEST_DELAY = 0.1  # samples, from which a filter is sought
+CUTOFFS = (0.4, 0.2, 0.1, 0.05)  # of a filter where no delay shows, in parts of the sampling rate
+SHORTEST_DELAY = 0.1  # samples, from which a filter is sought whose delay shows
 FAR = 5.0  # ratio of the residual to the noise from which no filter is chosen
 LESS = 0.98  # of the mean square that another filter has to leave
 WIDTH = 0.5  # of the delay, by which it may be another
 SAME = 1e-9  # [s]
-SWEEPS = 2  # over delay and share
+SWEEPS = 2  # over delay and filter
 
 
 @dataclass(frozen=True)
 class SensorFilter:
-    """Delay of the accelerometer [s], and how much of it is that of a Butterworth filter of second order."""
+    """Delay of the accelerometer [s], and that of a Butterworth filter of second order which is part of it [s].
+
+    The filter's may be more than all: clocks that were set by the signals (second_file.py) make up for it.
+    """
 
     delay: float
-    share: float
+    by_filter: float
 
     @property
     def pure(self) -> float:
         """The delay that is no filter's [s]."""
-        return (1.0 - self.share) * self.delay
+        return self.delay - self.by_filter
 
     @property
     def cutoff(self) -> float:
         """Of the filter [Hz]; 0 where there is none."""
-        by_filter = self.share * self.delay
-        return FILTER_DELAY / by_filter if by_filter > 0.0 else 0.0
+        return FILTER_DELAY / self.by_filter if self.by_filter > 0.0 else 0.0
 
     def seen(self, record: Record) -> Record:
         """The recording with the pure delay taken out; the filter's stays, for the simulation to have it as well."""
@@ -58,8 +61,7 @@ class SensorFilter:
 
 def filter_of(record: Record) -> SensorFilter:
     """With what filter a recording is seen."""
-    by_filter = FILTER_DELAY / record.cutoff if record.cutoff else 0.0
-    return SensorFilter(record.delay, by_filter / record.delay if record.delay else 0.0)
+    return SensorFilter(record.delay, FILTER_DELAY / record.cutoff if record.cutoff else 0.0)
 
 
 def is_late(record: Record) -> bool:
@@ -69,16 +71,18 @@ def is_late(record: Record) -> bool:
 
 def behind_filter(records: Sequence[Record]) -> SensorFilter | None:
     """All of the delay that recordings show as a filter's, which most accelerometers have; None where none is late."""
-    return next((SensorFilter(r.delay, 1.0) for r in records if is_late(r)), None)
+    return next((SensorFilter(r.delay, r.delay) for r in records if is_late(r)), None)
 
 
 def better_filter(problem: RecordingProblem, found: Fit) -> SensorFilter | None:
     """A filter with which a fitted table leaves less than with the present one; None where none does.
 
-    None as well where all leave much above the noise: then the effects that are missing would choose.
+    None as well where all leave much above the noise: then the effects that are missing would choose. Where no delay
+    shows, one is sought only if clock and offsets of the recordings are their own.
     """
     late = [r for r in problem.records if is_late(r)]
-    if not late:
+    heard = [r for r in problem.records if r.acceleration is not None]
+    if not late and not (heard and problem.model.nuisances):
         return None
     explained = np.linalg.qr(found.jacobian)[0]
 
@@ -88,17 +92,39 @@ def better_filter(problem: RecordingProblem, found: Fit) -> SensorFilter | None:
         r = seen.residuals(found.vector[None, :])[0]
         return float(np.mean((r - explained @ (explained.T @ r)) ** 2))
 
-    first = best = filter_of(late[0])
+    first = best = filter_of(late[0] if late else heard[0])
     before = least = left(first)
     for _ in range(SWEEPS):
-        share, span = best.share, ((1.0 - WIDTH) * first.delay, (1.0 + WIDTH) * first.delay)
-        scan = minimize_scalar(
-            lambda delay, share=share: left(SensorFilter(float(delay), share)), bounds=span, options={"maxiter": 10}
-        )
-        tried = [SensorFilter(float(scan.x), share), *(SensorFilter(best.delay, s) for s in SHARES if s != share)]
-        costs = [float(scan.fun), *(left(t) for t in tried[1:])]
-        if min(costs) >= least:
+        tried = [*(_late if late else _timely)(best, first, left, problem.records[0].sample_time)]
+        nearest = min(tried, key=left)
+        if left(nearest) >= least:
             break
-        least = min(costs)
-        best = tried[costs.index(least)]
+        best, least = nearest, left(nearest)
     return best if least < min(LESS * before, FAR**2 * problem.noise_cost()) else None
+
+
+Left = Callable[[SensorFilter], float]
+
+
+def _late(best: SensorFilter, first: SensorFilter, left: Left, _: float) -> Iterator[SensorFilter]:
+    """The best delay near the first one, and other parts of the present one."""
+    share = best.by_filter / best.delay
+    yield _scanned(lambda delay: SensorFilter(delay, share * delay), first.delay, left)
+    yield from (SensorFilter(best.delay, s * best.delay) for s in SHARES)
+
+
+def _timely(best: SensorFilter, _: SensorFilter, left: Left, sample_time: float) -> Iterator[SensorFilter]:
+    """Usual filters, and the best one near the present one."""
+    yield from (SensorFilter(best.delay, FILTER_DELAY * sample_time / c) for c in CUTOFFS)
+    if best.by_filter:
+        yield _scanned(lambda by_filter: SensorFilter(best.delay, by_filter), best.by_filter, left)
+
+
+def _scanned(of_size: Callable[[float], SensorFilter], about: float, left: Left) -> SensorFilter:
+    """The filter that leaves least of those whose size is near a time [s]."""
+    scan = minimize_scalar(
+        lambda size: left(of_size(float(size))),
+        bounds=((1.0 - WIDTH) * about, (1.0 + WIDTH) * about),
+        options={"maxiter": 10},
+    )
+    return of_size(float(scan.x))

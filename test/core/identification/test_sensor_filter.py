@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from as_fitted import as_fitted
@@ -12,6 +14,7 @@ from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_filter import SensorFilter, behind_filter, better_filter, filter_of
 from shake_ros.core.identification.sensor_pair import timely
+from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.settings import load_table
 
@@ -44,9 +47,9 @@ def test_filter_is_found_and_the_recording_goes_back_behind_it() -> None:
     seen = late(filtered(), DELAY)
     found = better(seen)
     assert found is not None
-    assert found.share == 1.0
+    assert found.by_filter == found.delay
     assert found.delay == pytest.approx(DELAY, rel=0.02)
-    whole = SensorFilter(DELAY, 1.0)
+    whole = SensorFilter(DELAY, DELAY)
     back = whole.seen(seen)
     assert back.cutoff == pytest.approx(CUTOFF)
     assert back.acceleration is not None
@@ -57,7 +60,7 @@ def test_filter_is_found_and_the_recording_goes_back_behind_it() -> None:
 
 
 def test_delay_that_the_sensors_do_not_show_rightly_is_found() -> None:
-    seen = SensorFilter(0.8 * DELAY, 1.0).seen(late(filtered(), 0.8 * DELAY))
+    seen = SensorFilter(0.8 * DELAY, 0.8 * DELAY).seen(late(filtered(), 0.8 * DELAY))
     found = better(seen)
     assert found is not None
     assert found.delay == pytest.approx(DELAY, rel=0.05)
@@ -68,9 +71,9 @@ def test_delay_without_a_filter_stays_one() -> None:
     behind = round(DELAY / SAMPLE_TIME)
     seen = late(np.concatenate([np.zeros(behind), QUICK[:-behind]]), behind * SAMPLE_TIME)
     assert better(seen) is None
-    found = better(SensorFilter(seen.delay, 1.0).seen(seen))
+    found = better(SensorFilter(seen.delay, seen.delay).seen(seen))
     assert found is not None
-    assert found.share == 0.0
+    assert found.by_filter == 0.0
     assert found.delay == pytest.approx(seen.delay, rel=0.02)
 
 
@@ -86,17 +89,27 @@ def test_recording_without_a_delay_has_no_filter() -> None:
     assert better(plain) is None
 
 
+def test_filter_whose_delay_a_clock_makes_up_for_is_found_for_a_table_of_which_little_is_known() -> None:
+    aligned = replace(late(filtered(), DELAY), delay=0.0)  # by its own clock
+    assert better(aligned) is None
+    problem = RecordingProblem([aligned], UnknownModel(TABLE))
+    found = better_filter(problem, as_fitted(TABLE, problem))
+    assert found is not None
+    assert found.delay == 0.0
+    assert found.cutoff == pytest.approx(CUTOFF, rel=0.05)
+
+
 def test_all_of_a_delay_counts_as_a_filter_at_first() -> None:
     begun = behind_filter([late(filtered(), DELAY)])
-    assert begun == SensorFilter(DELAY, 1.0)
+    assert begun == SensorFilter(DELAY, DELAY)
     assert begun.cutoff == pytest.approx(CUTOFF)
 
 
 def test_filter_survives_being_seen() -> None:
     seen = late(filtered(), DELAY)
-    for share in (0.0, 0.4, 1.0):
-        there = filter_of(SensorFilter(DELAY, share).seen(seen))
-        assert (there.delay, there.share) == pytest.approx((DELAY, share))
+    for by_filter in (0.0, 0.4 * DELAY, DELAY):
+        there = filter_of(SensorFilter(DELAY, by_filter).seen(seen))
+        assert (there.delay, there.by_filter) == pytest.approx((DELAY, by_filter))
 
 
 def test_noise_is_that_of_the_recording_before_it_was_moved() -> None:
