@@ -23,6 +23,7 @@ from scipy.optimize import least_squares, minimize_scalar
 
 from shake_ros.core.analysis.frequency_response import SHORTEST, frequency_response
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.quantities import ShakeError
 
 WINDOW = 4.0  # of the response [s]
 LOWEST, HIGHEST = 1.0, 40.0  # lines that are looked at [Hz]
@@ -35,6 +36,7 @@ WORTH = 0.8  # fall of the cost from which a lag counts as one, or a filter
 WORTH_OF_BASE = 0.3  # the same of a base's mode, which has three parameters
 BASES = (4.0, 7.0, 11.0, 16.0, 24.0, 35.0)  # natural frequencies from which one is sought [Hz]
 AMPLIFIED = 0.05  # β at low damping and a third of the frequency, from which it is sought
+OPPOSITE = -0.02  # mean gain below which it is no noise: -0.1 of an acceleration in g whose sign is turned
 WIDEST = 0.05  # rms of the relative gain's departure from its mean up to which the mean is that of the sensors
 
 
@@ -146,7 +148,19 @@ def base_mode(response: SensorResponse) -> BaseMode:
 
 
 def sensor_pair(records: Sequence[Record]) -> SensorPair:
-    """What shows between the sensors of all recordings; nothing where that cannot be told."""
+    """What shows between the sensors of all recordings; nothing where that cannot be told.
+
+    Raises
+    ------
+    ShakeError : the acceleration of a recording has the wrong sign; nothing can be fitted to that.
+    """
+    for record in records:
+        omega, values, weights = between_sensors([record])
+        if len(omega) >= FEWEST and (ratio := float(np.average(values.real, weights=weights))) < OPPOSITE:
+            raise ShakeError(
+                f"{record.name}: the acceleration is {ratio:.3g} times the second derivative of the position: one of "
+                "them points the other way; import the acceleration with the scale -1"
+            )
     omega, values, weights = between_sensors(records)
     if len(omega) < FEWEST or np.sum(weights * values.real) <= 0.0:
         return SensorPair()

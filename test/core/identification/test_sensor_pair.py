@@ -9,6 +9,7 @@ import pytest
 
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair
+from shake_ros.core.quantities import ShakeError
 
 SAMPLE_TIME, COUNT = 0.002, 15000
 OMEGA = 2.0 * np.pi * np.fft.rfftfreq(COUNT, SAMPLE_TIME)
@@ -53,6 +54,11 @@ def test_filter_within_the_lines_is_no_lag(cutoff: float) -> None:
 
 def test_scale_of_the_accelerometer() -> None:
     assert told_by(lambda omega: 1.06 + 0.0 * omega).scale_error == pytest.approx(0.06, abs=0.003)
+
+
+def test_acceleration_with_its_sign_turned_is_refused() -> None:
+    with pytest.raises(ShakeError, match=r"made: the acceleration is -0\.98. times .* with the scale -1"):
+        told_by(lambda omega: -0.987 + 0.0 * omega)
 
 
 def test_base_that_gives_way() -> None:
