@@ -89,6 +89,9 @@ FORMS: Mapping[str, Form] = {
 }
 
 
+LENGTHS = ("w@", "l@", "g@")  # whose sign no form depends on
+
+
 @dataclass(frozen=True)
 class FunctionForm:
     """A form fitted to nodes. misfit : weighted rms of its difference from them, of their weighted rms [-].
@@ -153,7 +156,7 @@ def _in_units(form: Form, x: np.ndarray, size: float, reach: float) -> Iterator[
     name = next(n for n, f in FORMS.items() if f is form)
     for i, (parameter, value) in enumerate(zip(form.parameters, x.tolist(), strict=True)):
         if parameter.endswith("@"):
-            yield parameter[:-1], value * reach
+            yield parameter[:-1], reach * (abs(value) if parameter in LENGTHS else value)
         elif name == "wave" and parameter == "p":
             yield parameter, value
         else:
@@ -170,12 +173,32 @@ def learnt_function(problem: SearchProblem, final: ScoredFit) -> LearntFunction 
     code = int(table.value(PREFIX + "kind"))
     kind = next(k for k in (*OF_MOTION, *OF_HYDRAULICS, PULSATION) if k.code == code)
     columns = [result.free.names.index(name) for name in NODE_NAMES]
-    spread = np.sqrt(np.diag(covariance(result, problem.estimation.blocks()))) * result.free.scale
+    found = covariance(result, problem.estimation.blocks()) * np.outer(result.free.scale, result.free.scale)
     at = np.linspace(table.value(PREFIX + "low"), table.value(PREFIX + "high"), NODES)
     values = (result.x * result.free.scale)[columns]
-    form = fitted_forms(at, values, spread[columns])[0]
+    of_nodes = found[np.ix_(columns, columns)]
+    spread = np.sqrt(np.diag(of_shape(of_nodes, values) if kind.unit == "-" else of_nodes))
+    form = fitted_forms(at, values, spread)[0]
     row = result.free.vectors(result.x)
     row[:, [list(result.free.base.fields).index(name) for name in NODE_NAMES]] = form.values
     cost = mean_square(np.nan_to_num(problem.validation.residuals(row)[0], nan=LOST))
     form = replace(form, cost=math.sqrt(cost / final.validation_cost))
-    return LearntFunction(kind.quantity, kind.place, kind.unit, at, values, spread[columns], form)
+    return LearntFunction(kind.quantity, kind.place, kind.unit, at, values, spread, form)
+
+
+def of_shape(covariance: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Covariance of a relative function 1 + f whose mean is known, shape (n, n); NaN at a bound stays.
+
+    Its level is also that of the parameter which it multiplies, and no recording tells the one from the other: what is
+    known is the shape.
+
+    >>> level = np.array([1.0, 2.0, 3.0])  # 1 + f
+    >>> bool(np.all(np.abs(of_shape(0.04 * np.outer(level, level), level - 1.0)) < 1e-12))
+    True
+    """
+    inside = np.isfinite(np.diag(covariance))
+    level = 1.0 + values[inside]
+    kept = np.eye(len(level)) - np.outer(level, np.ones(len(level))) / np.sum(level)
+    shape = np.full(covariance.shape, np.nan)
+    shape[np.ix_(inside, inside)] = kept @ covariance[np.ix_(inside, inside)] @ kept.T
+    return shape

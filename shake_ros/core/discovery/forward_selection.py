@@ -8,11 +8,10 @@ earlier effects are tried for removal.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
+from shake_ros.core.discovery.answers import found_by_now, promising, without_name
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.convergence import converge, reconverged, refined
 from shake_ros.core.discovery.decision import ForwardStep, decide, improves
@@ -22,10 +21,16 @@ from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, Stopped, linearised
 from shake_ros.core.discovery.refined_nodes import refined_function
 from shake_ros.core.discovery.refit import Refit, ranked, refit, rounds
-from shake_ros.core.discovery.screening import screen
+from shake_ros.core.discovery.screening import Screening, screen
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.shown_effects import shown_steps
-from shake_ros.core.discovery.unlisted_functions import UNLISTED, FunctionSearch, or_function
+from shake_ros.core.discovery.unlisted_functions import (
+    UNLISTED,
+    FunctionSearch,
+    ScreenedFunction,
+    leading_functions,
+    or_function,
+)
 from shake_ros.core.identification.fit import Fit
 
 
@@ -44,26 +49,14 @@ def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructu
         for grown in stages(problem, found, model):
             before, found = len(found.steps), grown
             if len(found.steps) > before:
-                problem.progress(so_far(problem, found), 0.0)
+                added = [s.chosen.candidate for s in found.steps]
+                names = [f"a function ({c.place})" if c.effect == UNLISTED else c.effect for c in added]
+                problem.progress(found_by_now(problem, names, found.final, found.declared), 0.0)
         seen = problem.seen(found.accelerometer)
         steps, final, removed = eliminate(seen, found.steps, found.final)
     except Stopped:
         return problem.seen(found.accelerometer), replace(found, stopped=True)
     return seen, replace(found, steps=steps, final=final, removed=removed)
-
-
-def so_far(problem: SearchProblem, found: Selection) -> str:
-    """The answer that a search has by now, in a line."""
-    added = [s.chosen.candidate for s in found.steps]
-    names = [f"a function ({c.place})" if c.effect == UNLISTED else c.effect for c in added]
-    return f"so far {' + '.join(names)}: {held_out(problem, found.final, found.declared)}"
-
-
-def held_out(problem: SearchProblem, after: ScoredFit, before: ScoredFit) -> str:
-    """What two models leave on recordings held out."""
-    noise = problem.validation.noise_cost()
-    ratios = [np.sqrt(m.validation_cost / noise) for m in (after, before)]
-    return f"{ratios[0]:.1f} times the noise on recordings held out ({ratios[1]:.1f} without)"
 
 
 def listened(problem: SearchProblem, found: Selection, model: ModelStructure) -> tuple[SearchProblem, Selection]:
@@ -161,8 +154,8 @@ def forward_step(
 ) -> tuple[ForwardStep | None, tuple[Refit, ...], ScoredFit, FunctionSearch | None]:
     """Screen, refit, converge, decide.
 
-    Where the promising effects were in vain, a function is tried before all others: it is the answer where it leaves
-    nothing above the noise.
+    Where a function promises far more than every effect, or the promising effects were in vain, it is tried before all
+    others: it is the answer where it leaves nothing above the noise.
 
     Returns
     -------
@@ -173,17 +166,14 @@ def forward_step(
     screening = screen(problem, current, candidates)
     ranking: tuple[Refit, ...] = ()
     functions: FunctionSearch | None = None
+    leading = leading_functions(problem, current, screening)
+    tell_of_promise(problem, screening, leading)
     for effects in rounds(problem, current, screening):
-        if ranking:
-            function, functions = or_function(problem, current, None, ranking)
-            if function and function.chosen.score < settings.function_clear * current.score:
-                function = refined_function(problem, function)
-                if problem.at_noise(function.chosen.result):
-                    return function, ranking, current, functions
-        refits = refit(problem, screening, effects, ranking)
-        best = refits[0]
-        if not best.result.preliminary and best.score < (1.0 - settings.clear_gain) * current.score:
-            problem.progress(f"so far {best.candidate.effect} leads: {held_out(problem, best.result, current)}", 0.9)
+        if (ranking or leading) and functions is None:
+            function, functions = clear_function(problem, current, ranking, leading)
+            if function:
+                return function, ranking, current, functions
+        refits = refit(problem, screening, effects, ranking, current)
         converged, others = converge(problem, current, refits)
         ranking = ranked(converged, others)
         if improves(ranking[0].result, current, settings, tried):
@@ -196,3 +186,24 @@ def forward_step(
     ranking = ranked(refined(problem, converged), others)
     step = decide(ranking, screening.trials, settings, problem.validation.noise_cost())
     return step, step.ranking, current, functions
+
+
+def tell_of_promise(problem: SearchProblem, screening: Screening, leading: Sequence[ScreenedFunction]) -> None:
+    """Tell what promises much before anything is fitted to it."""
+    if leading:
+        kind = leading[0].kind
+        problem.progress(without_name(kind.place, kind.depends_on, leading[0].gain), 0.0)
+    elif screening.trials and screening.trials[0].gain > problem.settings.worth_telling:
+        problem.progress(promising(screening.trials[0].candidate.effect, screening.trials[0].gain), 0.0)
+
+
+def clear_function(
+    problem: SearchProblem, current: ScoredFit, ranking: tuple[Refit, ...], screened: Sequence[ScreenedFunction]
+) -> tuple[ForwardStep | None, FunctionSearch | None]:
+    """A step that adds a function which leaves nothing above the noise, if there is one; the functions tried."""
+    function, functions = or_function(problem, current, None, ranking, screened=screened)
+    if function and function.chosen.score < problem.settings.function_clear * current.score:
+        function = refined_function(problem, function)
+        if problem.at_noise(function.chosen.result):
+            return function, functions
+    return None, functions

@@ -8,12 +8,15 @@ from operator import attrgetter
 
 import numpy as np
 
+from shake_ros.core.discovery.answers import leads
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, mean_square, side_by_side
 from shake_ros.core.discovery.screening import ScreenedTrial, Screening
 from shake_ros.core.identification.approach import Approach
 from shake_ros.core.identification.fit import Fit, Problem
 from shake_ros.core.identification.free_parameters import FreeParameters
+
+MUCH_BETTER = 0.5  # of a score that was told, from which the same effect is told of again
 
 
 @dataclass(frozen=True)
@@ -56,14 +59,19 @@ def rounds(problem: SearchProblem, current: ScoredFit, screening: Screening) -> 
 
 
 def refit(
-    problem: SearchProblem, screening: Screening, effects: list[str], known: tuple[Refit, ...]
+    problem: SearchProblem, screening: Screening, effects: list[str], known: tuple[Refit, ...], current: ScoredFit
 ) -> tuple[Refit, ...]:
-    """Effects refitted on pieces of the recordings, the best of these and of those known on all; the best first."""
+    """Effects refitted on pieces of the recordings, the best of these and of those known on all; the best first.
+
+    current : the model without them; which of them leads against it is told on the way.
+    """
     settings = problem.settings
     most, tolerance = settings.continued_evaluations, settings.continued_tolerance
     refits = list(ranked(known, short_refits(problem, screening, effects)))
-    problem.progress(f"polish {refits[0].candidate.effect}", 0.6)
-    refits[0] = continued(problem, refits[0], most, tolerance)
+    first = refits[0]
+    tell_of(problem, first, current)
+    problem.progress(f"polish {first.candidate.effect}", 0.6)
+    refits[0] = continued(problem, first, most, tolerance)
     near = [r for r in refits[1 : settings.most_continued] if r.score < settings.worth_continuing * refits[0].score]
     for tried in side_by_side(lambda r: continued(problem, r, most, tolerance), near):
         problem.progress(f"polished {tried.candidate.effect}", 0.8)
@@ -73,7 +81,16 @@ def refit(
         least = settings.resembling_tolerance
         tried = finished(problem, screening, begun(problem, screening, effect, most, least), most, least)
         refits.append(continued(problem, tried, most, tolerance))
-    return ranked(refits)
+    found = ranked(refits)
+    if found[0].candidate is not first.candidate or found[0].score < MUCH_BETTER * first.score:
+        tell_of(problem, found[0], current)
+    return found
+
+
+def tell_of(problem: SearchProblem, best: Refit, current: ScoredFit) -> None:
+    """Tell which effect leads, where the model is clearly better with it."""
+    if best.score < (1.0 - problem.settings.clear_gain) * current.score:
+        problem.progress(leads(problem, best.candidate.effect, best.result, current), 0.6)
 
 
 def passed_over(refits: Sequence[Refit], screening: Screening) -> list[str]:

@@ -39,6 +39,7 @@ class SearchSettings(Parameters):
     # screening
     largest_multiple: float = quantity("-", "multiple of a trial up to which its linear prediction holds", low=0.0)
     largest_shift: float = quantity("-", "predicted change of a parameter, in its scales, that is followed", low=0.0)
+    worth_telling: float = quantity("-", "predicted fall from which an effect is told of", low=0.0, high=1.0)
     least_screened: float = quantity("-", "predicted fall below which an effect is not refitted at first", low=0.0)
     much_left: float = quantity("-", "ratio to the noise from which all effects are refitted", low=0.0)
     # refits
@@ -74,6 +75,8 @@ class SearchSettings(Parameters):
     function_above_noise: float = quantity("-", "ratio to the noise from which a function is estimated", low=0.0)
     weak_effect: float = quantity("-", "part of the cost that a weak listed effect leaves", low=0.0, high=1.0)
     function_gain: float = quantity("-", "part of a listed effect's cost that a function may leave", low=0.0, high=1.0)
+    function_promise: float = quantity("-", "predicted fall from which one goes before all effects", low=0.0, high=1.0)
+    function_rival: float = quantity("-", "part of it that no effect may promise then", low=0.0, high=1.0)
     function_clear: float = quantity("-", "part of the score from which it goes before unpromising effects", low=0.0)
     function_ridge: float = quantity("-", "ridge on a node, of the mean power of all nodes' directions", low=0.0)
     function_multiples: tuple[float, ...] = quantity("-", "parts of the linear estimate to start from", low=0.0)

@@ -9,7 +9,7 @@ comes from the spectrum of the residual multiplied by its sensitivity to the sup
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearised
 from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.screening import Screening
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.effects import unlisted as law
 from shake_ros.core.identification.approach import approached
@@ -91,21 +92,21 @@ def or_function(
     step: ForwardStep | None,
     ranking: tuple[Refit, ...],
     tried: FunctionSearch | None = None,
+    screened: Sequence[ScreenedFunction] = (),
 ) -> tuple[ForwardStep | None, FunctionSearch | None]:
     """The step, or one that adds a function where the listed effects explain too little; and the functions tried.
 
     A function is estimated only where the validation cost stands clearly above the noise and the best listed effect
     leaves most of it; it replaces a listed effect only where it leaves far less.
 
-    tried : functions of this model, where they are known.
+    tried : functions of this model, where they are known. screened : what they promise, where that is known.
     """
     settings = problem.settings
     before = current.validation_cost
     listed = step.chosen.result.validation_cost if step else before
-    near_noise = before < settings.function_above_noise * problem.validation.noise_cost()
-    if near_noise or listed < settings.weak_effect * before:
+    if near_noise(problem, current) or listed < settings.weak_effect * before:
         return step, None
-    found = tried or best_function(problem, current)
+    found = tried or best_function(problem, current, screened)
     if found.best is None:
         return step, found
     result, most = found.best.result, settings.function_gain
@@ -114,12 +115,34 @@ def or_function(
     return ForwardStep(found.best, (found.best, *ranking)), found
 
 
-def best_function(problem: SearchProblem, current: ScoredFit) -> FunctionSearch:
-    """The kind of function that leaves the smallest validation cost, of those that promise most."""
+def near_noise(problem: SearchProblem, current: ScoredFit) -> bool:
+    """Whether a function of many nodes would fit chance."""
+    return current.validation_cost < problem.settings.function_above_noise * problem.validation.noise_cost()
+
+
+def leading_functions(problem: SearchProblem, current: ScoredFit, screening: Screening) -> list[ScreenedFunction]:
+    """What functions promise, where the best of them promises far more than every listed effect; else empty."""
+    settings, effect = problem.settings, max((t.gain for t in screening.trials), default=0.0)
+    if PREFIX + "kind" not in current.fit.free.base.fields or near_noise(problem, current):
+        return []
+    if effect > settings.function_rival:  # even of a function that promised all
+        return []
+    found = screen_functions(problem, screening.current)
+    best = found[0].gain if found else 0.0
+    return found if best > settings.function_promise and effect < settings.function_rival * best else []
+
+
+def best_function(
+    problem: SearchProblem, current: ScoredFit, screened: Sequence[ScreenedFunction] = ()
+) -> FunctionSearch:
+    """The kind of function that leaves the smallest validation cost, of those that promise most.
+
+    screened : what they promise, the most promising first, where that is known.
+    """
     settings, fitted = problem.settings, current.fit
     if PREFIX + "kind" not in fitted.free.base.fields:
         return FunctionSearch({}, None)
-    found = screen_functions(problem, linearised(problem.estimation_pieces, fitted))
+    found = screened or screen_functions(problem, linearised(problem.estimation_pieces, fitted))
     least = max(settings.function_rank * found[0].gain, settings.least_function) if found else 0.0
     promising = [f for f in found[: settings.most_functions] if f.gain > least]
     records, model = problem.estimation.records, problem.estimation.model
