@@ -89,7 +89,7 @@ FORMS: Mapping[str, Form] = {
 }
 
 
-LENGTHS = ("w@", "l@", "g@")  # whose sign no form depends on
+LENGTHS = ("w@", "l@")  # whose sign no form depends on
 
 
 @dataclass(frozen=True)
