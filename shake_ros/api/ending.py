@@ -1,7 +1,11 @@
-"""How a long search ends early: after some minutes, or at Ctrl-C, with what it has found so far."""
+"""How a long search ends early: after some minutes, or at Ctrl-C, with what it has found so far.
+
+Between its steps it is stopped; a fit that is under way ends where it is.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import threading
 import time
@@ -9,6 +13,7 @@ from types import TracebackType
 
 from shake_ros.api.progress import Progress
 from shake_ros.core.discovery.problem import Stopped
+from shake_ros.core.identification.haste import in_haste
 from shake_ros.core.quantities import ShakeError
 
 
@@ -27,16 +32,22 @@ class Ending:
         self._last = None if minutes is None else time.monotonic() + 60.0 * minutes
         self._asked = False
         self._before: object = None
+        self._haste = contextlib.ExitStack()
         self._watching = threading.current_thread() is threading.main_thread()
 
     def __call__(self, text: str, part: float) -> None:
         """Tell the progress, and end the search where it is time."""
         left = "" if self._last is None else f" [{max(self._last - time.monotonic(), 0.0) / 60.0:.1f} min left]"
         self._progress(f"{text}{left}" if self._progress.drawn else text, part)
-        if self._asked or (self._last is not None and time.monotonic() > self._last):
+        if self.over():
             raise Stopped
 
+    def over(self) -> bool:
+        """Whether it is time to end."""
+        return self._asked or (self._last is not None and time.monotonic() > self._last)
+
     def __enter__(self) -> Ending:
+        self._haste.enter_context(in_haste(self.over))
         if self._watching:
             self._before = signal.signal(signal.SIGINT, self._interrupted)
         return self
@@ -44,6 +55,7 @@ class Ending:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._haste.close()
         if self._watching:
             signal.signal(signal.SIGINT, self._before)  # type: ignore[arg-type]
 

@@ -15,6 +15,7 @@ from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.standing import EffectStanding, judged
 from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.haste import in_haste, never
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 
 
@@ -69,7 +70,14 @@ def close_loop(
     patient = problem.progress
     problem, selection = forward_selection(replace(problem, progress=progress), declared, model)
     problem, selection = listened(problem, selection, replace(model, shown=()))
-    problem = replace(problem, progress=patient)
+    with in_haste(never):  # how sure each effect is, is judged by fits that have ended
+        return _concluded(replace(problem, progress=patient), selection, model, estimation)
+
+
+def _concluded(
+    problem: SearchProblem, selection: Selection, model: ModelStructure, estimation: Sequence[Record]
+) -> LoopClosure:
+    """How sure each effect is, and what the final model leaves."""
     found, standings, doubtful = judged(problem, selection)
     tentative = problem.validation.errors(selection.final.fit.vector) if doubtful else {}
     searched = problem.estimation.blocks()

@@ -9,6 +9,7 @@ import contextlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -67,8 +68,9 @@ def patiently(progress: Progress) -> Progress:
 
 def side_by_side(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
     """The same work on each item, in their order: fits do not depend on each other, and simulate without the GIL."""
+    contexts = [copy_context() for _ in items]
     with ThreadPoolExecutor(workers()) as pool:
-        yield from pool.map(work, items)
+        yield from pool.map(lambda context, item: context.run(work, item), contexts, items)
 
 
 def linearised(problem: Problem, result: Fit) -> Fit:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.haste import hurried
 from shake_ros.core.plant.parameters import TableParameters
 
 DIFFERENCE = 2e-3  # difference step as a part of a parameter's scale or of its value, whichever is larger
@@ -81,13 +82,17 @@ def jacobian(problem: Problem, free: FreeParameters, x: np.ndarray, residuals: n
     return (moved[1:] - residuals).T / step
 
 
+class HurriedError(Exception):
+    """A fit is to end where it is."""
+
+
 class KeptJacobian:
     """Residuals and Jacobian of a fit, the latter kept from step to step and corrected by what each step has shown.
 
     A rank-one correction (Broyden 1965, Mathematics of Computation 19, 577) costs no simulation where differences cost
     one for each parameter. They are taken anew where a step has not brought what was foreseen, after KEPT steps, and at
     each step of a problem that is not smooth.
-    new : the last one that was taken. taken, simulated : how many were, and parameter sets in all. age : of the present
+    new : the last one that was taken. best : least cost that was met, where, and its residuals. taken, simulated : how many were, and parameter sets in all. age : of the present
     one, in corrections.
     """
 
@@ -97,15 +102,23 @@ class KeptJacobian:
         self._x, self._r, self._jacobian = np.zeros(0), np.zeros(0), np.zeros((0, 0))
         self._last: tuple[bytes, np.ndarray] = b"", np.zeros(0)
         self.new = self._jacobian
+        self.best: tuple[float, np.ndarray, np.ndarray] = np.inf, self._x, self._r
         self.simulated = self.taken = self.age = 0
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         """Weighted residuals, LOST each where there is no number, or one that cannot be squared."""
         if (key := x.tobytes()) != self._last[0]:
+            self._go_on()
             self.simulated += 1
             r = self._problem.residuals(self._free.vectors(x))[0]
             self._last = key, np.where(np.abs(r) < OVERFLOWING, r, LOST)
+            if (cost := 0.5 * float(self._last[1] @ self._last[1])) < self.best[0]:
+                self.best = cost, x.copy(), self._last[1]
         return self._last[1]
+
+    def _go_on(self) -> None:
+        if self.taken and hurried():
+            raise HurriedError
 
     def forget(self) -> None:
         """Take the next Jacobian anew."""
@@ -122,6 +135,7 @@ class KeptJacobian:
                 self._jacobian = self._jacobian + np.outer(r - foreseen, step / (step @ step))
                 self._x, self._r, self.age = x.copy(), r, self.age + 1
                 return self._jacobian
+        self._go_on()
         self.simulated += 1 + len(x)
         self.taken += 1
         found = jacobian(self._problem, self._free, x, r)
@@ -138,9 +152,17 @@ def fit(
     Parameters
     ----------
     evaluations : most Jacobians that are simulated, or trial points where each has its own. tolerance : relative change
-        of the cost and of x at which it stops.
+        of the cost and of x at which it stops. In haste (haste.py) it ends at the best that it has met.
     """
     derivative = KeptJacobian(problem, free)
+    try:
+        return _fit(derivative, free, start, evaluations, tolerance)
+    except HurriedError:
+        cost, x, r = derivative.best
+        return Fit(free, x, r, derivative.new, cost, derivative.simulated)
+
+
+def _fit(derivative: KeptJacobian, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float) -> Fit:
     margin = 1e-9 * np.maximum(1.0, np.abs(free.low))
     x, cost = np.asarray(start, dtype=float), np.inf
     while True:
