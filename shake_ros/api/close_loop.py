@@ -70,10 +70,13 @@ class FoundEffect:
 
 
 class Effects(Sequence[FoundEffect]):
-    """Effects in the order in which they were added."""
+    """Effects in the order in which they were added.
 
-    def __init__(self, effects: Sequence[FoundEffect]) -> None:
-        self._effects = tuple(effects)
+    none : what it says of itself where there is none.
+    """
+
+    def __init__(self, effects: Sequence[FoundEffect], none: str = "nothing is missing") -> None:
+        self._effects, self._none = tuple(effects), none
 
     def __len__(self) -> int:
         return len(self._effects)
@@ -111,10 +114,10 @@ class Effects(Sequence[FoundEffect]):
         return ResultTable(heads, rows)
 
     def __repr__(self) -> str:
-        return repr(self.frame) if self else "nothing is missing"
+        return repr(self.frame) if self else self._none
 
     def _repr_html_(self) -> str:
-        return self.frame._repr_html_() if self else "nothing is missing"
+        return self.frame._repr_html_() if self else self._none
 
 
 @dataclass(frozen=True, repr=False)
@@ -161,7 +164,8 @@ class Discovery(fitted.FittedResult):
                     step["worth"],
                 )
                 for step in steps
-            ]
+            ],
+            "nothing is established" if self.closed.remaining.above_noise else "nothing is missing",
         )
 
     @property

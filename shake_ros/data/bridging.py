@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +29,8 @@ def without_repeats(values: dict[str, Floats]) -> tuple[dict[str, Floats], int]:
     return {name: column[~same] for name, column in values.items()}, int(same.sum())
 
 
-class Bridged(NamedTuple):
+@dataclass(frozen=True)
+class Bridged:
     """A table with its short gaps filled.
 
     Attributes

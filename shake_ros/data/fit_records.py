@@ -181,7 +181,7 @@ def _without_unheard(record: Record, stretch: Stretch) -> Record:
 
 
 def finding_lines(recording: TableRecording) -> list[str]:
-    """What reading a recording met, a line each, and one on lost samples, a clipped accelerometer, a position's leaps."""
+    """What reading a recording met, a line each; one on lost samples, on a clipped accelerometer, on leaps."""
     lines = [f"{recording.name}: {finding}" for finding in recording.findings]
     used = stretches_of(recording)
     if filled := sum(int(s.filled.sum()) for s in used):

@@ -37,7 +37,7 @@ from shake_ros.report.sections import (
     remains_section,
 )
 from shake_ros.report.slow_changes import slow_changes_section
-from shake_ros.report.text import function_line, percent, sentence, standing_lines
+from shake_ros.report.text import function_line, percent, sentence, standing_lines, why_nothing
 
 SIZE = (
     "Effects are held against each other in one measure: the rms of what the refitted model leaves, every channel in "
@@ -145,7 +145,7 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
         )
     page.cards(cards)
     if not steps and not result.candidates:
-        page.paragraph("No effect lowers the error on the validation data beyond chance.")
+        page.paragraph(f"Nothing is added: {why_nothing(result)}.")
     for step, model, standing in zip_longest(steps, result.models, result.standings):
         said = _sentences(standing) if standing else []
         page.paragraph(" ".join([step_text(step, model, standing, result.function), *said]))

@@ -103,6 +103,15 @@ def standing_lines(standing: EffectStanding) -> list[str]:
     return lines + [f"  {name} rests on a bound: something else is missing" for name in standing.bounds]
 
 
+def why_nothing(result: LoopClosure) -> str:
+    """Why no effect was added."""
+    if result.candidates:
+        return "what lowers the error is not established on the validation data"
+    if result.search.stopped and result.remaining.above_noise:
+        return "the search was ended before it could try all effects"
+    return "no effect lowers the error on the validation data"
+
+
 def close_loop_lines(result: LoopClosure) -> list[str]:
     """Baseline, steps, final and what remains."""
     lines = error_lines(result.baseline, "declared model, error of the free run")
@@ -115,8 +124,7 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
         lines += parameter_lines([p for p in model.parameters if p.name in own])
         lines += error_lines(model)
     if not result.search.steps:
-        why = "what lowers the error is not established" if result.candidates else "no effect lowers the error"
-        lines += ["", f"nothing is added: {why} on the validation data"]
+        lines += ["", f"nothing is added: {why_nothing(result)}"]
     lines += [function_line(result.function)] if result.function else []
     lines += ["", f"remaining: {result.remaining.text}"]
     lines += [told_force(result.forces)] if result.forces else []

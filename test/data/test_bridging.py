@@ -17,9 +17,9 @@ def kept(rows: np.ndarray) -> dict[str, np.ndarray]:
 
 def test_absent_rows_are_filled_near_the_truth() -> None:
     rows = ~np.isin(np.arange(1000), [100, 300, 301, 302])
-    found, _, filled = whole = bridged(kept(rows), 3)
+    found = (whole := bridged(kept(rows), 3)).values
     assert (whole.count, whole.gaps) == (4, 2)
-    assert np.array_equal(filled, ~rows)
+    assert np.array_equal(whole.filled, ~rows)
     assert np.array_equal(whole.rows < 0, ~rows)
     assert found["time"] == pytest.approx(TIME)
     assert found["position"] == pytest.approx(COLUMNS["position"], abs=1e-4)

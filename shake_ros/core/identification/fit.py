@@ -92,8 +92,8 @@ class KeptJacobian:
     A rank-one correction (Broyden 1965, Mathematics of Computation 19, 577) costs no simulation where differences cost
     one for each parameter. They are taken anew where a step has not brought what was foreseen, after KEPT steps, and at
     each step of a problem that is not smooth.
-    new : the last one that was taken. best : least cost that was met, where, and its residuals. taken, simulated : how many were, and parameter sets in all. age : of the present
-    one, in corrections.
+    new : the last one that was taken. best : least cost that was met, where, and its residuals. taken, simulated : how
+    many were, and parameter sets in all. age : of the present one, in corrections.
     """
 
     def __init__(self, problem: Problem, free: FreeParameters) -> None:

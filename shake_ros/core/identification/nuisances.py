@@ -1,11 +1,11 @@
 """What differs from recording to recording and tells nothing of the table: offsets of the sensors, null of the valve.
 
-The accelerometer's bias is its mean less the change of the velocity; where it wanders, a cubic in time goes through what
-the acceleration has beyond the second derivative of the position. The null shift is what the regression of the
+The accelerometer's bias is its mean less the change of the velocity; where it wanders, a cubic in time goes through
+what the acceleration has beyond the second derivative of the position. The null shift is what the regression of the
 slow velocity on the command leaves as a constant; a term in |u| keeps a gain that differs by direction out of it. Both
-are taken out of the recording before a fit, what is left of them within it (recording_problem.py); what all
-recordings have in common of the null shift is free in the fit. The delay of the accelerometer's filter is that of the
-set-up (sensor_pair.py) and is taken out as well.
+are taken out of the recording before a fit, what is left of them within it (recording_problem.py); what all recordings
+have in common of the null shift is free in the fit. The delay of the accelerometer's filter is that of the set-up
+(sensor_pair.py) and is taken out as well.
 """
 
 from __future__ import annotations
