@@ -101,6 +101,8 @@ def staged_start(
     guesses = first.tables(model.table, model.unknown, model, shown_on)[:GUESSES]
     known = effects(guesses[0])
     shown = tuple(e for e in SHOWN if e in known and e in guesses[0].effects)
+    if shown:
+        progress(f"so far {' + '.join(shown)}: to be seen in the responses, before any fit", 0.0)
 
     def moved(names: Sequence[str]) -> list[FreeParameter]:
         return with_effects(free, known, names)
