@@ -37,8 +37,9 @@ class Ending:
 
     def __call__(self, text: str, part: float) -> None:
         """Tell the progress, and end the search where it is time."""
-        left = "" if self._last is None else f" [{max(self._last - time.monotonic(), 0.0) / 60.0:.1f} min left]"
-        self._progress(f"{text}{left}" if self._progress.drawn else text, part)
+        if self._last is not None:
+            self._progress.left((self._last - time.monotonic()) / 60.0)
+        self._progress(text, part)
         if self.over():
             raise Stopped
 

@@ -13,9 +13,10 @@ from tqdm.auto import tqdm
 Told = bool | Callable[[str, float], None]  # whether progress is shown, or who is told what is done and which part
 
 TERMINAL = "{desc:<44.44}|{bar:24}| {percentage:3.0f} % {elapsed}"
+LIMITED = "{desc:<41.41}|{bar:10}| {percentage:3.0f} % {elapsed}{postfix}"  # with the minutes that are left
 PARTS = os.environ.get("SHAKE_ROS_PROGRESS") == "parts"  # who follows a process wants every part, in a form to read
 SO_FAR = "so far "  # begins an answer that work has before its end
-NOTEBOOK = "{desc}{bar} {percentage:3.0f} % {elapsed}"
+NOTEBOOK = "{desc}{bar} {percentage:3.0f} % {elapsed}{postfix}"
 
 
 class Progress:
@@ -31,22 +32,24 @@ class Progress:
     def __init__(self, title: str, told: Told = True) -> None:
         notebook = hasattr(tqdm, "display") and tqdm.display is not plain.display
         self._told = told
-        self._drawn = told is True and (notebook or sys.stderr.isatty())
+        drawn = told is True and (notebook or sys.stderr.isatty())
         form = NOTEBOOK if notebook else TERMINAL
         # without a bar no lock of tqdm's, which a process that is ended at once would leave behind
-        self._bar = tqdm(total=1.0, desc=title, bar_format=form, file=sys.stderr) if self._drawn else None
+        self._bar = tqdm(total=1.0, desc=title, bar_format=form, file=sys.stderr) if drawn else None
         self._title = title
         self._text = ""
         self._low, self._high = 0.0, 1.0
 
-    @property
-    def drawn(self) -> bool:
-        """Whether a bar is redrawn in place."""
-        return self._drawn
-
     def span(self, low: float, high: float) -> None:
         """Parts told from now on count from `low` to `high` of the whole."""
         self._low, self._high = low, high
+
+    def left(self, minutes: float) -> None:
+        """Show how many minutes are left, where a bar is drawn."""
+        if self._bar is not None:
+            if self._bar.bar_format == TERMINAL:
+                self._bar.bar_format = LIMITED
+            self._bar.set_postfix_str(f"{max(minutes, 0.0):.1f} min left", refresh=False)
 
     def __call__(self, text: str, part: float) -> None:
         """Say what is being done and which part of the present span is done; the bar never goes back."""
@@ -77,5 +80,5 @@ class Progress:
         if self._bar is not None:
             if kind is None:
                 self._bar.n = 1.0
-                self._bar.refresh()
+                self._bar.set_postfix_str("")
             self._bar.close()
