@@ -150,7 +150,7 @@ def _mended(values: Columns, path: Path, bridge: int, findings: list[Finding]) -
         values = found.values
     elif longest := longest_short_gap(values, SHORT):
         what = "gaps of one sample" if longest == 1 else f"gaps of up to {longest} samples"
-        text = f"{path.name}: has {what}, which stay in it and part it: --bridge {longest} fills them"
+        text = f"{path.name}: has {what}, which part it for all but fits: --bridge {longest} fills them"
         findings.append(Finding("gap", "", 0, text))
     return values
 
