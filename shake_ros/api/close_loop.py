@@ -321,7 +321,7 @@ def close_loop(
             data, structure = start.data, model_structure(start, declared)
             first, second = data.estimation, data.validation
             found = closing.close_loop(structure, first, second, settings or search_settings(declared), ending)
-        data = data.seen(found.search.accelerometer)
+        data = data.seen(found.search.knowledge)
         first, second = data.estimation, data.validation
         known = _uncertainty(found, first)
         tuned = tune_table(found.final.table, uncertainty=known, progress=bar) if tune else None

@@ -99,5 +99,5 @@ def _concluded(
 
 def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:
     """Problem and models on all estimation data: the final model fitted to them, those before it as they are."""
-    whole = problem.on_whole(estimation).seen(found.accelerometer)
+    whole = problem.on_whole(estimation).seen(found.knowledge)
     return whole, found.on(lambda m: m, lambda final: converged_again(whole, final))

@@ -52,10 +52,10 @@ def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructu
                 added = [s.chosen.candidate for s in found.steps]
                 names = [f"a function ({c.place})" if c.effect == UNLISTED else c.effect for c in added]
                 problem.progress(found_by_now(problem, names, found.final, found.declared), 0.0)
-        seen = problem.seen(found.accelerometer)
+        seen = problem.seen(found.knowledge)
         steps, final, removed = eliminate(seen, found.steps, found.final)
     except Stopped:
-        return problem.seen(found.accelerometer), replace(found, stopped=True)
+        return problem.seen(found.knowledge), replace(found, stopped=True)
     return seen, replace(found, steps=steps, final=final, removed=removed)
 
 
@@ -94,7 +94,7 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
         left = tuple(c for c in left if c.effect != shown.chosen.candidate.effect)
     yield found
     while left and len(found.steps) < problem.settings.most_effects:
-        problem, found = with_accelerometer(problem, found)
+        problem, found = with_knowledge(problem, found)
         yield found
         if problem.at_noise(found.final):
             break
@@ -124,16 +124,18 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
         left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)
         if step.chosen.candidate.effect == UNLISTED:
             break
+    if found.steps:
+        yield with_knowledge(problem, found)[1]
 
 
-def with_accelerometer(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
-    """Problem and models with what the final model tells of the accelerometer."""
-    known, others = found.accelerometer, problem.validation.records
+def with_knowledge(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
+    """Problem and models with what the final model tells of the recordings."""
+    known, others = found.knowledge, problem.validation.records
     learned = known.learned(problem.estimation, others, found.final.fit)
     if learned is known:
         return problem, found
     problem = problem.seen(learned)
-    return problem, replace(fitted_again(problem, found), accelerometer=learned)
+    return problem, replace(fitted_again(problem, found), knowledge=learned)
 
 
 def fitted_again(problem: SearchProblem, found: Selection) -> Selection:

@@ -17,10 +17,10 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification.accelerometer import Accelerometer
 from shake_ros.core.identification.approach import INJECTION, Approach, approached, arrived, led
 from shake_ros.core.identification.fit import LOST, Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
+from shake_ros.core.identification.knowledge import Knowledge
 from shake_ros.core.identification.process_noise import FreeAndDrawn, process_noise
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, windows
@@ -236,14 +236,14 @@ class SearchProblem:
     def _validation_residuals(self, result: Fit) -> np.ndarray:
         return np.nan_to_num(self.validation.residuals(result.free.vectors(result.x))[0], nan=LOST)
 
-    def seen(self, accelerometer: Accelerometer) -> SearchProblem:
+    def seen(self, knowledge: Knowledge) -> SearchProblem:
         """The problem with what has been learned of the accelerometer."""
         return replace(
             self,
-            estimation=accelerometer.problem(self.estimation),
-            validation=accelerometer.problem(self.validation),
-            estimation_pieces=accelerometer.problem(self.estimation_pieces),
-            validation_pieces=accelerometer.problem(self.validation_pieces),
+            estimation=knowledge.problem(self.estimation),
+            validation=knowledge.problem(self.validation),
+            estimation_pieces=knowledge.problem(self.estimation_pieces),
+            validation_pieces=knowledge.problem(self.validation_pieces),
             reduced={key: Reduced(b"", known.reduced) for key, known in self.reduced.items()},
         )
 

@@ -16,6 +16,7 @@ from shake_ros.core.identification.approach import Approach
 from shake_ros.core.identification.fit import Fit, Problem
 from shake_ros.core.identification.free_parameters import FreeParameters
 
+MOST_TRIALS = 7  # of an effect, the most promising first, from which a refit may start
 MUCH_BETTER = 0.5  # of a score that was told, from which the same effect is told of again
 
 
@@ -164,9 +165,10 @@ def best_start(
     free = current.free.extended(candidate.free)
     strength, neutral, starts = candidate.strength.name, candidate.neutral, []
     signs = (-1.0, 1.0) if candidate.signed else (1.0,)
-    for t in trials:
+    for t in trials[:MOST_TRIALS]:
         trial = dict(candidate.trials[t.trial])
-        for part in {*(sign * m for m in multiples for sign in signs), t.part}:
+        own = {t.part} if abs(t.part) >= min(multiples) else set()  # from nothing no other parameter has a slope
+        for part in {*(sign * m for m in multiples for sign in signs), *own}:
             for others in (current.x, t.x):
                 x = free.x_of({**trial, strength: neutral + part * (trial[strength] - neutral)})
                 x[: len(current.x)] = others

@@ -9,7 +9,7 @@ from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.unlisted_functions import FunctionSearch
-from shake_ros.core.identification.accelerometer import Accelerometer
+from shake_ros.core.identification.knowledge import Knowledge
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Selection:
 
     removed : effects taken out again. rejected : ranking of the last step, which nothing passed. functions : what was
     tried in it for something that no listed effect explains. stopped : whether the search ended before it was done.
-    accelerometer : what its models have told of it.
+    knowledge : what its models have told of the recordings.
     """
 
     declared: ScoredFit
@@ -28,7 +28,7 @@ class Selection:
     rejected: tuple[Refit, ...] = ()
     functions: FunctionSearch | None = None
     stopped: bool = False
-    accelerometer: Accelerometer = field(default_factory=Accelerometer)
+    knowledge: Knowledge = field(default_factory=Knowledge)
 
     @property
     def models(self) -> tuple[ScoredFit, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, decimate, sosfiltfilt
 
-from shake_ros.core.identification.accelerometer import Accelerometer
+from shake_ros.core.identification.knowledge import Knowledge
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import FILTER_DELAY, SensorPair, sensor_pair, timely
 from shake_ros.core.identification.spikes import unseen_spikes, without
@@ -67,10 +67,15 @@ class Prepared:
     ahead: float = 0.0
     stops: tuple[str, ...] = ()
 
-    def seen(self, accelerometer: Accelerometer) -> Prepared:
-        """The same with what has been learned of the accelerometer."""
-        both = [[accelerometer.seen(r) for r in records] for records in (self.estimation, self.validation)]
-        return replace(self, estimation=both[0], validation=both[1])
+    def seen(self, knowledge: Knowledge) -> Prepared:
+        """The same with what a model has told of the recordings."""
+        both = [[knowledge.seen(r) for r in records] for records in (self.estimation, self.validation)]
+        more = {
+            after.name: after.shift - before.shift
+            for before, after in zip((*self.estimation, *self.validation), (*both[0], *both[1]), strict=True)
+        }
+        offsets = tuple(replace(n, null_shift=n.null_shift + more.get(n.recording, 0.0)) for n in self.nuisances)
+        return replace(self, estimation=both[0], validation=both[1], nuisances=offsets)
 
     @property
     def delay(self) -> float:

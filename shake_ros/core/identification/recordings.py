@@ -45,8 +45,9 @@ class Record:
         null where the recording begins with the motion. moved : False of a command alone, at a place.
     delay : of the accelerometer [s], which has been taken out but for that of a filter. cutoff : of that filter [Hz];
         0: none. heard : samples whose acceleration was measured, shape (n,): not clipped, nor too late to be recorded;
-        None: all. calmest : noise of the acceleration at most, where a model has shown it [m/s²]. own : what a
-        force-driven axis takes from this recording for itself, see slow_changes.py.
+        None: all. calmest : noise of the acceleration at most, where a model has shown it [m/s²]. shift : null shift of
+        the valve that models have added to the commands [-]. own : what a force-driven axis takes from this recording
+        for itself, see slow_changes.py.
     """
 
     name: str
@@ -61,6 +62,7 @@ class Record:
     cutoff: float = 0.0
     heard: np.ndarray | None = None
     calmest: float = math.inf
+    shift: float = 0.0
     own: tuple[str, ...] = ()
     velocity: np.ndarray = field(init=False)
     track: np.ndarray = field(init=False)

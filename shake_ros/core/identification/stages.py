@@ -14,20 +14,18 @@ from operator import attrgetter
 
 import numpy as np
 
-from shake_ros.core.identification.accelerometer import Accelerometer
 from shake_ros.core.identification.approach import Approach, approached, arrived, led
 from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
+from shake_ros.core.identification.knowledge import Knowledge, null_shifts
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record, windows
+from shake_ros.core.identification.recordings import windows
 from shake_ros.core.identification.sensor_filter import behind_filter, better_filter
 from shake_ros.core.identification.sensor_pair import SensorPair
 from shake_ros.core.identification.unknown_model import UnknownModel
-from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 
@@ -91,7 +89,7 @@ def staged_start(
     """
     progress("first guess from the recordings", 0.0)
     assert model.table is not None
-    data = data.seen(Accelerometer(behind_filter(data.estimation)))
+    data = data.seen(Knowledge(behind_filter(data.estimation)))
     first = FirstGuess(data.estimation)
     may_lack = tuple(effect for effect in SHOWN if model.may_lack(effect))
 
@@ -111,7 +109,7 @@ def staged_start(
     progress("first fit", 0.0)
     best = min((_fitted(pieces, moved(shown), guess) for guess in guesses), key=attrgetter("cost"))
     if (behind := better_filter(pieces, best)) is not None:
-        data = data.seen(Accelerometer(behind))
+        data = data.seen(Knowledge(behind))
         pieces = _pieces(model, data)
         best = _fitted(pieces, moved(shown), best.table)
     begin = guesses[0]
@@ -236,28 +234,4 @@ def _fitted(pieces: RecordingProblem, free: Sequence[FreeParameter], start: Tabl
 
 def recentred(model: UnknownModel, table: TableParameters, data: Prepared) -> Prepared:
     """The recordings with the null shifts at which the free run of a table has the measured mean velocity."""
-    gain = velocity_gain(table)
-    shifts: dict[str, float] = {}
-    for name in dict.fromkeys(r.name for r in (*data.estimation, *data.validation)):
-        parts = [r for r in (*data.estimation, *data.validation) if r.name == name]
-        left = np.concatenate([_velocity_left(model, table, r) for r in parts])
-        largest = 0.05 * max(float(np.max(np.abs(r.commands))) for r in parts)
-        shifts[name] = float(np.clip(np.mean(left) / gain, -largest, largest))
-
-    def moved(record: Record) -> Record:
-        shift = shifts[record.name]
-        return replace(record, commands=record.commands + shift, standing=record.standing + shift)
-
-    offsets = tuple(replace(n, null_shift=n.null_shift + shifts[n.recording]) for n in data.nuisances)
-    return replace(
-        data,
-        estimation=[moved(r) for r in data.estimation],
-        validation=[moved(r) for r in data.validation],
-        nuisances=offsets,
-    )
-
-
-def _velocity_left(model: UnknownModel, table: TableParameters, record: Record) -> np.ndarray:
-    """Measured less simulated velocity [m/s]."""
-    simulated = filtered_velocity(model.run(table, record)[:, 1], record.sample_time)
-    return np.asarray((record.velocity - simulated)[record.start :])
+    return data.seen(Knowledge(shifts=null_shifts(model, table, (*data.estimation, *data.validation))))

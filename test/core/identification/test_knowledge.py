@@ -10,7 +10,7 @@ import pytest
 from as_fitted import as_fitted
 from hidden_table import ACCELERATION_NOISE, SAMPLE_TIME, TRUE, record
 
-from shake_ros.core.identification.accelerometer import Accelerometer, residual_noise
+from shake_ros.core.identification.knowledge import Knowledge, residual_noise
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record, windows
 from shake_ros.core.plant.parameters import TableParameters
@@ -31,8 +31,8 @@ def slowly(seed: int, noise: float) -> Record:
 
 
 def learned(
-    known: Accelerometer, records: list[Record], others: Sequence[Record] = (), table: TableParameters = TABLE
-) -> Accelerometer:
+    known: Knowledge, records: list[Record], others: Sequence[Record] = (), table: TableParameters = TABLE
+) -> Knowledge:
     problem = RecordingProblem(records)
     return known.learned(problem, others, as_fitted(table, problem))
 
@@ -43,7 +43,7 @@ def quiet() -> Record:
 
 
 def test_a_table_that_explains_the_jumps_shows_less_noise(quiet: Record) -> None:
-    seen = learned(Accelerometer(), [quiet])
+    seen = learned(Knowledge(), [quiet])
     assert seen.noise["run5"] < 0.8 * quiet.acceleration_noise()
     assert seen.noise["run5"] > 0.2 * ACCELERATION_NOISE
     known = seen.seen(quiet)
@@ -52,27 +52,27 @@ def test_a_table_that_explains_the_jumps_shows_less_noise(quiet: Record) -> None
 
 
 def test_nothing_new_is_nothing(quiet: Record) -> None:
-    first = learned(Accelerometer(), [quiet])
+    first = learned(Knowledge(), [quiet])
     assert learned(first, [first.seen(quiet)]) is first
 
 
 def test_a_table_that_explains_nothing_shows_no_less(quiet: Record) -> None:
     still = TABLE.with_values({"valve.flow_coefficient": 1e-9})
-    nothing = Accelerometer()
+    nothing = Knowledge()
     assert learned(nothing, [quiet], table=still) is nothing
 
 
 def test_pieces_of_a_recording_share_its_noise_and_others_have_their_own(quiet: Record) -> None:
     other = slowly(6, ACCELERATION_NOISE)
     pieces = windows([quiet, other], 10.0, 2.5)
-    seen = learned(Accelerometer(), pieces, [other])
+    seen = learned(Knowledge(), pieces, [other])
     assert seen.noise["run5"] < 0.5 * other.acceleration_noise()
     assert len({seen.seen(r).acceleration_noise() for r in pieces if r.name == "run5"}) == 1
 
 
 def test_recording_without_acceleration_is_left_alone(quiet: Record) -> None:
     bare = replace(quiet, acceleration=None)
-    nothing = Accelerometer()
+    nothing = Knowledge()
     assert learned(nothing, [bare]) is nothing
 
 

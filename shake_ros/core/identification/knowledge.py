@@ -1,0 +1,123 @@
+"""What a fitted model tells of its recordings: the filter behind the accelerometer, its noise, the valve's null shifts.
+
+Before a fit the noise comes from the highest frequencies of a recording (noise.py), where friction at rest and rattling
+joints still move a table that is sampled slowly: up to four times the truth. What a model predicts of such jumps is no
+noise, so the highest frequencies of what it leaves are a better measure, and still never too small a one.
+
+The null shift of a run is that at which the free run has its mean velocity. A flow gain that differs by direction moves
+that as well, by as much as the command is large, which differs from run to run: null shifts read off a model without it
+are wrong, and no effect that is added puts them right. So they are read off each model anew.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.identified import velocity_gain
+from shake_ros.core.identification.noise import white_deviation
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.identification.sensor_filter import SensorFilter, better_filter
+from shake_ros.core.identification.velocity_filter import filtered_velocity
+from shake_ros.core.plant.parameters import TableParameters
+
+CALMER = 0.95  # of the noise that is assumed, from which a smaller one counts
+CLEAR, WIDEST = 3e-4, 0.05  # of the largest command: change of a null shift that counts, and the largest at once
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What is known of recordings from a model.
+
+    behind : delay and filter of the accelerometer, as of sensor_filter.py; None: as at the start.
+    noise : largest standard deviation by recording [m/s²], where a model shows it to be smaller than at the start.
+    shifts : null shift of the valve by recording [-], beside that which was taken out before the first model.
+    """
+
+    behind: SensorFilter | None = None
+    noise: Mapping[str, float] = field(default_factory=dict)
+    shifts: Mapping[str, float] = field(default_factory=dict)
+
+    def seen(self, record: Record) -> Record:
+        """A recording as it is seen with this knowledge."""
+        known = record if self.behind is None else self.behind.seen(record)
+        if record.name in self.noise:
+            known = replace(known, calmest=self.noise[record.name])
+        more = self.shifts.get(record.name, record.shift) - record.shift
+        if more == 0.0:
+            return known
+        shift = record.shift + more
+        return replace(known, commands=known.commands + more, standing=known.standing + more, shift=shift)
+
+    def problem(self, problem: RecordingProblem) -> RecordingProblem:
+        """A problem with its recordings as they are seen."""
+        seen = RecordingProblem([self.seen(r) for r in problem.records], problem.model)
+        return seen.unpredicted(problem.unpredictable)
+
+    def learned(self, problem: RecordingProblem, others: Sequence[Record], model: Fit) -> Knowledge:
+        """More of it from a fitted table, or the same where that tells nothing new.
+
+        Parameters
+        ----------
+        problem : recordings of the fit, as they are seen. others : recordings that are held out.
+        model : the fit of the table to them.
+        """
+        behind = better_filter(problem, model)
+        known = self if behind is None else replace(self, behind=behind)
+        noise = dict(known.noise)
+        for name, records in by_name([known.seen(r) for r in (*problem.records, *others)]).items():
+            found = residual_noise(RecordingProblem(records, problem.model), model.vector)
+            if found < CALMER * records[0].acceleration_noise():
+                noise[name] = found
+        shifts = null_shifts(problem.model, model.table, (*problem.records, *others))
+        if any(shifts.get(r.name, r.shift) != r.shift for r in (*problem.records, *others)):
+            known = replace(known, shifts={**known.shifts, **shifts})
+        return known if noise == known.noise else replace(known, noise=noise)
+
+
+def null_shifts(model: DeclaredModel, table: TableParameters, records: Sequence[Record]) -> dict[str, float]:
+    """Null shift by recording at which the free run of a table has the measured mean velocity [-].
+
+    Only of a model whose recordings have null shifts of their own, and where it is clearly another than the present.
+    """
+    found: dict[str, float] = {}
+    if not model.nuisances:
+        return found
+    gain = velocity_gain(table)
+    for name in dict.fromkeys(r.name for r in records):
+        parts = [r for r in records if r.name == name]
+        left = float(np.mean(np.concatenate([_velocity_left(model, table, r) for r in parts])))
+        largest = max(float(np.max(np.abs(r.commands))) for r in parts)
+        more = float(np.clip(left / gain, -WIDEST * largest, WIDEST * largest)) if math.isfinite(left) else 0.0
+        if abs(more) > CLEAR * largest:
+            found[name] = parts[0].shift + more
+    return found
+
+
+def _velocity_left(model: DeclaredModel, table: TableParameters, record: Record) -> np.ndarray:
+    """Measured less simulated velocity [m/s]."""
+    simulated = filtered_velocity(model.run(table, record)[:, 1], record.sample_time)
+    return np.asarray((record.velocity - simulated)[record.start :])
+
+
+def by_name(records: Sequence[Record]) -> dict[str, list[Record]]:
+    """Recordings with an acceleration, each with all of its pieces."""
+    found: dict[str, list[Record]] = {}
+    for record in records:
+        if record.acceleration is not None:
+            found.setdefault(record.name, []).append(record)
+    return found
+
+
+def residual_noise(problem: RecordingProblem, vector: np.ndarray) -> float:
+    """White part of what a table leaves of the acceleration of one recording's pieces [m/s²]; inf of a lost run."""
+    parts = []
+    for record in problem.records:
+        parts.append(white_deviation(record.acceleration_left(problem.simulate(vector[None, :], record)[1][0])))
+    found = math.sqrt(float(np.mean(np.square(parts))))
+    return found if math.isfinite(found) else math.inf
