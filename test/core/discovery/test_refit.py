@@ -10,8 +10,8 @@ import pytest
 
 from shake_ros.core.discovery import refit
 from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.refit import Begun, Refit, passed_over, rounds, short_refits, sought, tell_of
-from shake_ros.core.discovery.screening import Screening
+from shake_ros.core.discovery.refit import Begun, Refit, best_start, passed_over, rounds, short_refits, sought, tell_of
+from shake_ros.core.discovery.screening import ScreenedTrial, Screening
 from shake_ros.core.identification.approach import Approach
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.declared import effect_candidates, free_parameters
@@ -134,3 +134,15 @@ def test_an_effect_that_leads_clearly_is_told_before_the_end(cost: float, told: 
     tell_of(problem, Refit(candidate, ScoredFit(NOTHING, cost, cost), 0.0), ScoredFit(NOTHING, 1000.0, 1000.0))
     line = "so far soft_zone leads: 6.3 times the noise on recordings held out (31.6 without)"
     assert said == [line] * told
+
+
+def test_a_refit_does_not_begin_from_nothing_where_no_other_parameter_has_a_slope() -> None:
+    (candidate,) = (c for c in effect_candidates() if c.effect == "specimen_resonance")
+    free = FreeParameters(load_table("bergamo"), list(free_parameters()))
+    column = list(free.base.fields).index("effects.specimen_resonance.mass")
+    problem: Any = SimpleNamespace(residuals=lambda vectors: vectors[:, [column]])  # the lighter the better
+    x = free.start()
+    current: Any = SimpleNamespace(free=free, x=x)
+    trials = [ScreenedTrial(candidate, i, 0.1, part, x) for i, part in ((4, 2.0), (0, 0.0))]
+    found, start = best_start(problem, current, trials, (0.25, 1.0))
+    assert found.table(start).value("effects.specimen_resonance.mass") == pytest.approx(0.25 * 30.0)

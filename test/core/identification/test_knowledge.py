@@ -1,4 +1,4 @@
-"""The noise of an accelerometer comes down to what a fitted table shows of it."""
+"""The noise of an accelerometer comes down to what a fitted table shows of it; null shifts are read off the table."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from hidden_table import ACCELERATION_NOISE, SAMPLE_TIME, TRUE, record
 
 from shake_ros.core.identification.knowledge import Knowledge, residual_noise
 from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record, windows
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, windows
+from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.settings import load_table
 
 EACH = 5  # samples of which one is kept: 200 Hz, where friction at reversals reaches up to the Nyquist frequency
 TABLE = load_table("bergamo").with_values(TRUE)
+UNKNOWN = UnknownModel(TABLE)
 
 
 def slowly(seed: int, noise: float) -> Record:
@@ -31,9 +33,13 @@ def slowly(seed: int, noise: float) -> Record:
 
 
 def learned(
-    known: Knowledge, records: list[Record], others: Sequence[Record] = (), table: TableParameters = TABLE
+    known: Knowledge,
+    records: list[Record],
+    others: Sequence[Record] = (),
+    table: TableParameters = TABLE,
+    model: DeclaredModel = FULL,
 ) -> Knowledge:
-    problem = RecordingProblem(records)
+    problem = RecordingProblem(records, model)
     return known.learned(problem, others, as_fitted(table, problem))
 
 
@@ -80,3 +86,24 @@ def test_a_lost_run_shows_nothing(quiet: Record) -> None:
     lost = TABLE.vector().copy()
     lost[TABLE.vector() != 0.0] = np.nan
     assert residual_noise(RecordingProblem([quiet]), lost) == np.inf
+
+
+def shifted(by: float) -> Record:
+    made = record(6, 10.0)
+    commands = made.commands + by
+    return Record("run6", SAMPLE_TIME, commands, made.position, made.acceleration, standing=by)
+
+
+def test_null_shift_is_that_at_which_the_table_has_the_measured_mean_velocity() -> None:
+    moved = shifted(0.01)
+    known = learned(Knowledge(), [moved], model=UNKNOWN)
+    assert known.shifts["run6"] == pytest.approx(-0.01, rel=0.03)
+    seen = known.seen(moved)
+    assert seen.commands == pytest.approx(shifted(0.0).commands, abs=3e-4)
+    assert seen.standing == pytest.approx(0.0, abs=3e-4)
+    assert known.seen(seen) is seen
+    assert learned(known, [seen], model=UNKNOWN).shifts == known.shifts
+
+
+def test_a_declared_table_has_no_null_shifts_of_single_runs() -> None:
+    assert learned(Knowledge(), [shifted(0.01)]).shifts == {}
