@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.bridging import bridged, longest_short_gap, without_repeats
+from shake_ros.data.bridging import SHORT, bridged, longest_short_gap, without_repeats
 from shake_ros.data.columns import Column, read_columns
 from shake_ros.data.mat_file import read_mat_columns
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
@@ -27,7 +27,6 @@ SIGNALS = {
     "pressure_supply": "the same of the supply [Pa]",
 }
 OF_SECOND = tuple(name for name in SIGNALS if name not in ("command", "position"))  # what a second file may bring
-SHORT = 3  # samples of a gap that is worth filling
 Columns = dict[str, npt.NDArray[np.float64]]
 
 

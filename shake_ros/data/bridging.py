@@ -14,6 +14,7 @@ from shake_ros.data.recordings.series import broken
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+SHORT = 3  # samples of a gap that may be filled without being asked for
 HELD = ("command",)  # signals with steps, between which a straight line is drawn; a spline would swing
 
 

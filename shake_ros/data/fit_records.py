@@ -18,15 +18,14 @@ from shake_ros.core.analysis.clipping import clipped, restored
 from shake_ros.core.analysis.stretches import stretches
 from shake_ros.core.identification.recordings import SHORTEST, Record
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.bridging import bridged
+from shake_ros.data.bridging import SHORT, bridged
 from shake_ros.data.recordings import TableRecording
 
 SLOWEST = 0.1  # between two samples, from which none of a table's dynamics shows [s]
 LEAP = 2.5  # steps of the position above this multiple of its fast ones …
 FAST = 99.0  # … which are this percentile of all steps of the recording,
 NEIGHBOURS = 4.0  # … and above this multiple of the largest step next to them, are leaps
-FILLED = 3  # lost samples of a gap that is filled at most …
-LONGEST_FILLED = 0.015  # … where these last no longer than this, but for a single one [s]
+LONGEST_FILLED = 0.015  # that more than one lost sample may last to be filled, SHORT samples at most [s]
 
 
 def leaps(position: np.ndarray) -> np.ndarray:
@@ -54,7 +53,7 @@ class Stretch:
     ----------
     drive [-] or [N], position [m], acceleration [m/s²] or None. first : row of the recording at which it begins.
     heard : whether the accelerometer measured each sample: it was neither clipped nor lost. filled : whether a sample
-        or one of its values was lost. gaps : number of these gaps.
+        or one of its values was lost.
     """
 
     drive: NDArray[np.float64]
@@ -63,7 +62,6 @@ class Stretch:
     first: int
     heard: NDArray[np.bool_]
     filled: NDArray[np.bool_]
-    gaps: int
 
 
 def stretches_of(recording: TableRecording, driven_by: str = "valve_command") -> list[Stretch]:
@@ -74,14 +72,13 @@ def stretches_of(recording: TableRecording, driven_by: str = "valve_command") ->
         columns["acceleration"] = recording.acceleration
     clip, found = clipped_in(recording), list[Stretch]()
     for rows in _joined(recording, np.isfinite(np.column_stack(list(columns.values()))).all(axis=1)):
-        whole = bridged({"time": recording.time[rows]} | {n: c[rows] for n, c in columns.items()}, FILLED)
+        whole = bridged({"time": recording.time[rows]} | {n: c[rows] for n, c in columns.items()}, SHORT)
         heard = ~whole.filled & ~((whole.rows >= 0) & clip[rows][whole.rows])
         cuts = leaps(whole.values["position"])
         for first, last in zip([0, *cuts], [*cuts, len(heard)], strict=True):
             if (last - first) * recording.sample_time < SHORTEST:
                 continue
             part = {name: column[first:last] for name, column in whole.values.items()}
-            filled = whole.filled[first:last]
             found.append(
                 Stretch(
                     part["command"],
@@ -89,8 +86,7 @@ def stretches_of(recording: TableRecording, driven_by: str = "valve_command") ->
                     part.get("acceleration"),
                     rows.start + int(np.max(whole.rows[: first + 1])),
                     heard[first:last],
-                    filled,
-                    len(stretches(filled)),
+                    whole.filled[first:last],
                 )
             )
     return found
@@ -98,7 +94,7 @@ def stretches_of(recording: TableRecording, driven_by: str = "valve_command") ->
 
 def _joined(recording: TableRecording, measured: NDArray[np.bool_]) -> list[slice]:
     """Rows of the segments of a recording, those as one between which a few samples are lost and nothing else is."""
-    most = max(1, min(FILLED, int(LONGEST_FILLED / recording.sample_time)))
+    most = max(1, min(SHORT, int(LONGEST_FILLED / recording.sample_time)))
     time, position = recording.time, recording.position
     fast = max(float(np.percentile(np.abs(np.diff(position[s])), FAST)) for s in recording.segments)
     found = list[slice]()
@@ -115,7 +111,7 @@ def _joined(recording: TableRecording, measured: NDArray[np.bool_]) -> list[slic
 
 
 def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> list[Record]:
-    """The parts of a recording that a fit takes; a leap or a gap of more than FILLED samples is never bridged.
+    """The parts of a recording that a fit takes; a leap or a gap of more than SHORT samples is never bridged.
 
     Parameters
     ----------
@@ -156,7 +152,7 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
         raise ShakeError(f"{recording.name}: joint_states: the position stands still throughout, nothing to fit")
     if not records:
         raise ShakeError(
-            f"{recording.name}: no stretch of {SHORTEST:g} s without a gap of more than {FILLED} samples or a leap of "
+            f"{recording.name}: no stretch of {SHORTEST:g} s without a gap of more than {SHORT} samples or a leap of "
             "the position; import_csv --bridge N fills gaps of up to N samples"
         )
     return records
@@ -185,9 +181,10 @@ def finding_lines(recording: TableRecording) -> list[str]:
     lines = [f"{recording.name}: {finding}" for finding in recording.findings]
     used = stretches_of(recording)
     if filled := sum(int(s.filled.sum()) for s in used):
+        gaps = sum(len(stretches(s.filled)) for s in used)
         lines.append(
-            f"{recording.name}: {filled} lost samples in {sum(s.gaps for s in used)} gaps of up to {FILLED} are filled "
-            "for fits by interpolation; their acceleration counts in no fit and in no error"
+            f"{recording.name}: {filled} lost samples in {gaps} gaps of up to {SHORT} are filled for fits by "
+            "interpolation; their acceleration counts in no fit and in no error"
         )
     if count := int(clipped_in(recording).sum()):
         lines.append(f"{recording.name}: imu: its {count} clipped samples count in no fit and in no error")

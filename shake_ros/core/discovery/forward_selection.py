@@ -37,7 +37,7 @@ from shake_ros.core.identification.fit import Fit
 def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructure) -> tuple[SearchProblem, Selection]:
     """Add effects to the declared model until none lowers the error on validation data; take out the needless.
 
-    Returns the problem as well, with what its models have told of the accelerometer.
+    Returns the problem as well, with what its models have told of the recordings.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
         left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)
         if step.chosen.candidate.effect == UNLISTED:
             break
-    if found.steps:
+    if found.steps:  # the final model has been fitted since it was last asked
         yield with_knowledge(problem, found)[1]
 
 

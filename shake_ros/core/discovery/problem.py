@@ -237,7 +237,7 @@ class SearchProblem:
         return np.nan_to_num(self.validation.residuals(result.free.vectors(result.x))[0], nan=LOST)
 
     def seen(self, knowledge: Knowledge) -> SearchProblem:
-        """The problem with what has been learned of the accelerometer."""
+        """The problem with what a model has told of the recordings."""
         return replace(
             self,
             estimation=knowledge.problem(self.estimation),

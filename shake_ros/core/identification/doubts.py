@@ -11,7 +11,7 @@ import numpy as np
 
 from shake_ros.core.identification.nuisances import slow
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import FEWEST, between_sensors
+from shake_ros.core.identification.sensor_pair import FEWEST, between_sensors, compared, turned
 
 GRAVITY = 9.80665  # [m/s²]
 PROMPT = 5.0  # a filter or lag of the accelerometer hardly acts up to here [Hz]
@@ -45,11 +45,10 @@ def _acceleration(record: Record) -> list[str]:
     low = low if np.count_nonzero(low) >= FEWEST else np.ones(len(omega), dtype=bool)
     ratio = float(np.sum((weight * response.real)[low]) / np.sum(weight[low]))
     size = abs(ratio)
-    said = f"{record.name}: the acceleration is {ratio:.3g} times the second derivative of the position"
     if ratio < 0.0:
-        return [f"{said}: one of them points the other way; import the acceleration with the scale -1"]
+        return [turned(record, ratio)]
     hint = next((text for factor, text in UNITS.items() if 1.0 / NEAR < size / factor < NEAR), "another unit?")
-    return [] if 1.0 / NEAR < size < NEAR else [f"{said}: {hint}"]
+    return [] if 1.0 / NEAR < size < NEAR else [f"{compared(record, ratio)}: {hint}"]
 
 
 def correlation(a: np.ndarray, b: np.ndarray) -> float:

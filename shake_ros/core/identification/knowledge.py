@@ -48,10 +48,10 @@ class Knowledge:
         known = record if self.behind is None else self.behind.seen(record)
         if record.name in self.noise:
             known = replace(known, calmest=self.noise[record.name])
-        more = self.shifts.get(record.name, record.shift) - record.shift
-        if more == 0.0:
+        shift = self.shifts.get(record.name, record.shift)
+        if shift == record.shift:
             return known
-        shift = record.shift + more
+        more = shift - record.shift
         return replace(known, commands=known.commands + more, standing=known.standing + more, shift=shift)
 
     def problem(self, problem: RecordingProblem) -> RecordingProblem:
@@ -75,7 +75,7 @@ class Knowledge:
             if found < CALMER * records[0].acceleration_noise():
                 noise[name] = found
         shifts = null_shifts(problem.model, model.table, (*problem.records, *others))
-        if any(shifts.get(r.name, r.shift) != r.shift for r in (*problem.records, *others)):
+        if shifts:
             known = replace(known, shifts={**known.shifts, **shifts})
         return known if noise == known.noise else replace(known, noise=noise)
 

@@ -19,8 +19,9 @@ from scipy.signal import butter, decimate, sosfiltfilt
 
 from shake_ros.core.identification.knowledge import Knowledge
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import FILTER_DELAY, SensorPair, sensor_pair, timely
+from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair, timely
 from shake_ros.core.identification.spikes import unseen_spikes, without
+from shake_ros.core.plant.anti_alias import FILTER_DELAY
 from shake_ros.core.quantities import ShakeError
 
 FASTEST = 1000.0  # rate of a recording that a fit takes [Hz]
@@ -95,7 +96,7 @@ class Prepared:
         """How late the accelerometer is and what for; empty where it is not."""
         if not self.delay and not self.cutoff:
             return ""
-        if self.cutoff * self.delay < UNMADE * FILTER_DELAY and self.cutoff:
+        if self.cutoff and self.cutoff * self.delay < UNMADE * FILTER_DELAY:
             late = f"later than the position by {1e3 * self.delay:.2f} ms only"
             return f"accelerometer behind a low-pass of {self.cutoff:.3g} Hz, {late}: its clock makes up for the rest"
         cutoff = f", a low-pass of {self.cutoff:.3g} Hz" if self.cutoff else ""

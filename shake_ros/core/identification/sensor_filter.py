@@ -19,7 +19,8 @@ from scipy.optimize import minimize_scalar
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import FILTER_DELAY, timely
+from shake_ros.core.identification.sensor_pair import timely
+from shake_ros.core.plant.anti_alias import FILTER_DELAY
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the delay that may be a filter's
 CUTOFFS = (0.4, 0.2, 0.1, 0.05)  # of a filter where no delay shows, in parts of the sampling rate
@@ -92,11 +93,11 @@ def better_filter(problem: RecordingProblem, found: Fit) -> SensorFilter | None:
         r = seen.residuals(found.vector[None, :])[0]
         return float(np.mean((r - explained @ (explained.T @ r)) ** 2))
 
-    first = best = filter_of(late[0] if late else heard[0])
+    first = best = filter_of((late or heard)[0])
     before = least = left(first)
     for _ in range(SWEEPS):
-        tried = [*(_late if late else _timely)(best, first, left, problem.records[0].sample_time)]
-        nearest = min(tried, key=left)
+        near = _late(best, first.delay, left) if late else _timely(best, heard[0].sample_time, left)
+        nearest = min(near, key=left)
         if left(nearest) >= least:
             break
         best, least = nearest, left(nearest)
@@ -106,14 +107,14 @@ def better_filter(problem: RecordingProblem, found: Fit) -> SensorFilter | None:
 Left = Callable[[SensorFilter], float]
 
 
-def _late(best: SensorFilter, first: SensorFilter, left: Left, _: float) -> Iterator[SensorFilter]:
-    """The best delay near the first one, and other parts of the present one."""
+def _late(best: SensorFilter, first: float, left: Left) -> Iterator[SensorFilter]:
+    """The best delay near the first one [s], and other parts of the present one."""
     share = best.by_filter / best.delay
-    yield _scanned(lambda delay: SensorFilter(delay, share * delay), first.delay, left)
+    yield _scanned(lambda delay: SensorFilter(delay, share * delay), first, left)
     yield from (SensorFilter(best.delay, s * best.delay) for s in SHARES)
 
 
-def _timely(best: SensorFilter, _: SensorFilter, left: Left, sample_time: float) -> Iterator[SensorFilter]:
+def _timely(best: SensorFilter, sample_time: float, left: Left) -> Iterator[SensorFilter]:
     """Usual filters, and the best one near the present one."""
     yield from (SensorFilter(best.delay, FILTER_DELAY * sample_time / c) for c in CUTOFFS)
     if best.by_filter:

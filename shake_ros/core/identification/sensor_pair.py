@@ -23,13 +23,13 @@ from scipy.optimize import least_squares, minimize_scalar
 
 from shake_ros.core.analysis.frequency_response import SHORTEST, frequency_response
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.plant.anti_alias import FILTER_DELAY
 from shake_ros.core.quantities import ShakeError
 
 WINDOW = 4.0  # of the response [s]
 LOWEST, HIGHEST = 1.0, 40.0  # lines that are looked at [Hz]
 COHERENT = 0.95  # below, the noise of the position biases the gain
 FEWEST = 10  # lines
-FILTER_DELAY = math.sqrt(0.5) / math.pi  # of a Butterworth filter of second order, times its cut-off [-]
 LAGS = np.concatenate(([0.0], np.geomspace(3e-4, 3e-2, 40), -np.geomspace(3e-4, 3e-2, 40)))  # [s], of the position < 0
 CUTOFFS = np.geomspace(10.0, 120.0, 26)  # of a filter that is looked for [Hz]
 WORTH = 0.8  # fall of the cost from which a lag counts as one, or a filter
@@ -154,14 +154,11 @@ def sensor_pair(records: Sequence[Record]) -> SensorPair:
     ------
     ShakeError : the acceleration of a recording has the wrong sign; nothing can be fitted to that.
     """
-    for record in records:
-        omega, values, weights = between_sensors([record])
+    each = [between_sensors([record]) for record in records]
+    for record, (omega, values, weights) in zip(records, each, strict=True):
         if len(omega) >= FEWEST and (ratio := float(np.average(values.real, weights=weights))) < OPPOSITE:
-            raise ShakeError(
-                f"{record.name}: the acceleration is {ratio:.3g} times the second derivative of the position: one of "
-                "them points the other way; import the acceleration with the scale -1"
-            )
-    omega, values, weights = between_sensors(records)
+            raise ShakeError(turned(record, ratio))
+    omega, values, weights = (np.concatenate(parts) for parts in zip(*each, strict=True))
     if len(omega) < FEWEST or np.sum(weights * values.real) <= 0.0:
         return SensorPair()
     response = SensorResponse(omega, values, weights / np.sum(weights))
@@ -181,6 +178,16 @@ def sensor_pair(records: Sequence[Record]) -> SensorPair:
     sizes = rest[: len(omega)]
     told = float(sizes @ sizes) < WIDEST**2
     return SensorPair(delay + by_filter, lag, float(np.exp(gain)) - 1.0 if told else None, base)
+
+
+def turned(record: Record, ratio: float) -> str:
+    """A line on an acceleration whose sign is wrong. ratio : to the second derivative of the position [-]."""
+    return f"{compared(record, ratio)}: one of them points the other way; import the acceleration with the scale -1"
+
+
+def compared(record: Record, ratio: float) -> str:
+    """How many times the second derivative of the position the acceleration is, in words."""
+    return f"{record.name}: the acceleration is {ratio:.3g} times the second derivative of the position"
 
 
 def advanced(values: np.ndarray, samples: float) -> np.ndarray:

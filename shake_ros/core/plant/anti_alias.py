@@ -20,6 +20,7 @@ from shake_ros.core.compiled import njit
 
 Array = NDArray[np.float64]
 NONE: Array = np.empty((0, 0))
+FILTER_DELAY = math.sqrt(0.5) / math.pi  # of slow signals, times the cut-off: √2/ω_c [-]
 OUTPUT, RATE = 0, 1  # of the filter's state
 INPUTS = np.array([[1.0, 0.0, 0.0], [-4.0, -2.0, 6.0], [6.0, 6.0, -12.0]])  # ends and mean → value, rate, bend at 0
 
