@@ -96,7 +96,7 @@ def _joined(recording: TableRecording, measured: NDArray[np.bool_]) -> list[slic
     """Rows of the segments of a recording, those as one between which a few samples are lost and nothing else is."""
     most = max(1, min(SHORT, int(LONGEST_FILLED / recording.sample_time)))
     time, position = recording.time, recording.position
-    fast = max(float(np.percentile(np.abs(np.diff(position[s])), FAST)) for s in recording.segments)
+    fast = max((float(np.percentile(np.abs(np.diff(position[s])), FAST)) for s in recording.segments), default=0.0)
     found = list[slice]()
     for span in recording.segments:
         if found:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ import pytest
 import shake_ros as sr
 from shake_ros.core.identification.recordings import SHORTEST, Record
 from shake_ros.core.quantities import ShakeError
+from shake_ros.data.fit_records import finding_lines
 from shake_ros.data.recordings import write_table_recording
+from shake_ros.data.recordings.findings import Finding
 
 TIME = np.arange(4000) * 0.001
 ANGLE = 4.0 * np.pi * TIME
@@ -95,6 +98,12 @@ def test_slow_recording_loses_no_more_than_one_sample_in_a_row(tmp_path: Path) -
     one, two = rows & (np.arange(4000) != 2000), rows & ~np.isin(np.arange(4000), [2000, 2010])
     assert len(records_and_findings([bag(tmp_path / "one", one)])[0]) == 1
     assert len(records_and_findings([bag(tmp_path / "two", two)])[0]) == 2
+
+
+def test_piece_of_a_recording_without_a_segment_has_its_findings_all_the_same(tmp_path: Path) -> None:
+    (whole,) = sr.read(bag(tmp_path / "run"))
+    empty = replace(whole, segments=(), findings=(Finding("idle", "/diagnostics", 4000, "did not act"),))
+    assert finding_lines(empty) == ["run: /diagnostics: did not act"]
 
 
 def test_gap_makes_two_records_of_one_name_and_is_told(tmp_path: Path) -> None:
