@@ -25,11 +25,14 @@ PIECES = 15.0  # of the recordings that the grid is run over [s]
 
 
 class FirstGuess:
-    """Linear table and range of motion of the recordings, from which tables are made in any gauge."""
+    """Linear table and range of motion of the recordings, from which tables are made in any gauge.
 
-    def __init__(self, records: Sequence[Record]) -> None:
+    lag : of the sensors, as in SensorPair [s].
+    """
+
+    def __init__(self, records: Sequence[Record], lag: float = 0.0) -> None:
         self.records = list(records)
-        self.linear = linear_table(records)
+        self.linear = linear_table(records, lag)
         self.reach = max(float(np.max(np.abs(r.position))) for r in records)
         self.largest = max(float(np.percentile(np.abs(self._acceleration(r)), 99.9)) for r in records)
 

@@ -23,6 +23,7 @@ from scipy.signal import welch
 from shake_ros.core.analysis.frequency_response import SHORTEST, frequency_response
 from shake_ros.core.identification.nuisances import slow
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.sensor_pair import lagged
 from shake_ros.core.quantities import ShakeError
 
 WINDOW = 4.0  # of the response [s]
@@ -107,14 +108,20 @@ def measured_response(
     return omega, measured, weight / np.sum(weight)
 
 
-def linear_table(records: Sequence[Record]) -> LinearTable:
+def linear_table(records: Sequence[Record], lag: float = 0.0) -> LinearTable:
     """The linear table nearest to the measured response.
+
+    Parameters
+    ----------
+    lag : of the sensors, as in SensorPair: a slow position transducer (lag < 0) is no part of the table [s].
 
     Raises
     ------
     ShakeError : the motion does not follow the command, or goes against it.
     """
     omega, measured, weight = measured_response(records)
+    if lag < 0.0:
+        measured = measured * lagged(omega, lag)
     gain = slow_gain(records)
     if gain <= 0.0:
         names = ", ".join(dict.fromkeys(r.name for r in records))

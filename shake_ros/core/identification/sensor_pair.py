@@ -14,7 +14,7 @@ filter it comes the fit tells (sensor_filter.py).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,13 +30,15 @@ WINDOW = 4.0  # of the response [s]
 LOWEST, HIGHEST = 1.0, 40.0  # lines that are looked at [Hz]
 COHERENT = 0.95  # below, the noise of the position biases the gain
 FEWEST = 10  # lines
-LAGS = np.concatenate(([0.0], np.geomspace(3e-4, 3e-2, 40), -np.geomspace(3e-4, 3e-2, 40)))  # [s], of the position < 0
+LAGS = np.geomspace(3e-4, 3e-2, 40)  # of the accelerometer [s]
+POSITION_LAGS = np.geomspace(3e-4, 0.12, 52)  # of the position transducer [s]
 CUTOFFS = np.geomspace(10.0, 120.0, 26)  # of a filter that is looked for [Hz]
 WORTH = 0.8  # fall of the cost from which a lag counts as one, or a filter
 WORTH_OF_BASE = 0.3  # the same of a base's mode, which has three parameters
 BASES = (4.0, 7.0, 11.0, 16.0, 24.0, 35.0)  # natural frequencies from which one is sought [Hz]
 AMPLIFIED = 0.05  # β at low damping and a third of the frequency, from which it is sought
 OPPOSITE = -0.02  # mean gain below which it is no noise: -0.1 of an acceleration in g whose sign is turned
+SLOW_AS_SCALE = 0.3  # lag times the lowest line [rad], from which a lag changes the gain of all lines alike
 WIDEST = 0.05  # rms of the relative gain's departure from its mean up to which the mean is that of the sensors
 
 
@@ -122,14 +124,25 @@ def filtered(omega: NDArray[np.float64], cutoff: float) -> NDArray[np.complex128
     return np.asarray(1.0 / (1.0 + math.sqrt(2.0) * s + s * s))
 
 
+def nearest(cost: Callable[[float], float], grid: NDArray[np.float64]) -> float:
+    """Where a cost is least, near the best of a grid in constant ratios."""
+    near, ratio = float(min(grid, key=cost)), float(grid[1] / grid[0])
+    bounds, least = sorted((near / ratio, near * ratio)), 1e-3 * abs(near)
+    return float(minimize_scalar(cost, bounds=bounds, options={"xatol": least}).x)
+
+
+def best_lag(response: SensorResponse) -> float:
+    """The lag of a sensor that explains most; of the position where it is negative [s]."""
+
+    def cost(lag: float) -> float:
+        return response.cost(lagged(response.omega, lag))
+
+    return min((nearest(cost, LAGS), nearest(cost, -POSITION_LAGS)), key=cost)
+
+
 def best_cutoff(response: SensorResponse) -> float:
     """Cut-off of the filter that explains most [Hz]."""
-
-    def cost(cutoff: float) -> float:
-        return response.cost(filtered(response.omega, cutoff))
-
-    near, ratio = min(CUTOFFS, key=cost), CUTOFFS[1] / CUTOFFS[0]
-    return float(minimize_scalar(cost, bounds=(near / ratio, near * ratio)).x)
+    return nearest(lambda cutoff: response.cost(filtered(response.omega, cutoff)), CUTOFFS)
 
 
 def base_mode(response: SensorResponse) -> BaseMode:
@@ -162,11 +175,12 @@ def sensor_pair(records: Sequence[Record]) -> SensorPair:
     if len(omega) < FEWEST or np.sum(weights * values.real) <= 0.0:
         return SensorPair()
     response = SensorResponse(omega, values, weights / np.sum(weights))
-    costs = [response.cost(lagged(omega, lag)) for lag in LAGS]
-    best = int(np.argmin(costs))
-    delay = response.left(lagged(omega, LAGS[best]))[2]
-    best = best if costs[best] < WORTH * costs[0] and delay > -1e-3 else 0
-    explained, lag, cost, base, by_filter = lagged(omega, LAGS[best]), float(LAGS[best]), costs[best], None, 0.0
+    lag = best_lag(response)
+    explained = lagged(omega, lag)
+    little = response.cost(explained) >= WORTH * response.cost(lagged(omega, 0.0))
+    if little or response.left(explained)[2] <= -1e-3:  # no acceleration comes before its position
+        lag, explained = 0.0, lagged(omega, 0.0)
+    cost, base, by_filter = response.cost(explained), None, 0.0
     cutoff = best_cutoff(response)
     if response.cost(filtered(omega, cutoff)) < WORTH * cost:
         explained, lag, by_filter = filtered(omega, cutoff), 0.0, FILTER_DELAY / cutoff
@@ -176,7 +190,7 @@ def sensor_pair(records: Sequence[Record]) -> SensorPair:
         explained, lag, base, by_filter = mode.response(omega), 0.0, mode, 0.0
     rest, gain, delay = response.left(explained)
     sizes = rest[: len(omega)]
-    told = float(sizes @ sizes) < WIDEST**2
+    told = float(sizes @ sizes) < WIDEST**2 and abs(lag) * float(np.min(omega)) < SLOW_AS_SCALE
     return SensorPair(delay + by_filter, lag, float(np.exp(gain)) - 1.0 if told else None, base)
 
 

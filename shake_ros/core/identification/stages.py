@@ -67,7 +67,7 @@ class StartingPoint:
         if SPECIMEN in self.table.effects:
             return self
         try:
-            specimen = FirstGuess(self.data.estimation).specimen(self.table)
+            specimen = FirstGuess(self.data.estimation, self.data.sensors.lag).specimen(self.table)
         except ShakeError:  # a sine alone, for one, is no response
             return self
         return replace(self, fitted=self.table.with_values(specimen), shown=(SPECIMEN,)) if specimen else self
@@ -90,7 +90,7 @@ def staged_start(
     progress("first guess from the recordings", 0.0)
     assert model.table is not None
     data = data.seen(Knowledge(behind_filter(data.estimation)))
-    first = FirstGuess(data.estimation)
+    first = FirstGuess(data.estimation, data.sensors.lag)
     may_lack = tuple(effect for effect in SHOWN if model.may_lack(effect))
 
     def shown_on(table: TableParameters) -> dict[str, float]:

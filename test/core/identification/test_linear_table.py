@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.signal import butter, lsim, sosfilt
 
+from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.linear_table import linear_table, response
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
@@ -62,6 +64,20 @@ def test_none_shows_where_none_is() -> None:
     assert found.specimen is None
     assert found.omega == pytest.approx(2.0 * math.pi * HYDRAULIC, rel=0.03)
     assert found.damping == pytest.approx(DAMPING, abs=0.03)
+
+
+def test_slow_position_transducer_is_no_part_of_it() -> None:
+    lag, slow = 0.06, list[Record]()
+    for seed in (3, 4):
+        prompt = record(0.0, seed)
+        time = prompt.sample_time * np.arange(len(prompt.position))
+        _, shown, _ = lsim(([1.0], [lag, 1.0]), prompt.position, time)
+        slow.append(replace(prompt, position=shown))
+    found = FirstGuess(slow, -lag).linear
+    assert found.specimen is None
+    assert found.omega == pytest.approx(2.0 * math.pi * HYDRAULIC, rel=0.05)
+    assert found.gain == pytest.approx(GAIN, rel=0.05)
+    assert linear_table(slow).gain < 0.8 * GAIN  # what the lag would be taken for
 
 
 def test_response_is_that_of_the_state_space() -> None:

@@ -61,6 +61,12 @@ def test_acceleration_with_its_sign_turned_is_refused() -> None:
         told_by(lambda omega: -0.987 + 0.0 * omega)
 
 
+def test_transducer_slower_than_all_lines_hides_the_scale() -> None:
+    found = told_by(lambda omega: 1.0 + 0.088j * omega)
+    assert found.lag == pytest.approx(-0.088, rel=0.03)
+    assert found.scale_error is None
+
+
 def test_base_that_gives_way() -> None:
     mass, stiffness, damping = 800.0, 4e7, 0.04
     base = stiffness / (2.0 * np.pi * 18.0) ** 2
