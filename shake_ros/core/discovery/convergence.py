@@ -18,7 +18,8 @@ from shake_ros.core.identification.free_parameters import FreeParameters
 def converge(problem: SearchProblem, current: ScoredFit, refits: tuple[Refit, ...]) -> tuple[list[Refit], list[Refit]]:
     """The best refit with its rivals, all converged; and the rest as it is.
 
-    A rival is one of the nearest to the best or resembles it; what does not improve on the model as it stands is none.
+    A rival is one of the nearest to the best or resembles it, or is a fit to pieces that scores better than the best at
+    its end; what does not improve on the model as it stands is none.
     """
     settings = problem.settings
     problem.progress(f"converge {refits[0].candidate.effect}", 0.95)
@@ -28,7 +29,8 @@ def converge(problem: SearchProblem, current: ScoredFit, refits: tuple[Refit, ..
     near = [r for r in refits[1:] if r.score < settings.rival * best.score][: settings.most_continued]
 
     def is_rival(r: Refit) -> bool:
-        return (r in near or r.candidate.effect in best.candidate.resembles) and r.score < improved
+        ahead = r.result.preliminary and r.score < best.score
+        return (r in near or ahead or r.candidate.effect in best.candidate.resembles) and r.score < improved
 
     def converged(r: Refit) -> Refit:
         done = settled(problem, r)

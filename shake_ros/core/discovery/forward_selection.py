@@ -177,7 +177,7 @@ def forward_step(
                 return function, ranking, current, functions
         refits = refit(problem, screening, effects, ranking, current)
         converged, others = converge(problem, current, refits)
-        ranking = ranked(converged, others)
+        ranking = (*ranked(converged), *ranked(others))  # a fit to pieces is no answer, however well it scores
         if improves(ranking[0].result, current, settings, tried):
             break
     else:
@@ -185,7 +185,7 @@ def forward_step(
     current = reconverged(problem, current, ranking[0])
     if not improves(ranking[0].result, current, settings, tried):
         return None, ranking, current, functions
-    ranking = ranked(refined(problem, converged), others)
+    ranking = (*ranked(refined(problem, converged)), *ranked(others))
     step = decide(ranking, screening.trials, settings, problem.validation.noise_cost())
     return step, step.ranking, current, functions
 

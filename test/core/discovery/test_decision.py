@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.decision import distinguishable, improves
+from shake_ros.core.discovery.decision import decide, distinguishable, improves
 from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.fit import Fit
@@ -107,9 +107,24 @@ def test_drawn_runs_that_may_be_better_by_chance_do_not_decide() -> None:
     assert not improves(heard(1.0, 0.9, 0.6), before, SETTINGS)
 
 
-@pytest.mark.parametrize(("pressure", "usual"), [(4e5, True), (31e5, False)])
-def test_a_back_pressure_as_of_a_blocked_filter_is_not_usual(pressure: float, usual: bool) -> None:
+def back_pressure(pressure: float, blocks: int = 0) -> Refit:
+    """A fitted back pressure of the tank [Pa]; with blocks of the validation data where it is fitted to the whole."""
     tank = next(c for c in effect_candidates() if c.effect == "tank_back_pressure")
     free = FreeParameters(load_table("bergamo"), tank.free)
     fit = Fit(free, free.x_of({tank.strength.name: pressure}), np.zeros(1), np.zeros((1, 1)), 0.0, 1)
-    assert Refit(tank, ScoredFit(fit, 1.0, 1.0), 0.0).usual is usual
+    return Refit(tank, ScoredFit(fit, 1.0, 1.0, np.ones(blocks)), 0.0)
+
+
+@pytest.mark.parametrize(("pressure", "usual"), [(4e5, True), (31e5, False)])
+def test_a_back_pressure_as_of_a_blocked_filter_is_not_usual(pressure: float, usual: bool) -> None:
+    assert back_pressure(pressure).usual is usual
+
+
+@pytest.mark.parametrize(("blocks", "instead"), [(40, True), (0, False)])
+def test_usual_values_are_named_instead_of_the_best_only_where_they_fit_whole_recordings(
+    blocks: int, instead: bool
+) -> None:
+    best, usual = back_pressure(31e5, 40), back_pressure(4e5, blocks)
+    step = decide((best, usual), (), SETTINGS, 1.0)
+    assert step.chosen is (usual if instead else best)
+    assert step.alternatives == ("tank_back_pressure",)
