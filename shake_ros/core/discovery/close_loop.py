@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
 from shake_ros.core.discovery.forward_selection import converged_again, forward_selection, listened
@@ -86,15 +88,22 @@ def _concluded(
         problem, found = on_whole(problem, found, estimation)
     found = found.on(lambda m: m, problem.heard) if problem.drawing > 0.0 else found
     problem.progress("errors and what remains", 0.9)
-    fits = [m.fit for m in found.models]
-    before = [fitted_model(f, problem.estimation, problem.validation, searched) for f in fits[:-1]]
-    models = (*before, fitted_model(fits[-1], problem.estimation, problem.validation))
+    models = passed_through(problem, found, searched)
     rest = remaining(problem, found)
     problem.progress("the force that the model lacks", 0.95)
     forces = latent_forces(problem, models[-1].table)
     function, noise = learnt_function(problem, found.final), problem.estimation.noise()
     told = standings, doubtful, tentative, function, forces, problem.estimation.unpredictable
     return LoopClosure(models[0], models[1:], found, rest, noise, model.simulator, *told)
+
+
+def passed_through(problem: SearchProblem, found: Selection, searched: np.ndarray) -> tuple[FittedModel, ...]:
+    """The models of a search with their errors, the final one last; where an effect left the model it stands there too.
+
+    searched : blocks of the data that the models before it were fitted to, shape (n,).
+    """
+    fits, data = [m.fit for m in found.models], (problem.estimation, problem.validation)
+    return tuple(fitted_model(f, *data, None if f is fits[-1] else searched) for f in fits)
 
 
 def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:

@@ -2,8 +2,22 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
+import pytest
 from closed_loops import CASES, command
+
+from shake_ros.core.discovery.close_loop import passed_through
+from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.problem import ScoredFit
+from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.selection import Selection
+from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.declared import effect_candidates
+from shake_ros.settings import load_table
 
 
 def test_closing_the_loop_ends_with_the_extended_model() -> None:
@@ -22,3 +36,43 @@ def test_closing_the_loop_where_nothing_is_missing_ends_with_the_declared_model(
     assert result.models == ()
     assert result.final is result.baseline
     assert not result.remaining.above_noise
+
+
+class Recorded:
+    """Data whose residuals are a number for every sample; an error of one for the channel."""
+
+    def __init__(self, samples: int) -> None:
+        self.samples = samples
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        return np.ones((len(vectors), self.samples))
+
+    def blocks(self) -> np.ndarray:
+        return np.arange(self.samples) // 10
+
+    def errors(self, _vector: np.ndarray) -> dict[str, dict[str, float]]:
+        return {"run": {"velocity": 1.0}}
+
+
+@pytest.mark.parametrize("gone", [(), ("constant_force",)], ids=["none", "the first"])
+def test_model_that_an_effect_has_left_since_counts_on_the_data_of_the_final_one(gone: tuple[str, ...]) -> None:
+    searched, whole = Recorded(40), Recorded(90)
+    known = {c.effect: c for c in effect_candidates()}
+    first, second = known["constant_force"], known["quadratic_drag"]
+
+    def fitted(data: Recorded, *effects: Any) -> ScoredFit:
+        free = FreeParameters(load_table("bergamo"), [p for e in effects for p in e.free])
+        x, samples = np.full(len(free.names), 0.1), np.arange(data.samples)
+        slope = np.column_stack([np.sin((k + 1) * samples) for k in range(len(x))])
+        return ScoredFit(Fit(free, x, np.ones(data.samples), slope, 1.0, 1), 1.0, 1.0)
+
+    declared, along = fitted(searched, known["dead_volume"]), fitted(searched, first)
+    final = fitted(whole, second) if gone else fitted(whole, first, second)
+    steps = tuple(
+        ForwardStep(Refit(c, result, 0.0), ())
+        for c, result in ((first, along), (known["film_friction"], along), (second, final))
+    )
+    problem: Any = SimpleNamespace(estimation=whole, validation=whole)
+    models = passed_through(problem, Selection(declared, steps, final, gone), searched.blocks())
+    assert [len(m.fit.residuals) for m in models] == [40, *([90, 90] if gone else [40, 40]), 90]
+    assert all(p.std_error is not None for p in models[-1].parameters)
