@@ -67,7 +67,7 @@ class StartingPoint:
         if SPECIMEN in self.table.effects:
             return self
         try:
-            specimen = FirstGuess(self.data.estimation, self.data.sensors.lag).specimen(self.table)
+            specimen = FirstGuess(self.data.estimation).specimen(self.table)
         except ShakeError:  # a sine alone, for one, is no response
             return self
         return replace(self, fitted=self.table.with_values(specimen), shown=(SPECIMEN,)) if specimen else self
