@@ -280,7 +280,8 @@ def close_loop(
     estimation : recordings to fit. validation : recordings that decide whether an effect is added.
     settings : thresholds of the search, where not those of config/discovery/search.yaml.
     tune : design observer and controller for the found table as well, see `sr.tune`; of the full model.
-    minutes : after which the search ends with the best answer so far. Ctrl-C ends it as well; the second interrupts.
+    minutes : after which the search ends with the best answer so far; judging it may take a quarter of that more.
+        Ctrl-C ends it as well; the second interrupts.
     progress : show it, or a function to tell what is being done and which part is done.
 
     Raises
@@ -320,7 +321,8 @@ def close_loop(
             start = start.with_specimen() if declared is FULL else start
             data, structure = start.data, model_structure(start, declared)
             first, second = data.estimation, data.validation
-            found = closing.close_loop(structure, first, second, settings or search_settings(declared), ending)
+            limits = settings or search_settings(declared)
+            found = closing.close_loop(structure, first, second, limits, ending, ending.overdue)
         data = data.seen(found.search.knowledge)
         first, second = data.estimation, data.validation
         known = _uncertainty(found, first)

@@ -1,11 +1,13 @@
 """How a long search ends early: after some minutes, or at Ctrl-C, with what it has found so far.
 
-Between its steps it is stopped; a fit that is under way ends where it is.
+Between its steps it is stopped; a fit that is under way ends where it is. How sure each effect is, is judged after that
+by fits that go on to their end, but for no longer than a part of the time that the search has had.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import signal
 import threading
 import time
@@ -15,6 +17,9 @@ from shake_ros.api.progress import Progress
 from shake_ros.core.discovery.problem import Stopped
 from shake_ros.core.identification.haste import in_haste
 from shake_ros.core.quantities import ShakeError
+
+JUDGING = 0.25  # part of the time until a search is ended early that judging what it has found may take
+LEAST_JUDGING = 20.0  # [s] and at least
 
 
 class Ending:
@@ -29,8 +34,9 @@ class Ending:
         if minutes is not None and not minutes > 0.0:
             raise ShakeError(f"minutes = {minutes:g}: must be above 0")
         self._progress = progress
-        self._last = None if minutes is None else time.monotonic() + 60.0 * minutes
-        self._asked = False
+        self._began = time.monotonic()
+        self._last = None if minutes is None else self._began + 60.0 * minutes
+        self._asked: float | None = None
         self._before: object = None
         self._haste = contextlib.ExitStack()
         self._watching = threading.current_thread() is threading.main_thread()
@@ -44,8 +50,16 @@ class Ending:
             raise Stopped
 
     def over(self) -> bool:
-        """Whether it is time to end."""
-        return self._asked or (self._last is not None and time.monotonic() > self._last)
+        """Whether it is time to end the search."""
+        return time.monotonic() > self._end
+
+    def overdue(self) -> bool:
+        """Whether it is time to end all that follows the search as well."""
+        return time.monotonic() > self._end + max(JUDGING * (self._end - self._began), LEAST_JUDGING)
+
+    @property
+    def _end(self) -> float:
+        return min((t for t in (self._asked, self._last) if t is not None), default=math.inf)
 
     def __enter__(self) -> Ending:
         self._haste.enter_context(in_haste(self.over))
@@ -61,7 +75,7 @@ class Ending:
             signal.signal(signal.SIGINT, self._before)  # type: ignore[arg-type]
 
     def _interrupted(self, *_: object) -> None:
-        if self._asked:
+        if self._asked is not None:
             raise KeyboardInterrupt
-        self._asked = True
+        self._asked = time.monotonic()
         self._progress("ending with what is found; Ctrl-C once more leaves nothing", 0.0)

@@ -30,7 +30,10 @@ def main(arguments: Sequence[str]) -> int:
         "--tune", action="store_true", help="make controller.yaml and observer.yaml for the found table"
     )
     command.add_argument(
-        "--minutes", type=float, metavar="N", help="end the search after N minutes with the best answer so far"
+        "--minutes",
+        type=float,
+        metavar="N",
+        help="end the search after N minutes with the best answer so far; judging it may take a quarter more",
     )
     given = command.parse_args(list(arguments))
     if given.tune and MODELS[given.model].layout is not FULL_LAYOUT:

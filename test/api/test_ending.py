@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 
 import pytest
 
@@ -21,6 +22,19 @@ def test_without_a_limit_it_goes_on_and_what_is_patient_always_does() -> None:
     with Progress("search", False) as bar, Ending(bar) as endless, Ending(bar, 1e-9) as over:
         endless("step", 0.5)
         patiently(over)("step", 0.5)
+
+
+def test_what_follows_the_search_has_a_quarter_of_its_time_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
+    with Progress("search", False) as bar:
+        late, brief, endless = Ending(bar, 4.0), Ending(bar, 0.5), Ending(bar)
+        clock[0] += 61.0
+        assert (late.over(), brief.over(), brief.overdue()) == (False, True, True)  # 30 s and 20 more
+        clock[0] += 230.0
+        assert (late.over(), late.overdue()) == (True, False)
+        clock[0] += 10.0
+        assert late.overdue() and not endless.over() and not endless.overdue()
 
 
 def test_ctrl_c_ends_it_with_what_is_found_and_interrupts_when_pressed_again() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -57,6 +57,7 @@ def close_loop(
     validation: Sequence[Record],
     settings: SearchSettings,
     progress: Progress,
+    overdue: Callable[[], bool] = never,
 ) -> LoopClosure:
     """Find what the declared model lacks.
 
@@ -66,13 +67,14 @@ def close_loop(
     estimation, validation : recordings that are fitted, and others that judge what is added.
     settings : thresholds of the search. progress : called with a text and the part done, 0 … 1; where it
         raises `Stopped`, the search ends with what it has.
+    overdue : whether what follows the search is to end as well; asked within its fits.
     """
     problem = SearchProblem.of(model, estimation, validation, settings, patiently(progress))
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
     patient = problem.progress
     problem, selection = forward_selection(replace(problem, progress=progress), declared, model)
     problem, selection = listened(problem, selection, replace(model, shown=()))
-    with in_haste(never):  # how sure each effect is, is judged by fits that have ended
+    with in_haste(overdue):  # how sure each effect is, is judged by fits that have ended, as long as there is time
         return _concluded(replace(problem, progress=patient), selection, model, estimation)
 
 

@@ -4,11 +4,15 @@ An effect is
 
     established      the residual is near the noise, the effect is needed, and no other could stand for it
     one of these     another effect would do as well in its place in the final model
-    likely           needed, and worth more than all that is still unexplained, which stands above the noise
+    likely           needed, and worth more than all that is still unexplained, which stands above the noise; or there
+                     was no time to judge it to the end
     not established  at a bound, not needed beyond chance, or worth less than what is still unexplained
 
 Where much remains, a combination with something else may replace what was found; an effect at a bound does the work of
 something that is missing. Such effects are candidates, not findings.
+
+A fit without an effect that had to end early leaves at least what it would have left at its end. So in haste (haste.py)
+an effect may still turn out to be needless, but none is established.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from shake_ros.core.discovery.elimination import without
 from shake_ros.core.discovery.exchange import in_its_place, rivals
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
 from shake_ros.core.discovery.selection import Selection
+from shake_ros.core.identification.haste import hurried
 from shake_ros.core.identification.uncertainty import at_bound
 
 ESTABLISHED, LIKELY, ONE_OF_THESE, NOT_ESTABLISHED = "established", "likely", "one of these", "not established"
@@ -53,7 +58,7 @@ def own_bounds(final: ScoredFit, step: ForwardStep) -> tuple[str, ...]:
 
 def alternatives(problem: SearchProblem, found: Selection, step: ForwardStep) -> tuple[str, ...]:
     """Effects that could stand for a step's in the final model; for the last step the search has told already."""
-    if step is found.steps[-1]:
+    if step is found.steps[-1] or hurried():
         return step.alternatives
     settings, noise = problem.settings, problem.validation.noise_cost()
     near = rivals(found.steps, step, settings.rival, settings.most_continued)
@@ -71,6 +76,7 @@ def standing(problem: SearchProblem, found: Selection, step: ForwardStep) -> tup
     unexplained = final.validation_cost - noise
     near = final.validation_cost <= settings.near_noise**2 * noise
     others = alternatives(problem, found, step)
+    early = hurried()
     if candidate.strength.name in bounds:
         state, reason = NOT_ESTABLISHED, "its strength rests on a bound: it does the work of something that is missing"
     elif not improves(final, reduced, settings):
@@ -79,6 +85,8 @@ def standing(problem: SearchProblem, found: Selection, step: ForwardStep) -> tup
         state, reason = NOT_ESTABLISHED, "worth less than what is still unexplained, which may replace it"
     elif others:
         state, reason = ONE_OF_THESE, "another effect would do as well in its place"
+    elif early:
+        state, reason = LIKELY, "not judged to the end: the time was over"
     elif near:
         state, reason = ESTABLISHED, "needed, nothing else could stand for it, and the residual is near the noise"
     else:

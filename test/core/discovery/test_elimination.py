@@ -2,60 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
 import pytest
+from linear_effects import FIRST, SECOND, VISCOUS, Hidden, problem_of, step
 
-from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.elimination import eliminate
-from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
-from shake_ros.core.discovery.refit import Refit
-from shake_ros.core.identification.fit import fit
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.declared import effect_candidates, free_parameters
-from shake_ros.settings import load_search, load_table
-
-TABLE = load_table("bergamo")
-POOL = {c.effect: c for c in effect_candidates()}
-FIRST, SECOND = POOL["constant_force"], POOL["asymmetric_flow_gain"]
-VISCOUS = next(p for p in free_parameters() if p.name == "friction.viscous")
-PARAMETERS = (VISCOUS, FIRST.strength, SECOND.strength)
-COLUMNS = [list(TABLE.fields).index(p.name) for p in PARAMETERS]
-NOISE, *DIRECTIONS = np.random.default_rng(11).standard_normal((4, 2000))
-
-
-class Hidden:
-    """Residuals linear in three parameters, of which the true table has the strengths given, in their scales."""
-
-    def __init__(self, first: float, second: float) -> None:
-        self.true = np.array([3.0, first, second])
-
-    def residuals(self, vectors: np.ndarray) -> np.ndarray:
-        x = vectors[:, COLUMNS] / [p.scale for p in PARAMETERS]
-        return 0.1 * NOISE + (x - self.true) @ np.array(DIRECTIONS)
-
-    def blocks(self) -> np.ndarray:
-        return np.arange(len(NOISE)) // 100
-
-    def drawn(self, _injection: float) -> Hidden:
-        return self
-
-    def noise_cost(self) -> float:
-        return 0.01
-
-
-def problem_of(hidden: Any) -> SearchProblem:
-    return SearchProblem(hidden, hidden, hidden, hidden, (), load_search(), lambda text, part: None)
-
-
-def step(problem: SearchProblem, *effects: CandidateEffect) -> ForwardStep:
-    """A step that ended with these effects."""
-    free = FreeParameters(TABLE, [VISCOUS, *(e.strength for e in effects)])
-    result = fit(problem.estimation, free, free.start(), evaluations=30, tolerance=1e-9)
-    refit = Refit(effects[-1], problem.scored(result), 0.5)
-    return ForwardStep(refit, (refit,))
+from shake_ros.core.discovery.problem import ScoredFit
 
 
 def eliminated(first: float, second: float) -> tuple[list[str], ScoredFit, tuple[str, ...]]:

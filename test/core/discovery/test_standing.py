@@ -1,0 +1,57 @@
+"""How sure each effect is, on residuals linear in the strengths of two effects."""
+
+from __future__ import annotations
+
+import pytest
+from linear_effects import FIRST, SECOND, Hidden, fitted, problem_of, step
+
+from shake_ros.core.discovery.problem import SearchProblem
+from shake_ros.core.discovery.selection import Selection
+from shake_ros.core.discovery.standing import ESTABLISHED, LIKELY, EffectStanding, judged
+from shake_ros.core.identification.haste import in_haste
+
+
+def found_in(problem: SearchProblem) -> Selection:
+    """A search that has added both effects."""
+    steps = (step(problem, FIRST), step(problem, FIRST, SECOND))
+    return Selection(fitted(problem), steps, steps[-1].chosen.result)
+
+
+def standings(hidden: Hidden, *, late: bool = False) -> tuple[dict[str, EffectStanding], tuple[str, ...]]:
+    """How each effect stands that stays, and those that leave the model; late: the time is over."""
+    problem = problem_of(hidden)
+    found = found_in(problem)
+    with in_haste(lambda: late):
+        kept, told, doubtful = judged(problem, found)
+    assert [s.chosen.candidate.effect for s in kept.steps] == [s.effect for s in told]
+    return {s.effect: s for s in told}, tuple(s.effect for s in doubtful)
+
+
+def states(hidden: Hidden, *, late: bool = False) -> tuple[dict[str, str], tuple[str, ...]]:
+    """The state alone of each effect that stays, and those that leave the model."""
+    told, doubtful = standings(hidden, late=late)
+    return {name: s.state for name, s in told.items()}, doubtful
+
+
+def test_two_effects_that_are_needed_at_the_noise_are_established() -> None:
+    assert states(Hidden(1.0, 2.0)) == ({FIRST.effect: ESTABLISHED, SECOND.effect: ESTABLISHED}, ())
+
+
+def test_effect_without_which_the_model_does_as_well_leaves_it() -> None:
+    assert states(Hidden(0.0, 2.0)) == ({SECOND.effect: ESTABLISHED}, (FIRST.effect,))
+
+
+@pytest.mark.parametrize(
+    ("first", "expected"), [(1.0, {FIRST.effect: LIKELY, SECOND.effect: LIKELY}), (0.0, {SECOND.effect: LIKELY})]
+)
+def test_where_the_time_is_over_nothing_is_established_and_what_is_needless_leaves_all_the_same(
+    first: float, expected: dict[str, str]
+) -> None:
+    kept, doubtful = states(Hidden(first, 2.0), late=True)
+    assert kept == expected
+    assert doubtful == (() if first else (FIRST.effect,))
+
+
+def test_what_there_was_no_time_to_judge_says_so() -> None:
+    told, _ = standings(Hidden(1.0, 2.0), late=True)
+    assert {s.reason for s in told.values()} == {"not judged to the end: the time was over"}
