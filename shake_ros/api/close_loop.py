@@ -330,7 +330,8 @@ def close_loop(
         bar("tracking with the model before and after", 1.0)
         benefit = tracking(found, known, tuned)
         bar("residuals and what would help", 1.0)
-        told = diagnose(found.final.fit, first, second, recordings_to_make(), declared)
+        asked = () if ending.overdue() else recordings_to_make()
+        told = diagnose(found.final.fit, first, second, asked, declared)
     return Discovery(model, found, first, second, told, benefit, data, tuned)
 
 

@@ -44,6 +44,7 @@ class Diagnosis:
     """Judgements of all recordings, identifiability, and what each candidate recording would add.
 
     predictable : what of each residual is predictable at all. innovations : errors of drawn runs on held-out data.
+    asked : whether any recording was asked what it would add.
     """
 
     judgements: tuple[Judgement, ...]
@@ -51,11 +52,12 @@ class Diagnosis:
     benefits: tuple[RecordingBenefit, ...]
     predictable: tuple[Predictability, ...] = ()
     innovations: Innovations | None = None
+    asked: bool = True
 
     @property
     def advice(self) -> str:
         """A sentence on the recording that would help most."""
-        return advice(self.identifiability, self.benefits)
+        return advice(self.identifiability, self.benefits, self.asked)
 
 
 def thinning(record: Record) -> int:
@@ -126,4 +128,4 @@ def diagnose(
         result = replace(result, residuals=residuals, jacobian=derivative)
     known = identifiability(result, blocks)
     helpful = tuple(benefits(result, known, estimation, candidates, model))
-    return Diagnosis(tuple(judged), known, helpful, predictability(left, held), drawn)
+    return Diagnosis(tuple(judged), known, helpful, predictability(left, held), drawn, bool(candidates))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.identification.diagnosis import Judgement, diagnose
+from shake_ros.core.identification.diagnosis import Diagnosis, Judgement, diagnose
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
 from shake_ros.core.identification.recording_problem import RecordingProblem
@@ -28,12 +28,20 @@ def recorded(table: TableParameters, seed: int, acceleration: bool = True) -> Re
     return Record(f"run{seed}", 1e-3, command, position, felt if acceleration else None)
 
 
-def judged(truth: TableParameters, acceleration: bool = True) -> tuple[Judgement, ...]:
+def diagnosed(truth: TableParameters, acceleration: bool = True) -> Diagnosis:
     learn, hold = [recorded(truth, 1, acceleration)], [recorded(truth, 2, acceleration)]
     names = {"friction.coulomb_level": {"scale": 50.0}, "valve.flow_coefficient": {"scale": 1e-8}}
     free = FreeParameters(TABLE, [free_parameter(n, c, "here") for n, c in names.items()])
     result = fit(RecordingProblem(learn), free, free.start(), evaluations=10)
-    return diagnose(result, learn, hold, ()).judgements
+    return diagnose(result, learn, hold, ())
+
+
+def judged(truth: TableParameters, acceleration: bool = True) -> tuple[Judgement, ...]:
+    return diagnosed(truth, acceleration).judgements
+
+
+def test_what_no_recording_was_asked_for_is_not_said_to_be_impossible() -> None:
+    assert diagnosed(TABLE).advice == "there was no time to ask which further recording would help"
 
 
 def test_a_model_that_lacks_nothing_leaves_noise_in_every_recording() -> None:
