@@ -6,11 +6,17 @@ far away from the truth where it lacks them. Each has then to prove its worth li
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, improves
 from shake_ros.core.discovery.elimination import without
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, Stopped, patiently
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.joint_start import loss
+
+DOUBTFUL = 4.0  # of the least loss to first order, up to which an effect may be the one that is needed least
 
 
 def shown_steps(problem: SearchProblem, model: ModelStructure, declared: ScoredFit) -> tuple[ForwardStep, ...]:
@@ -29,11 +35,23 @@ def shown_steps(problem: SearchProblem, model: ModelStructure, declared: ScoredF
             problem.progress("which of them are needed?", 1.0 - len(left) / shown)
         except Stopped:  # how sure each is will be judged all the same
             return (*(ForwardStep(each, (each,)) for each in (Refit(c, final, 0.0) for c in left)), *reversed(steps))
-        reduced = [without(problem, final, c) if len(left) > 1 else declared for c in left]
-        least = min(range(len(left)), key=lambda i: reduced[i].score)
-        dropped = left.pop(least)
-        if improves(final, reduced[least], settings, tried):
+        dropped, reduced = needed_least(problem, final, left) if len(left) > 1 else (left[0], declared)
+        left.remove(dropped)
+        if improves(final, reduced, settings, tried):
             refit = Refit(dropped, final, 0.0)
             steps.append(ForwardStep(refit, (refit,)))
-        final = reduced[least]
+        final = reduced
     return tuple(reversed(steps))
+
+
+def needed_least(
+    problem: SearchProblem, final: ScoredFit, left: Sequence[CandidateEffect]
+) -> tuple[CandidateEffect, ScoredFit]:
+    """The effect that a model can do without most easily, and the model refitted without it.
+
+    Only those are refitted whose loss to first order is not far above the least.
+    """
+    losses = [loss(final.fit, [c.strength.name], [c.neutral / c.strength.scale]) for c in left]
+    near = [c for c, lost in zip(left, losses, strict=True) if lost <= DOUBTFUL * min(losses)]
+    tried = [(c, without(problem, final, c)) for c in near]
+    return min(tried, key=lambda t: t[1].score)

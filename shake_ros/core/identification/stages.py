@@ -113,8 +113,10 @@ def staged_start(
         pieces = _pieces(model, data)
         best = _fitted(pieces, moved(shown), best.table)
     begin = guesses[0]
+    if is_far(pieces, best):
+        data, pieces, best = once_more(model, data, pieces, moved(shown), best)
     for _ in range(JOINTS):
-        if best.cost < 0.5 * FAR**2 * pieces.noise_cost() * pieces.count:
+        if not is_far(pieces, best):
             break
         progress("first fit: several effects at once", 0.0)
         joined, more = several_at_once(pieces, moved(shown), known, begin, CLEAR * best.cost)
@@ -130,6 +132,24 @@ def staged_start(
         data = recentred(model, table, data)
         table = _fitted(_pieces(model, data), moved(shown), table).table
     return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
+
+
+def is_far(pieces: RecordingProblem, found: Fit) -> bool:
+    """Whether a fit leaves so much above the noise that several effects are looked for at once."""
+    return found.cost >= 0.5 * FAR**2 * pieces.noise_cost() * pieces.count
+
+
+def once_more(
+    model: UnknownModel, data: Prepared, pieces: RecordingProblem, free: Sequence[FreeParameter], found: Fit
+) -> tuple[Prepared, RecordingProblem, Fit]:
+    """Data, pieces of them and a fit that is far, or the same with the null shifts that it tells where that is not.
+
+    A fit that has only not come to its end lacks no effect; the null shifts of a model that does are wrong ones.
+    """
+    centred = recentred(model, found.table, data)
+    seen = _pieces(model, centred)
+    again = _fitted(seen, free, found.table)
+    return (data, pieces, found) if is_far(seen, again) else (centred, seen, again)
 
 
 def with_effects(

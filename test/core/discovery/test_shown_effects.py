@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import pytest
 from closed_loops import DEAD_BAND, declared_fit, problem_of, recording
+from linear_effects import FIRST, SECOND, Hidden, fitted
+from linear_effects import problem_of as linear_problem
 
+from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.elimination import without
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, Stopped
-from shake_ros.core.discovery.shown_effects import shown_steps
+from shake_ros.core.discovery.shown_effects import needed_least, shown_steps
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import load_table
 
@@ -46,6 +49,18 @@ def test_what_shows_and_is_there_becomes_a_step_that_can_be_taken_out() -> None:
 
 def test_what_only_seems_to_show_is_left_out() -> None:
     assert shown("nothing")[1] == ()
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "dropped", "refitted"), [(1.0, 5.0, FIRST, 1), (5.0, 1.0, SECOND, 1), (2.0, 2.5, FIRST, 2)]
+)
+def test_only_effects_that_may_be_needed_least_are_refitted_without(
+    first: float, second: float, dropped: CandidateEffect, refitted: int
+) -> None:
+    problem = linear_problem(Hidden(first, second))
+    least, reduced = needed_least(problem, fitted(problem, FIRST, SECOND), (FIRST, SECOND))
+    assert least is dropped and dropped.strength.name not in reduced.fit.free.names
+    assert len(problem.reduced) == refitted
 
 
 def test_where_the_time_is_over_what_shows_is_fitted_and_stays_to_be_judged() -> None:

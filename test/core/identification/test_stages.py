@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from foreign_run import foreign_run
 
+from shake_ros.core.identification import stages
+from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.nuisances import Nuisance, Prepared
+from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.sensor_pair import BaseMode, SensorPair
 from shake_ros.core.identification.stages import (
     BETWEEN_SENSORS,
+    FAR,
     narrow_starts,
+    once_more,
     recentred,
     told_by_sensors,
     with_friction_of,
@@ -66,3 +75,27 @@ def test_null_shift_that_the_free_run_tells_leaves_what_else_was_taken_out() -> 
     (after,) = recentred(unknown_model(), load_table("bergamo"), data).nuisances
     assert after.null_shift != before.null_shift
     assert (after.acceleration_bias, after.spikes) == (0.1, 7)
+
+
+@pytest.mark.parametrize("ratio", [0.9, 1.1])
+def test_null_shifts_of_a_fit_that_is_far_count_only_where_it_is_near_with_them(
+    ratio: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, run = unknown_model(), foreign_run(425)
+    data, centred = Prepared([run], [], 1.0, ()), Prepared([replace(run, shift=0.01)], [], 1.0, ())
+    pieces = RecordingProblem(data.estimation, model)
+
+    def left(times: float) -> Fit:
+        """A fit that leaves so many times what counts as far."""
+        cost = times * 0.5 * FAR**2 * pieces.noise_cost() * pieces.count
+        free = FreeParameters(load_table("bergamo"), ())
+        return Fit(free, np.zeros(0), np.zeros(0), np.zeros((0, 0)), cost, 1)
+
+    before, again = left(2.0), left(ratio)
+    monkeypatch.setattr(stages, "recentred", lambda *_: centred)
+    monkeypatch.setattr(stages, "_fitted", lambda *_: again)
+    found, seen, best = once_more(model, data, pieces, (), before)
+    if ratio < 1.0:
+        assert (found, best) == (centred, again) and seen is not pieces
+    else:
+        assert (found, best) == (data, before) and seen is pieces
