@@ -68,7 +68,7 @@ def refit(
     """
     settings = problem.settings
     most, tolerance = settings.continued_evaluations, settings.continued_tolerance
-    refits = list(ranked(known, short_refits(problem, screening, effects)))
+    refits = list(ranked(known, first_refits(problem, screening, effects, current)))
     first = refits[0]
     tell_of(problem, first, current)
     problem.progress(f"polish {first.candidate.effect}", 0.6)
@@ -99,6 +99,26 @@ def passed_over(refits: Sequence[Refit], screening: Screening) -> list[str]:
     tried = {r.candidate.effect for r in refits}
     alike = refits[0].candidate.resembles
     return [e for c in screening.candidates if (e := c.effect) in alike and e not in tried and screening.of(e)]
+
+
+def first_refits(problem: SearchProblem, screening: Screening, effects: list[str], current: ScoredFit) -> list[Refit]:
+    """First refits of effects; of the leading one alone where it keeps its promise."""
+    lead, short = leading(problem, screening, effects), list[Refit]()
+    if lead:
+        short = short_refits(problem, screening, lead)
+        fall = 1.0 - min(r.result.estimation_cost for r in short) / current.estimation_cost
+        if fall > problem.settings.lead_kept * screening.of(lead[0])[0].gain:
+            return short
+    return short + short_refits(problem, screening, [e for e in effects if e not in lead])
+
+
+def leading(problem: SearchProblem, screening: Screening, effects: Sequence[str]) -> list[str]:
+    """The effect that promises far more than all others, with those that it resembles; else empty."""
+    settings, best = problem.settings, [t for t in screening.best if t.candidate.effect in effects]
+    lead = [e for e in effects if e == best[0].candidate.effect or e in best[0].candidate.resembles]
+    others = max((t.gain for t in best if t.candidate.effect not in lead), default=0.0)
+    clear = best[0].gain > settings.lead_promise and others < settings.lead_rival * best[0].gain
+    return lead if clear and len(lead) < len(effects) else []
 
 
 def short_refits(problem: SearchProblem, screening: Screening, effects: list[str]) -> list[Refit]:

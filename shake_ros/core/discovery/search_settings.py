@@ -44,6 +44,9 @@ class SearchSettings(Parameters):
     much_left: float = quantity("-", "ratio to the noise from which all effects are refitted", low=0.0)
     # refits
     most_refits: int = quantity("-", "effects refitted at first in a step", low=1)
+    lead_promise: float = quantity("-", "predicted fall from which an effect may be refitted alone", low=0.0, high=1.0)
+    lead_rival: float = quantity("-", "part of it that no other effect may promise then", low=0.0, high=1.0)
+    lead_kept: float = quantity("-", "part of it that its refit must take for that", low=0.0)
     start_multiples: tuple[float, ...] = quantity("-", "multiples of a trial from which a refit may start", low=0.0)
     first_evaluations: int = quantity("-", "most trial points of a first refit", low=1)
     first_tolerance: float = quantity("-", "relative change at which a first refit stops", low=1e-12, high=1.0)

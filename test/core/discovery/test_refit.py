@@ -10,7 +10,17 @@ import pytest
 
 from shake_ros.core.discovery import refit
 from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.refit import Begun, Refit, best_start, passed_over, rounds, short_refits, sought, tell_of
+from shake_ros.core.discovery.refit import (
+    Begun,
+    Refit,
+    best_start,
+    first_refits,
+    passed_over,
+    rounds,
+    short_refits,
+    sought,
+    tell_of,
+)
 from shake_ros.core.discovery.screening import ScreenedTrial, Screening
 from shake_ros.core.identification.approach import Approach
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -146,3 +156,31 @@ def test_a_refit_does_not_begin_from_nothing_where_no_other_parameter_has_a_slop
     trials = [ScreenedTrial(candidate, i, 0.1, part, x) for i, part in ((4, 2.0), (0, 0.0))]
     found, start = best_start(problem, current, trials, (0.25, 1.0))
     assert found.table(start).value("effects.specimen_resonance.mass") == pytest.approx(0.25 * 30.0)
+
+
+@pytest.mark.parametrize(
+    ("promises", "takes", "expected"),
+    [
+        ((0.8, 0.3, 0.3), 0.7, [["slow_valve"]]),  # far ahead, and it keeps its promise
+        ((0.8, 0.3, 0.3), 0.3, [["slow_valve"], ["soft_zone", "dead_volume"]]),
+        ((0.8, 0.5, 0.3), 0.7, [["slow_valve", "soft_zone", "dead_volume"]]),  # not far ahead
+        ((0.2, 0.05, 0.05), 0.2, [["slow_valve", "soft_zone", "dead_volume"]]),  # does not promise much
+    ],
+)
+def test_effect_far_ahead_of_all_others_is_refitted_alone_where_it_keeps_its_promise(
+    promises: tuple[float, ...], takes: float, expected: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    candidates = [SimpleNamespace(effect=e, resembles=()) for e in ("slow_valve", "soft_zone", "dead_volume")]
+    trials: Any = tuple(SimpleNamespace(candidate=c, gain=g) for c, g in zip(candidates, promises, strict=True))
+    asked = list[list[str]]()
+
+    def short(_problem: Any, _screening: Any, effects: list[str]) -> list[Refit]:
+        asked.append(effects)
+        return [Refit(NOTHING, ScoredFit(NOTHING, 10.0 * (1.0 - takes), 1.0), 0.0) for _ in effects]
+
+    monkeypatch.setattr(refit, "short_refits", short)
+    problem: Any = SimpleNamespace(settings=load_search())
+    effects = [c.effect for c in candidates]
+    found = first_refits(problem, Screening(NOTHING, (), trials), effects, ScoredFit(NOTHING, 10.0, 1.0))
+    assert asked == expected
+    assert len(found) == sum(len(each) for each in expected)
