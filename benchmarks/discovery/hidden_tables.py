@@ -115,6 +115,10 @@ class Truth(NamedTuple):
     pulse_force: float = 0.0  # unlisted: half sines along +x, pulse_length long, every pulse_every [N]
     pulse_every: float = 1.1  # [s]
     pulse_length: float = 0.12  # [s]
+    bump_fading: float = 0.0  # of two quantities: time over which the push about bump_place fades, 0: in none [s]
+    place_drag: float = 0.0  # of two quantities: force −c x² v|v| [N s²/m⁴]
+    loaded_valve: float = 0.0  # of two quantities: flow gain (1 + c s² P_L/P_s), of opening and load pressure
+    worn_bore: float = 0.0  # of two quantities: leakage between the chambers, per distance on one side [m²/(s Pa)]
     rumble: float = 0.0  # process noise: rms of a random force on the table that no command tells [N]
     rumble_rate: float = 125.0  # at which that force forgets itself [1/s]
 
@@ -213,6 +217,8 @@ def flows(t, y, time):
     s = s - min(max(s, -t.spool_deadband), t.spool_deadband)
     gain = t.flow * (1.0 + t.asymmetric_flow_gain * (1.0 if y[S] > 0.0 else -1.0))
     gain *= 1.0 + t.warming_valve * (1.0 - math.exp(-time / t.warming_time))
+    if t.loaded_valve != 0.0:
+        gain *= 1.0 + t.loaded_valve * y[S] * y[S] * (y[PA] - y[PB]) / t.supply
     ps = y[PS] * (1.0 + t.supply_pulsation * math.sin(2.0 * math.pi * t.pulsation_frequency * time))
     pt = t.tank + t.tank_back_pressure
     up, down = min(max(s + t.underlap, 0.0), 1.0), min(max(t.underlap - s, 0.0), 1.0)
@@ -232,6 +238,8 @@ def chambers(t, y, time, x, v, d):
         step = math.tanh(mu * (load + edge)) - math.tanh(mu * (load - edge))
         soft -= t.soft_zone * step / (2.0 * math.tanh(mu * edge))
     across = t.internal * load + t.turbulent_leakage * rounded_root(load)
+    if t.worn_bore > 0.0:
+        across += t.worn_bore * load * max(x, 0.0)
     v_a = max(t.volume / 2.0 + t.area * x, 1e-6) + t.dead_volume
     v_b = max(t.volume / 2.0 - t.area * x, 1e-6) + t.dead_volume
     if t.entrained_air > 0.0 or t.pressure_dependent_bulk_modulus > 0.0:
@@ -248,7 +256,8 @@ def ground_force(t, x, time):
     """Force of the surroundings on the table [N]."""
     force = t.constant_force - t.stiffness_to_ground * x
     if t.force_bump != 0.0:
-        force += t.force_bump * math.exp(-(((x - t.bump_place) / t.bump_width) ** 2))
+        bump = t.force_bump * math.exp(-(((x - t.bump_place) / t.bump_width) ** 2))
+        force += bump * math.exp(-time / t.bump_fading) if t.bump_fading > 0.0 else bump
     if t.pulse_force != 0.0:
         within = time % t.pulse_every
         if within < t.pulse_length:
@@ -280,7 +289,13 @@ def rates(t, y, time, wanted, friction, d):
     if t.presliding_friction > 0.0:
         friction = dry_level(t, v, x, y[FILM]) * y[Z]
         d[Z] = (v - abs(v) * y[Z]) / t.presliding_friction
-    push = t.area * (y[PA] - y[PB]) - friction - t.viscous * v - t.quadratic_drag * abs(v) * v + stop
+    push = (
+        t.area * (y[PA] - y[PB])
+        - friction
+        - t.viscous * v
+        - (t.quadratic_drag + t.place_drag * x * x) * abs(v) * v
+        + stop
+    )
     outer = ground_force(t, y[X], time) + y[PUSH]
     w = 2.0 * math.pi * t.specimen_frequency
     spring = 0.0

@@ -22,6 +22,7 @@ from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.second_form import LearntChange
 from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.innovations import HORIZONS, RATES, Innovations
@@ -185,7 +186,30 @@ def _function_json(function: LearntFunction) -> dict[str, Any]:
         "unit": function.unit,
         "at": function.at.tolist(),
         "values": function.values.tolist(),
-        "std_errors": [float(d) if np.isfinite(d) else None for d in function.deviations],
+        "std_errors": _known(function.deviations),
+        "closed_form": {
+            "name": form.name,
+            "text": form.text,
+            "parameters": dict(form.parameters),
+            "misfit": form.misfit,
+            "held_out_error_over_free": form.cost,
+        },
+        "second": _change_json(function.second) if function.second else None,
+    }
+
+
+def _change_json(change: LearntChange) -> dict[str, Any]:
+    form = change.form
+    return {
+        "quantity": change.quantity,
+        "unit": change.unit,
+        "low": change.low,
+        "high": change.high,
+        "at": change.at.tolist(),
+        "above": change.above.tolist(),
+        "below": change.below.tolist(),
+        "above_std_errors": _known(change.above_deviations),
+        "below_std_errors": _known(change.below_deviations),
         "closed_form": {
             "name": form.name,
             "text": form.text,
@@ -194,6 +218,10 @@ def _function_json(function: LearntFunction) -> dict[str, Any]:
             "held_out_error_over_free": form.cost,
         },
     }
+
+
+def _known(deviations: np.ndarray) -> list[float | None]:
+    return [float(d) if np.isfinite(d) else None for d in deviations]
 
 
 def _force_json(force: LatentForce) -> dict[str, Any]:

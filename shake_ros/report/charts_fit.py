@@ -8,7 +8,8 @@ import numpy as np
 from scipy.signal import welch
 
 from shake_ros.core.discovery.closed_form import FunctionForm
-from shake_ros.core.effects.unlisted import NODES
+from shake_ros.core.discovery.unlisted_functions import ABOVE_NAMES, BELOW_NAMES, NODE_NAMES, PREFIX
+from shake_ros.core.effects.unlisted import CHANGES, NODES, SECONDS
 from shake_ros.core.identification.diagnosis import Judgement
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
@@ -169,17 +170,36 @@ def residual_charts(
 
 
 def unlisted_chart(fit: Fit, form: FunctionForm | None = None) -> Chart:
-    """The estimated function on its nodes, and its closed form."""
+    """The estimated function on its nodes, and its closed form; of two quantities at three values of the second."""
     table = fit.table
-    low, high = (table.value(f"effects.unlisted.{end}") for end in ("low", "high"))
-    values = np.array([table.value(f"effects.unlisted.node_{i:02d}") for i in range(NODES)])
-    quantity, label, scale = FUNCTIONS[int(table.value("effects.unlisted.kind"))]
-    at = np.linspace(low, high, NODES) * SCALES.get(quantity, 1.0)
-    series = [ChartSeries("estimated", scale * values, "after", width=1.8)]
+    low, high = (table.value(f"{PREFIX}{end}") for end in ("low", "high"))
+    nodes = np.linspace(low, high, NODES)
+    values = np.array([table.value(name) for name in NODE_NAMES])
+    quantity, label, scale = FUNCTIONS[int(table.value(PREFIX + "kind"))]
+    code = int(table.value(PREFIX + "second"))
+    at, caption, named = nodes, "The function without a name, as estimated on its nodes", "estimated"
+    series = list[ChartSeries]()
+    if code:
+        changes = np.linspace(low, high, CHANGES)
+        at = np.union1d(nodes, changes)
+        ends = [table.value(f"{PREFIX}second_{end}") for end in ("low", "high")]
+        caption += f", at the ends and in the middle of the range of {SECONDS[code].replace('_', ' ')}"
+        named = second_label(code, 0.5 * (ends[0] + ends[1]))
+        for end, names, colour in ((ends[0], BELOW_NAMES, "c1"), (ends[1], ABOVE_NAMES, "c2")):
+            changed = np.interp(at, changes, [table.value(name) for name in names]) + np.interp(at, nodes, values)
+            series.append(ChartSeries(second_label(code, end), scale * changed, colour, width=1.8))
+        series.reverse()
+    series.insert(len(series) // 2, ChartSeries(named, scale * np.interp(at, nodes, values), "after", width=1.8))
     if form:
-        series.append(ChartSeries(form.name, scale * form.values, "c0"))
-    panel = Panel(label, at, tuple(series), height=210)
-    return Chart("unlisted", LABELS[quantity], (panel,), "The function without a name, as estimated on its nodes")
+        series.append(ChartSeries(form.name, scale * np.interp(at, nodes, form.values), "c0"))
+    panel = Panel(label, at * SCALES.get(quantity, 1.0), tuple(series), height=210)
+    return Chart("unlisted", LABELS[quantity], (panel,), caption)
+
+
+def second_label(code: int, value: float) -> str:
+    """A value of a second quantity with its name and unit."""
+    name, _, unit = LABELS[SECONDS[code]].rpartition(" [")
+    return f"{name} {value * SCALES.get(SECONDS[code], 1.0):.3g} {unit.rstrip(']')}"
 
 
 def correlation_chart(judgements: Sequence[Judgement], with_drive: bool) -> Chart:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.declared_fit import Errors, FittedModel
 from shake_ros.core.discovery.latent_force import LatentForce
+from shake_ros.core.discovery.second_form import LearntChange
 from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
@@ -71,12 +72,29 @@ def _error_rows(role: str, errors: Errors) -> list[str]:
 
 def function_line(function: LearntFunction) -> str:
     """The function without a name as a closed form."""
-    form = function.form
-    values = ", ".join(f"{name} = {value:.4g}" for name, value in form.parameters.items())
-    return (
-        f"function of {function.quantity} [{function.unit}], closed form: {form.name}, {form.text} with {values}; it "
+    form, second = function.form, function.second
+    of = f"{function.quantity} and {second.quantity}" if second else function.quantity
+    where = f", where {second.quantity} is {0.5 * (second.low + second.high):.4g} {second.unit}" if second else ""
+    line = (
+        f"function of {of.replace('_', ' ')} [{function.unit}], closed form{where.replace('_', ' ')}: "
+        f"{form.name}, {form.text} with {_numbers(form.parameters)}; it "
         f"differs from the free one by {percent(form.misfit)}, and leaves {form.cost:.2f} times its held-out error"
     )
+    return f"{line}; {change_text(second)}" if second else line
+
+
+def change_text(change: LearntChange) -> str:
+    """How a function changes with its second quantity, as a closed form."""
+    form, quantity = change.form, change.quantity.replace("_", " ")
+    return (
+        f"with {quantity} it changes as {form.name}, {form.text} with {_numbers(form.parameters)}, τ from −1 at "
+        f"{change.low:.4g} {change.unit} to 1 at {change.high:.4g} {change.unit}; this differs from the free change by "
+        f"{percent(form.misfit)}, and both forms leave {form.cost:.2f} times the held-out error"
+    )
+
+
+def _numbers(parameters: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {value:.4g}" for name, value in parameters.items())
 
 
 def largest_force(forces: Sequence[LatentForce]) -> LatentForce:

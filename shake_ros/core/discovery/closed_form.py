@@ -14,8 +14,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, mean_square
-from shake_ros.core.discovery.unlisted_functions import NODE_NAMES, OF_HYDRAULICS, OF_MOTION, PREFIX, PULSATION
-from shake_ros.core.effects.unlisted import NODES
+from shake_ros.core.discovery.second_form import LearntChange, fitted_changes
+from shake_ros.core.discovery.unlisted_functions import ABOVE_NAMES, BELOW_NAMES, KINDS, NODE_NAMES, PREFIX
+from shake_ros.core.effects.unlisted import CHANGES, FRICTION_OF_POSITION, NODES, SECONDS
 from shake_ros.core.identification.fit import LOST
 from shake_ros.core.identification.uncertainty import covariance
 
@@ -112,7 +113,8 @@ class FunctionForm:
 class LearntFunction:
     """A function without a name: nodes with standard errors (NaN at a bound) and its closed form.
 
-    at : arguments, shape (n,). unit : of the values.
+    at : arguments, shape (n,). unit : of the values. second : how it changes with a second quantity, from whose middle
+    on the nodes are; None where it is a function of one.
     """
 
     quantity: str
@@ -122,6 +124,7 @@ class LearntFunction:
     values: np.ndarray
     deviations: np.ndarray
     form: FunctionForm
+    second: LearntChange | None = None
 
 
 def fitted_forms(at: np.ndarray, values: np.ndarray, deviations: np.ndarray) -> list[FunctionForm]:
@@ -170,20 +173,58 @@ def learnt_function(problem: SearchProblem, final: ScoredFit) -> LearntFunction 
     if NODE_NAMES[0] not in result.free.names:
         return None
     table = result.table
-    code = int(table.value(PREFIX + "kind"))
-    kind = next(k for k in (*OF_MOTION, *OF_HYDRAULICS, PULSATION) if k.code == code)
-    columns = [result.free.names.index(name) for name in NODE_NAMES]
-    found = covariance(result, problem.estimation.blocks()) * np.outer(result.free.scale, result.free.scale)
+    kind = KINDS[int(table.value(PREFIX + "kind"))]
+    found = covariance(result, problem.estimation.blocks(len(result.x))) * np.outer(
+        result.free.scale, result.free.scale
+    )
     at = np.linspace(table.value(PREFIX + "low"), table.value(PREFIX + "high"), NODES)
+    columns = [result.free.names.index(name) for name in NODE_NAMES]
     values = (result.x * result.free.scale)[columns]
     of_nodes = found[np.ix_(columns, columns)]
-    spread = np.sqrt(np.diag(of_shape(of_nodes, values) if kind.unit == "-" else of_nodes))
+    if kind.unit == "-":
+        of_nodes = of_shape(of_nodes, values)
+    elif kind.code == FRICTION_OF_POSITION:  # its level is also that of the dry friction
+        of_nodes = of_shape(of_nodes, np.zeros(NODES))
+    spread = np.sqrt(np.diag(of_nodes))
     form = fitted_forms(at, values, spread)[0]
-    row = result.free.vectors(result.x)
-    row[:, [list(result.free.base.fields).index(name) for name in NODE_NAMES]] = form.values
+    as_form = dict(zip(NODE_NAMES, form.values, strict=True))
+    form = replace(form, cost=held_out(problem, final, as_form))
+    second = learnt_change(problem, final, np.diag(found), at, form)
+    return LearntFunction(kind.quantity, kind.place, kind.unit, at, values, spread, form, second)
+
+
+def held_out(problem: SearchProblem, final: ScoredFit, values: Mapping[str, float]) -> float:
+    """Held-out residual with other values of some parameters, over that of the fit [-]."""
+    free = final.fit.free
+    row = free.vectors(final.fit.x)
+    row[:, [list(free.base.fields).index(name) for name in values]] = list(values.values())
     cost = mean_square(np.nan_to_num(problem.validation.residuals(row)[0], nan=LOST))
-    form = replace(form, cost=math.sqrt(cost / final.validation_cost))
-    return LearntFunction(kind.quantity, kind.place, kind.unit, at, values, spread, form)
+    return math.sqrt(cost / final.validation_cost)
+
+
+def learnt_change(
+    problem: SearchProblem, final: ScoredFit, variances: np.ndarray, nodes: np.ndarray, form: FunctionForm
+) -> LearntChange | None:
+    """How the function of a fit changes with a second quantity; None where it is one of a single quantity.
+
+    Parameters
+    ----------
+    variances : of all free parameters, (p,). nodes, form : arguments of the function's nodes and its closed form.
+    """
+    result = final.fit
+    if ABOVE_NAMES[0] not in result.free.names:
+        return None
+    columns = [[result.free.names.index(name) for name in names] for names in (ABOVE_NAMES, BELOW_NAMES)]
+    changes, deviations = (result.x * result.free.scale)[columns], np.sqrt(np.maximum(variances[columns], 0.0))
+    at = np.linspace(nodes[0], nodes[-1], CHANGES)
+    found = fitted_changes(np.interp(at, nodes, form.values), changes, deviations)[0]
+    as_form = dict(zip(NODE_NAMES, form.values, strict=True)) | dict(zip(ABOVE_NAMES, found.above, strict=True))
+    found = replace(found, cost=held_out(problem, final, as_form | dict(zip(BELOW_NAMES, found.below, strict=True))))
+    table = result.table
+    low, high = (table.value(f"{PREFIX}second_{end}") for end in ("low", "high"))
+    quantity = SECONDS[int(table.value(PREFIX + "second"))]
+    above, below = ((changes[i], deviations[i]) for i in range(2))
+    return LearntChange(quantity, low, high, at, above[0], below[0], above[1], below[1], found)
 
 
 def of_shape(covariance: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchPr
 from shake_ros.core.discovery.refined_nodes import refined_function
 from shake_ros.core.discovery.refit import Refit, ranked, refit, rounds
 from shake_ros.core.discovery.screening import Screening, screen
+from shake_ros.core.discovery.second_quantities import or_function_of_two, with_second_quantity
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.shown_effects import shown_steps
 from shake_ros.core.discovery.unlisted_functions import (
@@ -47,9 +48,9 @@ def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructu
     found = Selection(current, (), current)
     try:
         for grown in stages(problem, found, model):
-            before, found = len(found.steps), grown
-            if len(found.steps) > before:
-                added = [s.chosen.candidate for s in found.steps]
+            before, found = [s.chosen.candidate for s in found.steps], grown
+            added = [s.chosen.candidate for s in found.steps]
+            if added != before:
                 names = [f"a function ({c.place})" if c.effect == UNLISTED else c.effect for c in added]
                 problem.progress(found_by_now(problem, names, found.final, found.declared), 0.0)
         seen = problem.seen(found.knowledge)
@@ -115,14 +116,18 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
             step, functions = or_function(problem, current, step, ranking, None if improved else functions)
             if step is not None and step.chosen.candidate.effect == UNLISTED:
                 step = refined_function(problem, step)
+            else:
+                step = or_function_of_two(problem, current, step, ranking, functions)
         found = replace(found, functions=functions)
         yield found
         if step is None:
             break
-        found = found.with_step(step)
+        before, found = found, found.with_step(step)
         yield found
         left = tuple(c for c in left if c.effect != step.chosen.candidate.effect)
         if step.chosen.candidate.effect == UNLISTED:
+            found = before.with_step(with_second_quantity(problem, step))
+            yield found
             break
     if found.steps:  # the final model has been fitted since it was last asked
         yield with_knowledge(problem, found)[1]

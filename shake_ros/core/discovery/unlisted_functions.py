@@ -30,6 +30,9 @@ UNLISTED = "unlisted"
 PREFIX = "effects.unlisted."
 SUPPLY = "supply.supply_pressure"
 NODE_NAMES = tuple(f"{PREFIX}node_{i:02d}" for i in range(law.NODES))
+ABOVE_NAMES, BELOW_NAMES = (tuple(f"{PREFIX}{end}_{i}" for i in range(law.CHANGES)) for end in ("above", "below"))
+ROWS = (NODE_NAMES, ABOVE_NAMES, BELOW_NAMES)  # of nodes that are neighbours
+WITHOUT_SECOND = dict.fromkeys((f"{PREFIX}second", *ABOVE_NAMES, *BELOW_NAMES), 0)
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,7 @@ OF_HYDRAULICS = (
     FunctionKind(law.FLOW_GAIN_OF_TIME, "time", "valve", ("time",), "-", 0.05, -0.95, 2.0),
 )
 PULSATION = FunctionKind(law.SUPPLY_OF_PHASE, "phase", "supply", ("time",), "-", 0.05, -0.9, 2.0)
+KINDS = {kind.code: kind for kind in (*OF_MOTION, *OF_HYDRAULICS, PULSATION)}
 
 
 @dataclass(frozen=True)
@@ -109,10 +113,15 @@ def or_function(
     found = tried or best_function(problem, current, screened)
     if found.best is None:
         return step, found
-    result, most = found.best.result, settings.function_gain
-    if result.validation_cost > most * listed or result.estimation_cost > most * current.estimation_cost:
+    if not leaves_far_less(problem, current, step, found.best.result):
         return step, found
     return ForwardStep(found.best, (found.best, *ranking)), found
+
+
+def leaves_far_less(problem: SearchProblem, current: ScoredFit, step: ForwardStep | None, function: ScoredFit) -> bool:
+    """Whether a function leaves far less than the model without it, and than the best listed effect."""
+    listed, most = (step.chosen.result if step else current).validation_cost, problem.settings.function_gain
+    return function.validation_cost <= most * listed and function.estimation_cost <= most * current.estimation_cost
 
 
 def near_noise(problem: SearchProblem, current: ScoredFit) -> bool:
@@ -198,7 +207,8 @@ def extended(
     current: Fit, kind: FunctionKind, low: float, high: float, more: tuple[FreeParameter, ...] = ()
 ) -> FreeParameters:
     """The free parameters with others of a kind and its nodes over a range behind them."""
-    base = current.free.base.with_values({PREFIX + "kind": kind.code, PREFIX + "low": low, PREFIX + "high": high})
+    own = {PREFIX + "kind": kind.code, PREFIX + "low": low, PREFIX + "high": high}
+    base = current.free.base.with_values(WITHOUT_SECOND | own)
     nodes = [FreeParameter(name, kind.scale, kind.low, kind.high, kind.unit) for name in NODE_NAMES]
     return FreeParameters(base, [*current.free.free, *more, *nodes])
 
@@ -231,19 +241,26 @@ def screen_function(
     problem: Problem, current: Fit, kind: FunctionKind, span: tuple[float, float], settings: SearchSettings
 ) -> ScreenedFunction:
     """Block score test of one kind: one simulation a node."""
-    free = extended(current, kind, *span)
+    return screen_nodes(problem, current, kind, extended(current, kind, *span), settings)
+
+
+def screen_nodes(
+    problem: Problem, current: Fit, kind: FunctionKind, free: FreeParameters, settings: SearchSettings
+) -> ScreenedFunction:
+    """Block score test of the nodes that stand behind the parameters of a fit."""
     p = len(current.x)
-    rows = np.zeros((law.NODES, p + law.NODES))
+    nodes = len(free.free) - p
+    rows = np.zeros((nodes, p + nodes))
     rows[:, :p] = current.x
-    rows[:, p:] = np.eye(law.NODES)
+    rows[:, p:] = np.eye(nodes)
     moved = np.nan_to_num(problem.residuals(free.vectors(rows)), nan=1e3)
     directions = (moved - current.residuals).T
     ridge, shift = settings.function_ridge, settings.largest_shift
-    gain, nodes, others = block_score_test(current, directions, ridge, shift)
+    gain, values, others = block_score_test(current, directions, ridge, shift)
     starts = []
     for part in settings.function_multiples:
         for x in (current.x, current.x + part * (others - current.x)):
-            starts.append(np.concatenate([x, part * nodes]))
+            starts.append(np.concatenate([x, part * values]))
     return ScreenedFunction(kind, free, gain, tuple(starts))
 
 
@@ -293,16 +310,22 @@ def pulsations(problem: RecordingProblem, current: Fit, settings: SearchSettings
 class WithNodePrior:
     """A problem with a weak prior on the nodes, which decides only what the recordings leave open.
 
-    Each node and each second difference of neighbours counts as one more residual.
+    Each node and each second difference of neighbours counts as one more residual, in multiples of the node's scale.
     """
 
-    def __init__(
-        self, problem: RecordingProblem, free: FreeParameters, kind: FunctionKind, settings: SearchSettings
-    ) -> None:
-        self._problem, self._scale = problem, kind.scale
-        self._node, self._curvature = settings.node_deviation, settings.curvature_deviation
-        names = list(free.base.fields)
-        self._columns = [names.index(name) for name in NODE_NAMES]
+    def __init__(self, problem: RecordingProblem, free: FreeParameters, settings: SearchSettings) -> None:
+        self._problem = problem
+        index, scale = (
+            {name: i for i, name in enumerate(free.base.fields)},
+            dict(zip(free.names, free.scale, strict=True)),
+        )
+        of_function = settings.node_deviation, settings.curvature_deviation
+        of_change = settings.change_deviation, settings.change_curvature_deviation
+        self._rows = [
+            ([index[name] for name in row], scale[row[0]], *(of_function if row is NODE_NAMES else of_change))
+            for row in ROWS
+            if row[0] in scale
+        ]
 
     @property
     def smooth(self) -> bool:
@@ -317,9 +340,11 @@ class WithNodePrior:
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Weighted residuals with those of the prior behind them, shape (m, n)."""
-        nodes = vectors[:, self._columns] / self._scale
-        rough = np.diff(nodes, n=2, axis=1)
-        return np.hstack([self._problem.residuals(vectors), nodes / self._node, rough / self._curvature])
+        parts = [self._problem.residuals(vectors)]
+        for columns, scale, of_node, of_curvature in self._rows:
+            nodes = vectors[:, columns] / scale
+            parts += [nodes / of_node, np.diff(nodes, n=2, axis=1) / of_curvature]
+        return np.hstack(parts)
 
 
 def fit_to_pieces(problem: SearchProblem, found: ScreenedFunction) -> Fit:
@@ -328,14 +353,14 @@ def fit_to_pieces(problem: SearchProblem, found: ScreenedFunction) -> Fit:
     rows = np.clip(np.array(found.starts), free.low, free.high)
     costs = np.sum(np.nan_to_num(pieces.residuals(free.vectors(rows)), nan=1e3) ** 2, axis=1)
     start, most = rows[int(np.argmin(costs))], settings.function_evaluations
-    first = WithNodePrior(pieces, free, found.kind, settings)
+    first = WithNodePrior(pieces, free, settings)
     return approached(first, free, start, evaluations=most, tolerance=settings.function_first_tolerance)
 
 
 def fit_function(problem: SearchProblem, found: ScreenedFunction, short: Fit) -> Fit:
     """The same fitted to all estimation data, from where the fit to pieces has led."""
     settings, free = problem.settings, found.free
-    whole = WithNodePrior(problem.estimation, free, found.kind, settings)
+    whole = WithNodePrior(problem.estimation, free, settings)
     most, tolerance = settings.function_evaluations, settings.function_tolerance
     result = fit(whole, free, short.x, evaluations=most, tolerance=tolerance)
     return replace(linearised(problem.estimation, result), evaluations=result.evaluations)

@@ -76,7 +76,7 @@ class AxisModel(DeclaredModel):
 
     @staticmethod
     def _runs(vectors: np.ndarray, forces: np.ndarray, record: Record, track: np.ndarray) -> np.ndarray:
-        start = initial_state(record.track[0], record.velocity[0])
+        start = initial_state(record.track[0], record.velocity[0], record.begin)
         return run_batch(vectors, start, forces, record.sample_time, track, standing=record.standing)
 
     def forces_left(self, table: TableParameters, record: Record) -> np.ndarray:
@@ -85,7 +85,8 @@ class AxisModel(DeclaredModel):
         dt, v = record.sample_time, record.velocity
         expected = np.empty(len(v))
         series = np.ascontiguousarray(np.broadcast_to(forces, (1, len(v)))[0])
-        accelerations(AXIS_LAYOUT.records(vectors)[0], series, record.standing, v, record.track, dt, expected)
+        p = AXIS_LAYOUT.records(vectors)[0]
+        accelerations(p, series, record.standing, v, record.track, record.begin, dt, expected)
         return self.moved_mass(table) * low_pass(expected - np.gradient(v, dt), dt)
 
     def run_under(self, table: TableParameters, record: Record, forces: np.ndarray) -> np.ndarray:

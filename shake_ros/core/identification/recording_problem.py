@@ -127,11 +127,16 @@ class RecordingProblem:
                 total += n * (w_x * record.position_noise()) ** 2
         return float(total / self.count)
 
-    def blocks(self) -> np.ndarray:
-        """Number of the block of time that each residual belongs to, shape (n,): the channels share it."""
+    def blocks(self, parameters: int = 0) -> np.ndarray:
+        """Number of the block of time that each residual belongs to, shape (n,): the channels share it.
+
+        parameters : that a fit has; where blocks would be fewer they are shorter, twice as many as these.
+        """
         parts, first = [], 0
         seconds = sum((len(r.commands) - r.start) * r.sample_time for r in self.records)
         block = min(BLOCK, seconds / BLOCKS)
+        if seconds / block < parameters:
+            block = seconds / (2 * parameters)
         for record in self.records:
             n = len(record.commands) - record.start
             numbers = first + np.arange(n) // max(round(block / record.sample_time), 1)

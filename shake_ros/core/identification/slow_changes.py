@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shake_ros.core.effects.unlisted import FORCE_OF_VELOCITY, FRICTION_OF_POSITION, NODES
+from shake_ros.core.effects.unlisted import CHANGES, FORCE_OF_VELOCITY, FRICTION_OF_POSITION, NODES
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.axis import AXIS_LAYOUT
 
@@ -31,6 +31,7 @@ LARGEST = {DRIFT: 0.1, LEVEL: 0.3, OFFSET: 0.1}
 _INDEX = AXIS_LAYOUT.index
 _KIND = _INDEX["effects.unlisted.kind"]
 _NODES = [_INDEX[f"effects.unlisted.node_{i:02d}"] for i in range(NODES)]
+_NODES += [_INDEX[f"effects.unlisted.{end}_{i}"] for end in ("above", "below") for i in range(CHANGES)]
 _FRICTION = [
     _INDEX[name]
     for name in (

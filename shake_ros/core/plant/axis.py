@@ -29,8 +29,8 @@ LONGEST_STEP = 1e-3  # [s] between two evaluations of friction and forces
 PRESLIDING_STEP = 1e-4  # [s] the same where dry friction builds up over a displacement
 COLUMNS = ("position", "velocity", "acceleration")
 OUTPUTS = 3
-POSITION, VELOCITY, ACCELERATION, BRISTLE, SENSED = range(5)
-STATES = 5
+POSITION, VELOCITY, ACCELERATION, BRISTLE, SENSED, CLOCK = range(6)  # the clock is held over a sample [s]
+STATES = 6
 
 
 @dataclass(frozen=True)
@@ -49,14 +49,16 @@ AXIS_LAYOUT = TableLayout("axis", {"axis": AxisParameters})
 @njit
 def carry(p, y, force, place, h):
     """One step of length h in place under a held force; `place` is the position that forces depend on [m]."""
-    v, mass = y[VELOCITY], p.axis_mass
+    v, mass, clock = y[VELOCITY], p.axis_mass, y[CLOCK]
     share = p.friction_asymmetry_asymmetry
     viscous = p.axis_viscous * (1.0 + share if v > 0.0 else 1.0 - share)
     rate = viscous / mass
     left = math.exp(-rate * h)
     reach = (1.0 - left) / rate / mass if rate * h > 1e-9 else h / mass  # velocity that a force leaves [m/s per N]
     net = force - p.axis_offset - p.stiffness_to_ground_stiffness * place
-    net -= unlisted(p, FORCE_OF_POSITION, place) + unlisted(p, FORCE_OF_VELOCITY, v)
+    net -= unlisted(p, FORCE_OF_POSITION, place, velocity=v, clock=clock) + unlisted(
+        p, FORCE_OF_VELOCITY, v, position=place, clock=clock
+    )
     free = left * v + reach * net
     if p.quadratic_drag_coefficient > 0.0:
         middle = 0.5 * (v + free)
@@ -66,7 +68,7 @@ def carry(p, y, force, place, h):
     dry = dry_level(
         p.axis_coulomb, place, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature
     )
-    dry = max(dry + unlisted(p, FRICTION_OF_POSITION, place), 0.0)
+    dry = max(dry + unlisted(p, FRICTION_OF_POSITION, place, velocity=abs(v), clock=clock), 0.0)
     dry *= 1.0 + share if free > 0.0 else 1.0 - share
     distance = p.presliding_friction_distance
     if distance > 0.0:
@@ -118,11 +120,14 @@ def simulate(p, forces, standing, track, y0, dt, out):
             hold(p, y, late, place, fraction * dt)
         if fraction < 1.0:
             hold(p, y, timely, place, (1.0 - fraction) * dt)
+        y[CLOCK] += dt
 
 
 @njit
-def accelerations(p, forces, standing, velocity, position, dt, out):
+def accelerations(p, forces, standing, velocity, position, begin, dt, out):
     """Accelerations that forces give the axis along a measured motion, shape (n,) [m/s²]; arguments as in `simulate`.
+
+    begin : time of the recording at the first sample [s].
 
     Each sample starts from what was measured: nothing adds up, whatever the model.
     """
@@ -131,16 +136,18 @@ def accelerations(p, forces, standing, velocity, position, dt, out):
     for i in range(forces.shape[0]):
         y[POSITION] = position[i]
         y[VELOCITY] = velocity[i]
+        y[CLOCK] = begin + i * dt
         late, timely, fraction = delayed(forces, i, delay, standing)
         hold(p, y, fraction * late + (1.0 - fraction) * timely, position[i], dt)
         out[i] = (y[VELOCITY] - velocity[i]) / dt
 
 
-def initial_state(position: float, velocity: float) -> np.ndarray:
-    """State at the first sample: position [m], velocity [m/s], contact unstressed."""
+def initial_state(position: float, velocity: float, clock: float = 0.0) -> np.ndarray:
+    """State at the first sample: position [m], velocity [m/s], time of the recording [s], contact unstressed."""
     y = np.zeros(STATES)
     y[POSITION] = y[SENSED] = position
     y[VELOCITY] = velocity
+    y[CLOCK] = clock
     return y
 
 

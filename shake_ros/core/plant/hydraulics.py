@@ -47,7 +47,12 @@ def port_flows(p, spool, clock, pressure_a, pressure_b, pressure_supply):
     """Flow into A, out of B, and drawn from the supply (3.17), (6.12) [m³/s] at a time of the recording [s]."""
     x_e = effective_spool(spool, p.spool_deadband_width)
     c_v = p.valve_flow_coefficient * flow_factor(spool, p.asymmetric_flow_gain_asymmetry)
-    c_v *= 1.0 + unlisted(p, FLOW_GAIN_OF_OPENING, spool) + unlisted(p, FLOW_GAIN_OF_TIME, clock)
+    load = load_pressure(p, pressure_a, pressure_b)
+    c_v *= (
+        1.0
+        + unlisted(p, FLOW_GAIN_OF_OPENING, spool, pressure=load, clock=clock)
+        + unlisted(p, FLOW_GAIN_OF_TIME, clock, opening=spool, pressure=load)
+    )
     delta = p.valve_laminar_pressure
     if p.oil_warming_rate != 0.0:
         rise = warmer(clock, p.oil_warming_rate)
@@ -153,7 +158,7 @@ def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
     else:
         q_a, q_b, q_s = port_flows(p, y[SPOOL], clock, p_a, p_b, p_s)
     e_a, e_b = chamber_moduli(p, p_a, p_b)
-    stiffer = 1.0 + unlisted(p, STIFFNESS_OF_LOAD_PRESSURE, load_pressure(p, p_a, p_b))
+    stiffer = 1.0 + unlisted(p, STIFFNESS_OF_LOAD_PRESSURE, load_pressure(p, p_a, p_b), position=piston, clock=clock)
     v_a, v_b = chamber_volumes(p, piston, dead)
     internal, external = p.leakage_internal, p.leakage_external
     if p.oil_warming_rate != 0.0:
@@ -164,7 +169,7 @@ def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
     across = internal * (p_a - p_b)  # (3.25)
     if p.turbulent_leakage_coefficient != 0.0:
         across += p.turbulent_leakage_coefficient * sroot(p_a - p_b, p.valve_laminar_pressure)
-    across += unlisted(p, LEAKAGE_OF_LOAD_PRESSURE, p_a - p_b)
+    across += unlisted(p, LEAKAGE_OF_LOAD_PRESSURE, p_a - p_b, position=piston, clock=clock)
     swept = p.body_piston_area * piston_velocity
     rates[PRESSURE_A] = stiffer * e_a / v_a * (q_a - external * p_a - across - swept)  # (6.5), (3.23)
     rates[PRESSURE_B] = (

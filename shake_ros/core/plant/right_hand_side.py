@@ -119,8 +119,8 @@ def dry_friction(p, velocity, displacement, start, velocity_start, memory):
 
 
 @inlined_kernel
-def friction_force(p, velocity, position, displacement, start, velocity_start, memory, film):
-    """Friction on the piston: the table's law with the effects on its dry part [N].
+def friction_force(p, velocity, position, displacement, start, velocity_start, memory, film, load):
+    """Friction on the piston under a load pressure [Pa]: the table's law with the effects on its dry part [N].
 
     A law with a contact state has its own pre-sliding, so the effect of that name does not act on it.
     """
@@ -136,15 +136,16 @@ def friction_force(p, velocity, position, displacement, start, velocity_start, m
     if p.presliding_friction_distance > 0.0 and not is_dynamic(p):
         sign = deflection(start[BRISTLE], displacement, p.presliding_friction_distance)
     dry = dry_level(dry, position, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature)
-    dry *= 1.0 + unlisted(p, FRICTION_FACTOR_OF_POSITION, position)
-    dry += unlisted(p, FRICTION_OF_POSITION, position)
+    speed, clock = abs(velocity), start[CLOCK]
+    dry *= 1.0 + unlisted(p, FRICTION_FACTOR_OF_POSITION, position, velocity=speed, pressure=load, clock=clock)
+    dry += unlisted(p, FRICTION_OF_POSITION, position, velocity=speed, pressure=load, clock=clock)
     dry *= 1.0 + p.friction_asymmetry_asymmetry * sign
     dry *= 1.0 - p.film_friction_relief * film
     return (
         dry * sign
         + (viscous + p.quadratic_drag_coefficient * abs(velocity)) * velocity
         + micro
-        + unlisted(p, FORCE_OF_VELOCITY, velocity)
+        + unlisted(p, FORCE_OF_VELOCITY, velocity, position=position, pressure=load, clock=clock)
     )
 
 
@@ -203,11 +204,12 @@ def table_rates(p, y, start, external_force, n, rates):
     if split:
         moved += y[ROD] - start[ROD]
         velocity_start += start[ROD_RATE]
-    friction = friction_force(p, piston_velocity, piston, moved, start, velocity_start, memory, film)
-    pressure_force = p.body_piston_area * load_pressure(p, p_a, p_b)  # (3.26)
+    load = load_pressure(p, p_a, p_b)
+    friction = friction_force(p, piston_velocity, piston, moved, start, velocity_start, memory, film, load)
+    pressure_force = p.body_piston_area * load  # (3.26)
     place = x + y[BASE] if n > DECLARED else x  # to ground
     on_table = external_force + p.constant_force_force - p.stiffness_to_ground_stiffness * place
-    on_table -= unlisted(p, FORCE_OF_POSITION, x)
+    on_table -= unlisted(p, FORCE_OF_POSITION, x, velocity=v, clock=start[CLOCK])
     on_rod = pressure_force - friction + end_stop_force(p, piston, piston_velocity)
     declared_mass = p.body_table_mass + p.body_specimen_mass + inertia(p, piston_velocity)  # (6.9)
     mass = max(declared_mass + p.payload_error_mass, 0.05 * declared_mass)
