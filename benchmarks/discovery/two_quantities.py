@@ -26,7 +26,7 @@ from shake_ros.settings import load_search, load_table
 
 HIDDEN: dict[str, dict[str, float]] = {
     "drag that depends on the place": {"place_drag": 5e7},
-    "leakage where the bore is worn": {"worn_bore": 3e-10},
+    "leakage where the bore is worn": {"worn_bore": 1.2e-10},
     "push at one place that fades with time": {"force_bump": 6000.0, "bump_fading": 2.0},
     "flow gain of opening and load pressure": {"loaded_valve": 1.0},
     "friction at one place": {"friction_bump": 1500.0},

@@ -178,7 +178,7 @@ def _candidate_json(standing: EffectStanding) -> dict[str, Any]:
     return named | _standing_json(standing)
 
 
-def _function_json(function: LearntFunction) -> dict[str, Any]:
+def function_json(function: LearntFunction) -> dict[str, Any]:
     form = function.form
     return {
         "quantity": function.quantity,
@@ -296,7 +296,7 @@ def close_loop_json(result: LoopClosure, learn: Sequence[str], hold: Sequence[st
             "latent_force": {force.recording: _force_json(force) for force in result.forces},
             "process_noise": math.sqrt(result.unpredictable) if result.unpredictable > 1.0 else None,
         },
-        "function": _function_json(result.function) if result.function else None,
+        "function": function_json(result.function) if result.function else None,
         "ended_early": result.search.stopped,
         "form_errors": form_errors_json(result.final.parameters),
     }

@@ -188,8 +188,8 @@ def unlisted_chart(fit: Fit, form: FunctionForm | None = None) -> Chart:
         for end, names, colour in ((ends[0], BELOW_NAMES, "c1"), (ends[1], ABOVE_NAMES, "c2")):
             changed = np.interp(at, changes, [table.value(name) for name in names]) + np.interp(at, nodes, values)
             series.append(ChartSeries(second_label(code, end), scale * changed, colour, width=1.8))
-        series.reverse()
-    series.insert(len(series) // 2, ChartSeries(named, scale * np.interp(at, nodes, values), "after", width=1.8))
+    middle = ChartSeries(named, scale * np.interp(at, nodes, values), "after", width=1.8)
+    series.insert(len(series) // 2, middle)
     if form:
         series.append(ChartSeries(form.name, scale * np.interp(at, nodes, form.values), "c0"))
     panel = Panel(label, at * SCALES.get(quantity, 1.0), tuple(series), height=210)

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shake_ros.core.effects.unlisted import FORCE_OF_VELOCITY, NODES
+from shake_ros.core.effects.unlisted import FORCE_OF_VELOCITY, FRICTION_OF_POSITION, NODES
 from shake_ros.core.identification.axis_model import AXIS, force_error, forecast_errors, position_errors
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record, windows
-from shake_ros.core.identification.slow_changes import DRIFT, LEVEL, OFFSET, with_own
+from shake_ros.core.identification.slow_changes import DRIFT, LEVEL, OFFSET, changed, with_own
 from shake_ros.core.plant.axis import AXIS_LAYOUT
 from shake_ros.core.plant.parameters import TableParameters
 
@@ -88,6 +88,13 @@ def test_the_level_scales_a_function_of_velocity_as_friction() -> None:
     table = TRUE.with_values({"axis.viscous": 100.0, **kind, **nodes})
     record = Record("b", DT, FORCE, by_euler(1.04, 0.0, 0.0), own=(LEVEL,))
     assert AXIS.slow_change(table, record).level == pytest.approx(1.04, abs=2e-3)
+
+
+def test_the_level_scales_what_a_second_quantity_changes_of_friction() -> None:
+    table = TRUE.with_values({"effects.unlisted.kind": FRICTION_OF_POSITION, "effects.unlisted.above_3": 10.0})
+    record = Record("b", DT, FORCE, np.zeros(LENGTH), own=(LEVEL,))
+    (vector,), _ = changed(table.vector()[None, :], record, (LEVEL,), np.array([[0.1]]))
+    assert vector[AXIS_LAYOUT.index["effects.unlisted.above_3"]] == pytest.approx(11.0)
 
 
 def test_the_position_of_an_axis_is_fitted_with_its_velocity(pair: tuple[Record, Record]) -> None:

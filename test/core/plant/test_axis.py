@@ -75,3 +75,41 @@ def test_a_function_without_a_name_moves_the_axis_as_the_law_that_it_is(
     found = free_run(AXIS.with_values(function), forces)
     assert np.std(wanted[:, 1] - declared[:, 1]) > 0.01 * np.std(declared[:, 1])
     assert np.std(found[:, 1] - wanted[:, 1]) < 0.02 * np.std(wanted[:, 1] - declared[:, 1])
+
+
+def of_two(kind: int, second: int, low: float, high: float, change: float) -> dict[str, float]:
+    """A function that is zero in the middle of a second quantity and ±change at its ends."""
+    own = {f"effects.unlisted.above_{i}": change for i in range(unlisted.CHANGES)}
+    own |= {f"effects.unlisted.below_{i}": -change for i in range(unlisted.CHANGES)}
+    ends = {"effects.unlisted.second_low": low, "effects.unlisted.second_high": high}
+    return {"effects.unlisted.kind": kind, "effects.unlisted.second": second, **ends, **own}
+
+
+@pytest.mark.parametrize(
+    ("function", "law"),
+    [
+        (
+            of_two(unlisted.FORCE_OF_VELOCITY, unlisted.POSITION, -0.4, 0.4, 20.0),
+            {"effects.stiffness_to_ground.stiffness": 50.0},
+        ),
+        (of_two(unlisted.FORCE_OF_POSITION, unlisted.VELOCITY, -0.5, 0.5, 15.0), {"axis.viscous": 230.0}),
+        (of_two(unlisted.FRICTION_OF_POSITION, unlisted.VELOCITY, -0.5, 0.5, 15.0), {"axis.viscous": 230.0}),
+    ],
+)
+def test_a_function_whose_second_quantity_alone_counts_is_a_law_of_that(
+    function: dict[str, float], law: dict[str, float]
+) -> None:
+    forces = 60.0 * np.sin(2.0 * np.pi * 0.5 * np.arange(3000) * 1e-3)
+    declared, wanted = free_run(AXIS, forces), free_run(AXIS.with_values(law), forces)
+    found = free_run(AXIS.with_values(function), forces)
+    assert np.std(wanted[:, 1] - declared[:, 1]) > 0.01 * np.std(declared[:, 1])
+    assert np.std(found[:, 1] - wanted[:, 1]) < 0.02 * np.std(wanted[:, 1] - declared[:, 1])
+
+
+@pytest.mark.parametrize("begin", [0.0, 1.5])
+def test_a_force_that_time_changes_follows_the_clock_of_the_recording(begin: float) -> None:
+    time = begin + 1e-3 * np.arange(3000)
+    forces = 60.0 * np.sin(2.0 * np.pi * 0.5 * time)
+    ramp = AXIS.with_values(of_two(unlisted.FORCE_OF_POSITION, unlisted.TIME, 0.0, 5.0, 10.0))
+    found = run_batch(ramp.vector()[None, :], initial_state(0.0, 0.0, begin), forces, 1e-3)[0]
+    np.testing.assert_allclose(found, free_run(AXIS, forces - 10.0 * (time - 2.5) / 2.5), atol=1e-12)
