@@ -22,7 +22,7 @@ from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchPr
 from shake_ros.core.discovery.refined_nodes import refined_function
 from shake_ros.core.discovery.refit import Refit, ranked, refit, rounds
 from shake_ros.core.discovery.screening import Screening, screen
-from shake_ros.core.discovery.second_quantities import or_function_of_two, with_second_quantity
+from shake_ros.core.discovery.second_quantities import function_of_two, with_second_quantity
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.shown_effects import shown_steps
 from shake_ros.core.discovery.unlisted_functions import (
@@ -116,8 +116,8 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
             step, functions = or_function(problem, current, step, ranking, None if improved else functions)
             if step is not None and step.chosen.candidate.effect == UNLISTED:
                 step = refined_function(problem, step)
-            else:
-                step = or_function_of_two(problem, current, step, ranking, functions)
+            elif step is None:
+                step = function_of_two(problem, current, ranking, functions)
         found = replace(found, functions=functions)
         yield found
         if step is None:

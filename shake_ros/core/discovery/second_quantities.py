@@ -25,7 +25,10 @@ from shake_ros.core.discovery.unlisted_functions import (
     BELOW_NAMES,
     KINDS,
     NODE_NAMES,
+    OF_HYDRAULICS,
+    OF_MOTION,
     PREFIX,
+    SUPPLY,
     UNLISTED,
     WITHOUT_SECOND,
     FunctionKind,
@@ -80,28 +83,32 @@ def with_second_quantity(problem: SearchProblem, step: ForwardStep) -> ForwardSt
     return ForwardStep(best, (best, *step.ranking[1:]), step.alternatives, step.screened)
 
 
-def or_function_of_two(
-    problem: SearchProblem,
-    current: ScoredFit,
-    step: ForwardStep | None,
-    ranking: Sequence[Refit],
-    tried: FunctionSearch | None,
+def function_of_two(
+    problem: SearchProblem, current: ScoredFit, ranking: Sequence[Refit], tried: FunctionSearch | None
 ) -> ForwardStep | None:
-    """The step, or one that adds a function of two quantities where those of one that were tried leave too much."""
+    """A step that adds a function of two quantities, where no listed effect helps and those of one leave too much.
+
+    tried : functions of one quantity of this model; None where it needs none.
+    """
     if tried is None or near_noise(problem, current):
-        return step
+        return None
     settings, found = problem.settings, screen_pairs(problem, current.fit)
     least = max(settings.function_promise, settings.pair_rival * max(tried.gains.values(), default=0.0))
     if tried.best is not None and not (found and found[0].function.gain > least):
-        if tried.best.predicted_gain < settings.function_promise:
-            return step
-        one = refined_function(problem, ForwardStep(tried.best, (tried.best, *ranking)))
-        both = with_second_quantity(problem, one)
-        return both if both is not one and leaves_far_less(problem, current, step, both.chosen.result) else step
+        return grown(problem, current, ForwardStep(tried.best, (tried.best, *ranking)))
     best = best_pair(problem, current, found, least)
     if best is None or not improves(best.result, current, settings, len(found)):
-        return step
-    return ForwardStep(best, (best, *ranking)) if leaves_far_less(problem, current, step, best.result) else step
+        return None
+    return ForwardStep(best, (best, *ranking)) if leaves_far_less(problem, current, None, best.result) else None
+
+
+def grown(problem: SearchProblem, current: ScoredFit, one: ForwardStep) -> ForwardStep | None:
+    """A function of one quantity that leaves too much, with a second one; None where that leaves too much as well."""
+    if one.chosen.predicted_gain < problem.settings.function_promise:
+        return None
+    one = refined_function(problem, one)
+    both = with_second_quantity(problem, one)
+    return both if both is not one and leaves_far_less(problem, current, None, both.chosen.result) else None
 
 
 def screen_seconds(problem: SearchProblem, function: Fit) -> list[ScreenedPair]:
@@ -121,8 +128,7 @@ def screen_pairs(problem: SearchProblem, current: Fit) -> list[ScreenedPair]:
     pieces: RecordingProblem = problem.estimation_pieces
     whole, visited = ranges(pieces, current), ranges(problem.estimation, current)
     model, found = linearised(pieces, current), list[ScreenedPair]()
-    for code in law.PAIRS:
-        kind = KINDS[code]
+    for kind in (*OF_MOTION, *(OF_HYDRAULICS if SUPPLY in current.free.base.fields else ())):
         low, high = whole.get(kind.quantity, (0.0, 0.0))
         if high > low:
             free = extended(model, kind, low, high)

@@ -15,7 +15,7 @@ from shake_ros.core.discovery.closed_form import learnt_function
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearised
 from shake_ros.core.discovery.second_form import fitted_changes
-from shake_ros.core.discovery.second_quantities import or_function_of_two, with_second_quantity
+from shake_ros.core.discovery.second_quantities import function_of_two, with_second_quantity
 from shake_ros.core.discovery.unlisted_functions import FunctionSearch, best_function, screen_functions
 from shake_ros.core.effects import unlisted as law
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -45,7 +45,7 @@ def over_noise(problem: SearchProblem, fit: ScoredFit) -> float:
 @pytest.fixture(scope="module")
 def found() -> tuple[SearchProblem, ScoredFit, ForwardStep]:
     problem, current = posed("flow gain of opening and load pressure", 0.5)
-    step = or_function_of_two(problem, current, None, (), FunctionSearch({}, None))
+    step = function_of_two(problem, current, (), FunctionSearch({}, None))
     assert step is not None
     return problem, current, step
 

@@ -11,6 +11,7 @@ import pytest
 
 from shake_ros.core.discovery.problem import SearchProblem, linearised
 from shake_ros.core.discovery.screening import Screening
+from shake_ros.core.discovery.second_quantities import screen_pairs
 from shake_ros.core.discovery.unlisted_functions import best_function, leading_functions
 from shake_ros.core.identification.axis_model import AXIS, AxisModel
 from shake_ros.core.identification.fit import fit
@@ -63,3 +64,11 @@ def test_functions_lead_where_the_best_promises_far_more_than_every_effect(
     if found:
         assert found[0].kind.depends_on == ("position",)
         assert found[0].gain > 0.8
+
+
+def test_an_axis_has_functions_of_two_quantities_that_it_knows(problem: SearchProblem) -> None:
+    free = FreeParameters(DECLARED, list(free_parameters(AXIS)))
+    current = problem.scored(fit(problem.estimation, free, free.start(), evaluations=20))
+    pairs = {(pair.function.kind.code, pair.quantity) for pair in screen_pairs(problem, current.fit)}
+    of_position = {(kind, quantity) for kind in (1, 2) for quantity in ("velocity", "time")}
+    assert pairs == of_position | {(3, "position"), (3, "time")}
