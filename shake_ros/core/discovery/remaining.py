@@ -16,6 +16,7 @@ from scipy.signal import welch
 
 from shake_ros.core.discovery.problem import SearchProblem
 from shake_ros.core.discovery.selection import Selection
+from shake_ros.core.discovery.unlisted_functions import UNLISTED
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
@@ -158,7 +159,9 @@ def remaining(problem: SearchProblem, found: Selection) -> Remaining:
 
 
 def nothing_fits(found: Selection, memoryless: float) -> bool:
-    """Whether functions of one quantity were tried in the last step and none promised anything."""
+    """Whether functions of one quantity were tried in the last step, none promised anything, and none of two helped."""
+    if any(step.chosen.candidate.effect == UNLISTED for step in found.steps):
+        return False
     return found.functions is not None and max(found.functions.gains.values(), default=1.0) < memoryless
 
 
