@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -14,6 +14,7 @@ from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.unlisted_functions import OF_MOTION, UNLISTED, FunctionSearch
 from shake_ros.settings import load_search
 
@@ -105,3 +106,22 @@ def test_one_that_does_not_keep_its_promise_is_not_tried_again(monkeypatch: pyte
     assert case.refits == ["first", "other"]
     assert case.step is None
     assert case.functions is not None
+
+
+@pytest.mark.parametrize("listed", [True, False])
+def test_a_function_of_two_quantities_comes_where_nothing_else_helps(
+    monkeypatch: pytest.MonkeyPatch, *, listed: bool
+) -> None:
+    search, without = FunctionSearch({}, None), scored(1000.0)
+    effect, both, better = (refitted(name, 400.0) for name in ("spool_deadband", UNLISTED, UNLISTED))
+    step = ForwardStep(effect, (effect,)) if listed else None
+    monkeypatch.setattr(forward, "with_knowledge", lambda problem, found: (problem, found))
+    monkeypatch.setattr(forward, "forward_step", lambda *_: (step, (), without, None))
+    monkeypatch.setattr(forward, "joint_steps", lambda *_: ())
+    monkeypatch.setattr(forward, "or_function", lambda *_: (step, search))
+    monkeypatch.setattr(forward, "function_of_two", lambda *_: ForwardStep(both, (both,)))
+    monkeypatch.setattr(forward, "with_second_quantity", lambda problem, step: ForwardStep(better, (better,)))
+    problem = SimpleNamespace(settings=replace(load_search(), most_effects=1), at_noise=lambda m: False)
+    model = SimpleNamespace(candidates=(effect.candidate,), shown=())
+    *_, last = forward.stages(cast("Any", problem), Selection(without, (), without), cast("Any", model))
+    assert [s.chosen for s in last.steps] == [effect if listed else better]
