@@ -185,7 +185,7 @@ def unlisted_chart(fit: Fit, form: FunctionForm | None = None) -> Chart:
         ends = [table.value(f"{PREFIX}second_{end}") for end in ("low", "high")]
         caption += f", at the ends and in the middle of the range of {SECONDS[code].replace('_', ' ')}"
         named = second_label(code, 0.5 * (ends[0] + ends[1]))
-        for end, names, colour in ((ends[0], BELOW_NAMES, "c1"), (ends[1], ABOVE_NAMES, "c2")):
+        for end, names, colour in ((ends[0], BELOW_NAMES, "c3"), (ends[1], ABOVE_NAMES, "c4")):
             changed = np.interp(at, changes, [table.value(name) for name in names]) + np.interp(at, nodes, values)
             series.append(ChartSeries(second_label(code, end), scale * changed, colour, width=1.8))
     middle = ChartSeries(named, scale * np.interp(at, nodes, values), "after", width=1.8)
