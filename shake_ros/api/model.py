@@ -111,10 +111,11 @@ class Model:
         declared = self._declared_table
         if declared is None:
             return []
-        records, unknown = recordings.records(), tuple[str, ...]()
-        if isinstance(self.declared, UnknownModel):
-            records, unknown = prepared(records, []).estimation, self.declared.unknown
-        return contradictions(declared, records, unknown)
+        records = recordings.records()
+        if not isinstance(self.declared, UnknownModel):
+            return contradictions(declared, records)
+        data = prepared(records, [])
+        return contradictions(declared, data.estimation, self.declared.unknown, data.sensors.lag)
 
     def simulate(self, record: Record) -> np.ndarray:
         """Free run of the table over a record from its command alone, shape (n, ≥ 3): position [m], velocity, …"""

@@ -22,20 +22,23 @@ GAIN_FROM = ("valve.flow_coefficient", "body.piston_area", "supply.supply_pressu
 FREQUENCY_FROM = ("bulk_modulus.modulus", "body.cylinder_volume", "body.table_mass", "body.piston_area")
 
 
-def contradictions(table: TableParameters, records: Sequence[Record], unknown: Collection[str] = ()) -> list[str]:
+def contradictions(
+    table: TableParameters, records: Sequence[Record], unknown: Collection[str] = (), lag: float = 0.0
+) -> list[str]:
     """A line for each quantity in which declared numbers and recordings are far apart.
 
     Parameters
     ----------
     records : commands per unit. unknown : numbers of the table that are not declared; what follows from one of them
-    cannot contradict anything.
+    cannot contradict anything. lag : of the accelerometer behind the position, negative of the position [s].
     """
     try:
-        measured = linear_table(records)
+        measured = linear_table(records, lag)
     except ShakeError:  # what cannot be told apart cannot contradict
         return []
+    gain = slow_gain(records) if lag >= 0.0 else measured.gain  # a slow transducer takes off what is slow as well
     pairs = (
-        ("velocity per command", "m/s", GAIN_FROM, velocity_gain(table), slow_gain(records), GAIN),
+        ("velocity per command", "m/s", GAIN_FROM, velocity_gain(table), gain, GAIN),
         (
             "hydraulic frequency",
             "Hz",

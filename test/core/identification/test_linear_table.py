@@ -10,7 +10,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import butter, lsim, sosfilt
 
+from shake_ros.core.identification.contradictions import contradictions
 from shake_ros.core.identification.first_guess import FirstGuess
+from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.linear_table import linear_table, response
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
@@ -66,13 +68,30 @@ def test_none_shows_where_none_is() -> None:
     assert found.damping == pytest.approx(DAMPING, abs=0.03)
 
 
-def test_slow_position_transducer_is_no_part_of_it() -> None:
-    lag, slow = 0.06, list[Record]()
+def behind_slow_transducer(lag: float) -> list[Record]:
+    """Recordings of a table without a specimen whose position transducer lags [s]."""
+    slow = list[Record]()
     for seed in (3, 4):
         prompt = record(0.0, seed)
         time = prompt.sample_time * np.arange(len(prompt.position))
         _, shown, _ = lsim(([1.0], [lag, 1.0]), prompt.position, time)
         slow.append(replace(prompt, position=shown))
+    return slow
+
+
+def test_slow_position_transducer_contradicts_no_declared_gain() -> None:
+    lag, table = 0.12, load_table("bergamo")
+    slow, flow = behind_slow_transducer(lag), "valve.flow_coefficient"
+    right = table.with_values({flow: table.value(flow) * GAIN / velocity_gain(table)})
+    unknown = ("bulk_modulus.modulus",)  # its hydraulic frequency is another
+    assert contradictions(right, slow, unknown, -lag) == []
+    (line,) = contradictions(right, slow, unknown)  # what the lag would be taken for
+    assert line.startswith("velocity per command: declared 0.6 m/s")
+
+
+def test_slow_position_transducer_is_no_part_of_it() -> None:
+    lag = 0.06
+    slow = behind_slow_transducer(lag)
     found = FirstGuess(slow, -lag).linear
     assert found.specimen is None
     assert found.omega == pytest.approx(2.0 * math.pi * HYDRAULIC, rel=0.05)
