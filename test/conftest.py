@@ -1,6 +1,7 @@
 """Fixtures of the whole suite: foreign data, a ROS domain of one's own, and the check that no process stays behind.
 
-`./shake test` runs the suite in one worker a core. What keeps real time (ALONE) waits until the other workers pause.
+`./shake test` runs the suite in one worker a core. What keeps real time (ALONE, and nodes in a ROS domain) waits until
+the other workers pause.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ ROOT = Path(__file__).resolve().parent.parent
 MARK = "SHAKE_ROS_TEST_SESSION"
 LOWEST_DOMAIN, HIGHEST_DOMAIN = 1, 100
 GRACE = 3.0  # seconds that a process may take to end after its test
-ALONE = ("test/ros", "test/bridge")  # folders whose tests have the machine for themselves
+NODES = "test/ros"  # folder of which a test has the machine for itself where nodes run in a ROS domain
+ALONE = ("test/bridge", "test/ros/test_realtime.py")  # where each has
 
 os.environ.setdefault("PYTHONHASHSEED", "0")
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -62,7 +64,8 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """Side by side with the tests of other workers, or alone. Who waits for the machine lets nobody pass."""
     if "PYTEST_XDIST_WORKER" not in os.environ:
         return (yield)
-    alone = item.path.relative_to(ROOT).as_posix().startswith(ALONE)
+    path = item.path.relative_to(ROOT).as_posix()
+    alone = path.startswith(ALONE) or (path.startswith(NODES) and "ros_domain" in getattr(item, "fixturenames", ()))
     locks = Path(tempfile.gettempdir()) / f"shake_ros-test-machine-{os.getuid()}"
     with open(f"{locks}.door", "a") as door, open(f"{locks}.lock", "a") as machine:
         fcntl.flock(door, fcntl.LOCK_EX)
