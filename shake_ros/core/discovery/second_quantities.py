@@ -38,6 +38,7 @@ from shake_ros.core.discovery.unlisted_functions import (
     fit_function,
     fit_to_pieces,
     leaves_far_less,
+    may_have_functions,
     near_noise,
     ranges,
     screen_nodes,
@@ -90,7 +91,7 @@ def function_of_two(
 
     tried : functions of one quantity of this model; None where it needs none.
     """
-    if tried is None or near_noise(problem, current):
+    if tried is None or not may_have_functions(current) or near_noise(problem, current):
         return None
     settings, found = problem.settings, screen_pairs(problem, current.fit)
     least = max(settings.function_promise, settings.pair_rival * max(tried.gains.values(), default=0.0))

@@ -129,10 +129,15 @@ def near_noise(problem: SearchProblem, current: ScoredFit) -> bool:
     return current.validation_cost < problem.settings.function_above_noise * problem.validation.noise_cost()
 
 
+def may_have_functions(current: ScoredFit) -> bool:
+    """Whether the model has a place for a function; the reduced one has none."""
+    return PREFIX + "kind" in current.fit.free.base.fields
+
+
 def leading_functions(problem: SearchProblem, current: ScoredFit, screening: Screening) -> list[ScreenedFunction]:
     """What functions promise, where the best of them promises far more than every listed effect; else empty."""
     settings, effect = problem.settings, max((t.gain for t in screening.trials), default=0.0)
-    if PREFIX + "kind" not in current.fit.free.base.fields or near_noise(problem, current):
+    if not may_have_functions(current) or near_noise(problem, current):
         return []
     if effect > settings.function_rival:  # even of a function that promised all
         return []
@@ -149,7 +154,7 @@ def best_function(
     screened : what they promise, the most promising first, where that is known.
     """
     settings, fitted = problem.settings, current.fit
-    if PREFIX + "kind" not in fitted.free.base.fields:
+    if not may_have_functions(current):
         return FunctionSearch({}, None)
     found = screened or screen_functions(problem, linearised(problem.estimation_pieces, fitted))
     least = max(settings.function_rank * found[0].gain, settings.least_function) if found else 0.0

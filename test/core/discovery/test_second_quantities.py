@@ -6,6 +6,8 @@ The tables are those of benchmarks/discovery/hidden_tables.py, with solver, fric
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,6 +97,13 @@ def test_nothing_of_two_quantities_is_offered_where_one_suffices() -> None:
     one = ForwardStep(best, (best,))
     assert best.candidate.depends_on == ("position",)
     assert with_second_quantity(problem, one) is one
+
+
+def test_model_without_a_place_for_functions_is_offered_none() -> None:
+    reduced: Any = SimpleNamespace(fit=SimpleNamespace(free=SimpleNamespace(base=SimpleNamespace(fields={}))))
+    problem: Any = SimpleNamespace(settings=load_search())
+    assert best_function(problem, reduced) == FunctionSearch({}, None)
+    assert function_of_two(problem, reduced, (), FunctionSearch({}, None)) is None
 
 
 def test_a_change_by_the_same_everywhere_is_a_sum_and_one_in_proportion_is_separable() -> None:
