@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from shake_ros.core.discovery.close_loop import LoopClosure
-from shake_ros.core.discovery.closed_form import LearntFunction
+from shake_ros.core.discovery.closed_form import FunctionForm, LearntFunction
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.refit import Refit
-from shake_ros.core.discovery.second_form import LearntChange
+from shake_ros.core.discovery.second_form import ChangeForm, LearntChange
 from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.innovations import HORIZONS, RATES, Innovations
@@ -179,7 +179,6 @@ def _candidate_json(standing: EffectStanding) -> dict[str, Any]:
 
 
 def function_json(function: LearntFunction) -> dict[str, Any]:
-    form = function.form
     return {
         "quantity": function.quantity,
         "place": function.place,
@@ -187,19 +186,12 @@ def function_json(function: LearntFunction) -> dict[str, Any]:
         "at": function.at.tolist(),
         "values": function.values.tolist(),
         "std_errors": _known(function.deviations),
-        "closed_form": {
-            "name": form.name,
-            "text": form.text,
-            "parameters": dict(form.parameters),
-            "misfit": form.misfit,
-            "held_out_error_over_free": form.cost,
-        },
+        "closed_form": _form_json(function.form),
         "second": _change_json(function.second) if function.second else None,
     }
 
 
 def _change_json(change: LearntChange) -> dict[str, Any]:
-    form = change.form
     return {
         "quantity": change.quantity,
         "unit": change.unit,
@@ -210,13 +202,17 @@ def _change_json(change: LearntChange) -> dict[str, Any]:
         "below": change.below.tolist(),
         "above_std_errors": _known(change.above_deviations),
         "below_std_errors": _known(change.below_deviations),
-        "closed_form": {
-            "name": form.name,
-            "text": form.text,
-            "parameters": dict(form.parameters),
-            "misfit": form.misfit,
-            "held_out_error_over_free": form.cost,
-        },
+        "closed_form": _form_json(change.form),
+    }
+
+
+def _form_json(form: FunctionForm | ChangeForm) -> dict[str, Any]:
+    return {
+        "name": form.name,
+        "text": form.text,
+        "parameters": dict(form.parameters),
+        "misfit": form.misfit,
+        "held_out_error_over_free": form.cost,
     }
 
 
