@@ -70,16 +70,14 @@ class ScreenedPair:
 
 def with_second_quantity(problem: SearchProblem, step: ForwardStep) -> ForwardStep:
     """A step that adds a function, or the same with a second quantity where that leaves far less."""
-    one, most = step.chosen.result, problem.settings.function_gain
+    one = step.chosen.result
     if near_noise(problem, one) or one.fit.free.base.value(SECOND):
         return step
     found = screen_seconds(problem, one.fit)
     best = best_pair(problem, one, found, problem.settings.second_promise, step.chosen.candidate.free)
     if best is None or not improves(best.result, one, problem.settings, len(found)):
         return step
-    if best.result.validation_cost > most * one.validation_cost:
-        return step
-    if best.result.estimation_cost > most * one.estimation_cost:
+    if not leaves_far_less(problem, one, None, best.result):
         return step
     return ForwardStep(best, (best, *step.ranking[1:]), step.alternatives, step.screened)
 

@@ -49,14 +49,14 @@ class JoiningEffect(Protocol):
         """Where it begins beside others."""
 
 
-def loss(found: Fit, names: Sequence[str], neutral: Sequence[float] | None = None) -> float:
+def loss(found: Fit, names: Sequence[str], neutral: Sequence[float] = (0.0,)) -> float:
     """Relative rise of the cost to first order where parameters go to where they do nothing and all others adjust [-].
 
-    neutral : these values, in units of the scales; None for zero.
+    neutral : these values, in units of the scales, or one for all.
     """
     chosen = [found.free.names.index(name) for name in names]
     covariance = np.linalg.pinv(found.jacobian.T @ found.jacobian)[np.ix_(chosen, chosen)]
-    x = found.x[chosen] - (0.0 if neutral is None else np.asarray(neutral))
+    x = found.x[chosen] - np.asarray(neutral)
     return float(x @ np.linalg.pinv(covariance) @ x) / max(2.0 * found.cost, 1e-300)
 
 
