@@ -23,7 +23,6 @@ LOOP_GAIN = 2.0  # weak position loop [1/m]
 POSITION_NOISE = 8e-6  # [m] at noise level 1
 ACCELERATION_NOISE = 0.05  # [m/s²] at noise level 1
 POSITION_STEP = 4.6e-6  # [m]
-ROOT = 1e4  # pressure drop about which the flow's root is rounded [Pa]
 STATES = 18
 X, V, PA, PB, S, DS, PS, FILM, Q, DQ, R, DR, B, DB, LAGA, LAGX, Z, PUSH = range(STATES)
 DECLARED = {  # what a declared model may fit: names of the package → fields of Truth
@@ -59,6 +58,7 @@ class Truth(NamedTuple):
     decay: float = 40.0
     viscous: float = 400.0
     saturation: float = 7e-4  # speed at which dry friction is full [m/s]
+    rounding: float = 1e4  # pressure drop about which the flow's root is rounded [Pa]
     spool_deadband: float = 0.0
     spool_hysteresis: float = 0.0
     asymmetric_flow_gain: float = 0.0
@@ -179,9 +179,9 @@ HIDDEN: dict[str, Hidden] = {
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def rounded_root(d):
+def rounded_root(t, d):
     """sign(d) sqrt|d|, rounded about zero."""
-    return d / math.sqrt(abs(d) + ROOT)
+    return d / math.sqrt(abs(d) + t.rounding)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -222,8 +222,8 @@ def flows(t, y, time):
     ps = y[PS] * (1.0 + t.supply_pulsation * math.sin(2.0 * math.pi * t.pulsation_frequency * time))
     pt = t.tank + t.tank_back_pressure
     up, down = min(max(s + t.underlap, 0.0), 1.0), min(max(t.underlap - s, 0.0), 1.0)
-    in_a, out_a = gain * up * rounded_root(ps - y[PA]), gain * down * rounded_root(y[PA] - pt)
-    out_b, in_b = gain * up * rounded_root(y[PB] - pt), gain * down * rounded_root(ps - y[PB])
+    in_a, out_a = gain * up * rounded_root(t, ps - y[PA]), gain * down * rounded_root(t, y[PA] - pt)
+    out_b, in_b = gain * up * rounded_root(t, y[PB] - pt), gain * down * rounded_root(t, ps - y[PB])
     return in_a - out_a, out_b - in_b, in_a + in_b
 
 
@@ -237,7 +237,7 @@ def chambers(t, y, time, x, v, d):
         mu, edge = t.soft_sharpness, t.soft_edge
         step = math.tanh(mu * (load + edge)) - math.tanh(mu * (load - edge))
         soft -= t.soft_zone * step / (2.0 * math.tanh(mu * edge))
-    across = t.internal * load + t.turbulent_leakage * rounded_root(load)
+    across = t.internal * load + t.turbulent_leakage * rounded_root(t, load)
     if t.worn_bore > 0.0:
         across += t.worn_bore * load * max(x, 0.0)
     v_a = max(t.volume / 2.0 + t.area * x, 1e-6) + t.dead_volume

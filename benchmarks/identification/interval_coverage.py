@@ -1,6 +1,6 @@
 """Do the stated standard errors cover the truth? What the study `interval_coverage` measures.
 
-    ./shake campaign interval_coverage --out DIR [--set forms=own]
+    ./shake campaign interval_coverage --out DIR [--set forms=drawn]
 
 Recordings are made by another simulator, one table and one noise per seed, and it is counted how often the 90 %
 interval (value ± 1.645 standard errors) holds the true value. A parameter at a bound has no standard error and is
@@ -15,13 +15,17 @@ forms near rest, tanh(v/v_t) and the laminar stretch of the flow's root, and the
 `forms=other` takes the data from discovery/hidden_tables.py, where these three are other functions: friction
 saturates linearly (`saturation`: width; by default that which takes as much off as the declared tanh does), the root
 is rounded elsewhere, and the hysteresis is dry friction on the spool. There the fitted values are those with which
-the declared forms come nearest to the other ones, and the column "mean rel. error" is that shift; no interval that
-counts noise covers it, and the longer the recordings, the less. `forms=own` makes the data with the package's own
-simulator.
+the declared forms come nearest to the other ones, and the relative error in the median is that shift; no interval that
+counts noise covers it, and the longer the recordings, the less. `forms=drawn` are the same functions with widths drawn
+for each table: that of friction evenly within the factor 2 ln 2 by which two forms that take the same off a step may
+differ, in its logarithm; that of the root evenly up to the declared one. One choice of forms shifts a parameter to one
+side on every table, so that an interval holds it always or never; how often it does is a question over many tables,
+each with forms of its own. `forms=own` makes the data with the package's own simulator.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -42,7 +46,7 @@ from shake_ros.settings import load_search, load_table
 
 SAME_DEFICIT = 2.0 * 0.693 * 1e-3  # ∫(1 − v/w) dv = ∫(1 − tanh(v/(1 mm/s))) dv for this width w [m/s]
 QUANTILE = 1.645  # of the 90 % interval
-FORMS = ("declared", "other", "own")
+FORMS = ("declared", "other", "drawn", "own")
 SUBSTEPS = 25  # steps of the second writing per sample
 
 
@@ -71,16 +75,27 @@ def made(name: str, truth: hidden.Truth, commands: np.ndarray, seed: int, forms:
     return measured(name, commands, out[:, 0], out[:, 6], seed)
 
 
+def with_drawn_forms(truth: hidden.Truth, seed: int) -> hidden.Truth:
+    """The same table with widths of its own near rest: of the friction about the one it has, and of the flow root."""
+    friction, root = np.random.default_rng([seed, 1]).uniform((-1.0, 0.0), 1.0)
+    return truth._replace(
+        saturation=truth.saturation * (2.0 * math.log(2.0)) ** friction,
+        rounding=root * load_table("bergamo").value("valve.laminar_pressure"),
+    )
+
+
 def fitted(seed: int, length: float, forms: str, saturation: float) -> tuple[hidden.Truth, list[Estimate]]:
     """Truth and estimates of one seed."""
     truth = hidden.declared_truth(seed)._replace(saturation=saturation)
+    if forms == "drawn":
+        truth = with_drawn_forms(truth, seed)
     rng = np.random.default_rng(seed)
     records = []
     for name, excitation in hidden.excitations(seed, length).items():
         if not name.startswith("learn"):
             continue
         other = hidden.record(truth, excitation, 1.0, rng)
-        if forms == "other":
+        if forms in ("other", "drawn"):
             records.append(Record(name, hidden.SAMPLE, other["command"], other["position"], other["acceleration"]))
         else:
             records.append(made(name, truth, other["command"], 7 * seed + len(name), forms))
@@ -97,7 +112,7 @@ def measure(seed: int, length: float, forms: str, saturation: float | None) -> d
 
     Parameters
     ----------
-    length : scale of the recordings' durations. forms : who makes the data: declared, other or own.
+    length : scale of the recordings' durations. forms : who makes the data: declared, other, drawn or own.
     saturation : width of the data's dry friction [m/s], of the same deficit as the declared form's where None.
     """
     if forms not in FORMS:

@@ -8,7 +8,8 @@ Noise is not all that an estimate may be off by. Near rest the model takes regul
 velocity and a laminar stretch of the flow's root, whose widths are assumed; a table passes rest in its own way, and the
 fitted values are then those of the nearest model. How far such a choice moves each of them follows to first order from
 the change of the residuals, δ = −(JᵀJ)⁻¹ Jᵀ (r' − r), with each width a factor SPREAD larger and smaller: an
-uncertainty of type B (JCGM 100:2008, 4.3), stated beside the one of noise.
+uncertainty of type B (JCGM 100:2008, 4.3), stated beside the one of noise. A width that was fitted is that of the
+nearest form of this shape; what another shape does is as uncertain, so the others are shifted with it held.
 
 The model's root also reaches √Δp soon (valve/ports.py), where that of a real orifice, (2.77), comes up to it slowly,
 from below. Δp/√(|Δp| + δ), of the same slope at rest, stays δ/(2 Δp) behind: to first order as if the supply stood δ
@@ -95,8 +96,10 @@ def form_errors(problem: Problem, result: Fit) -> np.ndarray:
         return np.zeros(len(result.x))
     change = np.nan_to_num(problem.residuals(rows) - result.residuals)
     inside = ~at_bound(result) & np.any(result.jacobian != 0.0, axis=0)
+    width = np.isin(result.free.names, NEAR_REST)
     shifts = np.zeros((len(rows), len(result.x)))
-    shifts[:, inside] = -np.linalg.lstsq(result.jacobian[:, inside], change.T, rcond=1e-6)[0].T
+    shifts[:, inside & ~width] = -np.linalg.lstsq(result.jacobian[:, inside & ~width], change.T, rcond=1e-6)[0].T
+    shifts[:, inside & width] = ((rows - result.vector)[:, result.free.columns] / result.free.scale)[:, inside & width]
     return np.asarray(np.sqrt(variances @ shifts**2))
 
 
@@ -106,7 +109,7 @@ def _other_forms(result: Fit) -> tuple[np.ndarray, np.ndarray]:
     fitted = result.free.vectors(result.x)[0]
     rows, variances = [], []
     for name in NEAR_REST:
-        if name in column and name not in result.free.names:
+        if name in column:
             for factor in (SPREAD, 1.0 / SPREAD):
                 rows.append(fitted.copy())
                 rows[-1][column[name]] *= factor

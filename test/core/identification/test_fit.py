@@ -154,6 +154,26 @@ def test_form_error_is_the_shift_that_another_width_near_rest_brings() -> None:
     assert rounded * line().scale == pytest.approx([0.0, np.sqrt(np.mean(shift**2))], abs=1e-6)
 
 
+class Cornered(Line):
+    """The line through such a corner in every other sample, so that the width can be told from the level."""
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        every_other = np.tile([0.0, 8e4], len(self.x) // 2)
+        return super().residuals(vectors) + every_other * (vectors[:, [INDEX[WIDTH]]] - TABLE.value(WIDTH))
+
+
+def test_a_width_that_was_fitted_leaves_the_others_the_error_of_another_form() -> None:
+    assumed = line()
+    fitted = assumed.extended([free_parameter(WIDTH, {"scale": 1e-4}, "here")])
+    without, beside = (solve(Cornered(WHITE), free) for free in (assumed, fitted))
+    errors = form_errors(Cornered(WHITE), beside) * fitted.scale
+    ratio = values(beside)[2] / TABLE.value(WIDTH)
+    assert errors[:2] == pytest.approx(ratio * form_errors(Cornered(WHITE), without) * assumed.scale, rel=1e-6)
+    assert errors[1] > 5.0
+    either = np.array([SPREAD - 1.0, 1.0 / SPREAD - 1.0])
+    assert errors[2] == pytest.approx(values(beside)[2] * np.sqrt(np.mean(either**2)), rel=1e-9)
+
+
 class Throttled(Line):
     """The line whose level follows the pressure between supply and tank, as the flow does."""
 
