@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, replace
 from typing import Any
@@ -22,7 +23,7 @@ class CandidateEffect:
     place, depends_on : where it acts and on what. resembles : effects that recordings can hardly tell from it, which
     are refitted beside it though screening may pass them over. usual : values met on real tables by dotted name.
     together : values from which it takes part in a fit with many effects at once; empty where it does not.
-    narrow : numbers of the trials from each of which a fit sets out, where its valley is hardly met otherwise.
+    narrow : values from the best of which a fit of its own sets out, where its valley is hardly met otherwise.
     """
 
     effect: str
@@ -33,7 +34,7 @@ class CandidateEffect:
     resembles: tuple[str, ...] = ()
     usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     together: Mapping[str, float] = field(default_factory=dict)
-    narrow: tuple[int, ...] = ()
+    narrow: tuple[Mapping[str, float], ...] = ()
 
     @property
     def strength(self) -> FreeParameter:
@@ -79,16 +80,23 @@ def candidates(
         strict_keys(usual, own, where)
         together = {prefix + name: float(v) for name, v in entry.get("together", {}).items()}
         strict_keys(together, own, where)
-        narrow = entry.get("narrow", [])
-        if not isinstance(narrow, list) or not all(type(i) is int and 0 <= i < len(trials) for i in narrow):
-            raise ShakeError(f"{where}: {effect}: narrow: needs numbers of trials, 0 to {len(trials) - 1}")
+        narrow = _each_with_each(prefix, entry.get("narrow", {}), f"{where}: {effect}: narrow")
+        for point in narrow[:1]:
+            strict_keys(point, own, where)
         kind = EFFECTS[effect]
         result.append(
-            CandidateEffect(
-                effect, free, trials, kind.place, kind.depends_on, resembles, usual, together, tuple(narrow)
-            )
+            CandidateEffect(effect, free, trials, kind.place, kind.depends_on, resembles, usual, together, narrow)
         )
     return tuple(result)
+
+
+def _each_with_each(prefix: str, content: Any, where: str) -> tuple[Mapping[str, float], ...]:
+    """Each of some values of a parameter with each of those of the others; none where there is no parameter."""
+    try:
+        values = {prefix + name: [float(v) for v in given] for name, given in content.items()}
+    except (AttributeError, TypeError, ValueError):
+        raise ShakeError(f"{where}: needs a list of numbers for each name") from None
+    return tuple(dict(zip(values, point, strict=True)) for point in itertools.product(*values.values()) if values)
 
 
 def scaled(candidate: CandidateEffect, table: TableParameters, reference: TableParameters) -> CandidateEffect:
@@ -117,5 +125,8 @@ def scaled(candidate: CandidateEffect, table: TableParameters, reference: TableP
         return {n: min(max(factor(m["unit"]) * trial[n], m["low"]), m["high"]) for n, m in limits.items()}
 
     return replace(
-        candidate, free=tuple(map(fitting, candidate.free)), trials=tuple(tried(trial) for trial in candidate.trials)
+        candidate,
+        free=tuple(map(fitting, candidate.free)),
+        trials=tuple(map(tried, candidate.trials)),
+        narrow=tuple(map(tried, candidate.narrow)),
     )

@@ -13,6 +13,7 @@ from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, mean_square, side_by_side
 from shake_ros.core.discovery.screening import ScreenedTrial, Screening
 from shake_ros.core.identification.approach import Approach
+from shake_ros.core.identification.by_bands import from_slow_to_fast
 from shake_ros.core.identification.fit import Fit, Problem
 from shake_ros.core.identification.free_parameters import FreeParameters
 
@@ -159,16 +160,19 @@ def begun(problem: SearchProblem, screening: Screening, effect: str, evaluations
 
 
 def sought(problem: SearchProblem, begun: Begun, evaluations: int, tolerance: float) -> Begun:
-    """The same, or one from a narrow start of its effect, where that leads nearer; friction as declared."""
+    """The same, or one from slow to fast motion where its effect is hardly met otherwise and that leads nearer.
+
+    Friction begins as declared, which other effects have bent.
+    """
     candidate, free = begun.trial.candidate, begun.free
-    own = {f.name for f in candidate.free}
+    if not candidate.narrow:
+        return begun
+    own = [f.name for f in reversed(candidate.free)]
     begins = np.array([name.startswith("friction.") or name in own for name in free.names])
-
-    def way(number: int) -> Begun:
-        x = np.where(begins, free.x_of(candidate.trials[number]), begun.way.start)
-        return replace(begun, way=problem.way_to_pieces(free, x, evaluations, tolerance))
-
-    return min([begun, *side_by_side(way, candidate.narrow)], key=attrgetter("way.drawn_cost"))
+    starts = [np.where(begins, free.x_of(point), begun.way.start) for point in candidate.narrow]
+    x = from_slow_to_fast(problem.estimation_pieces, free, starts, own)
+    other = replace(begun, way=problem.way_to_pieces(free, x, evaluations, tolerance))
+    return min(begun, other, key=attrgetter("way.drawn_cost"))
 
 
 def finished(problem: SearchProblem, screening: Screening, begun: Begun, evaluations: int, tolerance: float) -> Refit:

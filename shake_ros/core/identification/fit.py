@@ -29,7 +29,8 @@ OVERFLOWING = 1e150  # the same of one whose square, summed, is none
 class Problem(Protocol):
     """What a fit needs: weighted residuals for rows of parameter vectors, shape (m, len(NAMES)) → (m, n).
 
-    It may say that it is `smooth`: that its residuals change with the parameters without small jumps.
+    It may say that it is `smooth`: that its residuals change with the parameters without small jumps; and which
+    `difference` step is its own.
     """
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
@@ -74,9 +75,15 @@ def is_smooth(problem: Problem) -> bool:
     return bool(getattr(problem, "smooth", False))
 
 
+def difference_of(problem: Problem) -> float:
+    """Difference step of a problem as a part of a parameter's scale or of its value."""
+    own: float | None = getattr(problem, "difference", None)
+    return own or (SMALL_DIFFERENCE if is_smooth(problem) else DIFFERENCE)
+
+
 def jacobian(problem: Problem, free: FreeParameters, x: np.ndarray, residuals: np.ndarray) -> np.ndarray:
     """Forward differences of the residuals in one batch, shape (n, p)."""
-    step = (SMALL_DIFFERENCE if is_smooth(problem) else DIFFERENCE) * np.maximum(1.0, np.abs(x))
+    step = difference_of(problem) * np.maximum(1.0, np.abs(x))
     step = np.where(x + step > free.high, -step, step)
     moved = problem.residuals(free.vectors(np.vstack([x, x + np.diag(step)])))  # all along the steps of the first
     return (moved[1:] - residuals).T / step

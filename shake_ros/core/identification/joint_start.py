@@ -28,8 +28,8 @@ MOST = 4  # effects that stay
 class JoiningEffect(Protocol):
     """An effect as it may take part. together : values, by dotted name, from which it does; empty where it cannot.
 
-    free : its parameters that a fit may move. trials : values at which it is tried alone. narrow : numbers of those
-    from each of which it is sought alone, where its valley is too narrow to be met from its absence.
+    free : its parameters that a fit may move. trials : values at which it is tried alone. narrow : values from the best
+    of which it is sought alone, where its valley is too narrow to be met from its absence.
     """
 
     @property
@@ -41,8 +41,8 @@ class JoiningEffect(Protocol):
         """Values of all of them."""
 
     @property
-    def narrow(self) -> tuple[int, ...]:
-        """Numbers of trials."""
+    def narrow(self) -> tuple[Mapping[str, float], ...]:
+        """Values of some of them."""
 
     @property
     def together(self) -> Mapping[str, float]:

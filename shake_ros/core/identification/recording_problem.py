@@ -8,16 +8,18 @@ is what was measured, and a drift of its free run is that of the force.
 from __future__ import annotations
 
 import copy
+import math
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from shake_ros.core.identification.recordings import FULL, MODEL_FLOOR, DeclaredModel, Record, relative_error
-from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity
+from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity, low_pass
 from shake_ros.core.plant.simulation import workers
 
 BLOCK = 0.5  # length of a block of time for standard errors [s], shorter where the recordings would give less than
 BLOCKS = 24  # blocks in all: with fewer, the scatter of the blocks tells too little of itself
+HIGHEST = 0.4  # of the sampling rate, above which a band takes nothing away
 
 
 class RecordingProblem:
@@ -32,6 +34,8 @@ class RecordingProblem:
         self.model = model
         self.injection = 0.0
         self.unpredictable = 1.0
+        self.band = math.inf
+        self.difference: float | None = None
         self.velocity_weights = []
         self.acceleration_weights = []
         self.position_weights = []
@@ -57,6 +61,12 @@ class RecordingProblem:
             return self
         problem = copy.copy(self)
         problem.injection = injection
+        return problem
+
+    def below(self, band: float, difference: float) -> RecordingProblem:
+        """The same with what its residuals have below a frequency [Hz], and a difference step of its own."""
+        problem = copy.copy(self)
+        problem.band, problem.difference = band, difference
         return problem
 
     def unpredicted(self, ratio: float) -> RecordingProblem:
@@ -98,8 +108,16 @@ class RecordingProblem:
                 parts.append(-w_a * record.acceleration_left(acceleration))
             if position is not None:
                 parts.append(w_x * (position - record.position)[:, record.start :])
+            own = slice(len(parts) - self._channels(record), len(parts))
+            parts[own] = [self._heard(part, record.sample_time) for part in parts[own]]
         parts += [(vectors[:, [i]] - value) / deviation for i, value, deviation in self.model.priors]
         return np.concatenate(parts, axis=1)
+
+    def _heard(self, part: np.ndarray, sample_time: float) -> np.ndarray:
+        """Rows of residuals of one signal, or what they have below the band."""
+        if not self.band < HIGHEST / sample_time:
+            return part
+        return low_pass(part, sample_time, self.band)
 
     @property
     def count(self) -> int:

@@ -14,7 +14,8 @@ from operator import attrgetter
 
 import numpy as np
 
-from shake_ros.core.identification.approach import Approach, approached, arrived, led
+from shake_ros.core.identification.approach import approached
+from shake_ros.core.identification.by_bands import from_slow_to_fast
 from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
@@ -185,29 +186,19 @@ def from_narrow_start(
     known: Mapping[str, JoiningEffect],
     begin: TableParameters,
 ) -> tuple[Fit, str] | None:
-    """The fit from the narrow start whose drawn runs come nearest, and its effect; None where there is none."""
-    ways: list[tuple[FreeParameters, Approach, str]] = []
-    for other, effect in narrow_starts(known, begin):
-        parameters = FreeParameters(other, with_effects(free, known, (effect,)))
-        way = led(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
-        ways.append((parameters, way, effect))
-    if not ways:
-        return None
-    parameters, way, effect = min(ways, key=lambda w: w[1].drawn_cost)
-    return arrived(pieces, parameters, way, evaluations=EVALUATIONS, tolerance=TOLERANCE), effect
+    """The best fit with one effect whose valley is too narrow to be met from its absence, and that effect.
 
-
-def narrow_starts(known: Mapping[str, JoiningEffect], table: TableParameters) -> list[tuple[TableParameters, str]]:
-    """A table with each start of an effect whose valley is too narrow to be met from its absence, and that effect.
-
-    A play between rod and table is one: near nothing it is a rigid joint, and other effects smear its dwells.
+    A play between rod and table is one: near nothing it is a rigid joint, and other effects smear its dwells. None
+    where the table may lack no such effect.
     """
-    return [
-        (table.with_values(other.trials[i]), effect)
-        for effect, other in known.items()
-        if effect not in table.effects
-        for i in other.narrow
-    ]
+    found: list[tuple[Fit, str]] = []
+    for effect, other in known.items():
+        if other.narrow and effect not in begin.effects:
+            parameters = FreeParameters(begin.with_values(other.narrow[0]), with_effects(free, known, (effect,)))
+            starts = [parameters.x_of(point) for point in other.narrow]
+            x = from_slow_to_fast(pieces, parameters, starts, [f.name for f in reversed(other.free)])
+            found.append((approached(pieces, parameters, x, evaluations=EVALUATIONS, tolerance=TOLERANCE), effect))
+    return min(found, key=lambda one: one[0].cost, default=None)
 
 
 def told_by_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:

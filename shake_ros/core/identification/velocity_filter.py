@@ -12,9 +12,9 @@ CUTOFF = 40.0  # bandwidth of the velocity filter [Hz], (6.3.3.2)
 ORDER = 4  # per pass; forward and backward make the thesis's 8
 
 
-def low_pass(values: np.ndarray, sample_time: float) -> np.ndarray:
-    """Zero-phase Butterworth low-pass along the last axis, below 100 Hz sampling at 0.4 of the rate."""
-    sections = butter(ORDER, min(CUTOFF * 2.0 * sample_time, 0.8), output="sos")
+def low_pass(values: np.ndarray, sample_time: float, cutoff: float = CUTOFF) -> np.ndarray:
+    """Zero-phase Butterworth low-pass along the last axis, at 0.4 of the sampling rate at most."""
+    sections = butter(ORDER, min(cutoff * 2.0 * sample_time, 0.8), output="sos")
     return np.asarray(sosfiltfilt(sections, values, axis=-1))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.discovery import refit
+from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.discovery.refit import (
     Begun,
@@ -96,31 +98,36 @@ def trial_points(costs: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> di
     return given
 
 
-def test_a_play_is_sought_from_each_narrow_start_with_friction_as_declared() -> None:
+def test_a_play_is_sought_from_slow_to_fast_with_friction_as_declared(monkeypatch: pytest.MonkeyPatch) -> None:
     play = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
     free = FreeParameters(load_table("bergamo"), [*free_parameters(), *play.free])
     bent = np.clip(2.0 * free.start(), free.low, free.high)
     gap, level = (free.names.index(n) for n in ("effects.coupling_backlash.gap", "friction.coulomb_level"))
     moved = free.names.index("valve.flow_coefficient")
-    starts: list[np.ndarray] = []
+    begun_from: list[np.ndarray] = []
+
+    def from_slow_to_fast(_problem: Any, _free: Any, starts: list[np.ndarray], _own: list[str]) -> np.ndarray:
+        begun_from.extend(starts)
+        return starts[0]
 
     def way_to_pieces(_free: Any, x: np.ndarray, _most: int, _least: float) -> Approach:
-        starts.append(x)
-        drawn: Any = SimpleNamespace(cost=abs(float(x[gap]) - 1.3))  # least of the starts 0.2, 1, 5 in its scale
+        drawn: Any = SimpleNamespace(cost=1.0)
         return Approach(x, drawn)
 
-    def found(cost: float) -> Begun:
-        trial: Any = SimpleNamespace(candidate=play)
+    def found(cost: float, effect: CandidateEffect) -> Begun:
+        trial: Any = SimpleNamespace(candidate=effect)
         drawn: Any = SimpleNamespace(cost=cost)
-        problem: Any = SimpleNamespace(way_to_pieces=way_to_pieces)
+        problem: Any = SimpleNamespace(way_to_pieces=way_to_pieces, estimation_pieces=None)
         return sought(problem, Begun(trial, free, Approach(bent, drawn)), 5, 1e-3)
 
-    assert found(0.1).way.start is bent
-    best = found(10.0).way.start
-    assert sorted(round(float(x[gap]), 9) for x in starts[-3:]) == [0.2, 1.0, 5.0]
-    assert best[gap] == pytest.approx(1.0)
+    monkeypatch.setattr(refit, "from_slow_to_fast", from_slow_to_fast)
+    assert found(0.1, play).way.start is bent
+    best = found(10.0, play).way.start
+    assert sorted({round(float(x[gap]), 9) for x in begun_from}) == [0.2, 0.5, 1.0, 2.0, 4.0]
+    assert best[gap] == pytest.approx(0.2)
     assert best[level] == free.start()[level]
     assert best[moved] == bent[moved]
+    assert found(10.0, replace(play, narrow=())).way.start is bent
 
 
 def test_a_refit_ends_where_drawn_runs_show_that_another_effect_is_far_better(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from shake_ros.core.identification.sensor_pair import BaseMode, SensorPair
 from shake_ros.core.identification.stages import (
     BETWEEN_SENSORS,
     FAR,
-    narrow_starts,
+    from_narrow_start,
     once_more,
     recentred,
     told_by_sensors,
@@ -58,15 +60,30 @@ def test_what_shows_between_the_sensors_is_on_the_table_where_it_may_lack_it() -
     assert told_by_sensors(table, SensorPair(lag=0.01, scale_error=0.01), ("position_sensor_lag",)) == {}
 
 
-def test_a_play_has_starts_of_its_own_where_the_table_has_none() -> None:
-    table = load_table("bergamo")
-    known = {c.effect: c for c in effect_candidates()}
-    starts = narrow_starts(known, table)
-    gaps = [t.value("effects.coupling_backlash.gap") for t, _ in starts]
-    assert gaps == [2e-5, 1e-4, 5e-4]
-    assert {effect for _, effect in starts} == {"coupling_backlash"}
-    assert narrow_starts(known, starts[0][0]) == []
-    assert narrow_starts({}, table) == []
+def test_a_play_is_sought_from_starts_of_its_own_where_the_table_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = {c.effect: c for c in effect_candidates() if c.effect in ("coupling_backlash", "soft_zone")}
+    gap = "effects.coupling_backlash.gap"
+    seen: list[Any] = []
+
+    def from_slow_to_fast(_problem: Any, free: FreeParameters, starts: list[np.ndarray], own: list[str]) -> np.ndarray:
+        seen.append((sorted({round(float(x[free.names.index(gap)]), 9) for x in starts}), own))
+        return starts[3]
+
+    def approached(_problem: Any, free: FreeParameters, start: np.ndarray, **_: Any) -> Any:
+        return SimpleNamespace(cost=2.0, table=free.table(start))
+
+    monkeypatch.setattr(stages, "from_slow_to_fast", from_slow_to_fast)
+    monkeypatch.setattr(stages, "approached", approached)
+    pieces: Any = None
+    found = from_narrow_start(pieces, [], known, load_table("bergamo"))
+    assert found is not None
+    assert found[1] == "coupling_backlash"
+    assert found[0].table.value(gap) == 5e-5
+    gaps, own = seen[0]
+    assert gaps == [0.2, 0.5, 1.0, 2.0, 4.0]  # in its scale of 0.1 mm
+    assert [name.rpartition(".")[2] for name in own] == ["rod_mass", "stiffness", "gap"]
+    assert from_narrow_start(pieces, [], known, found[0].table) is None
+    assert from_narrow_start(pieces, [], {}, load_table("bergamo")) is None
 
 
 def test_null_shift_that_the_free_run_tells_leaves_what_else_was_taken_out() -> None:
