@@ -170,6 +170,7 @@ def sought(problem: SearchProblem, begun: Begun, evaluations: int, tolerance: fl
     own = [f.name for f in reversed(candidate.free)]
     begins = np.array([name.startswith("friction.") or name in own for name in free.names])
     starts = [np.where(begins, free.x_of(point), begun.way.start) for point in candidate.narrow]
+    problem.progress(f"{candidate.effect}: slow motion first", 0.3)
     x = from_slow_to_fast(problem.estimation_pieces, free, starts, own)
     other = replace(begun, way=problem.way_to_pieces(free, x, evaluations, tolerance))
     return min(begun, other, key=attrgetter("way.drawn_cost"))

@@ -117,7 +117,8 @@ def test_a_play_is_sought_from_slow_to_fast_with_friction_as_declared(monkeypatc
     def found(cost: float, effect: CandidateEffect) -> Begun:
         trial: Any = SimpleNamespace(candidate=effect)
         drawn: Any = SimpleNamespace(cost=cost)
-        problem: Any = SimpleNamespace(way_to_pieces=way_to_pieces, estimation_pieces=None)
+        told = {"way_to_pieces": way_to_pieces, "estimation_pieces": None, "progress": lambda text, part: None}
+        problem: Any = SimpleNamespace(**told)
         return sought(problem, Begun(trial, free, Approach(bent, drawn)), 5, 1e-3)
 
     monkeypatch.setattr(refit, "from_slow_to_fast", from_slow_to_fast)

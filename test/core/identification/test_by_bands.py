@@ -10,6 +10,7 @@ import pytest
 from shake_ros.core.identification.by_bands import FRICTION, from_slow_to_fast
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
+from shake_ros.core.identification.haste import in_haste
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.velocity_filter import low_pass
@@ -58,6 +59,15 @@ def test_a_ringing_maze_is_left_by_its_slow_part() -> None:
     found = free.table(from_slow_to_fast(problem, free, starts, [ROD, GAP]))
     assert found.value(GAP) == pytest.approx(TRUE[GAP], rel=2e-3)
     assert found.value(ROD) == pytest.approx(TRUE[ROD], rel=0.02)
+
+
+def test_in_haste_the_best_start_is_taken_as_it_is() -> None:
+    free = free_ones()
+    problem: Any = Ringing()
+    starts = [free.x_of({GAP: gap}) for gap in (2e-5, 1.2e-4, 4e-4)]
+    with in_haste(lambda: True):
+        found = from_slow_to_fast(problem, free, starts, [ROD, GAP])
+    assert found.tolist() == starts[1].tolist()
 
 
 class Stribeck:
