@@ -82,7 +82,9 @@ class Stribeck:
         level, rise, decay = (vectors[:, [INDEX[name]]] for name in FRICTION)
         force = level + rise * np.exp(-decay * self.speed)
         # a slow decay leaves what no slope tells of
-        return np.asarray(force - 450.0 - 220.0 * np.exp(-45.0 * self.speed)) + 80.0 * np.cos(40.0 * self.speed) * (decay < 25.0)
+        return np.asarray(force - 450.0 - 220.0 * np.exp(-45.0 * self.speed)) + 80.0 * np.cos(40.0 * self.speed) * (
+            decay < 25.0
+        )
 
 
 def test_friction_is_split_anew() -> None:
