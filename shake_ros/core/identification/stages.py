@@ -26,6 +26,7 @@ from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import windows
 from shake_ros.core.identification.sensor_filter import behind_filter, better_filter
 from shake_ros.core.identification.sensor_pair import SensorPair
+from shake_ros.core.identification.uncertainty import at_bound
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
@@ -35,6 +36,7 @@ GUESSES = 2  # that are fitted
 EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
 ROUNDS = 2  # of null shifts and fit
 FAR = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
+BENT = 2.0  # the same from which an effect on a bound is no finding
 JOINED = 0.5  # part of the cost that these may leave
 CLEAR = 0.1  # part that they leave where they are beyond doubt
 JOINTS = 3  # times that they are looked for
@@ -135,9 +137,16 @@ def staged_start(
     return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
 
 
-def is_far(pieces: RecordingProblem, found: Fit) -> bool:
-    """Whether a fit leaves so much above the noise that several effects are looked for at once."""
-    return found.cost >= 0.5 * FAR**2 * pieces.noise_cost() * pieces.count
+def is_far(pieces: RecordingProblem, found: Fit, times: float = FAR) -> bool:
+    """Whether a fit leaves so many times the noise; by default, that several effects are looked for at once."""
+    return found.cost >= 0.5 * times**2 * pieces.noise_cost() * pieces.count
+
+
+def is_bent(pieces: RecordingProblem, found: Fit) -> bool:
+    """Whether an effect rests on a bound and much is left: it stands for one that is not there."""
+    return is_far(pieces, found, BENT) and any(
+        name.startswith("effects.") for name, rests in zip(found.free.names, at_bound(found), strict=True) if rests
+    )
 
 
 def once_more(
@@ -169,11 +178,12 @@ def several_at_once(
 ) -> tuple[Fit, tuple[str, ...]]:
     """The fit with the effects that hold where many are tried at once, and these.
 
-    Where it leaves more than the cost `clear`, the fit from the best narrow start is held against it.
+    Where it leaves more than the cost `clear`, is far or bent, the fit from the best narrow start is held against it.
     """
     start, more = joint_start(pieces, free, known, begin)
     best = _fitted(pieces, with_effects(free, known, more), start)
-    if best.cost > clear and (narrow := from_narrow_start(pieces, free, known, begin)):
+    doubtful = best.cost > clear or is_far(pieces, best) or is_bent(pieces, best)
+    if doubtful and (narrow := from_narrow_start(pieces, free, known, begin)):
         found, effect = narrow
         if found.cost < best.cost:
             return found, (effect,)

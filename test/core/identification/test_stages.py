@@ -22,6 +22,7 @@ from shake_ros.core.identification.stages import (
     from_narrow_start,
     once_more,
     recentred,
+    several_at_once,
     told_by_sensors,
     with_friction_of,
 )
@@ -116,3 +117,27 @@ def test_null_shifts_of_a_fit_that_is_far_count_only_where_it_is_near_with_them(
         assert (found, best) == (centred, again) and seen is not pieces
     else:
         assert (found, best) == (data, before) and seen is pieces
+
+
+@pytest.mark.parametrize(
+    ("cost", "depth", "sought"),
+    [
+        (0.5 * 1.5**2, 0.97, False),  # near the noise a bound is no doubt
+        (0.5 * 3.0**2, 0.5, False),
+        (0.5 * 3.0**2, 0.97, True),  # on its bound, and much is left
+        (0.5 * 6.0**2, 0.5, True),
+    ],
+)
+def test_a_play_is_sought_where_what_joined_is_far_or_rests_on_a_bound(
+    cost: float, depth: float, sought: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    zone = next(c for c in effect_candidates() if c.effect == "soft_zone")
+    free = FreeParameters(load_table("bergamo").with_values(zone.trials[0]), zone.free)
+    joined = Fit(free, free.x_of({"effects.soft_zone.depth": depth}), np.zeros(1), np.zeros((1, 3)), cost, 1)
+    other: Any = SimpleNamespace(cost=0.5 * cost)
+    pieces: Any = SimpleNamespace(noise_cost=lambda: 1.0, count=1)
+    monkeypatch.setattr(stages, "joint_start", lambda *_: (free.base, ("soft_zone",)))
+    monkeypatch.setattr(stages, "_fitted", lambda *_: joined)
+    monkeypatch.setattr(stages, "from_narrow_start", lambda *_: (other, "coupling_backlash"))
+    found, effects = several_at_once(pieces, [], {"soft_zone": zone}, free.base, clear=1e9)
+    assert (found is other, effects) == ((True, ("coupling_backlash",)) if sought else (False, ("soft_zone",)))
