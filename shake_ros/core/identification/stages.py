@@ -38,7 +38,8 @@ ROUNDS = 2  # of null shifts and fit
 FAR = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
 BENT = 2.0  # the same from which an effect on a bound is no finding
 JOINED = 0.5  # part of the cost that these may leave
-CLEAR = 0.1  # part that they leave where they are beyond doubt
+CLEAR = 0.1  # part that they leave where they are beyond doubt but for a bound or much that is left
+BEYOND = 0.03  # the same where they are beyond any
 JOINTS = 3  # times that they are looked for
 EffectsOf = Callable[[TableParameters], Mapping[str, JoiningEffect]]
 BETWEEN_SENSORS = ("accelerometer_lag", "position_sensor_lag", "accelerometer_scale", "base_flexibility")
@@ -122,7 +123,7 @@ def staged_start(
         if not is_far(pieces, best):
             break
         progress("first fit: several effects at once", 0.0)
-        joined, more = several_at_once(pieces, moved(shown), known, begin, CLEAR * best.cost)
+        joined, more = several_at_once(pieces, moved(shown), known, begin, best.cost)
         if joined.cost > JOINED * best.cost:
             break
         best, shown, begin = joined, (*shown, *more), joined.table  # what is left shows others better
@@ -174,15 +175,17 @@ def several_at_once(
     free: Sequence[FreeParameter],
     known: Mapping[str, JoiningEffect],
     begin: TableParameters,
-    clear: float,
+    before: float,
 ) -> tuple[Fit, tuple[str, ...]]:
     """The fit with the effects that hold where many are tried at once, and these.
 
-    Where it leaves more than the cost `clear`, is far or bent, the fit from the best narrow start is held against it.
+    Where it leaves more than CLEAR of the cost before it, or more than BEYOND and is far or bent, the fit from the best
+    narrow start is held against it.
     """
     start, more = joint_start(pieces, free, known, begin)
     best = _fitted(pieces, with_effects(free, known, more), start)
-    doubtful = best.cost > clear or is_far(pieces, best) or is_bent(pieces, best)
+    left = best.cost / before
+    doubtful = left > CLEAR or (left > BEYOND and (is_far(pieces, best) or is_bent(pieces, best)))
     if doubtful and (narrow := from_narrow_start(pieces, free, known, begin)):
         found, effect = narrow
         if found.cost < best.cost:

@@ -120,16 +120,18 @@ def test_null_shifts_of_a_fit_that_is_far_count_only_where_it_is_near_with_them(
 
 
 @pytest.mark.parametrize(
-    ("cost", "depth", "sought"),
+    ("cost", "left", "depth", "sought"),
     [
-        (0.5 * 1.5**2, 0.97, False),  # near the noise a bound is no doubt
-        (0.5 * 3.0**2, 0.5, False),
-        (0.5 * 3.0**2, 0.97, True),  # on its bound, and much is left
-        (0.5 * 6.0**2, 0.5, True),
+        (0.5 * 1.5**2, 0.05, 0.97, False),  # near the noise a bound is no doubt
+        (0.5 * 3.0**2, 0.05, 0.5, False),
+        (0.5 * 3.0**2, 0.05, 0.97, True),  # on its bound, and much is left
+        (0.5 * 6.0**2, 0.05, 0.5, True),
+        (0.5 * 6.0**2, 0.02, 0.97, False),  # of so much as was taken a play takes no part
+        (0.5 * 1.5**2, 0.2, 0.5, True),
     ],
 )
 def test_a_play_is_sought_where_what_joined_is_far_or_rests_on_a_bound(
-    cost: float, depth: float, sought: bool, monkeypatch: pytest.MonkeyPatch
+    cost: float, left: float, depth: float, sought: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     zone = next(c for c in effect_candidates() if c.effect == "soft_zone")
     free = FreeParameters(load_table("bergamo").with_values(zone.trials[0]), zone.free)
@@ -139,5 +141,5 @@ def test_a_play_is_sought_where_what_joined_is_far_or_rests_on_a_bound(
     monkeypatch.setattr(stages, "joint_start", lambda *_: (free.base, ("soft_zone",)))
     monkeypatch.setattr(stages, "_fitted", lambda *_: joined)
     monkeypatch.setattr(stages, "from_narrow_start", lambda *_: (other, "coupling_backlash"))
-    found, effects = several_at_once(pieces, [], {"soft_zone": zone}, free.base, clear=1e9)
+    found, effects = several_at_once(pieces, [], {"soft_zone": zone}, free.base, before=cost / left)
     assert (found is other, effects) == ((True, ("coupling_backlash",)) if sought else (False, ("soft_zone",)))
