@@ -58,18 +58,18 @@ def from_slow_to_fast(
     for band in BANDS:
         if hurried():
             break
-        x = _fitted(problem, band, free, x, own)
-        anew = _best(problem.below(band.below, band.difference), free, _with_friction_split(free, x))
+        heard = problem.below(band.below, band.difference)
+        x = _fitted(problem, heard, band, free, x, own)
+        anew = _best(heard, free, _with_friction_split(free, x))
         if not np.array_equal(anew, x):
-            x = _fitted(problem, band, free, anew, own)
+            x = _fitted(problem, heard, band, free, anew, own)
     return x
 
 
 def _fitted(
-    problem: RecordingProblem, band: Band, free: FreeParameters, x: np.ndarray, own: Sequence[str]
+    problem: Problem, heard: Problem, band: Band, free: FreeParameters, x: np.ndarray, own: Sequence[str]
 ) -> np.ndarray:
-    """A fit to a band, and own parameters tried on the whole of the residuals after it."""
-    heard = problem.below(band.below, band.difference)
+    """A fit to what is heard of a band, and own parameters tried on the whole of the residuals after it."""
     x = fit(heard, free, x, evaluations=band.evaluations, tolerance=TOLERANCE).x
     for name, width in zip(own, band.widths, strict=False):
         x = _best_along(problem, free, x, free.names.index(name), width)

@@ -127,7 +127,7 @@ def staged_start(
         if joined.cost > JOINED * best.cost:
             break
         best, shown, begin = joined, (*shown, *more), joined.table  # what is left shows others better
-        over = np.sqrt(2.0 * best.cost / (pieces.noise_cost() * pieces.count))
+        over = over_noise(pieces, best)
         progress(f"so far {' + '.join(shown)} show: {over:.1f} times the noise in pieces of what is learned from", 0.0)
     progress("first fit: friction and null shifts", 0.0)
     anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], best.table, model))
@@ -138,14 +138,19 @@ def staged_start(
     return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
 
 
-def is_far(pieces: RecordingProblem, found: Fit, times: float = FAR) -> bool:
-    """Whether a fit leaves so many times the noise; by default, that several effects are looked for at once."""
-    return found.cost >= 0.5 * times**2 * pieces.noise_cost() * pieces.count
+def over_noise(pieces: RecordingProblem, found: Fit) -> float:
+    """Ratio of what a fit leaves to the noise [-]."""
+    return float(np.sqrt(2.0 * found.cost / (pieces.noise_cost() * pieces.count)))
+
+
+def is_far(pieces: RecordingProblem, found: Fit) -> bool:
+    """Whether a fit leaves so much above the noise that several effects are looked for at once."""
+    return over_noise(pieces, found) >= FAR
 
 
 def is_bent(pieces: RecordingProblem, found: Fit) -> bool:
     """Whether an effect rests on a bound and much is left: it stands for one that is not there."""
-    return is_far(pieces, found, BENT) and any(
+    return over_noise(pieces, found) >= BENT and any(
         name.startswith("effects.") for name, rests in zip(found.free.names, at_bound(found), strict=True) if rests
     )
 
