@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shake_ros.core.identification.fit import LOST, Problem, fit
+from shake_ros.core.identification.fit import Problem, costs, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.haste import hurried
 from shake_ros.core.identification.recording_problem import RecordingProblem
@@ -24,35 +24,43 @@ from shake_ros.core.identification.recording_problem import RecordingProblem
 class Band(NamedTuple):
     """One part of the way. below : [Hz]. difference : step of the fit. evaluations : its trial points, at most.
 
-    widths : factors within which up to three own parameters are tried, the least known first.
+    widths : factors within which up to three own parameters are tried, the least known first. held : how many of these
+    the fit holds, since it would let them run away.
     """
 
     below: float
     difference: float
     evaluations: int
     widths: tuple[float, ...]
+    held: int = 0
 
 
 BANDS = (
-    Band(40.0, 5e-2, 20, (4.0, 1.5, 1.2)),
+    Band(40.0, 5e-2, 20, (4.0, 1.5, 1.2), held=1),
     Band(120.0, 2e-2, 15, (1.5, 1.25, 1.1)),
     Band(300.0, 1e-2, 15, (1.25, 1.1, 1.03)),
 )
 TOLERANCE = 1e-3
+FALL = 2.0  # times the cost that is of use at the end, to which a band must come
 TRIED = 24  # values of each
 FRICTION = ("friction.coulomb_level", "friction.stribeck_rise", "friction.stribeck_decay")
 PARTS, SHARES, DECAYS = (0.85, 1.0, 1.2), (0.3, 0.5, 0.7, 0.9), (5.0, 15.0, 45.0)  # of friction at rest; [s/m]
 
 
 def from_slow_to_fast(
-    problem: RecordingProblem, free: FreeParameters, starts: Sequence[np.ndarray], own: Sequence[str]
+    problem: RecordingProblem,
+    free: FreeParameters,
+    starts: Sequence[np.ndarray],
+    own: Sequence[str],
+    most: float = np.inf,
 ) -> np.ndarray:
     """Where a fit leads, band by band, from the best of some starts, shape (p,).
 
     Parameters
     ----------
     starts : values of the free parameters, shape (p,) each. own : names of those that are tried one by one, the least
-    known first, three at most. In haste (haste.py) it ends after a band.
+    known first, three at most. most : half the sum of squares that is of use; the way ends after a band that leaves
+    FALL times as much. In haste (haste.py) it ends after a band.
     """
     x = _best(problem.below(BANDS[0].below, BANDS[0].difference), free, np.array(starts))
     for band in BANDS:
@@ -60,6 +68,8 @@ def from_slow_to_fast(
             break
         heard = problem.below(band.below, band.difference)
         x = _fitted(problem, heard, band, free, x, own)
+        if costs(problem, free, x)[0] > FALL * most:
+            break
         anew = _best(heard, free, _with_friction_split(free, x))
         if not np.array_equal(anew, x):
             x = _fitted(problem, heard, band, free, anew, own)
@@ -70,7 +80,10 @@ def _fitted(
     problem: Problem, heard: Problem, band: Band, free: FreeParameters, x: np.ndarray, own: Sequence[str]
 ) -> np.ndarray:
     """A fit to what is heard of a band, and own parameters tried on the whole of the residuals after it."""
-    x = fit(heard, free, x, evaluations=band.evaluations, tolerance=TOLERANCE).x
+    held = own[: band.held]
+    moved = FreeParameters(free.table(x), [f for f in free.free if f.name not in held])
+    found = fit(heard, moved, moved.start(), evaluations=band.evaluations, tolerance=TOLERANCE)
+    x = FreeParameters(moved.table(found.x), free.free).start()
     for name, width in zip(own, band.widths, strict=False):
         x = _best_along(problem, free, x, free.names.index(name), width)
     return x
@@ -104,5 +117,4 @@ def _best_along(problem: Problem, free: FreeParameters, x: np.ndarray, column: i
 
 def _best(problem: Problem, free: FreeParameters, rows: np.ndarray) -> np.ndarray:
     """The row that leaves the least sum of squares, shape (p,)."""
-    left = np.nan_to_num(problem.residuals(free.vectors(rows)), nan=LOST)
-    return np.asarray(rows[int(np.argmin(np.sum(left**2, axis=1)))])
+    return np.asarray(rows[int(np.argmin(costs(problem, free, rows)))])

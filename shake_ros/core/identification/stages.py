@@ -15,9 +15,9 @@ from operator import attrgetter
 import numpy as np
 
 from shake_ros.core.identification.approach import approached
-from shake_ros.core.identification.by_bands import from_slow_to_fast
+from shake_ros.core.identification.by_bands import FALL, from_slow_to_fast
 from shake_ros.core.identification.first_guess import FirstGuess
-from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.fit import Fit, costs
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
 from shake_ros.core.identification.knowledge import Knowledge, null_shifts
@@ -38,6 +38,7 @@ ROUNDS = 2  # of null shifts and fit
 FAR = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
 BENT = 2.0  # the same from which an effect on a bound is no finding
 JOINED = 0.5  # part of the cost that these may leave
+ALONE = 0.25  # the same of one alone from a narrow start
 CLEAR = 0.1  # part that they leave where they are beyond doubt but for a bound or much that is left
 BEYOND = 0.03  # the same where they are beyond any
 JOINTS = 3  # times that they are looked for
@@ -123,7 +124,7 @@ def staged_start(
         if not is_far(pieces, best):
             break
         progress("first fit: several effects at once", 0.0)
-        joined, more = several_at_once(pieces, moved(shown), known, begin, best.cost)
+        joined, more = several_at_once(pieces, moved(shown), known, begin, best.cost, progress)
         if joined.cost > JOINED * best.cost:
             break
         best, shown, begin = joined, (*shown, *more), joined.table  # what is left shows others better
@@ -181,42 +182,46 @@ def several_at_once(
     known: Mapping[str, JoiningEffect],
     begin: TableParameters,
     before: float,
+    progress: Callable[[str, float], None] = lambda *_: None,
 ) -> tuple[Fit, tuple[str, ...]]:
     """The fit with the effects that hold where many are tried at once, and these.
 
     Where it leaves more than CLEAR of the cost before it, or more than BEYOND and is far or bent, the fit from the best
-    narrow start is held against it.
+    narrow start is held against it. That one takes its place where it leaves less than JOINED of what that leaves, and
+    than ALONE of the cost before: a stiff contact between two bodies follows much that it is not.
     """
     start, more = joint_start(pieces, free, known, begin)
     best = _fitted(pieces, with_effects(free, known, more), start)
     left = best.cost / before
-    doubtful = left > CLEAR or (left > BEYOND and (is_far(pieces, best) or is_bent(pieces, best)))
-    if doubtful and (narrow := from_narrow_start(pieces, free, known, begin)):
-        found, effect = narrow
-        if found.cost < best.cost:
-            return found, (effect,)
+    if left > CLEAR or (left > BEYOND and (is_far(pieces, best) or is_bent(pieces, best))):
+        most = min(JOINED * best.cost, ALONE * before)
+        for effect, other in known.items():
+            if other.narrow and effect not in begin.effects:
+                progress(f"first fit: {effect}, slow motion first", 0.0)
+                found = from_narrow_start(pieces, with_effects(free, known, (effect,)), other, begin, most)
+                if found is not None and found.cost <= most:
+                    return found, (effect,)
     return best, more
 
 
 def from_narrow_start(
     pieces: RecordingProblem,
     free: Sequence[FreeParameter],
-    known: Mapping[str, JoiningEffect],
+    effect: JoiningEffect,
     begin: TableParameters,
-) -> tuple[Fit, str] | None:
-    """The best fit with one effect whose valley is too narrow to be met from its absence, and that effect.
+    most: float,
+) -> Fit | None:
+    """The fit with one effect whose valley is too narrow to be met from its absence; None where it is hopeless.
 
-    A play between rod and table is one: near nothing it is a rigid joint, and other effects smear its dwells. None
-    where the table may lack no such effect.
+    A play between rod and table is one: near nothing it is a rigid joint, and other effects smear its dwells.
+    free : what the fit moves, with the effect's own parameters. most : cost that it may leave.
     """
-    found: list[tuple[Fit, str]] = []
-    for effect, other in known.items():
-        if other.narrow and effect not in begin.effects:
-            parameters = FreeParameters(begin.with_values(other.narrow[0]), with_effects(free, known, (effect,)))
-            starts = [parameters.x_of(point) for point in other.narrow]
-            x = from_slow_to_fast(pieces, parameters, starts, [f.name for f in reversed(other.free)])
-            found.append((approached(pieces, parameters, x, evaluations=EVALUATIONS, tolerance=TOLERANCE), effect))
-    return min(found, key=lambda one: one[0].cost, default=None)
+    parameters = FreeParameters(begin.with_values(effect.narrow[0]), free)
+    starts = [parameters.x_of(point) for point in effect.narrow]
+    x = from_slow_to_fast(pieces, parameters, starts, [f.name for f in reversed(effect.free)], most)
+    if costs(pieces, parameters, x)[0] > FALL * most:
+        return None
+    return approached(pieces, parameters, x, evaluations=EVALUATIONS, tolerance=TOLERANCE)
 
 
 def told_by_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from shake_ros.core.identification import by_bands
 from shake_ros.core.identification.by_bands import FRICTION, from_slow_to_fast
-from shake_ros.core.identification.fit import fit
+from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
 from shake_ros.core.identification.haste import in_haste
 from shake_ros.core.identification.recording_problem import RecordingProblem
@@ -59,6 +60,39 @@ def test_a_ringing_maze_is_left_by_its_slow_part() -> None:
     found = free.table(from_slow_to_fast(problem, free, starts, [ROD, GAP]))
     assert found.value(GAP) == pytest.approx(TRUE[GAP], rel=2e-3)
     assert found.value(ROD) == pytest.approx(TRUE[ROD], rel=0.02)
+
+
+@pytest.mark.parametrize(("most", "bands"), [(1.0, 1), (1e9, 3)])
+def test_a_way_ends_after_a_band_that_leaves_far_more_than_is_of_use(
+    most: float, bands: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = list[float]()
+
+    class Heard(Ringing):
+        def below(self, band: float, difference: float) -> Ringing:
+            seen.append(band)
+            return super().below(band, difference)
+
+    problem: Any = Heard()
+    free = free_ones()
+    monkeypatch.setattr(by_bands, "_fitted", lambda _p, _heard, _band, _free, x, _own: x)
+    x = from_slow_to_fast(problem, free, [free.x_of({GAP: 4e-4})], [ROD, GAP], most)
+    assert x.tolist() == free.x_of({GAP: 4e-4}).tolist()
+    assert len(seen) == 1 + bands
+
+
+def test_the_slow_part_leaves_the_rod_s_mass_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem: Any = Ringing()
+    free = free_ones()
+    moved = list[tuple[str, ...]]()
+
+    def short(heard: Any, free: FreeParameters, x: np.ndarray, **options: Any) -> Fit:
+        moved.append(free.names)
+        return fit(heard, free, x, **options)
+
+    monkeypatch.setattr(by_bands, "fit", short)
+    from_slow_to_fast(problem, free, [free.x_of({GAP: 5e-5})], [ROD, GAP])
+    assert moved == [(GAP,), (GAP, ROD), (GAP, ROD)]
 
 
 def test_in_haste_the_best_start_is_taken_as_it_is() -> None:
