@@ -115,7 +115,7 @@ class Model:
         if not isinstance(self.declared, UnknownModel):
             return contradictions(declared, records)
         data = prepared(records, [])
-        return contradictions(declared, data.estimation, self.declared.unknown, data.sensors.lag)
+        return contradictions(declared, data.estimation, self.declared.unknown, data.sensors)
 
     def simulate(self, record: Record) -> np.ndarray:
         """Free run of the table over a record from its command alone, shape (n, ≥ 3): position [m], velocity, …"""

@@ -12,6 +12,7 @@ from collections.abc import Collection, Sequence
 from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.linear_table import linear_table, slow_gain
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.sensor_pair import NO_SENSORS, SensorPair
 from shake_ros.core.plant.linearisation import oil_column_frequency
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
@@ -23,20 +24,24 @@ FREQUENCY_FROM = ("bulk_modulus.modulus", "body.cylinder_volume", "body.table_ma
 
 
 def contradictions(
-    table: TableParameters, records: Sequence[Record], unknown: Collection[str] = (), lag: float = 0.0
+    table: TableParameters,
+    records: Sequence[Record],
+    unknown: Collection[str] = (),
+    sensors: SensorPair = NO_SENSORS,
 ) -> list[str]:
     """A line for each quantity in which declared numbers and recordings are far apart.
 
     Parameters
     ----------
     records : commands per unit. unknown : numbers of the table that are not declared; what follows from one of them
-    cannot contradict anything. lag : of the accelerometer behind the position, negative of the position [s].
+    cannot contradict anything. sensors : what position and acceleration tell of each other.
     """
     try:
-        measured = linear_table(records, lag)
+        measured = linear_table(records, sensors)
     except ShakeError:  # what cannot be told apart cannot contradict
         return []
-    gain = slow_gain(records) if lag >= 0.0 else measured.gain  # a slow transducer takes off what is slow as well
+    slow_transducer = sensors.lag < 0.0  # it takes off what is slow as well
+    gain = measured.gain if slow_transducer else slow_gain(records)
     pairs = (
         ("velocity per command", "m/s", GAIN_FROM, velocity_gain(table), gain, GAIN),
         (

@@ -1,9 +1,10 @@
 """The linear table nearest to the measured response from command to velocity, with a flexible specimen where one shows.
 
     G(jω) = K e^(−jωτ) / (1 + (2ζ jω/ω_h − (ω/ω_h)²) M(ω)),
-    M(ω) = 1 − p + p (1 + 2ζ_s jr)/(1 − r² + 2ζ_s jr),  r = ω/ω_s
+    M(ω) = B(ω) (1 − p + p (1 + 2ζ_s jr)/(1 − r² + 2ζ_s jr)),  r = ω/ω_s
 
-M is what the oil column carries, in parts of the moved mass: of the share p, on a spring, more or less than its weight.
+M is what the oil column carries, in parts of the moved mass: of the share p, on a spring, more or less than its weight,
+and where the base gives way all of it moves B times as much as the piston in its cylinder (BaseMode, sensor_pair.py).
 The oil column is damped by leakage.
 Only lines count that the command excites and that are coherent: in closed loop the rest answers the sensor's noise.
 """
@@ -23,7 +24,7 @@ from scipy.signal import welch
 from shake_ros.core.analysis.frequency_response import SHORTEST, frequency_response
 from shake_ros.core.identification.nuisances import slow
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import lagged
+from shake_ros.core.identification.sensor_pair import NO_SENSORS, SensorPair, lagged
 from shake_ros.core.quantities import ShakeError
 
 WINDOW = 4.0  # of the response [s]
@@ -63,8 +64,10 @@ class LinearTable:
     specimen: SpecimenMode | None = None
 
 
-def response(parameters: NDArray[np.float64], omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """G at angular frequencies [rad/s]; parameters : K, τ, ω_h, ζ and, with a specimen, p, ω_s, ζ_s.
+def response(
+    parameters: NDArray[np.float64], omega: NDArray[np.float64], base: NDArray[np.complex128] | float = 1.0
+) -> NDArray[np.complex128]:
+    """G at angular frequencies [rad/s]; parameters : K, τ, ω_h, ζ and, with a specimen, p, ω_s, ζ_s. base : B.
 
     >>> bool(abs(response(np.array([2.0, 0.0, 60.0, 0.1]), np.array([1e-3]))[0] - 2.0) < 1e-3)
     True
@@ -75,7 +78,7 @@ def response(parameters: NDArray[np.float64], omega: NDArray[np.float64]) -> NDA
         share, omega_s, damping_s = parameters[4:]
         r = omega / omega_s
         mass += share * ((1.0 + 2j * damping_s * r) / (1.0 - r**2 + 2j * damping_s * r) - 1.0)
-    below = 1.0 + (2j * damping * omega / omega_h - (omega / omega_h) ** 2) * mass
+    below = 1.0 + (2j * damping * omega / omega_h - (omega / omega_h) ** 2) * mass * base
     return np.asarray(gain * np.exp(-1j * omega * delay) / below)
 
 
@@ -108,27 +111,28 @@ def measured_response(
     return omega, measured, weight / np.sum(weight)
 
 
-def linear_table(records: Sequence[Record], lag: float = 0.0) -> LinearTable:
+def linear_table(records: Sequence[Record], sensors: SensorPair = NO_SENSORS) -> LinearTable:
     """The linear table nearest to the measured response.
 
     Parameters
     ----------
-    lag : of the sensors, as in SensorPair: a slow position transducer (lag < 0) is no part of the table [s].
+    sensors : a slow position transducer is no part of the table, and a base that gives way is no specimen.
 
     Raises
     ------
     ShakeError : the motion does not follow the command, or goes against it.
     """
     omega, measured, weight = measured_response(records)
-    if lag < 0.0:
-        measured = measured * lagged(omega, lag)
+    if sensors.lag < 0.0:
+        measured = measured * lagged(omega, sensors.lag)
+    base = sensors.base.response(omega) if sensors.base is not None else 1.0
     gain = slow_gain(records)
     if gain <= 0.0:
         names = ", ".join(dict.fromkeys(r.name for r in records))
         raise ShakeError(f"{names}: the velocity goes against the command; import one of them with the scale -1")
 
     def left(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:
-        quotient = measured / response(np.exp(logarithms), omega)
+        quotient = measured / response(np.exp(logarithms), omega, base)
         error = np.sqrt(weight) * (np.log(np.abs(quotient)) + 1j * np.angle(quotient))
         return np.nan_to_num(np.concatenate([error.real, error.imag]), nan=10.0, posinf=10.0, neginf=-10.0)
 

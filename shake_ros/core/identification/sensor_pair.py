@@ -3,8 +3,9 @@
 An anti-aliasing filter delays what passes it, and a recording does not say so: the acceleration answers the second
 derivative of the position by g e^(−jωδ)/(1 + jωτ), or by g e^(−jωδ)(1 + jωτ) where the position transducer is slow, or
 by g e^(−jωδ)/(1 − β(ω)) where the table stands on a base that moves (base_flexibility.py): the position is measured to
-the base, the acceleration is absolute, and β = ω² c M ω_b²/(ω_b² − ω² + 2jζω_bω) is the base's part of it. The delay δ
-of the filter tells nothing of the table and is taken out of the recording; the rest stays for the model to explain.
+the base, the acceleration is absolute, and β = ω² c M ω_b²/(ω_b² − ω² + 2jζω_bω) is the base's part of it. Lag
+and base may come together. The delay δ of the filter tells nothing of the table and is taken out of the recording; the
+rest stays for the model to explain.
 
 A filter of second order below the highest of the lines, as slow sampling asks for, tells itself from a lag by its gain,
 which stays flat and then falls faster. Otherwise delay and lag are much alike, so the delay is a first one: with what
@@ -68,6 +69,9 @@ class SensorPair:
     lag: float = 0.0
     scale_error: float | None = None
     base: BaseMode | None = None
+
+
+NO_SENSORS = SensorPair()  # that tell of each other
 
 
 def between_sensors(
@@ -145,19 +149,29 @@ def best_cutoff(response: SensorResponse) -> float:
     return nearest(lambda cutoff: response.cost(filtered(response.omega, cutoff)), CUTOFFS)
 
 
-def base_mode(response: SensorResponse) -> BaseMode:
-    """The mode of a base that explains most."""
+def base_mode(response: SensorResponse, lag: float = 0.0) -> tuple[BaseMode, float]:
+    """The mode of a base that explains most, and the lag beside it [s]. lag : from which that begins; 0 for none."""
+    sign, lags = math.copysign(1.0, lag), LAGS if lag >= 0.0 else POSITION_LAGS
 
     def mode(x: NDArray[np.float64]) -> BaseMode:
-        return BaseMode(float(np.exp(x[0])), float(np.exp(x[1])), float(np.exp(x[2])))
+        return BaseMode(*(float(value) for value in np.exp(x[:3])))
+
+    def beside(x: NDArray[np.float64]) -> float:
+        return sign * float(np.exp(x[3])) if len(x) > 3 else 0.0
 
     def rest(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return response.left(mode(x).response(response.omega))[0]
+        return response.left(mode(x).response(response.omega) * lagged(response.omega, beside(x)))[0]
 
-    starts = [np.log([8.0 * AMPLIFIED / (2.0 * np.pi * f) ** 2, f, 0.05]) for f in BASES]
-    bounds = np.log([1e-7, 2.0, 1e-3]), np.log([1e-1, 80.0, 0.7])
-    found = [least_squares(rest, start, bounds=bounds, max_nfev=60) for start in starts]
-    return mode(min(found, key=lambda f: float(f.cost)).x)
+    starts = [[8.0 * AMPLIFIED / (2.0 * np.pi * f) ** 2, f, 0.05] for f in BASES]
+    low, high = [1e-7, 2.0, 1e-3], [1e-1, 80.0, 0.7]
+    if lag:
+        begin = float(np.clip(abs(lag), 1.01 * lags[0], 0.99 * lags[-1]))
+        starts = [[*start, begin] for start in starts]
+        low, high = [*low, lags[0]], [*high, lags[-1]]
+    bounds = np.log(low), np.log(high)
+    found = [least_squares(rest, np.log(start), bounds=bounds, max_nfev=60) for start in starts]
+    best = min(found, key=lambda f: float(f.cost)).x
+    return mode(best), beside(best)
 
 
 def sensor_pair(records: Sequence[Record]) -> SensorPair:
@@ -175,23 +189,29 @@ def sensor_pair(records: Sequence[Record]) -> SensorPair:
     if len(omega) < FEWEST or np.sum(weights * values.real) <= 0.0:
         return SensorPair()
     response = SensorResponse(omega, values, weights / np.sum(weights))
-    lag = best_lag(response)
+    lag = slowest = best_lag(response)
     explained = lagged(omega, lag)
     little = response.cost(explained) >= WORTH * response.cost(lagged(omega, 0.0))
-    if little or response.left(explained)[2] <= -1e-3:  # no acceleration comes before its position
+    if little or comes_before(response, explained):
         lag, explained = 0.0, lagged(omega, 0.0)
     cost, base, by_filter = response.cost(explained), None, 0.0
     cutoff = best_cutoff(response)
     if response.cost(filtered(omega, cutoff)) < WORTH * cost:
         explained, lag, by_filter = filtered(omega, cutoff), 0.0, FILTER_DELAY / cutoff
         cost = response.cost(explained)
-    mode = base_mode(response)
-    if response.cost(mode.response(omega)) < WORTH_OF_BASE * cost:
-        explained, lag, base, by_filter = mode.response(omega), 0.0, mode, 0.0
+    for mode, beside in (base_mode(response), base_mode(response, slowest)):
+        both, enough = mode.response(omega) * lagged(omega, beside), WORTH_OF_BASE if base is None else WORTH
+        if response.cost(both) < enough * cost and not comes_before(response, both):
+            explained, lag, base, by_filter, cost = both, beside, mode, 0.0, response.cost(both)
     rest, gain, delay = response.left(explained)
     sizes = rest[: len(omega)]
     told = float(sizes @ sizes) < WIDEST**2 and abs(lag) * float(np.min(omega)) < SLOW_AS_SCALE
     return SensorPair(delay + by_filter, lag, float(np.exp(gain)) - 1.0 if told else None, base)
+
+
+def comes_before(response: SensorResponse, explained: NDArray[np.complex128]) -> bool:
+    """Whether an acceleration would come before its position, which none does."""
+    return response.left(explained)[2] <= -1e-3
 
 
 def turned(record: Record, ratio: float) -> str:

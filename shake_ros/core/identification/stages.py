@@ -95,7 +95,7 @@ def staged_start(
     progress("first guess from the recordings", 0.0)
     assert model.table is not None
     data = data.seen(Knowledge(behind_filter(data.estimation)))
-    first = FirstGuess(data.estimation, data.sensors.lag)
+    first = FirstGuess(data.estimation, data.sensors)
     may_lack = tuple(effect for effect in SHOWN if model.may_lack(effect))
 
     def shown_on(table: TableParameters) -> dict[str, float]:

@@ -16,12 +16,14 @@ from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.linear_table import linear_table, response
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.sensor_pair import BaseMode, SensorPair, sensor_pair
 from shake_ros.core.identification.stages import StartingPoint
 from shake_ros.core.quantities import ShakeError
 from shake_ros.settings import load_table
 
 RATE, GAIN, HYDRAULIC, DAMPING = 500.0, 0.6, 15.0, 0.12
 SHARE, FREQUENCY, SPECIMEN_DAMPING = 0.3, 5.0, 0.04
+BASE, SLOW = BaseMode(compliance_mass=1.4e-6, frequency=20.0, damping=0.05), 0.003  # and lag of the accelerometer [s]
 
 
 def matrices(share: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -84,7 +86,7 @@ def test_slow_position_transducer_contradicts_no_declared_gain() -> None:
     slow, flow = behind_slow_transducer(lag), "valve.flow_coefficient"
     right = table.with_values({flow: table.value(flow) * GAIN / velocity_gain(table)})
     unknown = ("bulk_modulus.modulus",)  # its hydraulic frequency is another
-    assert contradictions(right, slow, unknown, -lag) == []
+    assert contradictions(right, slow, unknown, SensorPair(lag=-lag)) == []
     (line,) = contradictions(right, slow, unknown)  # what the lag would be taken for
     assert line.startswith("velocity per command: declared 0.6 m/s")
 
@@ -92,7 +94,7 @@ def test_slow_position_transducer_contradicts_no_declared_gain() -> None:
 def test_slow_position_transducer_is_no_part_of_it() -> None:
     lag = 0.06
     slow = behind_slow_transducer(lag)
-    found = FirstGuess(slow, -lag).linear
+    found = FirstGuess(slow, SensorPair(lag=-lag)).linear
     assert found.specimen is None
     assert found.omega == pytest.approx(2.0 * math.pi * HYDRAULIC, rel=0.05)
     assert found.gain == pytest.approx(GAIN, rel=0.05)
@@ -105,6 +107,40 @@ def test_response_is_that_of_the_state_space() -> None:
     exact = [np.linalg.solve(1j * w * np.eye(5) - a, b)[1, 0] for w in omega]
     numbers = np.array([GAIN, 0.0, 2 * math.pi * HYDRAULIC, DAMPING, SHARE, 2 * math.pi * FREQUENCY, SPECIMEN_DAMPING])
     assert response(numbers, omega) == pytest.approx(np.array(exact), rel=1e-9)
+
+
+def on_base(seed: int) -> Record:
+    """24 s of a rigid mass whose base gives way, with a slow accelerometer, under band-limited noise.
+
+    States: what the oil column pushes with per mass, velocity and position to the base, position and velocity of that.
+    """
+    omega, omega_b = 2.0 * math.pi * HYDRAULIC, 2.0 * math.pi * BASE.frequency
+    push = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+    recoil = -(omega_b**2) * np.array([BASE.compliance_mass, 0.0, 0.0, 1.0, 2.0 * BASE.damping / omega_b])
+    a = np.array([-2.0 * DAMPING * omega * push, push - recoil, np.zeros(5), np.zeros(5), recoil])
+    a[0, 1], a[2, 1], a[3, 4] = -(omega**2), 1.0, 1.0
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(24.0 * RATE)) / RATE
+    noise = rng.standard_normal((3, len(time)))
+    command = 0.1 * sosfilt(butter(2, [0.8, 30.0], "bandpass", fs=RATE, output="sos"), noise[0])
+    system = (a, GAIN * omega**2 * push[:, None], np.eye(5)[[0, 2]], np.zeros((2, 1)))
+    _, out, _ = lsim(system, command, time, interp=False)
+    _, felt, _ = lsim(([1.0], [SLOW, 1.0]), out[:, 0], time)
+    return Record(f"run{seed}", 1.0 / RATE, command, out[:, 1] + 2e-6 * noise[1], felt + 0.01 * noise[2])
+
+
+def test_a_base_that_gives_way_is_no_specimen_though_its_accelerometer_is_slow() -> None:
+    records = [on_base(6), on_base(7)]
+    sensors = sensor_pair(records)
+    assert sensors.lag == pytest.approx(SLOW, rel=0.1)
+    assert sensors.base is not None
+    assert sensors.base.frequency == pytest.approx(BASE.frequency, rel=0.01)
+    assert sensors.base.compliance_mass == pytest.approx(BASE.compliance_mass, rel=0.1)
+    found = linear_table(records, sensors)
+    assert found.specimen is None
+    assert found.omega == pytest.approx(2.0 * math.pi * HYDRAULIC, rel=0.05)
+    taken_for = linear_table(records, SensorPair(lag=sensors.lag)).specimen
+    assert taken_for is not None and taken_for.frequency == pytest.approx(BASE.frequency, rel=0.1)
 
 
 def test_a_turned_sign_is_said() -> None:
