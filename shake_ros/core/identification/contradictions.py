@@ -12,7 +12,7 @@ from collections.abc import Collection, Sequence
 from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.linear_table import linear_table, slow_gain
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import NO_SENSORS, SensorPair
+from shake_ros.core.identification.sensor_pair import ALIKE, SensorPair
 from shake_ros.core.plant.linearisation import oil_column_frequency
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
@@ -27,7 +27,7 @@ def contradictions(
     table: TableParameters,
     records: Sequence[Record],
     unknown: Collection[str] = (),
-    sensors: SensorPair = NO_SENSORS,
+    sensors: SensorPair = ALIKE,
 ) -> list[str]:
     """A line for each quantity in which declared numbers and recordings are far apart.
 
@@ -40,8 +40,7 @@ def contradictions(
         measured = linear_table(records, sensors)
     except ShakeError:  # what cannot be told apart cannot contradict
         return []
-    slow_transducer = sensors.lag < 0.0  # it takes off what is slow as well
-    gain = measured.gain if slow_transducer else slow_gain(records)
+    gain = measured.gain if sensors.position_lag else slow_gain(records)  # such a lag takes off what is slow as well
     pairs = (
         ("velocity per command", "m/s", GAIN_FROM, velocity_gain(table), gain, GAIN),
         (

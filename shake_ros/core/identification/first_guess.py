@@ -16,7 +16,7 @@ import numpy as np
 from shake_ros.core.identification.linear_table import linear_table
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import DeclaredModel, Record, windows
-from shake_ros.core.identification.sensor_pair import NO_SENSORS, SensorPair
+from shake_ros.core.identification.sensor_pair import ALIKE, SensorPair
 from shake_ros.core.plant.parameters import TableParameters
 
 RESERVES = (1.2, 1.7, 3.0)  # acceleration at full pressure, in parts of the largest measured one
@@ -28,7 +28,7 @@ PIECES = 15.0  # of the recordings that the grid is run over [s]
 class FirstGuess:
     """Linear table and range of motion of the recordings, from which tables are made in any gauge."""
 
-    def __init__(self, records: Sequence[Record], sensors: SensorPair = NO_SENSORS) -> None:
+    def __init__(self, records: Sequence[Record], sensors: SensorPair = ALIKE) -> None:
         self.records = list(records)
         self.linear = linear_table(records, sensors)
         self.reach = max(float(np.max(np.abs(r.position))) for r in records)

@@ -24,7 +24,7 @@ from scipy.signal import welch
 from shake_ros.core.analysis.frequency_response import SHORTEST, frequency_response
 from shake_ros.core.identification.nuisances import slow
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import NO_SENSORS, SensorPair, lagged
+from shake_ros.core.identification.sensor_pair import ALIKE, SensorPair
 from shake_ros.core.quantities import ShakeError
 
 WINDOW = 4.0  # of the response [s]
@@ -111,7 +111,7 @@ def measured_response(
     return omega, measured, weight / np.sum(weight)
 
 
-def linear_table(records: Sequence[Record], sensors: SensorPair = NO_SENSORS) -> LinearTable:
+def linear_table(records: Sequence[Record], sensors: SensorPair = ALIKE) -> LinearTable:
     """The linear table nearest to the measured response.
 
     Parameters
@@ -123,8 +123,7 @@ def linear_table(records: Sequence[Record], sensors: SensorPair = NO_SENSORS) ->
     ShakeError : the motion does not follow the command, or goes against it.
     """
     omega, measured, weight = measured_response(records)
-    if sensors.lag < 0.0:
-        measured = measured * lagged(omega, sensors.lag)
+    measured = measured * (1.0 + 1j * omega * sensors.position_lag)
     base = sensors.base.response(omega) if sensors.base is not None else 1.0
     gain = slow_gain(records)
     if gain <= 0.0:

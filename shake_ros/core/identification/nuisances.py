@@ -19,14 +19,13 @@ from scipy.signal import butter, decimate, sosfiltfilt
 
 from shake_ros.core.identification.knowledge import Knowledge
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair, timely
+from shake_ros.core.identification.sensor_pair import ALIKE, SensorPair, sensor_pair, timely
 from shake_ros.core.identification.spikes import unseen_spikes, without
 from shake_ros.core.plant.anti_alias import FILTER_DELAY
 from shake_ros.core.quantities import ShakeError
 
 FASTEST = 1000.0  # rate of a recording that a fit takes [Hz]
 SLOW = 2.0  # the table follows its valve up to here, whatever its dynamics [Hz]
-ALIKE = SensorPair()  # sensors that tell nothing of each other
 LONG, CUBIC = 5.0, 3  # seconds from which a bias is seen to wander, and as a polynomial of which degree
 WANDERS = 0.5  # of the noise, from which the deviation of that polynomial counts
 UNMADE = 0.8  # of a filter's delay, below which something makes up for it

@@ -1,11 +1,14 @@
 """What position and acceleration tell of each other: delay, lags and scale of the sensors, a base that gives way.
 
-An anti-aliasing filter delays what passes it, and a recording does not say so: the acceleration answers the second
-derivative of the position by g e^(−jωδ)/(1 + jωτ), or by g e^(−jωδ)(1 + jωτ) where the position transducer is slow, or
-by g e^(−jωδ)/(1 − β(ω)) where the table stands on a base that moves (base_flexibility.py): the position is measured to
-the base, the acceleration is absolute, and β = ω² c M ω_b²/(ω_b² − ω² + 2jζω_bω) is the base's part of it. Lag
-and base may come together. The delay δ of the filter tells nothing of the table and is taken out of the recording; the
-rest stays for the model to explain.
+An anti-aliasing filter delays what passes it, and a recording does not say so. The acceleration answers the second
+derivative of the position by
+
+    g e^(−jωδ) (1 + jωτ_x)/(1 + jωτ_a)/(1 − β(ω)),  β = ω² c M ω_b²/(ω_b² − ω² + 2jζω_bω)
+
+with the lags τ_a of the accelerometer and τ_x of the position transducer, and β where the table stands on a base that
+moves (base_flexibility.py): the position is measured to the base, the acceleration is absolute, and β is the part of it
+that the base has. The delay δ of the filter tells nothing of the table and is taken out of the recording; the rest
+stays for the model to explain, as far as the lines show it.
 
 A filter of second order below the highest of the lines, as slow sampling asks for, tells itself from a lag by its gain,
 which stays flat and then falls faster. Otherwise delay and lag are much alike, so the delay is a first one: with what
@@ -15,12 +18,12 @@ filter it comes the fit tells (sensor_filter.py).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, minimize_scalar
+from scipy.optimize import least_squares
 
 from shake_ros.core.analysis.frequency_response import SHORTEST, frequency_response
 from shake_ros.core.identification.recordings import Record
@@ -33,8 +36,12 @@ COHERENT = 0.95  # below, the noise of the position biases the gain
 FEWEST = 10  # lines
 LAGS = np.geomspace(3e-4, 3e-2, 40)  # of the accelerometer [s]
 POSITION_LAGS = np.geomspace(3e-4, 0.12, 52)  # of the position transducer [s]
+SHORT = (1e-3, 4e-3)  # of the accelerometer, from which one is sought beside that of the position [s]
 CUTOFFS = np.geomspace(10.0, 120.0, 26)  # of a filter that is looked for [Hz]
+LOW, HIGH = (3e-4, 3e-4, 1e-7, 2.0, 1e-3, 9.0), (3e-2, 0.13, 1e-1, 80.0, 0.7, 130.0)  # of numbers_of
+EARLIEST = -1e-3  # delay of the acceleration; before its position it does not come [s]
 WORTH = 0.8  # fall of the cost from which a lag counts as one, or a filter
+WORTH_OF_SECOND = 0.9  # the same of the other sensor's lag beside it, one number more for hundreds of lines
 WORTH_OF_BASE = 0.3  # the same of a base's mode, which has three parameters
 BASES = (4.0, 7.0, 11.0, 16.0, 24.0, 35.0)  # natural frequencies from which one is sought [Hz]
 AMPLIFIED = 0.05  # β at low damping and a third of the frequency, from which it is sought
@@ -59,19 +66,44 @@ class BaseMode:
 
 
 @dataclass(frozen=True)
+class Between:
+    """What shows between the sensors beside a gain and a delay.
+
+    lag, position_lag : of the accelerometer and of the position transducer, 0 for none [s]. base : None for none.
+    cutoff : of a Butterworth filter of second order behind the accelerometer, 0 for none [Hz].
+    """
+
+    lag: float = 0.0
+    position_lag: float = 0.0
+    base: BaseMode | None = None
+    cutoff: float = 0.0
+
+    def response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Acceleration per second derivative of the position [-]."""
+        found = (1.0 + 1j * omega * self.position_lag) / (1.0 + 1j * omega * self.lag)
+        if self.base is not None:
+            found = found * self.base.response(omega)
+        if self.cutoff:
+            s = 1j * omega / (2.0 * np.pi * self.cutoff)
+            found = found / (1.0 + math.sqrt(2.0) * s + s * s)
+        return np.asarray(found)
+
+
+@dataclass(frozen=True)
 class SensorPair:
-    """Delay and lag of the accelerometer against the position [s]; the lag is negative where it is the position's.
+    """Delay of the accelerometer against the position, lags of both [s]; 0 where none shows.
 
     scale_error : of the accelerometer, None where it cannot be told [-]. base : None where none shows.
     """
 
     delay: float = 0.0
     lag: float = 0.0
+    position_lag: float = 0.0
     scale_error: float | None = None
     base: BaseMode | None = None
 
 
-NO_SENSORS = SensorPair()  # that tell of each other
+ALIKE = SensorPair()  # sensors that tell nothing of each other
 
 
 def between_sensors(
@@ -103,75 +135,73 @@ class SensorResponse:
     values: NDArray[np.complex128]
     weights: NDArray[np.float64]
 
-    def left(self, explained: NDArray[np.complex128]) -> tuple[NDArray[np.float64], float, float]:
-        """What a model leaves of the logarithm beside a gain and a delay, weighted; log of the gain; the delay [s]."""
-        rest, omega, w = self.values / explained, self.omega, self.weights
+    def left(self, between: Between) -> tuple[NDArray[np.float64], float, float]:
+        """What is left of the logarithm beside a gain and a delay, weighted; log of the gain; the delay [s]."""
+        rest, omega, w = self.values / between.response(self.omega), self.omega, self.weights
         size, angle = np.log(np.abs(rest)), np.angle(rest)
         gain, delay = float(w @ size), -float(np.sum(w * omega * angle) / np.sum(w * omega**2))
         return np.concatenate([np.sqrt(w) * (size - gain), np.sqrt(w) * (angle + omega * delay)]), gain, delay
 
-    def cost(self, explained: NDArray[np.complex128]) -> float:
-        """Weighted mean square of what a model leaves."""
-        rest = self.left(explained)[0]
+    def cost(self, between: Between) -> float:
+        """Weighted mean square of what is left."""
+        rest = self.left(between)[0]
         return float(rest @ rest)
 
+    def better(self, more: Between, found: Between, worth: float) -> Between:
+        """More where its cost is less than that part of what is found leaves and no acceleration comes too early."""
+        enough = self.cost(more) < worth * self.cost(found) and self.left(more)[2] > EARLIEST
+        return more if enough else found
 
-def lagged(omega: NDArray[np.float64], lag: float) -> NDArray[np.complex128]:
-    """SensorResponse with a lag of the accelerometer, or of the position where it is negative [s]."""
-    slow = 1.0 + 1j * omega * abs(lag)
-    return np.asarray(1.0 / slow if lag >= 0.0 else slow)
+    def fitted(self, starts: Sequence[Between]) -> Between:
+        """What explains most, from starts that have the same parts; each part stays."""
+        low, high = np.array(LOW), np.array(HIGH)
+        there = numbers_of(starts[0]) > 0.0
 
+        def of(logarithms: NDArray[np.float64]) -> Between:
+            numbers = np.zeros(len(there))
+            numbers[there] = np.exp(logarithms)
+            return between_of(numbers)
 
-def filtered(omega: NDArray[np.float64], cutoff: float) -> NDArray[np.complex128]:
-    """SensorResponse behind a Butterworth filter of second order [Hz]."""
-    s = 1j * omega / (2.0 * np.pi * cutoff)
-    return np.asarray(1.0 / (1.0 + math.sqrt(2.0) * s + s * s))
-
-
-def nearest(cost: Callable[[float], float], grid: NDArray[np.float64]) -> float:
-    """Where a cost is least, near the best of a grid in constant ratios."""
-    near, ratio = float(min(grid, key=cost)), float(grid[1] / grid[0])
-    bounds, least = sorted((near / ratio, near * ratio)), 1e-3 * abs(near)
-    return float(minimize_scalar(cost, bounds=bounds, options={"xatol": least}).x)
-
-
-def best_lag(response: SensorResponse) -> float:
-    """The lag of a sensor that explains most; of the position where it is negative [s]."""
-
-    def cost(lag: float) -> float:
-        return response.cost(lagged(response.omega, lag))
-
-    return min((nearest(cost, LAGS), nearest(cost, -POSITION_LAGS)), key=cost)
+        bounds = np.log(low[there]), np.log(high[there])
+        begin = [np.log(np.clip(numbers_of(s), 1.01 * low, 0.99 * high)[there]) for s in starts]
+        found = [least_squares(lambda x: self.left(of(x))[0], b, bounds=bounds, max_nfev=60) for b in begin]
+        return of(min(found, key=lambda f: float(f.cost)).x)
 
 
-def best_cutoff(response: SensorResponse) -> float:
-    """Cut-off of the filter that explains most [Hz]."""
-    return nearest(lambda cutoff: response.cost(filtered(response.omega, cutoff)), CUTOFFS)
+def numbers_of(between: Between) -> NDArray[np.float64]:
+    """Lags, compliance times mass, frequency and damping of the base, cut-off; 0 where a part is not there."""
+    base = between.base
+    mode = (base.compliance_mass, base.frequency, base.damping) if base is not None else (0.0, 0.0, 0.0)
+    return np.array([between.lag, between.position_lag, *mode, between.cutoff])
 
 
-def base_mode(response: SensorResponse, lag: float = 0.0) -> tuple[BaseMode, float]:
-    """The mode of a base that explains most, and the lag beside it [s]. lag : from which that begins; 0 for none."""
-    sign, lags = math.copysign(1.0, lag), LAGS if lag >= 0.0 else POSITION_LAGS
+def between_of(numbers: NDArray[np.float64]) -> Between:
+    """The inverse of numbers_of."""
+    lag, position_lag, compliance_mass, frequency, damping, cutoff = numbers.tolist()
+    base = BaseMode(compliance_mass, frequency, damping) if compliance_mass > 0.0 else None
+    return Between(lag, position_lag, base, cutoff)
 
-    def mode(x: NDArray[np.float64]) -> BaseMode:
-        return BaseMode(*(float(value) for value in np.exp(x[:3])))
 
-    def beside(x: NDArray[np.float64]) -> float:
-        return sign * float(np.exp(x[3])) if len(x) > 3 else 0.0
+def told_between(response: SensorResponse) -> Between:
+    """What shows in a response: one part after the other, each where it explains enough."""
 
-    def rest(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return response.left(mode(x).response(response.omega) * lagged(response.omega, beside(x)))[0]
+    def nearest(candidates: Sequence[Between]) -> Between:
+        return response.fitted([min(candidates, key=response.cost)])
 
-    starts = [[8.0 * AMPLIFIED / (2.0 * np.pi * f) ** 2, f, 0.05] for f in BASES]
-    low, high = [1e-7, 2.0, 1e-3], [1e-1, 80.0, 0.7]
-    if lag:
-        begin = float(np.clip(abs(lag), 1.01 * lags[0], 0.99 * lags[-1]))
-        starts = [[*start, begin] for start in starts]
-        low, high = [*low, lags[0]], [*high, lags[-1]]
-    bounds = np.log(low), np.log(high)
-    found = [least_squares(rest, np.log(start), bounds=bounds, max_nfev=60) for start in starts]
-    best = min(found, key=lambda f: float(f.cost)).x
-    return mode(best), beside(best)
+    slow, slow_position = nearest([Between(lag=v) for v in LAGS]), nearest([Between(0.0, v) for v in POSITION_LAGS])
+    single = min(slow, slow_position, key=response.cost)
+    found = response.better(single, Between(), WORTH)
+    found = response.better(nearest([Between(cutoff=v) for v in CUTOFFS]), found, WORTH)
+    besides = [Between(), single]
+    if found is single:
+        both = response.fitted([Between(v, slow_position.position_lag) for v in (slow.lag, *SHORT)])
+        found = response.better(both, found, WORTH_OF_SECOND)
+        besides += [found] if found is both else []
+    modes = [BaseMode(8.0 * AMPLIFIED / (2.0 * np.pi * f) ** 2, f, 0.05) for f in BASES]
+    for beside in besides:
+        on_base = response.fitted([replace(beside, base=mode) for mode in modes])
+        found = response.better(on_base, found, WORTH_OF_BASE if found.base is None else WORTH)
+    return found
 
 
 def sensor_pair(records: Sequence[Record]) -> SensorPair:
@@ -187,31 +217,15 @@ def sensor_pair(records: Sequence[Record]) -> SensorPair:
             raise ShakeError(turned(record, ratio))
     omega, values, weights = (np.concatenate(parts) for parts in zip(*each, strict=True))
     if len(omega) < FEWEST or np.sum(weights * values.real) <= 0.0:
-        return SensorPair()
+        return ALIKE
     response = SensorResponse(omega, values, weights / np.sum(weights))
-    lag = slowest = best_lag(response)
-    explained = lagged(omega, lag)
-    little = response.cost(explained) >= WORTH * response.cost(lagged(omega, 0.0))
-    if little or comes_before(response, explained):
-        lag, explained = 0.0, lagged(omega, 0.0)
-    cost, base, by_filter = response.cost(explained), None, 0.0
-    cutoff = best_cutoff(response)
-    if response.cost(filtered(omega, cutoff)) < WORTH * cost:
-        explained, lag, by_filter = filtered(omega, cutoff), 0.0, FILTER_DELAY / cutoff
-        cost = response.cost(explained)
-    for mode, beside in (base_mode(response), base_mode(response, slowest)):
-        both, enough = mode.response(omega) * lagged(omega, beside), WORTH_OF_BASE if base is None else WORTH
-        if response.cost(both) < enough * cost and not comes_before(response, both):
-            explained, lag, base, by_filter, cost = both, beside, mode, 0.0, response.cost(both)
-    rest, gain, delay = response.left(explained)
-    sizes = rest[: len(omega)]
-    told = float(sizes @ sizes) < WIDEST**2 and abs(lag) * float(np.min(omega)) < SLOW_AS_SCALE
-    return SensorPair(delay + by_filter, lag, float(np.exp(gain)) - 1.0 if told else None, base)
-
-
-def comes_before(response: SensorResponse, explained: NDArray[np.complex128]) -> bool:
-    """Whether an acceleration would come before its position, which none does."""
-    return response.left(explained)[2] <= -1e-3
+    found = told_between(response)
+    rest, gain, delay = response.left(found)
+    sizes, slowest = rest[: len(omega)], max(found.lag, found.position_lag)
+    told = float(sizes @ sizes) < WIDEST**2 and slowest * float(np.min(omega)) < SLOW_AS_SCALE
+    by_filter = FILTER_DELAY / found.cutoff if found.cutoff else 0.0
+    scale_error = float(np.exp(gain)) - 1.0 if told else None
+    return SensorPair(delay + by_filter, found.lag, found.position_lag, scale_error, found.base)
 
 
 def turned(record: Record, ratio: float) -> str:

@@ -229,7 +229,9 @@ def told_by_sensors(table: TableParameters, sensors: SensorPair, may_lack: Seque
     base, scale = sensors.base, sensors.scale_error
     shown: dict[str, dict[str, float]] = {}
     if sensors.lag:
-        shown["accelerometer_lag" if sensors.lag > 0.0 else "position_sensor_lag"] = {"time_constant": abs(sensors.lag)}
+        shown["accelerometer_lag"] = {"time_constant": sensors.lag}
+    if sensors.position_lag:
+        shown["position_sensor_lag"] = {"time_constant": sensors.position_lag}
     if scale is not None and abs(scale) > LEAST_SCALE:
         shown["accelerometer_scale"] = {"error": scale}
     if base is not None:

@@ -86,7 +86,7 @@ def test_slow_position_transducer_contradicts_no_declared_gain() -> None:
     slow, flow = behind_slow_transducer(lag), "valve.flow_coefficient"
     right = table.with_values({flow: table.value(flow) * GAIN / velocity_gain(table)})
     unknown = ("bulk_modulus.modulus",)  # its hydraulic frequency is another
-    assert contradictions(right, slow, unknown, SensorPair(lag=-lag)) == []
+    assert contradictions(right, slow, unknown, SensorPair(position_lag=lag)) == []
     (line,) = contradictions(right, slow, unknown)  # what the lag would be taken for
     assert line.startswith("velocity per command: declared 0.6 m/s")
 
@@ -94,7 +94,7 @@ def test_slow_position_transducer_contradicts_no_declared_gain() -> None:
 def test_slow_position_transducer_is_no_part_of_it() -> None:
     lag = 0.06
     slow = behind_slow_transducer(lag)
-    found = FirstGuess(slow, SensorPair(lag=-lag)).linear
+    found = FirstGuess(slow, SensorPair(position_lag=lag)).linear
     assert found.specimen is None
     assert found.omega == pytest.approx(2.0 * math.pi * HYDRAULIC, rel=0.05)
     assert found.gain == pytest.approx(GAIN, rel=0.05)

@@ -28,26 +28,35 @@ def told_by(*responses: Response) -> SensorPair:
 
 def test_sensors_that_agree_tell_of_nothing() -> None:
     found = told_by()
-    assert (found.lag, found.base) == (0.0, None)
+    assert (found.lag, found.position_lag, found.base) == (0.0, 0.0, None)
     assert found.delay == pytest.approx(0.0, abs=2e-5)
     assert found.scale_error == pytest.approx(0.0, abs=0.003)
 
 
-@pytest.mark.parametrize("lag", [0.004, -0.012])
-def test_slow_sensor_is_told_from_a_filter_that_is_late(lag: float) -> None:
-    late = lambda omega: np.exp(-1j * omega * 0.0025)  # noqa: E731
-    slow = lambda omega: (1.0 + 1j * omega * abs(lag)) ** (-np.sign(lag))  # noqa: E731
-    found = told_by(late, slow)
+def late(omega: np.ndarray) -> np.ndarray:
+    return np.asarray(np.exp(-1j * omega * 0.0025))
+
+
+@pytest.mark.parametrize(("lag", "position_lag"), [(0.004, 0.0), (0.0, 0.012), (0.003, 0.088), (0.006, 0.02)])
+def test_slow_sensors_are_told_from_a_filter_that_is_late(lag: float, position_lag: float) -> None:
+    found = told_by(late, lambda omega: (1.0 + 1j * omega * position_lag) / (1.0 + 1j * omega * lag))
     assert found.lag == pytest.approx(lag, rel=0.1)
+    assert found.position_lag == pytest.approx(position_lag, rel=0.1)
     assert found.delay == pytest.approx(0.0025, abs=5e-4)
     assert found.base is None
+
+
+def test_acceleration_that_is_early_tells_of_no_lag() -> None:
+    found = told_by(lambda omega: np.exp(1j * omega * 0.004))
+    assert (found.lag, found.position_lag, found.base) == (0.0, 0.0, None)
+    assert found.delay == pytest.approx(-0.004, abs=1e-4)
 
 
 @pytest.mark.parametrize("cutoff", [25.0, 40.0])
 def test_filter_within_the_lines_is_no_lag(cutoff: float) -> None:
     natural = 2.0 * np.pi * cutoff
     found = told_by(lambda omega: natural**2 / (natural**2 - omega**2 + 1j * np.sqrt(2.0) * natural * omega))
-    assert (found.lag, found.base) == (0.0, None)
+    assert (found.lag, found.position_lag, found.base) == (0.0, 0.0, None)
     assert found.delay == pytest.approx(np.sqrt(2.0) / natural, rel=0.03)
     assert found.scale_error == pytest.approx(0.0, abs=0.003)
 
@@ -63,11 +72,12 @@ def test_acceleration_with_its_sign_turned_is_refused() -> None:
 
 def test_transducer_slower_than_all_lines_hides_the_scale() -> None:
     found = told_by(lambda omega: 1.0 + 0.088j * omega)
-    assert found.lag == pytest.approx(-0.088, rel=0.03)
+    assert found.position_lag == pytest.approx(0.088, rel=0.03)
     assert found.scale_error is None
 
 
-def test_base_that_gives_way() -> None:
+@pytest.mark.parametrize(("lag", "position_lag"), [(0.0, 0.0), (0.005, 0.0), (0.0, 0.03)])
+def test_base_that_gives_way_beside_slow_sensors(lag: float, position_lag: float) -> None:
     mass, stiffness, damping = 800.0, 4e7, 0.04
     base = stiffness / (2.0 * np.pi * 18.0) ** 2
 
@@ -76,8 +86,9 @@ def test_base_that_gives_way() -> None:
         dynamic = stiffness - base * omega**2 + 2j * damping * np.sqrt(stiffness * base) * omega
         return np.asarray(1.0 / (1.0 - omega**2 * mass / dynamic))
 
-    found = told_by(receding)
-    assert found.lag == 0.0
+    found = told_by(receding, late, lambda omega: (1.0 + 1j * omega * position_lag) / (1.0 + 1j * omega * lag))
+    assert found.lag == pytest.approx(lag, rel=0.1)
+    assert found.position_lag == pytest.approx(position_lag, rel=0.1)
     assert found.base is not None
     assert found.base.compliance_mass == pytest.approx(mass / stiffness, rel=0.03)
     assert found.base.frequency == pytest.approx(18.0, rel=0.005)

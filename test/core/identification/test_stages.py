@@ -54,7 +54,7 @@ def test_friction_of_the_first_guess_counts_per_mass_and_leaves_the_rest() -> No
 def test_what_shows_between_the_sensors_is_on_the_table_where_it_may_lack_it() -> None:
     table = load_table("bergamo")
     base = BaseMode(compliance_mass=2e-5, frequency=18.0, damping=0.05)
-    shown = told_by_sensors(table, SensorPair(lag=-0.01, scale_error=0.05, base=base), BETWEEN_SENSORS)
+    shown = told_by_sensors(table, SensorPair(position_lag=0.01, scale_error=0.05, base=base), BETWEEN_SENSORS)
     assert shown["effects.position_sensor_lag.time_constant"] == 0.01
     assert shown["effects.accelerometer_scale.error"] == 0.05
     assert shown["effects.base_flexibility.compliance"] * table.moved_mass == pytest.approx(2e-5)
