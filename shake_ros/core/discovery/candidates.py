@@ -12,7 +12,7 @@ from shake_ros.core.identification.free_parameters import FreeParameter, free_pa
 from shake_ros.core.plant.parameters import FIELDS, TableParameters
 from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
 
-OPTIONAL = {"resembles", "usual", "together", "narrow"}
+OPTIONAL = {"resembles", "usual", "together", "where_far", "narrow"}
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ class CandidateEffect:
     resembles: tuple[str, ...] = ()
     usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     together: Mapping[str, float] = field(default_factory=dict)
+    where_far: Mapping[str, float] = field(default_factory=dict)
     narrow: tuple[Mapping[str, float], ...] = ()
 
     @property
@@ -80,12 +81,16 @@ def candidates(
         strict_keys(usual, own, where)
         together = {prefix + name: float(v) for name, v in entry.get("together", {}).items()}
         strict_keys(together, own, where)
+        where_far = {prefix + name: float(v) for name, v in entry.get("where_far", {}).items()}
+        strict_keys(where_far, own, where)
         narrow = _each_with_each(prefix, entry.get("narrow", {}), f"{where}: {effect}: narrow")
         for point in narrow[:1]:
             strict_keys(point, own, where)
         kind = EFFECTS[effect]
         result.append(
-            CandidateEffect(effect, free, trials, kind.place, kind.depends_on, resembles, usual, together, narrow)
+            CandidateEffect(
+                effect, free, trials, kind.place, kind.depends_on, resembles, usual, together, where_far, narrow
+            )
         )
     return tuple(result)
 

@@ -36,7 +36,7 @@ class Band(NamedTuple):
 
 
 BANDS = (
-    Band(40.0, 5e-2, 20, (4.0, 1.5, 1.2), held=1),
+    Band(40.0, 5e-2, 10, (4.0, 1.5, 1.2), held=1),
     Band(120.0, 2e-2, 15, (1.5, 1.25, 1.1)),
     Band(300.0, 1e-2, 15, (1.25, 1.1, 1.03)),
 )
@@ -67,23 +67,28 @@ def from_slow_to_fast(
         if hurried():
             break
         heard = problem.below(band.below, band.difference)
-        x = _fitted(problem, heard, band, free, x, own)
+        x = _fitted(heard, band, free, x, own)
+        if costs(heard, free, x)[0] > FALL * most:  # before anything else is tried: all that rings comes on top
+            break
+        x = _tried(problem, band, free, x, own)
         if costs(problem, free, x)[0] > FALL * most:
             break
         anew = _best(heard, free, _with_friction_split(free, x))
         if not np.array_equal(anew, x):
-            x = _fitted(problem, heard, band, free, anew, own)
+            x = _tried(problem, band, free, _fitted(heard, band, free, anew, own), own)
     return x
 
 
-def _fitted(
-    problem: Problem, heard: Problem, band: Band, free: FreeParameters, x: np.ndarray, own: Sequence[str]
-) -> np.ndarray:
-    """A fit to what is heard of a band, and own parameters tried on the whole of the residuals after it."""
+def _fitted(heard: Problem, band: Band, free: FreeParameters, x: np.ndarray, own: Sequence[str]) -> np.ndarray:
+    """A fit to what is heard of a band."""
     held = own[: band.held]
     moved = FreeParameters(free.table(x), [f for f in free.free if f.name not in held])
     found = fit(heard, moved, moved.start(), evaluations=band.evaluations, tolerance=TOLERANCE)
-    x = FreeParameters(moved.table(found.x), free.free).start()
+    return FreeParameters(moved.table(found.x), free.free).start()
+
+
+def _tried(problem: Problem, band: Band, free: FreeParameters, x: np.ndarray, own: Sequence[str]) -> np.ndarray:
+    """x with the best of own parameters, tried one after the other on the whole of the residuals."""
     for name, width in zip(own, band.widths, strict=False):
         x = _best_along(problem, free, x, free.names.index(name), width)
     return x

@@ -28,6 +28,7 @@ MOST = 4  # effects that stay
 class JoiningEffect(Protocol):
     """An effect as it may take part. together : values, by dotted name, from which it does; empty where it cannot.
 
+    where_far : the same of one that takes part only where the fit with the others stays far.
     free : its parameters that a fit may move. trials : values at which it is tried alone. narrow : values from the best
     of which it is sought alone, where its valley is too narrow to be met from its absence.
     """
@@ -48,6 +49,10 @@ class JoiningEffect(Protocol):
     def together(self) -> Mapping[str, float]:
         """Where it begins beside others."""
 
+    @property
+    def where_far(self) -> Mapping[str, float]:
+        """Where it begins beside others that are not enough."""
+
 
 def loss(found: Fit, names: Sequence[str], neutral: Sequence[float] = (0.0,)) -> float:
     """Relative rise of the cost to first order where parameters go to where they do nothing and all others adjust [-].
@@ -65,19 +70,22 @@ def joint_start(
     free: Sequence[FreeParameter],
     known: Mapping[str, JoiningEffect],
     guess: TableParameters,
+    far: bool = False,
 ) -> tuple[TableParameters, tuple[str, ...]]:
     """The guess fitted with every effect that can take part, without those that the fit can do without; what stays.
 
     Parameters
     ----------
     problem : pieces of the recordings. free : what the fit moves beside the effects. known : effects by name.
-    guess : table from which the fit begins; effects that it has do not take part.
+    guess : table from which the fit begins; effects that it has do not take part. far : with those that take part only
+    then.
     """
-    part = {name: effect for name, effect in known.items() if effect.together and name not in guess.effects}
+    begins = {name: effect.together or (effect.where_far if far else {}) for name, effect in known.items()}
+    part = {name: known[name] for name, begin in begins.items() if begin and name not in guess.effects}
     values: dict[str, float] = {}
-    for effect in part.values():
-        values |= {**effect.trials[0], **effect.together}
-    own = {name: [p for p in effect.free if p.name in effect.together] for name, effect in part.items()}
+    for name, effect in part.items():
+        values |= {**effect.trials[0], **begins[name]}
+    own = {name: [p for p in effect.free if p.name in begins[name]] for name, effect in part.items()}
     parameters = FreeParameters(guess.with_values(values), [*free, *(p for each in own.values() for p in each)])
     found = approached(problem, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
     losses = {name: loss(found, [p.name for p in each]) for name, each in own.items()}

@@ -124,7 +124,7 @@ def staged_start(
         if not is_far(pieces, best):
             break
         progress("first fit: several effects at once", 0.0)
-        joined, more = several_at_once(pieces, moved(shown), known, begin, best.cost, progress)
+        joined, more = several_at_once(pieces, moved(shown), known, begin, best, progress)
         if joined.cost > JOINED * best.cost:
             break
         best, shown, begin = joined, (*shown, *more), joined.table  # what is left shows others better
@@ -156,6 +156,12 @@ def is_bent(pieces: RecordingProblem, found: Fit) -> bool:
     )
 
 
+def is_doubtful(pieces: RecordingProblem, joined: Fit, before: float) -> bool:
+    """Whether what joined is no answer yet: it leaves more than CLEAR of the cost, or BEYOND and is far or bent."""
+    left = joined.cost / before
+    return left > CLEAR or (left > BEYOND and (is_far(pieces, joined) or is_bent(pieces, joined)))
+
+
 def once_more(
     model: UnknownModel, data: Prepared, pieces: RecordingProblem, free: Sequence[FreeParameter], found: Fit
 ) -> tuple[Prepared, RecordingProblem, Fit]:
@@ -181,20 +187,21 @@ def several_at_once(
     free: Sequence[FreeParameter],
     known: Mapping[str, JoiningEffect],
     begin: TableParameters,
-    before: float,
+    before: Fit,
     progress: Callable[[str, float], None] = lambda *_: None,
 ) -> tuple[Fit, tuple[str, ...]]:
-    """The fit with the effects that hold where many are tried at once, and these.
+    """The fit with the effects that hold where many are tried at once, and these; the one before where none does.
 
-    Where it leaves more than CLEAR of the cost before it, or more than BEYOND and is far or bent, the fit from the best
-    narrow start is held against it. That one takes its place where it leaves less than JOINED of what that leaves, and
+    Where it is far, friction with a memory may join as well. Where it is doubtful then, the fit from the best narrow
+    start is held against it, and takes its place where it leaves less than JOINED of what that leaves, and
     than ALONE of the cost before: a stiff contact between two bodies follows much that it is not.
     """
-    start, more = joint_start(pieces, free, known, begin)
-    best = _fitted(pieces, with_effects(free, known, more), start)
-    left = best.cost / before
-    if left > CLEAR or (left > BEYOND and (is_far(pieces, best) or is_bent(pieces, best))):
-        most = min(JOINED * best.cost, ALONE * before)
+    best, more = _joined(pieces, free, known, begin, before)
+    if is_far(pieces, best) and any(e.where_far for name, e in known.items() if name not in begin.effects):
+        far = _joined(pieces, free, known, begin, before, far=True)
+        best, more = min((best, more), far, key=lambda found: found[0].cost)
+    if is_doubtful(pieces, best, before.cost):
+        most = min(JOINED * best.cost, ALONE * before.cost)
         for effect, other in known.items():
             if other.narrow and effect not in begin.effects:
                 progress(f"first fit: {effect}, slow motion first", 0.0)
@@ -202,6 +209,21 @@ def several_at_once(
                 if found is not None and found.cost <= most:
                     return found, (effect,)
     return best, more
+
+
+def _joined(
+    pieces: RecordingProblem,
+    free: Sequence[FreeParameter],
+    known: Mapping[str, JoiningEffect],
+    begin: TableParameters,
+    before: Fit,
+    far: bool = False,
+) -> tuple[Fit, tuple[str, ...]]:
+    """The fit with the effects that hold where many are tried at once, and these; the one before where none does."""
+    start, more = joint_start(pieces, free, known, begin, far)
+    if not more:
+        return before, more
+    return _fitted(pieces, with_effects(free, known, more), start), more
 
 
 def from_narrow_start(

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from shake_ros.core.identification import by_bands
-from shake_ros.core.identification.by_bands import FRICTION, from_slow_to_fast
-from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.by_bands import FALL, FRICTION, from_slow_to_fast
+from shake_ros.core.identification.fit import Fit, costs, fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
 from shake_ros.core.identification.haste import in_haste
 from shake_ros.core.identification.recording_problem import RecordingProblem
@@ -62,23 +62,34 @@ def test_a_ringing_maze_is_left_by_its_slow_part() -> None:
     assert found.value(ROD) == pytest.approx(TRUE[ROD], rel=0.02)
 
 
-@pytest.mark.parametrize(("most", "bands"), [(1.0, 1), (1e9, 3)])
-def test_a_way_ends_after_a_band_that_leaves_far_more_than_is_of_use(
-    most: float, bands: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("use", "bands", "tried"), [("little", 1, 0), ("between", 1, 1), ("enough", 3, 3)])
+def test_a_way_ends_where_a_band_leaves_far_more_than_is_of_use(
+    use: str, bands: int, tried: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seen = list[float]()
+    """use : of what the start leaves, below what is heard of it, between that and all of it, or more."""
+    heard, own = list[float](), list[int]()
 
     class Heard(Ringing):
         def below(self, band: float, difference: float) -> Ringing:
-            seen.append(band)
+            heard.append(band)
             return super().below(band, difference)
+
+    def unchanged(_problem: Any, _band: Any, _free: Any, x: np.ndarray, _own: Any) -> np.ndarray:
+        own.append(1)
+        return x
 
     problem: Any = Heard()
     free = free_ones()
-    monkeypatch.setattr(by_bands, "_fitted", lambda _p, _heard, _band, _free, x, _own: x)
-    x = from_slow_to_fast(problem, free, [free.x_of({GAP: 4e-4})], [ROD, GAP], most)
-    assert x.tolist() == free.x_of({GAP: 4e-4}).tolist()
-    assert len(seen) == 1 + bands
+    start = free.x_of({GAP: 4e-4})
+    slow, whole = (costs(p, free, start)[0] for p in (problem.below(40.0, 5e-2), problem))
+    assert slow < 0.98 * whole
+    heard.clear()
+    monkeypatch.setattr(by_bands, "_fitted", lambda _heard, _band, _free, x, _own: x)
+    monkeypatch.setattr(by_bands, "_tried", unchanged)
+    left = {"little": 0.5 * slow, "between": 0.5 * (slow + whole), "enough": 2.0 * whole}[use]
+    x = from_slow_to_fast(problem, free, [start], [ROD, GAP], left / FALL)
+    assert x.tolist() == start.tolist()
+    assert (len(heard) - 1, len(own)) == (bands, tried)
 
 
 def test_the_slow_part_leaves_the_rod_s_mass_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

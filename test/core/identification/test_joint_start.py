@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pytest
 from hidden_table import SAMPLE_TIME, Hidden, record
 
+from shake_ros.core.identification import joint_start as joint
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.joint_start import MOST, joint_start, loss
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import load_table
 
@@ -32,6 +37,24 @@ def test_no_more_stay_than_a_few_and_none_without_a_start_of_its_own() -> None:
     stay = kept(Hidden(flow_asymmetry=0.2))
     assert stay[0] == "asymmetric_flow_gain" and len(stay) <= MOST
     assert all(KNOWN[name].together for name in stay)
+
+
+def test_friction_with_a_memory_takes_part_only_where_a_fit_is_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun = list[TableParameters]()
+
+    def approached(_problem: Any, free: FreeParameters, start: np.ndarray, **_: Any) -> Fit:
+        begun.append(free.table(start))
+        strength = "effects.presliding_friction.distance"
+        jacobian = np.diag([100.0 if name == strength else 1e-6 for name in free.names])
+        return Fit(free, start, np.ones(len(start)), jacobian, 0.5 * len(start), 1)
+
+    monkeypatch.setattr(joint, "approached", approached)
+    pieces: Any = None
+    late = {"presliding_friction", "film_friction"}
+    stays = [joint_start(pieces, free_parameters(), KNOWN, load_table("bergamo"), far)[1] for far in (False, True)]
+    assert stays == [(), ("presliding_friction",)]
+    assert [late & set(table.effects) for table in begun] == [set(), late]
+    assert begun[1].value("effects.presliding_friction.distance") == 2e-5
 
 
 def test_loss_is_what_the_cost_rises_by_without_a_parameter() -> None:

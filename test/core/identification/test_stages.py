@@ -150,17 +150,44 @@ def test_a_play_stands_where_what_joined_is_in_doubt_and_it_leaves_far_less(
     monkeypatch.setattr(stages, "_fitted", lambda *_: joined)
     monkeypatch.setattr(stages, "from_narrow_start", lambda *_: other)
     known = {c.effect: c for c in (zone, play)}
-    found, effects = several_at_once(pieces, [], known, load_table("bergamo"), before=cost / left)
+    before: Any = SimpleNamespace(cost=cost / left)
+    found, effects = several_at_once(pieces, [], known, load_table("bergamo"), before)
     assert (found is other, effects) == ((True, ("coupling_backlash",)) if taken else (False, ("soft_zone",)))
+
+
+@pytest.mark.parametrize(("over", "asked"), [(4.0, 1), (6.0, 2)])
+def test_friction_with_a_memory_joins_only_where_others_leave_a_table_far(
+    over: float, asked: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = {c.effect: c for c in effect_candidates() if c.effect in ("presliding_friction", "soft_zone")}
+    free = FreeParameters(load_table("bergamo"), ())
+    left = {False: 0.5 * over**2, True: 0.5 * 1.2**2}
+    seen = list[bool]()
+
+    def joint_start(*arguments: Any) -> tuple[Any, tuple[str, ...]]:
+        seen.append(arguments[-1])
+        return free.base, ("presliding_friction",) if arguments[-1] else ("soft_zone",)
+
+    def fitted(*_: Any) -> Fit:
+        return Fit(free, np.zeros(0), np.zeros(1), np.zeros((1, 0)), left[seen[-1]], 1)
+
+    pieces: Any = SimpleNamespace(noise_cost=lambda: 1.0, count=1)
+    monkeypatch.setattr(stages, "joint_start", joint_start)
+    monkeypatch.setattr(stages, "_fitted", fitted)
+    before: Any = SimpleNamespace(cost=0.5 * 20.0**2)
+    found, effects = several_at_once(pieces, [], known, free.base, before)
+    assert seen == [False, True][:asked]
+    assert (found.cost, effects) == (
+        (left[True], ("presliding_friction",)) if asked > 1 else (left[False], ("soft_zone",))
+    )
 
 
 def test_a_play_is_not_sought_on_a_table_that_has_one(monkeypatch: pytest.MonkeyPatch) -> None:
     play = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
     free = FreeParameters(load_table("bergamo").with_values(play.trials[0]), ())
-    joined = Fit(free, np.zeros(0), np.zeros(1), np.zeros((1, 0)), 18.0, 1)
+    before = Fit(free, np.zeros(0), np.zeros(1), np.zeros((1, 0)), 18.0, 1)
     pieces: Any = SimpleNamespace(noise_cost=lambda: 1.0, count=1)
     monkeypatch.setattr(stages, "joint_start", lambda *_: (free.base, ()))
-    monkeypatch.setattr(stages, "_fitted", lambda *_: joined)
+    monkeypatch.setattr(stages, "_fitted", lambda *_: pytest.fail("fitted once more"))
     monkeypatch.setattr(stages, "from_narrow_start", lambda *_: pytest.fail("sought"))
-    found, effects = several_at_once(pieces, [], {"coupling_backlash": play}, free.base, before=20.0)
-    assert (found, effects) == (joined, ())
+    assert several_at_once(pieces, [], {"coupling_backlash": play}, free.base, before) == (before, ())
