@@ -4,7 +4,8 @@ A model that lacks two or three effects bends far away from the truth before any
 band, friction takes its place, and each effect is then tried on top of the wrong friction. So where the fit of the
 declared model stays far above the noise, the effects that can begin from nothing are all freed together from the first
 guess; those whose loss would cost the most (Wald's statistic on the linearised fit) stay, the others are dropped, and
-the fit is repeated with what stays. Whether each is needed is decided by the search, as for any other effect.
+the fit is repeated with what stays. Friction with a memory (before sliding, of a film) joins them only where that stays
+far: it bends a fit that needs none of it. Whether each is needed is decided by the search, as for any other effect.
 """
 
 from __future__ import annotations
