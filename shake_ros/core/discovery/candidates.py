@@ -79,10 +79,10 @@ def candidates(
         except (AttributeError, TypeError, ValueError):
             raise ShakeError(f"{where}: {effect}: usual: needs [low, high] for each name") from None
         strict_keys(usual, own, where)
-        together = {prefix + name: float(v) for name, v in entry.get("together", {}).items()}
-        strict_keys(together, own, where)
-        where_far = {prefix + name: float(v) for name, v in entry.get("where_far", {}).items()}
-        strict_keys(where_far, own, where)
+        together, where_far = (
+            {prefix + name: float(v) for name, v in entry.get(key, {}).items()} for key in ("together", "where_far")
+        )
+        strict_keys({**together, **where_far}, own, where)
         narrow = _each_with_each(prefix, entry.get("narrow", {}), f"{where}: {effect}: narrow")
         for point in narrow[:1]:
             strict_keys(point, own, where)

@@ -196,14 +196,15 @@ def several_at_once(
     start is held against it, and takes its place where it leaves less than JOINED of what that leaves, and
     than ALONE of the cost before: a stiff contact between two bodies follows much that it is not.
     """
+    absent = {name: effect for name, effect in known.items() if name not in begin.effects}
     best, more = _joined(pieces, free, known, begin, before)
-    if is_far(pieces, best) and any(e.where_far for name, e in known.items() if name not in begin.effects):
+    if is_far(pieces, best) and any(effect.where_far for effect in absent.values()):
         far = _joined(pieces, free, known, begin, before, far=True)
         best, more = min((best, more), far, key=lambda found: found[0].cost)
     if is_doubtful(pieces, best, before.cost):
         most = min(JOINED * best.cost, ALONE * before.cost)
-        for effect, other in known.items():
-            if other.narrow and effect not in begin.effects:
+        for effect, other in absent.items():
+            if other.narrow:
                 progress(f"first fit: {effect}, slow motion first", 0.0)
                 found = from_narrow_start(pieces, with_effects(free, known, (effect,)), other, begin, most)
                 if found is not None and found.cost <= most:
