@@ -66,7 +66,7 @@ def model_structure(begin: StartingPoint | TableParameters, model: DeclaredModel
     start = begin if isinstance(begin, StartingPoint) else StartingPoint.declared(begin, Prepared([], [], 1.0, ()))
     free, late = tuple(free_parameters(model)), tuple(late_parameters(model))
     effects = effect_candidates(model, start.fitted)
-    return ModelStructure(start.table, free, late, effects, model, start.fitted, start.shown)
+    return ModelStructure(start.table, free, late, effects, model, start.fitted, start.shown, start.between)
 
 
 def search_settings(model: DeclaredModel = FULL) -> SearchSettings:

@@ -82,7 +82,7 @@ def _concluded(
     problem: SearchProblem, selection: Selection, model: ModelStructure, estimation: Sequence[Record]
 ) -> LoopClosure:
     """How sure each effect is, and what the final model leaves."""
-    found, standings, doubtful = judged(problem, selection)
+    found, standings, doubtful = judged(problem, selection, model.between)
     tentative = problem.validation.errors(selection.final.fit.vector) if doubtful else {}
     searched = problem.estimation.blocks()
     if sum(len(r.commands) for r in problem.estimation.records) < sum(len(r.commands) for r in estimation):

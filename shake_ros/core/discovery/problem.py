@@ -40,7 +40,8 @@ class ModelStructure:
     ----------
     table : values that a fit starts from. free, late : parameters that a fit may move, from the start or only once they
     explain much of what is left above the noise. candidates : effects that it may lack. simulator : of its free run.
-    shown : effects among the candidates that show without a search; `fitted` is a table that has them.
+    shown : effects among the candidates that show without a search; `fitted` is a table that has them. between : those
+        of them by which the sensors differ, so that nothing that moves the table could stand for them.
     """
 
     table: TableParameters
@@ -50,6 +51,7 @@ class ModelStructure:
     simulator: DeclaredModel = FULL
     fitted: TableParameters | None = None
     shown: tuple[str, ...] = ()
+    between: tuple[str, ...] = ()
 
 
 class Stopped(Exception):

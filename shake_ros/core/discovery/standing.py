@@ -9,7 +9,8 @@ An effect is
     not established  at a bound, not needed beyond chance, or worth less than what is still unexplained
 
 Where much remains, a combination with something else may replace what was found; an effect at a bound does the work of
-something that is missing. Such effects are candidates, not findings.
+something that is missing. Such effects are candidates, not findings. An effect by which the sensors differ is none of
+them for what remains: whatever else is missing moves the table, and the table moves both sensors.
 
 A fit without an effect that had to end early leaves at least what it would have left at its end. So in haste (haste.py)
 an effect may still turn out to be needless, but none is established.
@@ -17,6 +18,7 @@ an effect may still turn out to be needless, but none is established.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -66,14 +68,20 @@ def alternatives(problem: SearchProblem, found: Selection, step: ForwardStep) ->
     return tuple(r.candidate.effect for r in tried if not distinguishable(found.final, r.result, settings, noise))
 
 
-def standing(problem: SearchProblem, found: Selection, step: ForwardStep) -> tuple[EffectStanding, ScoredFit]:
-    """How sure one effect is, and the final model without it."""
+def standing(
+    problem: SearchProblem, found: Selection, step: ForwardStep, between: Sequence[str] = ()
+) -> tuple[EffectStanding, ScoredFit]:
+    """How sure one effect is, and the final model without it.
+
+    between : effects by which the sensors differ.
+    """
     settings, final = problem.settings, found.final
     candidate, noise = step.chosen.candidate, problem.validation.noise_cost()
     reduced = without(problem, final, candidate) if len(found.steps) > 1 else found.declared
     worth = float(np.sqrt(reduced.validation_cost / final.validation_cost))
     bounds = own_bounds(final, step)
     unexplained = final.validation_cost - noise
+    small = reduced.validation_cost - final.validation_cost < settings.worth_of_likely * unexplained
     near = final.validation_cost <= settings.near_noise**2 * noise
     others = alternatives(problem, found, step)
     early = hurried()
@@ -81,7 +89,7 @@ def standing(problem: SearchProblem, found: Selection, step: ForwardStep) -> tup
         state, reason = NOT_ESTABLISHED, "its strength rests on a bound: it does the work of something that is missing"
     elif not improves(final, reduced, settings):
         state, reason = NOT_ESTABLISHED, "the model does as well without it"
-    elif reduced.validation_cost - final.validation_cost < settings.worth_of_likely * unexplained:
+    elif small and candidate.effect not in between:
         state, reason = NOT_ESTABLISHED, "worth less than what is still unexplained, which may replace it"
     elif others:
         state, reason = ONE_OF_THESE, "another effect would do as well in its place"
@@ -95,17 +103,17 @@ def standing(problem: SearchProblem, found: Selection, step: ForwardStep) -> tup
 
 
 def judged(
-    problem: SearchProblem, found: Selection
+    problem: SearchProblem, found: Selection, between: Sequence[str] = ()
 ) -> tuple[Selection, tuple[EffectStanding, ...], tuple[EffectStanding, ...]]:
     """The selection with what is established, likely or one of several; how each stands; and what is not established.
 
     Effects that are not established leave the model one by one, the one worth least first, and the others are judged
-    again without it.
+    again without it. between : effects by which the sensors differ.
     """
     problem.progress("how sure is each?", 0.5)
     dropped: list[EffectStanding] = []
     while found.steps:
-        each = [standing(problem, found, step) for step in found.steps]
+        each = [standing(problem, found, step, between) for step in found.steps]
         doubtful = [i for i, (s, _) in enumerate(each) if s.state == NOT_ESTABLISHED]
         if not doubtful:
             return found, tuple(s for s, _ in each), tuple(dropped)

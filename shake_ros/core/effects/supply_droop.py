@@ -23,7 +23,7 @@ class SupplyDroop(Effect):
     place: ClassVar[str] = "supply"
     depends_on: ClassVar[tuple[str, ...]] = ("flow", "time")
 
-    resistance: float = quantity("Pa*s/m^3", "steady droop per flow R_s", low=0.0, high=1e11, default=0.0)
+    resistance: float = quantity("Pa*s/m^3", "steady droop per flow R_s", low=0.0, high=1e13, default=0.0)
     time_constant: float = quantity("s", "time constant τ of the droop", low=1e-3, high=10.0, default=0.02)
 
 

@@ -19,10 +19,10 @@ from shake_ros.core.identification.network import Network
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
-from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_sample, delayed, outputs
+from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_sample, delayed, follow, outputs
 from shake_ros.core.plant.parameters import records
 from shake_ros.core.plant.simulation import SMOOTH, initial_state
-from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, VELOCITY
+from shake_ros.core.plant.states import VELOCITY
 
 WINDOW = 2.0  # length of the transform's window [s]
 HOP = 0.1  # from one window to the next [s]
@@ -103,9 +103,7 @@ def _simulate(rows, acting, commands, standing, track, y0, dt, tolerance, out):
     acceleration = acceleration_now(rows[acting[0]], y, work[STAGE])
     for i in range(commands.shape[0]):
         p = rows[acting[i]]
-        shift = track[i] - y[POSITION]
-        y[POSITION] = track[i]
-        y[LAGGED_POSITION] += shift
+        follow(p, y, track[i])
         outputs(p, y, acceleration, out[i])
         late, timely, fraction = delayed(commands, i, p.command_delay_delay / dt, standing)
         acceleration = advance_sample(p, y, late, timely, fraction, 0.0, dt, work, False, tolerance)

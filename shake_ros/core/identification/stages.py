@@ -55,12 +55,14 @@ class StartingPoint:
 
     table : the declared one, fitted to pieces. data : recordings with the null shifts that it tells. shown : effects
     that sensors, linear response and a fit with many effects show without a search; `fitted` is the table with them.
+    between : those of them that the sensors show, as they differ: whatever else moves the table moves both.
     """
 
     table: TableParameters
     data: Prepared
     fitted: TableParameters
     shown: tuple[str, ...] = ()
+    between: tuple[str, ...] = ()
 
     @classmethod
     def declared(cls, table: TableParameters, data: Prepared) -> StartingPoint:
@@ -104,6 +106,7 @@ def staged_start(
     guesses = first.tables(model.table, model.unknown, model, shown_on)[:GUESSES]
     known = effects(guesses[0])
     shown = tuple(e for e in SHOWN if e in known and e in guesses[0].effects)
+    between = tuple(e for e in shown if e in BETWEEN_SENSORS)
     if shown:
         progress(f"so far {' + '.join(shown)}: to be seen in the responses, before any fit", 0.0)
 
@@ -136,7 +139,7 @@ def staged_start(
     for _ in range(ROUNDS - 1):
         data = recentred(model, table, data)
         table = _fitted(_pieces(model, data), moved(shown), table).table
-    return StartingPoint(table.without(shown), recentred(model, table, data), table, shown)
+    return StartingPoint(table.without(shown), recentred(model, table, data), table, shown, between)
 
 
 def over_noise(pieces: RecordingProblem, found: Fit) -> float:

@@ -114,7 +114,7 @@ def simulate(p, forces, standing, track, y0, dt, out):
         out[i, 0] = y[SENSED]
         out[i, 1] = (y[POSITION] - y[SENSED]) / tau if tau > 1e-6 else y[VELOCITY]
         out[i, 2] = y[ACCELERATION]
-        place = track[i] if track.shape[0] > 0 else y[POSITION]
+        place = track[i] + y[POSITION] - y[SENSED] if track.shape[0] > 0 else y[POSITION]
         late, timely, fraction = delayed(forces, i, delay, standing)
         if fraction > 1e-9:
             hold(p, y, late, place, fraction * dt)

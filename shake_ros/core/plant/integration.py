@@ -230,6 +230,18 @@ def position_sensor(p, y):
 
 
 @kernel
+def follow(p, y, measured):
+    """Put the table where its transducer shows the measured position [m], in place.
+
+    Volumes and position-dependent effects then see the true place though a free run would drift off the stroke. A slow
+    transducer shows where the table was: at 0.3 m/s behind a lag of 90 ms it is 27 mm further on.
+    """
+    shift = measured - position_sensor(p, y)
+    y[POSITION] += shift
+    y[LAGGED_POSITION] += shift
+
+
+@kernel
 def delayed(commands, k, delay_samples, standing):
     """Commands that act at the start and at the end of sample k, and the fraction of the sample for the first.
 
@@ -311,8 +323,7 @@ def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, 
     ----------
     p : parameter record. commands : shape (n,) [-]. standing : command that acts until the first one arrives [-].
     forces : external force, shape (n,) or (0,) [N].
-    track : measured position, shape (n,) or (0,) [m]: where given, the position is set to it at every sample, so that
-        volumes and position-dependent effects see the true place though a free run would drift off the stroke.
+    track : measured position, shape (n,) or (0,) [m]: where given, the table follows it, see `follow`.
     measured : velocity [m/s] and acceleration [m/s²] of the first samples, shape (k, 2), k ≤ n: as far as they are
         given, the run is drawn towards them at the rate `injection` [1/s].
     y0 : state at the first sample, shape (STATES,). dt : [s]. tolerance : relative local error of a step.
@@ -332,9 +343,7 @@ def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, 
     z[OUTPUT] = now
     for i in range(commands.shape[0]):
         if tracking:
-            shift = track[i] - y[POSITION]
-            y[POSITION] = track[i]
-            y[LAGGED_POSITION] += shift
+            follow(p, y, track[i])
         outputs(p, y, acceleration, out[i])
         drawn = i < measured.shape[0]
         if drawn:

@@ -187,7 +187,7 @@ def simulate(p, commands, standing, track, y0, dt, out):
     delay = p.command_delay_delay / dt
     for i in range(commands.shape[0]):
         outputs(p, y, out[i])
-        place = track[i] if track.shape[0] > 0 else y[POSITION]
+        place = track[i] + y[POSITION] - y[SENSED_POSITION] if track.shape[0] > 0 else y[POSITION]
         late, timely, fraction = delayed(commands, i, delay, standing)
         if fraction > 1e-9:
             hold(p, y, late, place, fraction * dt)

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
-from linear_effects import FIRST, SECOND, Hidden, fitted, problem_of, step
+from linear_effects import FIRST, NOISE, SECOND, Hidden, fitted, problem_of, step
 
 from shake_ros.core.discovery.problem import SearchProblem
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.standing import ESTABLISHED, LIKELY, EffectStanding, judged
 from shake_ros.core.identification.haste import in_haste
+
+
+class Unexplained(Hidden):
+    """The same with much that neither effect explains."""
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        return super().residuals(vectors) + np.roll(NOISE, 1)
 
 
 def found_in(problem: SearchProblem) -> Selection:
@@ -55,3 +63,24 @@ def test_where_the_time_is_over_nothing_is_established_and_what_is_needless_leav
 def test_what_there_was_no_time_to_judge_says_so() -> None:
     told, _ = standings(Hidden(1.0, 2.0), late=True)
     assert {s.reason for s in told.values()} == {"not judged to the end: the time was over"}
+
+
+@pytest.mark.parametrize(
+    ("between", "expected", "doubtful"),
+    [
+        ((), {SECOND.effect: LIKELY}, (FIRST.effect,)),
+        ((FIRST.effect,), {FIRST.effect: LIKELY, SECOND.effect: LIKELY}, ()),
+    ],
+)
+def test_what_shows_between_the_sensors_stays_however_much_is_unexplained(
+    between: tuple[str, ...], expected: dict[str, str], doubtful: tuple[str, ...]
+) -> None:
+    problem = problem_of(Unexplained(0.5, 3.0))
+    _, told, left = judged(problem, found_in(problem), between)
+    assert ({s.effect: s.state for s in told}, tuple(s.effect for s in left)) == (expected, doubtful)
+
+
+def test_what_shows_between_the_sensors_leaves_where_the_model_does_as_well_without_it() -> None:
+    problem = problem_of(Unexplained(0.0, 3.0))
+    _, _, left = judged(problem, found_in(problem), (FIRST.effect,))
+    assert [s.effect for s in left] == [FIRST.effect]

@@ -113,3 +113,13 @@ def test_a_force_that_time_changes_follows_the_clock_of_the_recording(begin: flo
     ramp = AXIS.with_values(of_two(unlisted.FORCE_OF_POSITION, unlisted.TIME, 0.0, 5.0, 10.0))
     found = run_batch(ramp.vector()[None, :], initial_state(0.0, 0.0, begin), forces, 1e-3)[0]
     np.testing.assert_allclose(found, free_run(AXIS, forces - 10.0 * (time - 2.5) / 2.5), atol=1e-12)
+
+
+def test_a_slow_transducer_is_followed_to_where_the_axis_is() -> None:
+    slow = AXIS.with_values(
+        {"effects.position_sensor_lag.time_constant": 0.09, "effects.stiffness_to_ground.stiffness": 4e3}
+    )
+    forces = 400.0 * np.sin(2.0 * np.pi * 1.0 * np.arange(2000) * 1e-3)
+    free = free_run(slow, forces)
+    followed = run_batch(slow.vector()[None, :], initial_state(0.0, 0.0), forces, 1e-3, free[:, 0])[0]
+    np.testing.assert_allclose(followed, free, atol=2e-3 * np.max(np.abs(free)))

@@ -144,3 +144,12 @@ def test_a_wrong_reduced_table_is_refused_with_its_reason(content: dict[str, obj
 def test_a_name_of_the_full_table_is_unknown_here() -> None:
     with pytest.raises(UnknownName, match=r"body\.piston_area"):
         TABLE.with_values({"body.piston_area": 1e-3})
+
+
+def test_a_slow_transducer_is_followed_to_where_the_table_is() -> None:
+    slow = TABLE.with_values(
+        {"effects.position_sensor_lag.time_constant": 0.09, "effects.stiffness_to_ground.stiffness": 200.0}
+    )
+    free = run(slow, sine(1000.0), 1e-3)
+    followed = run(slow, sine(1000.0), 1e-3, track=free[:, COLUMNS.index("position")])
+    np.testing.assert_allclose(followed, free, atol=2e-3 * np.max(np.abs(free)))

@@ -190,3 +190,14 @@ def test_a_measured_position_sets_the_place_of_every_sample() -> None:
     track = 0.05 + 0.001 * np.arange(100) / 100.0
     result = run(BERGAMO, np.zeros(100), SAMPLE, position=track)
     np.testing.assert_array_equal(result[:, 0], track)
+
+
+def test_a_slow_transducer_is_followed_to_where_the_table_is_not_to_where_it_was() -> None:
+    slow = BERGAMO.with_values({"effects.position_sensor_lag.time_constant": 0.09})
+    sine = 0.3 * np.sin(2.0 * np.pi * 1.5 * np.arange(2000) * SAMPLE)
+    free = run(slow, sine, SAMPLE)
+    away = free[:, 1] * 0.09  # from what it shows to where it is
+    assert np.max(np.abs(away)) > 0.01
+    np.testing.assert_allclose(run(slow, sine, SAMPLE, position=free[:, 0])[:, 1:5], free[:, 1:5], rtol=1e-3, atol=1e-3)
+    was = run(slow, sine, SAMPLE, position=free[:, 0] - away)  # of a transducer that is followed as if it were exact
+    assert np.max(np.abs(was[:, 2] - free[:, 2])) > 0.02 * np.max(np.abs(free[:, 2]))
