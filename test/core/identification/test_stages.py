@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 from foreign_run import foreign_run
+from scipy.signal import lfilter
 
 from shake_ros.core.identification import stages
 from shake_ros.core.identification.by_bands import FALL
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.nuisances import Nuisance, Prepared
+from shake_ros.core.identification.nuisances import Nuisance, Prepared, prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.sensor_pair import BaseMode, SensorPair
 from shake_ros.core.identification.stages import (
@@ -24,10 +25,11 @@ from shake_ros.core.identification.stages import (
     once_more,
     recentred,
     several_at_once,
+    staged_start,
     told_by_sensors,
     with_friction_of,
 )
-from shake_ros.declared import effect_candidates, unknown_model
+from shake_ros.declared import effect_candidates, model_structure, unknown_model
 from shake_ros.settings import load_table
 
 
@@ -191,3 +193,16 @@ def test_a_play_is_not_sought_on_a_table_that_has_one(monkeypatch: pytest.Monkey
     monkeypatch.setattr(stages, "_fitted", lambda *_: pytest.fail("fitted once more"))
     monkeypatch.setattr(stages, "from_narrow_start", lambda *_: pytest.fail("sought"))
     assert several_at_once(pieces, [], {"coupling_backlash": play}, free.base, before) == (before, ())
+
+
+def test_what_the_sensors_show_stays_known_to_the_search_as_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = foreign_run(422)
+    left = np.exp(-run.sample_time / 0.04)
+    late = replace(run, position=lfilter([1.0 - left], [1.0, -left], run.position))
+    monkeypatch.setattr(stages, "_fitted", lambda _pieces, _free, guess: SimpleNamespace(cost=1.0, table=guess))
+    monkeypatch.setattr(stages, "better_filter", lambda *_: None)
+    monkeypatch.setattr(stages, "is_far", lambda *_: False)
+    effects = {c.effect: c for c in effect_candidates()}
+    start = staged_start(unknown_model(), (), lambda _: effects, prepared([late], []))
+    assert start.between == ("position_sensor_lag",)
+    assert model_structure(start).between == start.between
