@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
 
 from shake_ros.ros.loop import NodeLoop, ros_context
+from shake_ros.settings import config_folder
 
 LOOKS = 8000
 MOST = 0.1  # [MiB]
@@ -34,3 +38,9 @@ def test_a_stopped_loop_does_not_wait_any_more(ros_domain) -> None:
         loop.stop()
         loop.attend(30.0)
         loop.close()
+
+
+@pytest.mark.parametrize("name", ["fastdds", "fastdds_network", "fastdds_udp"])
+def test_nodes_of_one_process_do_not_call_into_each_other(name: str) -> None:
+    settings = ElementTree.parse(config_folder() / f"{name}.xml").getroot()
+    assert [e.text for e in settings.iter() if e.tag.endswith("intraprocess_delivery")] == ["OFF"]
