@@ -20,7 +20,7 @@ from shake_ros.api.read import recording
 
 
 def measure(seed: int, seconds: float, minutes: float, most: int = max(foreign.COUNTS)) -> dict[str, Any]:
-    """One table: what was hidden and named, errors over the noise.
+    """One table: what was hidden and named, what was found but not named, errors over the noise.
 
     seconds : length of each recording. minutes : of one core, after which the search ends with its best answer so far.
     most : effects hidden at most.
@@ -46,6 +46,8 @@ def measure(seed: int, seconds: float, minutes: float, most: int = max(foreign.C
         ],
         "named": list(named),
         "alternatives": [list(e.alternatives) for e in found.effects],
+        "worth": [s.worth for s in found.closed.standings],
+        "left_out": [{"effect": c.effect, "worth": c.worth, "reason": c.reason} for c in found.closed.candidates],
         "wrong_names": sum(name not in case.effects for name in named),
         "false_alarm": None if case.effects else bool(named),
         **over,

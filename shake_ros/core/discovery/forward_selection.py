@@ -33,6 +33,7 @@ from shake_ros.core.discovery.unlisted_functions import (
     or_function,
 )
 from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.haste import hurried
 
 
 def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructure) -> tuple[SearchProblem, Selection]:
@@ -112,7 +113,8 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
             left = tuple(c for c in left if c.effect not in {s.chosen.candidate.effect for s in together})
             yield found
             continue
-        if step is None or step.chosen.candidate.effect != UNLISTED:
+        listed = step is not None and step.chosen.candidate.effect != UNLISTED
+        if step is None or (listed and not hurried()):
             step, functions = or_function(problem, current, step, ranking, None if improved else functions)
             if step is not None and step.chosen.candidate.effect == UNLISTED:
                 step = refined_function(problem, step)
@@ -181,16 +183,17 @@ def forward_step(
             if function:
                 return function, ranking, current, functions
         refits = refit(problem, screening, effects, ranking, current)
-        converged, others = converge(problem, current, refits)
+        patient = problem.patient()
+        converged, others = converge(patient, current, refits)
         ranking = (*ranked(converged), *ranked(others))  # a fit to pieces is no answer, however well it scores
         if improves(ranking[0].result, current, settings, tried):
             break
     else:
         return None, ranking, current, functions
-    current = reconverged(problem, current, ranking[0])
+    current = reconverged(patient, current, ranking[0])
     if not improves(ranking[0].result, current, settings, tried):
         return None, ranking, current, functions
-    ranking = (*ranked(refined(problem, converged)), *ranked(others))
+    ranking = (*ranked(refined(patient, converged)), *ranked(others))
     step = decide(ranking, screening.trials, settings, problem.validation.noise_cost())
     return step, step.ranking, current, functions
 

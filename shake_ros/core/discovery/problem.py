@@ -238,6 +238,10 @@ class SearchProblem:
     def _validation_residuals(self, result: Fit) -> np.ndarray:
         return np.nan_to_num(self.validation.residuals(result.free.vectors(result.x))[0], nan=LOST)
 
+    def patient(self) -> SearchProblem:
+        """The same for what is done to its end even where the search is to stop."""
+        return replace(self, progress=patiently(self.progress))
+
     def seen(self, knowledge: Knowledge) -> SearchProblem:
         """The problem with what a model has told of the recordings."""
         return replace(

@@ -7,11 +7,14 @@ from typing import cast
 
 import numpy as np
 import pytest
-from closed_loops import DEAD_BAND, LEAN, named
+from closed_loops import DEAD_BAND, LEAN, declared_fit, named, problem_of, recording
 
 from shake_ros.core.discovery import forward_selection as forward
 from shake_ros.core.discovery.problem import ModelStructure, Stopped
+from shake_ros.core.identification.haste import in_haste
 from shake_ros.core.identification.uncertainty import estimates
+from shake_ros.declared import effect_candidates
+from shake_ros.settings import load_table
 
 EFFECTS = ["spool_deadband", "soft_zone", "asymmetric_flow_gain"]
 TRUTH = {  # what the hidden tables have, by the names of the parameters that the search frees
@@ -91,3 +94,23 @@ def test_search_whose_time_is_over_before_it_eliminates_answers_with_what_it_has
     _, stopped = forward.forward_selection(problem, found.search.declared.fit, cast("ModelStructure", None))
     assert stopped.stopped
     assert stopped.final is found.search.final
+
+
+def test_step_whose_effects_have_begun_is_taken_though_the_time_is_over() -> None:
+    case, over = "asymmetric_flow_gain", False
+
+    def ending(text: str, part: float) -> None:
+        nonlocal over
+        over = over or text == f"refitted with {case}"
+        if over:
+            raise Stopped
+
+    declared, learn = declared_fit(case)
+    problem = problem_of(learn.records, [recording(case, 2, "hold")])
+    known = tuple(c for c in effect_candidates() if c.effect == case)
+    structure = ModelStructure(load_table("bergamo"), (), candidates=known)
+    with in_haste(lambda: over):
+        _, found = forward.forward_selection(replace(problem, progress=ending), declared, structure)
+    assert found.stopped
+    assert [s.chosen.candidate.effect for s in found.steps] == [case]
+    assert found.final.validation_cost < 0.5 * found.declared.validation_cost
