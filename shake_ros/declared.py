@@ -13,7 +13,7 @@ from shake_ros.core.discovery.candidates import CandidateEffect, candidates, sca
 from shake_ros.core.discovery.problem import ModelStructure
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification import experiments
-from shake_ros.core.identification.free_parameters import FreeParameter, free_parameter
+from shake_ros.core.identification.free_parameters import FreeParameter, free_parameter, null_shifts_of
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import FULL, DeclaredModel
 from shake_ros.core.identification.reduced_model import REDUCED
@@ -65,6 +65,8 @@ def model_structure(begin: StartingPoint | TableParameters, model: DeclaredModel
     """Where a fit of a model begins, with what it may move and the effects that it may lack."""
     start = begin if isinstance(begin, StartingPoint) else StartingPoint.declared(begin, Prepared([], [], 1.0, ()))
     free, late = tuple(free_parameters(model)), tuple(late_parameters(model))
+    if model.nuisances:
+        free = (*free, *null_shifts_of(len({r.run for r in start.data.estimation}), free))
     effects = effect_candidates(model, start.fitted)
     return ModelStructure(start.table, free, late, effects, model, start.fitted, start.shown, start.between)
 

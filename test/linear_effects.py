@@ -30,6 +30,9 @@ class Hidden:
     def __init__(self, first: float, second: float) -> None:
         self.true = np.array([3.0, first, second])
 
+    def centred(self, vector: np.ndarray) -> np.ndarray:
+        return vector
+
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         x = vectors[:, COLUMNS] / [p.scale for p in PARAMETERS]
         return 0.1 * NOISE + (x - self.true) @ np.array(DIRECTIONS)

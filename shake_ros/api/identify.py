@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from shake_ros.core.discovery import declared_fit
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
+from shake_ros.core.identification.knowledge import Knowledge, own_null_shifts, without_null_shifts
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
@@ -181,6 +182,9 @@ def identify(
             return Identification(model, start.table, found, first, second, told, data)
         bar.span(0.4, 0.85)
         found = declared_fit.identify(structure, first, second, settings, bar)
+        data = data.seen(Knowledge(shifts=own_null_shifts(declared, found.fit, first, second)))
+        found = replace(found, fit=without_null_shifts(found.fit, first, data.estimation))
+        first, second = data.estimation, data.validation
         bar.span(0.85, 1.0)
         bar("residuals and what would help", 0.0)
         told = diagnose(found.fit, first, second, recordings_to_make(), declared)

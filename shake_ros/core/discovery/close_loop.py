@@ -9,7 +9,7 @@ import numpy as np
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
-from shake_ros.core.discovery.forward_selection import converged_again, forward_selection, listened
+from shake_ros.core.discovery.forward_selection import converged_again, forward_selection, listened, recentred
 from shake_ros.core.discovery.latent_force import LatentForce, latent_forces
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, patiently
 from shake_ros.core.discovery.remaining import Remaining, remaining
@@ -18,6 +18,7 @@ from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.standing import EffectStanding, judged
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.haste import in_haste, never
+from shake_ros.core.identification.knowledge import own_null_shifts
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 
 
@@ -89,6 +90,7 @@ def _concluded(
         problem.progress("final fit to all recordings", 0.8)
         problem, found = on_whole(problem, found, estimation)
     found = found.on(lambda m: m, problem.heard) if problem.drawing > 0.0 else found
+    problem, found = centred(problem, found)
     problem.progress("errors and what remains", 0.9)
     models = passed_through(problem, found, searched)
     rest = remaining(problem, found)
@@ -97,6 +99,15 @@ def _concluded(
     function, noise = learnt_function(problem, found.final), problem.estimation.noise()
     told = standings, doubtful, tentative, function, forces, problem.estimation.unpredictable
     return LoopClosure(models[0], models[1:], found, rest, noise, model.simulator, *told)
+
+
+def centred(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
+    """Problem and models with the null shifts that the final model tells, in the recordings' commands."""
+    first, second = problem.estimation, problem.validation
+    told = own_null_shifts(first.model, found.final.fit, first.records, second.records)
+    known = replace(found.knowledge, shifts={**found.knowledge.shifts, **told})
+    seen = problem.seen(known)
+    return seen, replace(recentred(problem, seen, found), knowledge=known)
 
 
 def passed_through(problem: SearchProblem, found: Selection, searched: np.ndarray) -> tuple[FittedModel, ...]:

@@ -34,6 +34,7 @@ from shake_ros.core.discovery.unlisted_functions import (
 )
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.haste import hurried
+from shake_ros.core.identification.knowledge import without_null_shifts
 
 
 def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructure) -> tuple[SearchProblem, Selection]:
@@ -141,8 +142,18 @@ def with_knowledge(problem: SearchProblem, found: Selection) -> tuple[SearchProb
     learned = known.learned(problem.estimation, others, found.final.fit)
     if learned is known:
         return problem, found
-    problem = problem.seen(learned)
-    return problem, replace(fitted_again(problem, found), knowledge=learned)
+    seen = problem.seen(learned)
+    return seen, replace(fitted_again(seen, recentred(problem, seen, found)), knowledge=learned)
+
+
+def recentred(problem: SearchProblem, seen: SearchProblem, found: Selection) -> Selection:
+    """The same models where null shifts that were their own have gone into the recordings' commands."""
+    before, after = problem.estimation.records, seen.estimation.records
+
+    def moved(m: ScoredFit) -> ScoredFit:
+        return replace(m, fit=without_null_shifts(m.fit, before, after))
+
+    return found.on(moved, moved)
 
 
 def fitted_again(problem: SearchProblem, found: Selection) -> Selection:

@@ -236,7 +236,7 @@ class SearchProblem:
         return self.scored(linearised(self.estimation, result))
 
     def _validation_residuals(self, result: Fit) -> np.ndarray:
-        return np.nan_to_num(self.validation.residuals(result.free.vectors(result.x))[0], nan=LOST)
+        return np.nan_to_num(self.validation.residuals(self.validation.centred(result.vector)[None, :])[0], nan=LOST)
 
     def patient(self) -> SearchProblem:
         """The same for what is done to its end even where the search is to stop."""

@@ -111,6 +111,7 @@ def screen(problem: SearchProblem, current: ScoredFit, candidates: tuple[Candida
 
 def trial_vector(current: Fit, candidate: CandidateEffect, trial: int) -> np.ndarray:
     """All parameters of a model with a trial of an effect on top."""
-    row = current.table.with_values(candidate.trials[trial]).vector()
+    row, other = current.vector.copy(), current.table.with_values(candidate.trials[trial]).vector()
+    row[: len(other)] = other
     row[current.free.columns] = current.vector[current.free.columns]
     return row

@@ -6,7 +6,8 @@ An effect is
     one of these     another effect would do as well in its place in the final model
     likely           needed, and worth more than all that is still unexplained, which stands above the noise; or there
                      was no time to judge it to the end
-    not established  at a bound, not needed beyond chance, or worth less than what is still unexplained
+    not established  its strength at a bound, or any number of it while much is unexplained; not needed beyond chance;
+                     or worth less than what is still unexplained
 
 Where much remains, a combination with something else may replace what was found; an effect at a bound does the work of
 something that is missing. Such effects are candidates, not findings. An effect by which the sensors differ is none of
@@ -89,6 +90,8 @@ def standing(
         state, reason = NOT_ESTABLISHED, "its strength rests on a bound: it does the work of something that is missing"
     elif not improves(final, reduced, settings):
         state, reason = NOT_ESTABLISHED, "the model does as well without it"
+    elif bounds and not near and candidate.effect not in between:
+        state, reason = NOT_ESTABLISHED, "rests on a bound while much is unexplained, which may replace it"
     elif small and candidate.effect not in between:
         state, reason = NOT_ESTABLISHED, "worth less than what is still unexplained, which may replace it"
     elif others:

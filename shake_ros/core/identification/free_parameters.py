@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import Field, dataclass
+from dataclasses import Field, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,10 +48,25 @@ def free_parameter(
     return FreeParameter(name, scale, low, high, str(metadata["unit"]))
 
 
+NULL_SHIFT = FreeParameter("recording {}: null shift", 1e-3, -0.05, 0.05, "-")  # of one recording's valve command
+
+
+def is_of_recording(name: str) -> bool:
+    """Whether a free parameter is one of a recording, no number of the table."""
+    return name.startswith("recording ")
+
+
+def null_shifts_of(recordings: int, free: Iterable[FreeParameter]) -> list[FreeParameter]:
+    """The null shift of each recording; against that of the first one where a fit moves the table's own."""
+    first = any(f.name == "effects.valve_null_shift.offset" for f in free)
+    return [replace(NULL_SHIFT, name=NULL_SHIFT.name.format(i)) for i in range(first, recordings)]
+
+
 class FreeParameters:
     """An ordered set of free parameters over a base table.
 
-    The fit's vector x holds value/scale of each; `vectors` maps rows of x to full parameter vectors.
+    The fit's vector x holds value/scale of each; `vectors` maps rows of x to full parameter vectors. What is free of
+    one recording alone is no number of the table: it follows behind these, in the order of the recordings.
     """
 
     def __init__(self, base: TableParameters, free: Iterable[FreeParameter]) -> None:
@@ -62,8 +77,13 @@ class FreeParameters:
         self.low = np.array([f.low for f in self.free]) / self.scale
         self.high = np.array([f.high for f in self.free]) / self.scale
         index = {name: i for i, name in enumerate(base.fields)}
+        own = [name for name in self.names if is_of_recording(name)]
+        last = 0
+        for name in own:
+            last = int(name.split()[1].rstrip(":"))
+            index[name] = len(base.fields) + last
         self.columns = [index[name] for name in self.names]
-        self._vector = base.vector()
+        self._vector = np.concatenate([base.vector(), np.zeros(last + 1 if own else 0)])
 
     def start(self) -> np.ndarray:
         """x of the base table, held within the bounds, shape (len(free),)."""
@@ -79,7 +99,8 @@ class FreeParameters:
     def table(self, x: np.ndarray) -> TableParameters:
         """The table with the values of x."""
         values = np.clip(np.asarray(x), self.low, self.high) * self.scale
-        return self.base.with_values(dict(zip(self.names, values.tolist(), strict=True)))
+        found = dict(zip(self.names, values.tolist(), strict=True))
+        return self.base.with_values({name: value for name, value in found.items() if not is_of_recording(name)})
 
     def x_of(self, values: Mapping[str, float]) -> np.ndarray:
         """x with some values given by name, the others from the base table."""

@@ -74,7 +74,7 @@ class Knowledge:
             found = residual_noise(RecordingProblem(records, problem.model), model.vector)
             if found < CALMER * records[0].acceleration_noise():
                 noise[name] = found
-        shifts = null_shifts(problem.model, model.table, (*problem.records, *others))
+        shifts = own_null_shifts(problem.model, model, problem.records, others)
         if shifts:
             known = replace(known, shifts={**known.shifts, **shifts})
         return known if noise == known.noise else replace(known, noise=noise)
@@ -97,6 +97,47 @@ def null_shifts(model: DeclaredModel, table: TableParameters, records: Sequence[
         if abs(more) > CLEAR * largest:
             found[name] = parts[0].shift + more
     return found
+
+
+def own_null_shifts(
+    model: DeclaredModel, found: Fit, estimation: Sequence[Record], validation: Sequence[Record]
+) -> dict[str, float]:
+    """Null shift by recording, where it is clearly another than the present [-].
+
+    That which the fit has found; where it has none for a recording, as for one held out, that which leaves least, from
+    the present one or from that of the mean velocity.
+    """
+    told: dict[str, float] = {}
+    width = len(model.layout.names)
+    if not model.nuisances:
+        return told
+    for records in filter(None, (estimation, validation)):
+        present = RecordingProblem(list(records), model)
+        left_open = [r for r in records if r.run >= len(found.vector) - width]
+        moved = Knowledge(shifts=null_shifts(model, found.table, left_open)).problem(present) if left_open else present
+        least: dict[int, float] = {}
+        for problem in (present,) if moved is present else (present, moved):
+            row = problem.centred(found.vector)
+            left = problem.left_by_run(row)
+            for before, record in zip(records, problem.records, strict=True):
+                shift = record.shift + float(row[width + record.run]) if len(row) > width else record.shift
+                change = abs(shift - before.shift)
+                if left[record.run] <= least.setdefault(record.run, left[record.run]):
+                    least[record.run] = left[record.run]
+                    told.pop(record.name, None)
+                    if change > CLEAR * float(np.max(np.abs(record.commands))):
+                        told[record.name] = shift
+    return told
+
+
+def without_null_shifts(found: Fit, before: Sequence[Record], after: Sequence[Record]) -> Fit:
+    """A fit less the null shifts that its recordings have by now in their commands."""
+    x, width = found.x.copy(), len(found.free.base.fields)
+    more = {new.run: new.shift - old.shift for old, new in zip(before, after, strict=True)}
+    for i, column in enumerate(found.free.columns):
+        if column >= width:
+            x[i] -= more.get(column - width, 0.0) / found.free.scale[i]
+    return replace(found, x=x)
 
 
 def _velocity_left(model: DeclaredModel, table: TableParameters, record: Record) -> np.ndarray:

@@ -248,7 +248,8 @@ def prepared(estimation: Sequence[Record], validation: Sequence[Record]) -> Prep
     scaled = [replace(r, commands=r.commands / scale, standing=r.standing / scale) for r in both]
     sensors = sensor_pair(scaled)
     found = [without_offsets(timely(r, sensors.delay)) for r in scaled]
-    records = [r for r, _ in found]
+    runs = list(dict.fromkeys(r.name for r, _ in found))
+    records = [replace(r, run=runs.index(r.name)) for r, _ in found]
     offsets = tuple(replace(n, spikes=len(at)) for (_, n), at in zip(found, places, strict=True))
     count = len(estimation)
     return Prepared(records[:count], records[count:], scale, offsets, sensors)

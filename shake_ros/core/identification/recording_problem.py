@@ -13,12 +13,15 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from shake_ros.core.identification.fit import LOST
 from shake_ros.core.identification.recordings import FULL, MODEL_FLOOR, DeclaredModel, Record, relative_error
 from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity, low_pass
 from shake_ros.core.plant.simulation import workers
 
 BLOCK = 0.5  # length of a block of time for standard errors [s], shorter where the recordings would give less than
 BLOCKS = 24  # blocks in all: with fewer, the scatter of the blocks tells too little of itself
+NULL_ROUNDS = 3  # of looking for a null shift
+NULL_STEP, NULL_MOST = 1e-4, 2e-3  # step of its difference, and how far one round moves it at most [-]
 HIGHEST = 0.4  # of the sampling rate, above which a band takes nothing away
 
 
@@ -170,8 +173,51 @@ class RecordingProblem:
             parts += [time] * self._channels(record)
         return np.concatenate([*parts, np.zeros(len(self.model.priors))])
 
+    def centred(self, vector: np.ndarray) -> np.ndarray:
+        """A vector with the null shifts that leave least of the recordings for which it has none of their own.
+
+        Gauss-Newton from none, recording by recording; a step that leaves more is halved.
+        """
+        offset = self.model.null_shift
+        width = len(self.model.layout.names)
+        runs = sorted({r.run for r in self.records if r.run >= len(vector) - width})
+        if offset is None or not runs:
+            return vector
+        row = np.concatenate([vector, np.zeros(max(runs) + 1 - len(vector) + width)])
+        columns = np.array([width + run for run in runs])
+        of_run = self._runs()
+        step = np.full(len(runs), NULL_STEP)
+        change = np.zeros(len(runs))
+        left = np.full(len(runs), np.inf)
+        for _ in range(NULL_ROUNDS):
+            tried = np.tile(row, (2, 1))
+            tried[:, columns] += change
+            tried[1, columns] += step
+            found = np.nan_to_num(self.residuals(tried), nan=LOST)
+            now = np.array([float(np.sum(found[0, of_run == run] ** 2)) for run in runs])
+            for i, run in enumerate(runs):
+                if now[i] < left[i]:
+                    row[columns[i]] += change[i]
+                    left[i], r = now[i], found[0, of_run == run]
+                    d = (found[1, of_run == run] - r) / step[i]
+                    change[i] = np.clip(-(d @ r) / max(d @ d, 1e-300), -NULL_MOST, NULL_MOST)
+                else:
+                    change[i] *= 0.5
+        return row
+
+    def left_by_run(self, vector: np.ndarray) -> dict[int, float]:
+        """Sum of squares that a vector leaves of each recording, by its number."""
+        left, of_run = np.nan_to_num(self.residuals(vector[None, :])[0], nan=LOST), self._runs()
+        return {run: float(np.sum(left[of_run == run] ** 2)) for run in {r.run for r in self.records}}
+
+    def _runs(self) -> np.ndarray:
+        """Number of the recording that each residual belongs to, -1 of a prior, shape (n,)."""
+        parts = [np.full((len(r.commands) - r.start) * self._channels(r), r.run) for r in self.records]
+        return np.concatenate([*parts, np.full(len(self.model.priors), -1)])
+
     def errors(self, vector: np.ndarray) -> dict[str, dict[str, float]]:
         """Relative error of velocity and acceleration per recording."""
+        vector = self.centred(vector)
         result: dict[str, dict[str, float]] = {}
         for name in dict.fromkeys(r.name for r in self.records):
             pieces = [(r, *self.simulate(vector[None, :], r)) for r in self.records if r.name == name]

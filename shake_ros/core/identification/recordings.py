@@ -46,7 +46,8 @@ class Record:
     delay : of the accelerometer [s], which has been taken out but for that of a filter. cutoff : of that filter [Hz];
         0: none. heard : samples whose acceleration was measured, shape (n,): not clipped, nor too late to be recorded;
         None: all. calmest : noise of the acceleration at most, where a model has shown it [m/s²]. shift : null shift of
-        the valve that models have added to the commands [-]. own : what a force-driven axis takes from this recording
+        the valve that models have added to the commands [-]. run : number of the recording, of those that are learned
+        from and then those held out. own : what a force-driven axis takes from this recording
         for itself, see slow_changes.py.
     """
 
@@ -63,6 +64,7 @@ class Record:
     heard: np.ndarray | None = None
     calmest: float = math.inf
     shift: float = 0.0
+    run: int = 0
     own: tuple[str, ...] = ()
     velocity: np.ndarray = field(init=False)
     track: np.ndarray = field(init=False)
@@ -215,6 +217,11 @@ class DeclaredModel(ABC):
     injects: ClassVar[bool] = False
     smooth: ClassVar[bool] = False
     positions: ClassVar[bool] = False
+
+    @property
+    def null_shift(self) -> int | None:
+        """Column of the valve's null shift, where each recording has one of its own."""
+        return self.layout.index.get("effects.valve_null_shift.offset") if self.nuisances else None
 
     @property
     def name(self) -> str:

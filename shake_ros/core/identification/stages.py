@@ -18,9 +18,9 @@ from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.by_bands import FALL, from_slow_to_fast
 from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.fit import Fit, costs
-from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
+from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, null_shifts_of
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
-from shake_ros.core.identification.knowledge import Knowledge, null_shifts
+from shake_ros.core.identification.knowledge import Knowledge, null_shifts, own_null_shifts
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import windows
@@ -103,6 +103,7 @@ def staged_start(
     def shown_on(table: TableParameters) -> dict[str, float]:
         return (first.specimen(table) if SPECIMEN in may_lack else {}) | told_by_sensors(table, data.sensors, may_lack)
 
+    free = [*free, *null_shifts_of(len({r.run for r in data.estimation}), free)]
     guesses = first.tables(model.table, model.unknown, model, shown_on)[:GUESSES]
     known = effects(guesses[0])
     shown = tuple(e for e in SHOWN if e in known and e in guesses[0].effects)
@@ -135,11 +136,12 @@ def staged_start(
         progress(f"so far {' + '.join(shown)} show: {over:.1f} times the noise in pieces of what is learned from", 0.0)
     progress("first fit: friction and null shifts", 0.0)
     anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], best.table, model))
-    table = min(best, anew, key=attrgetter("cost")).table
+    found = min(best, anew, key=attrgetter("cost"))
     for _ in range(ROUNDS - 1):
-        data = recentred(model, table, data)
-        table = _fitted(_pieces(model, data), moved(shown), table).table
-    return StartingPoint(table.without(shown), recentred(model, table, data), table, shown, between)
+        data = recentred(model, found.table, data)
+        found = _fitted(_pieces(model, data), moved(shown), found.table)
+    table, told = found.table, own_null_shifts(model, found, data.estimation, data.validation)
+    return StartingPoint(table.without(shown), data.seen(Knowledge(shifts=told)), table, shown, between)
 
 
 def over_noise(pieces: RecordingProblem, found: Fit) -> float:

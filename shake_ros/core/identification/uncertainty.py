@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.identification.fit import Fit, Problem
+from shake_ros.core.identification.free_parameters import is_of_recording
 
 LAMINAR = "valve.laminar_pressure"
 NEAR_REST = ("friction.transition_velocity", LAMINAR)
@@ -122,13 +123,14 @@ def _other_forms(result: Fit) -> tuple[np.ndarray, np.ndarray]:
 
 
 def estimates(result: Fit, blocks: np.ndarray, forms: np.ndarray | None = None) -> list[Estimate]:
-    """Fitted parameters with their standard errors; forms : from `form_errors`."""
+    """Fitted parameters of the table with their standard errors; forms : from `form_errors`."""
     deviation = np.sqrt(np.diag(covariance(result, blocks))) * result.free.scale
     values = result.x * result.free.scale
     by_form = np.zeros(len(values)) if forms is None else forms * result.free.scale
     return [
         Estimate(f.name, float(v), float(s) if np.isfinite(s) else None, f.unit, float(e))
         for f, v, s, e in zip(result.free.free, values, deviation, by_form, strict=True)
+        if not is_of_recording(f.name)
     ]
 
 

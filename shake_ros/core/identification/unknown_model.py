@@ -20,6 +20,7 @@ from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 
 NAME = "unknown"
+TABLE, OFFSET = len(FULL_LAYOUT.names), FULL_LAYOUT.index["effects.valve_null_shift.offset"]
 
 
 @final
@@ -68,8 +69,12 @@ class UnknownModel(DeclaredModel):
         return not has and effect != "accelerometer_bias" and stands_for.get(effect) not in self.unknown
 
     def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity and acceleration for rows of parameters."""
-        return FULL.simulate(vectors, record, injection)
+        """Velocity and acceleration for rows of parameters, behind which the recordings' null shifts may follow."""
+        table, own = vectors[:, :TABLE], vectors[:, TABLE:]
+        if record.run < own.shape[1]:
+            table = table.copy()
+            table[:, OFFSET] += own[:, record.run]
+        return FULL.simulate(table, record, injection)
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.simulation.COLUMNS."""

@@ -44,6 +44,9 @@ class Recorded:
     def __init__(self, samples: int) -> None:
         self.samples = samples
 
+    def centred(self, vector: np.ndarray) -> np.ndarray:
+        return vector
+
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         return np.ones((len(vectors), self.samples))
 

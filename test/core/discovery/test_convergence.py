@@ -35,6 +35,9 @@ class OneForTheOther:
     def noise_cost(self) -> float:
         return 0.01
 
+    def centred(self, vector: np.ndarray) -> np.ndarray:
+        return vector
+
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         viscous, mass, tank = vectors[:, COLUMNS].T
         heavier, weaker = 1.0 + mass / 650.0, 1.0 - tank / 2e7
@@ -85,6 +88,9 @@ class TwoValleys:
 
     def noise_cost(self) -> float:
         return 0.0
+
+    def centred(self, vector: np.ndarray) -> np.ndarray:
+        return vector
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         return np.hstack([vectors**2 - 1.0, 0.3 * (vectors - 1.0)])

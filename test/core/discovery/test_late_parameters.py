@@ -28,6 +28,9 @@ class Linear:
     def __init__(self, passing: float, strange: float, true_passage: float = TRUE_PASSAGE) -> None:
         self.passing, self.strange, self.true_passage = passing, strange, true_passage
 
+    def centred(self, vector: np.ndarray) -> np.ndarray:
+        return vector
+
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         viscous, passage = vectors[:, COLUMNS].T
         off = passage / self.true_passage - 1.0

@@ -201,6 +201,7 @@ def test_what_the_sensors_show_stays_known_to_the_search_as_theirs(monkeypatch: 
     late = replace(run, position=lfilter([1.0 - left], [1.0, -left], run.position))
     monkeypatch.setattr(stages, "_fitted", lambda _pieces, _free, guess: SimpleNamespace(cost=1.0, table=guess))
     monkeypatch.setattr(stages, "better_filter", lambda *_: None)
+    monkeypatch.setattr(stages, "own_null_shifts", lambda *_: {})
     monkeypatch.setattr(stages, "is_far", lambda *_: False)
     effects = {c.effect: c for c in effect_candidates()}
     start = staged_start(unknown_model(), (), lambda _: effects, prepared([late], []))
