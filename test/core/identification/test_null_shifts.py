@@ -1,0 +1,90 @@
+"""Each recording of a table without a data sheet has a null shift of its own: free in a fit, the best one held out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hidden_table import SAMPLE_TIME, TRUE, record
+
+from shake_ros.core.identification.fit import fit
+from shake_ros.core.identification.free_parameters import FreeParameters, null_shifts_of
+from shake_ros.core.identification.knowledge import Knowledge, own_null_shifts, without_null_shifts
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import FULL, Record
+from shake_ros.core.identification.uncertainty import estimates
+from shake_ros.core.identification.unknown_model import UnknownModel
+from shake_ros.declared import free_parameters, model_structure
+from shake_ros.settings import load_table
+
+TABLE = load_table("bergamo").with_values(TRUE)
+UNKNOWN = UnknownModel(TABLE)
+SHIFTS = (0.001, -0.002, 0.0015)  # of the valve's null in each recording; a command that makes up for it stands in it
+OFFSET = "effects.valve_null_shift.offset"
+GLOBAL = tuple(f for f in free_parameters(UnknownModel(TABLE, (OFFSET,))) if f.name == OFFSET)
+
+
+def run(number: int) -> Record:
+    made = record(6 + number, 6.0)
+    commands = made.commands - SHIFTS[number]
+    return Record(
+        f"run{number}",
+        *(SAMPLE_TIME, commands, made.position, made.acceleration),
+        standing=-SHIFTS[number],
+        run=number,
+    )
+
+
+@pytest.fixture(scope="module")
+def runs() -> list[Record]:
+    return [run(number) for number in range(len(SHIFTS))]
+
+
+def test_a_fit_finds_the_null_shift_of_each_recording(runs: list[Record]) -> None:
+    learned, held = runs[:2], runs[2:]
+    problem = RecordingProblem(learned, UNKNOWN)
+    free = FreeParameters(TABLE, [*GLOBAL, *null_shifts_of(2, GLOBAL)])
+    found = fit(problem, free, free.start(), evaluations=10)
+    assert free.names == (OFFSET, "recording 1: null shift")
+    assert found.table.value(OFFSET) == pytest.approx(SHIFTS[0], abs=2e-4)
+    assert found.vector[-1] == pytest.approx(SHIFTS[1] - SHIFTS[0], abs=2e-4)
+    assert found.cost < 2.0 * 0.5 * problem.noise_cost() * problem.count
+    assert [e.name for e in estimates(found, problem.blocks())] == [OFFSET]  # the others are no numbers of the table
+
+    told = own_null_shifts(UNKNOWN, found, learned, held)
+    assert told == {
+        "run1": pytest.approx(SHIFTS[1] - SHIFTS[0], abs=2e-4),
+        "run2": pytest.approx(SHIFTS[2] - SHIFTS[0], abs=2e-4),
+    }
+    after = [Knowledge(shifts=told).seen(r) for r in learned]
+    same = without_null_shifts(found, learned, after)
+    assert same.vector[-1] == pytest.approx(0.0, abs=1e-9)
+    again = RecordingProblem(after, UNKNOWN).residuals(same.vector[None, :])[0]
+    assert again == pytest.approx(found.residuals, abs=1e-2)
+
+
+def test_a_recording_held_out_is_held_against_a_table_with_the_null_shift_that_leaves_least(runs: list[Record]) -> None:
+    held = RecordingProblem(runs[2:], UNKNOWN)
+    row = held.centred(TABLE.vector())
+    assert row[len(TABLE.vector()) + 2] == pytest.approx(SHIFTS[2], abs=2e-4)
+    plain, centred = (held.left_by_run(v)[2] for v in (TABLE.vector(), row))
+    assert centred < 0.5 * plain
+    assert held.errors(TABLE.vector())["run2"]["acceleration"] < 0.03
+
+
+def test_where_the_tables_own_null_shift_is_known_every_recording_has_one() -> None:
+    assert [f.name for f in null_shifts_of(2, ())] == ["recording 0: null shift", "recording 1: null shift"]
+
+
+def test_a_declared_table_has_none(runs: list[Record]) -> None:
+    problem = RecordingProblem(runs, FULL)
+    assert problem.centred(TABLE.vector()) is not None
+    assert np.array_equal(problem.centred(TABLE.vector()), TABLE.vector())
+    assert not any("recording" in f.name for f in model_structure(TABLE).free)
+
+
+def test_pieces_of_a_recording_share_its_null_shift(runs: list[Record]) -> None:
+    both = [replace(runs[1].part(slice(k, k + 2500))) for k in (0, 2500)]
+    row = RecordingProblem(both, UNKNOWN).centred(TABLE.vector())
+    assert row[len(TABLE.vector()) + 1] == pytest.approx(SHIFTS[1], abs=3e-4)
