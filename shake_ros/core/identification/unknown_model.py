@@ -71,10 +71,16 @@ class UnknownModel(DeclaredModel):
     def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration for rows of parameters, behind which the recordings' null shifts may follow."""
         table, own = vectors[:, :TABLE], vectors[:, TABLE:]
+        if not own.shape[1]:
+            return FULL.simulate(table, record, injection)
         if record.run < own.shape[1]:
             table = table.copy()
             table[:, OFFSET] += own[:, record.run]
-        return FULL.simulate(table, record, injection)
+        other = np.any(table != table[0], axis=1)  # the null shift of another recording changes nothing here
+        other[0] = True
+        row = np.where(other, np.cumsum(other) - 1, 0)
+        velocity, acceleration = FULL.simulate(table[other], record, injection)
+        return velocity[row], acceleration[row]
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.simulation.COLUMNS."""

@@ -20,6 +20,7 @@ from shake_ros.settings import load_table
 
 TABLE = load_table("bergamo").with_values(TRUE)
 UNKNOWN = UnknownModel(TABLE)
+TABLE_MASS = FULL.layout.index["body.table_mass"]
 SHIFTS = (0.001, -0.002, 0.0015)  # of the valve's null in each recording; a command that makes up for it stands in it
 OFFSET = "effects.valve_null_shift.offset"
 GLOBAL = tuple(f for f in free_parameters(UnknownModel(TABLE, (OFFSET,))) if f.name == OFFSET)
@@ -88,3 +89,16 @@ def test_pieces_of_a_recording_share_its_null_shift(runs: list[Record]) -> None:
     both = [replace(runs[1].part(slice(k, k + 2500))) for k in (0, 2500)]
     row = RecordingProblem(both, UNKNOWN).centred(TABLE.vector())
     assert row[len(TABLE.vector()) + 1] == pytest.approx(SHIFTS[1], abs=3e-4)
+
+
+def test_the_null_shift_of_another_recording_changes_nothing_and_is_not_simulated(runs: list[Record]) -> None:
+    rows = np.tile(np.concatenate([TABLE.vector(), np.zeros(3)]), (4, 1))
+    rows[1, -1] = rows[2, -2] = 1e-3
+    rows[3, TABLE_MASS] *= 1.1
+    found = UNKNOWN.simulate(rows, runs[2])
+    alone = [FULL.simulate(row[None, : len(TABLE.vector())], runs[2]) for row in (rows[0], rows[3])]
+    for channel in range(2):
+        assert np.array_equal(found[channel][2], found[channel][0])
+        assert not np.allclose(found[channel][1], found[channel][0], rtol=1e-6)
+        assert found[channel][0] == pytest.approx(alone[0][channel][0], abs=1e-9)
+        assert found[channel][3] == pytest.approx(alone[1][channel][0], abs=1e-3 * np.std(alone[1][channel]))
