@@ -86,7 +86,7 @@ def _concluded(
     found, standings, doubtful = judged(problem, selection, model.between)
     tentative = problem.validation.errors(selection.final.fit.vector) if doubtful else {}
     searched = problem.estimation.blocks()
-    if sum(len(r.commands) for r in problem.estimation.records) < sum(len(r.commands) for r in estimation):
+    if problem.fits_less_than(estimation):
         problem.progress("final fit to all recordings", 0.8)
         problem, found = on_whole(problem, found, estimation)
     found = found.on(lambda m: m, problem.heard) if problem.drawing > 0.0 else found

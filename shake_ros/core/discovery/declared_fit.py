@@ -109,9 +109,14 @@ def identify(
     """
     problem = SearchProblem.of(model, estimation, (), settings, progress)
     declared = fit_declared(problem, FreeParameters(model.table, model.free))
-    result = with_late_parameters(problem, problem.scored(declared)).fit
+    found = with_late_parameters(problem, problem.scored(declared))
+    if problem.fits_less_than(estimation):
+        progress("final fit to all recordings", 0.9)
+        problem = problem.on_whole(estimation)
+        most, tolerance = settings.converging_evaluations, settings.converged
+        found = problem.fitted(found.fit.free, found.fit.x, most, tolerance, near=True)
     held = RecordingProblem(list(validation), model.simulator) if validation else None
-    return fitted_model(result, problem.estimation, held)
+    return fitted_model(found.fit, problem.estimation, held)
 
 
 def identify_inverse(

@@ -253,6 +253,10 @@ class SearchProblem:
             reduced={key: Reduced(b"", known.reduced) for key, known in self.reduced.items()},
         )
 
+    def fits_less_than(self, estimation: Sequence[Record]) -> bool:
+        """Whether the search fits only pieces of the estimation data."""
+        return sum(len(r.commands) for r in self.estimation.records) < sum(len(r.commands) for r in estimation)
+
     def on_whole(self, estimation: Sequence[Record]) -> SearchProblem:
         """The same problem with all of the estimation data."""
         whole = RecordingProblem(list(estimation), self.estimation.model).unpredicted(self.estimation.unpredictable)

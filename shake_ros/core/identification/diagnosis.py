@@ -15,6 +15,7 @@ from shake_ros.core.identification.predictability import Predictability, predict
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.identification.residual_tests import LAGS, ErrorSplit, ResidualTest, error_split, residual_test
+from shake_ros.core.identification.uncertainty import of_table
 from shake_ros.core.identification.velocity_filter import CUTOFF
 
 
@@ -126,6 +127,7 @@ def diagnose(
         residuals = problem.residuals(vector[None, :])[0]
         derivative = jacobian(problem, result.free, result.x, residuals)
         result = replace(result, residuals=residuals, jacobian=derivative)
+    result = of_table(result)
     known = identifiability(result, blocks)
     helpful = tuple(benefits(result, known, estimation, candidates, model))
     return Diagnosis(tuple(judged), known, helpful, predictability(left, held), drawn, bool(candidates))

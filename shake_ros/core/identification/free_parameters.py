@@ -78,12 +78,10 @@ class FreeParameters:
         self.high = np.array([f.high for f in self.free]) / self.scale
         index = {name: i for i, name in enumerate(base.fields)}
         own = [name for name in self.names if is_of_recording(name)]
-        last = 0
-        for name in own:
-            last = int(name.split()[1].rstrip(":"))
-            index[name] = len(base.fields) + last
+        runs = [int(name.split()[1].rstrip(":")) for name in own]
+        index |= {name: len(base.fields) + run for name, run in zip(own, runs, strict=True)}
         self.columns = [index[name] for name in self.names]
-        self._vector = np.concatenate([base.vector(), np.zeros(last + 1 if own else 0)])
+        self._vector = np.concatenate([base.vector(), np.zeros(max(runs, default=-1) + 1)])
 
     def start(self) -> np.ndarray:
         """x of the base table, held within the bounds, shape (len(free),)."""

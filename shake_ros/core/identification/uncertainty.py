@@ -19,12 +19,12 @@ lower and the tank δ higher. A root may lie anywhere between the two, a rectang
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from shake_ros.core.identification.fit import Fit, Problem
-from shake_ros.core.identification.free_parameters import is_of_recording
+from shake_ros.core.identification.free_parameters import FreeParameters, is_of_recording
 
 LAMINAR = "valve.laminar_pressure"
 NEAR_REST = ("friction.transition_velocity", LAMINAR)
@@ -79,6 +79,17 @@ def covariance(result: Fit, blocks: np.ndarray) -> np.ndarray:
     full = np.full((len(result.x), len(result.x)), np.nan)
     full[np.ix_(inside, inside)] = small
     return full
+
+
+def of_table(result: Fit) -> Fit:
+    """A fit of the table's parameters alone, where what is free of single recordings follows them."""
+    own = np.array([is_of_recording(name) for name in result.free.names])
+    if not np.any(own):
+        return result
+    followed = np.linalg.qr(result.jacobian[:, own & np.any(result.jacobian != 0.0, axis=0)])[0]
+    left = result.jacobian[:, ~own]
+    free = FreeParameters(result.free.base, [f for f in result.free.free if not is_of_recording(f.name)])
+    return replace(result, free=free, x=result.x[~own], jacobian=left - followed @ (followed.T @ left))
 
 
 def known_covariance(result: Fit, blocks: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:

@@ -13,7 +13,7 @@ from shake_ros.core.identification.free_parameters import FreeParameters, null_s
 from shake_ros.core.identification.knowledge import Knowledge, own_null_shifts, without_null_shifts
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, Record
-from shake_ros.core.identification.uncertainty import estimates
+from shake_ros.core.identification.uncertainty import estimates, of_table
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.declared import free_parameters, model_structure
 from shake_ros.settings import load_table
@@ -52,6 +52,11 @@ def test_a_fit_finds_the_null_shift_of_each_recording(runs: list[Record]) -> Non
     assert found.vector[-1] == pytest.approx(SHIFTS[1] - SHIFTS[0], abs=2e-4)
     assert found.cost < 2.0 * 0.5 * problem.noise_cost() * problem.count
     assert [e.name for e in estimates(found, problem.blocks())] == [OFFSET]  # the others are no numbers of the table
+
+    alone = of_table(found)
+    assert alone.free.names == (OFFSET,)
+    whole, part = (np.linalg.inv(f.jacobian.T @ f.jacobian)[0, 0] for f in (found, alone))
+    assert part == pytest.approx(whole, rel=1e-9)  # as uncertain as beside the null shifts of the others
 
     told = own_null_shifts(UNKNOWN, found, learned, held)
     assert told == {
