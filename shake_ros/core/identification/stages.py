@@ -1,9 +1,9 @@
 """The first stages of a fit to recordings of a table without a data sheet.
 
 The best first guesses are fitted briefly to pieces of the recordings, where that leaves much with several effects at
-once (joint_start.py), and with the filter behind the accelerometer that leaves least; then the null shift of each
-recording is read off the free run over the whole of it, whose mean velocity it moves, and what is left of the fit
-begins from there.
+once (joint_start.py), and with the filter behind the accelerometer that leaves least; the null shift of each recording is
+free in them, and set anew from the mean velocity of the whole recording before what is left of the fit
+begins.
 """
 
 from __future__ import annotations
