@@ -1,9 +1,9 @@
 """The first stages of a fit to recordings of a table without a data sheet.
 
 The best first guesses are fitted briefly to pieces of the recordings, where that leaves much with several effects at
-once (joint_start.py), and with the filter behind the accelerometer that leaves least; the null shift of each recording is
-free in them, and set anew from the mean velocity of the whole recording before what is left of the fit
-begins.
+once (joint_start.py), and with the filter behind the accelerometer that leaves least. The null shift of each recording
+is free in these fits; it is set anew by the mean velocity of the free run over the whole of it, and what is left of the
+fit begins from there.
 """
 
 from __future__ import annotations
