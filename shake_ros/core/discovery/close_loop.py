@@ -9,7 +9,7 @@ import numpy as np
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
-from shake_ros.core.discovery.forward_selection import converged_again, forward_selection, listened, recentred
+from shake_ros.core.discovery.forward_selection import forward_selection, listened, recentred
 from shake_ros.core.discovery.latent_force import LatentForce, latent_forces
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, patiently
 from shake_ros.core.discovery.remaining import Remaining, remaining
@@ -122,4 +122,4 @@ def passed_through(problem: SearchProblem, found: Selection, searched: np.ndarra
 def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:
     """Problem and models on all estimation data: the final model fitted to them, those before it as they are."""
     whole = problem.on_whole(estimation).seen(found.knowledge)
-    return whole, found.on(lambda m: m, lambda final: converged_again(whole, final))
+    return whole, found.on(lambda m: m, whole.converged_again)

@@ -113,8 +113,7 @@ def identify(
     if problem.fits_less_than(estimation):
         progress("final fit to all recordings", 0.9)
         problem = problem.on_whole(estimation)
-        most, tolerance = settings.converging_evaluations, settings.converged
-        found = problem.fitted(found.fit.free, found.fit.x, most, tolerance, near=True)
+        found = problem.converged_again(found)
     held = RecordingProblem(list(validation), model.simulator) if validation else None
     return fitted_model(found.fit, problem.estimation, held)
 

@@ -158,15 +158,7 @@ def recentred(problem: SearchProblem, seen: SearchProblem, found: Selection) -> 
 
 def fitted_again(problem: SearchProblem, found: Selection) -> Selection:
     """The models on other data: the final one fitted to them, those before it as they are."""
-    return found.on(
-        lambda m: problem.scored(linearised(problem.estimation, m.fit)), lambda final: converged_again(problem, final)
-    )
-
-
-def converged_again(problem: SearchProblem, final: ScoredFit) -> ScoredFit:
-    """A model fitted to other data from where it stands."""
-    most, tolerance = problem.settings.converging_evaluations, problem.settings.converged
-    return problem.fitted(final.fit.free, final.fit.x, most, tolerance, near=True)
+    return found.on(lambda m: problem.scored(linearised(problem.estimation, m.fit)), problem.converged_again)
 
 
 def forward_step(

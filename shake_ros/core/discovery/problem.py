@@ -170,6 +170,11 @@ class SearchProblem:
         result = approached(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance, near=least)
         return self.scored(result)
 
+    def converged_again(self, model: ScoredFit) -> ScoredFit:
+        """A model fitted to these data from where it stands."""
+        most, tolerance = self.settings.converging_evaluations, self.settings.converged
+        return self.fitted(model.fit.free, model.fit.x, most, tolerance, near=True)
+
     def way_to_pieces(self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float) -> Approach:
         """The way to a fit to pieces of the estimation data."""
         problem = self.estimation_pieces

@@ -178,10 +178,9 @@ class RecordingProblem:
 
         Gauss-Newton from none, recording by recording; a step that leaves more is halved.
         """
-        offset = self.model.null_shift
         width = len(self.model.layout.names)
         runs = sorted({r.run for r in self.records if r.run >= len(vector) - width})
-        if offset is None or not runs:
+        if not self.model.nuisances or not runs:
             return vector
         row = np.concatenate([vector, np.zeros(max(runs) + 1 - len(vector) + width)])
         columns = np.array([width + run for run in runs])

@@ -219,11 +219,6 @@ class DeclaredModel(ABC):
     positions: ClassVar[bool] = False
 
     @property
-    def null_shift(self) -> int | None:
-        """Column of the valve's null shift, where each recording has one of its own."""
-        return self.layout.index.get("effects.valve_null_shift.offset") if self.nuisances else None
-
-    @property
     def name(self) -> str:
         """Its name in MODELS, in config/identification and in the effects' `models`."""
         return self.layout.name

@@ -96,8 +96,8 @@ def known_covariance(result: Fit, blocks: np.ndarray) -> tuple[tuple[str, ...], 
     """Names of the table's parameters that the residuals determine, and their covariance, shape (p, p)."""
     scale = result.free.scale
     whole = covariance(result, blocks) * scale * scale[:, None]
-    of_table = np.array([name in result.free.base.fields for name in result.free.names])
-    known = np.flatnonzero(np.isfinite(np.diag(whole)) & of_table)
+    declared = np.array([name in result.free.base.fields for name in result.free.names])
+    known = np.flatnonzero(np.isfinite(np.diag(whole)) & declared)
     return tuple(result.free.names[i] for i in known), whole[np.ix_(known, known)]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hidden_table import SAMPLE_TIME, TRUE, record
@@ -91,7 +89,7 @@ def test_a_declared_table_has_none(runs: list[Record]) -> None:
 
 
 def test_pieces_of_a_recording_share_its_null_shift(runs: list[Record]) -> None:
-    both = [replace(runs[1].part(slice(k, k + 2500))) for k in (0, 2500)]
+    both = [runs[1].part(slice(k, k + 2500)) for k in (0, 2500)]
     row = RecordingProblem(both, UNKNOWN).centred(TABLE.vector())
     assert row[len(TABLE.vector()) + 1] == pytest.approx(SHIFTS[1], abs=3e-4)
 
