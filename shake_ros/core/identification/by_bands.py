@@ -62,7 +62,7 @@ def from_slow_to_fast(
     known first, three at most. most : half the sum of squares that is of use; the way ends after a band that leaves
     FALL times as much. In haste (haste.py) it ends where it is.
     """
-    x = _best(problem.below(BANDS[0].below, BANDS[0].difference), free, np.array(starts))
+    x = _best(slow(problem), free, np.array(starts))
     for band in BANDS:
         if hurried():
             break
@@ -77,6 +77,11 @@ def from_slow_to_fast(
         if not np.array_equal(anew, x):
             x = _tried(problem, band, free, _fitted(heard, band, free, anew, own), own)
     return x
+
+
+def slow(problem: RecordingProblem) -> RecordingProblem:
+    """What is heard of slow motion, in the first band."""
+    return problem.below(BANDS[0].below, BANDS[0].difference)
 
 
 def _fitted(heard: Problem, band: Band, free: FreeParameters, x: np.ndarray, own: Sequence[str]) -> np.ndarray:

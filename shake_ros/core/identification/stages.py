@@ -1,9 +1,8 @@
 """The first stages of a fit to recordings of a table without a data sheet.
 
-The best first guesses are fitted briefly to pieces of the recordings, where that leaves much with several effects at
-once (joint_start.py), and with the filter behind the accelerometer that leaves least. The null shift of each recording
-is free in these fits; it is set anew by the mean velocity of the free run over the whole of it, and what is left of the
-fit begins from there.
+The best first guesses are fitted briefly to pieces of the recordings, with the filter behind the accelerometer that
+leaves least; where that leaves much, with a play alone (by_bands.py) or with several effects at once (joint_start.py).
+The null shift of each recording is free in these fits, and stands in the recordings at their end.
 """
 
 from __future__ import annotations
@@ -14,13 +13,13 @@ from operator import attrgetter
 
 import numpy as np
 
-from shake_ros.core.identification.approach import approached
-from shake_ros.core.identification.by_bands import FALL, from_slow_to_fast
+from shake_ros.core.identification.approach import arrived, led
+from shake_ros.core.identification.by_bands import FALL, from_slow_to_fast, slow
 from shake_ros.core.identification.first_guess import FirstGuess
-from shake_ros.core.identification.fit import Fit, costs
+from shake_ros.core.identification.fit import Fit, costs, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, null_shifts_of
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
-from shake_ros.core.identification.knowledge import Knowledge, null_shifts, own_null_shifts
+from shake_ros.core.identification.knowledge import Knowledge, own_null_shifts
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import windows
@@ -32,9 +31,10 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 
 PIECES, PIECE = 18.0, 6.0  # of the recordings that the first fit sees, and length of each [s]
+SLOW_PIECES, SLOW_PIECE = 9.0, 3.0  # the same of what a way from slow to fast motion sees [s]
 GUESSES = 2  # that are fitted
 EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
-ROUNDS = 2  # of null shifts and fit
+SAME = 0.99  # part of the cost of drawn runs from which a second guess leads nowhere else
 FAR = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
 BENT = 2.0  # the same from which an effect on a bound is no finding
 JOINED = 0.5  # part of the cost that these may leave
@@ -116,14 +116,12 @@ def staged_start(
 
     pieces = _pieces(model, data)
     progress("first fit", 0.0)
-    best = min((_fitted(pieces, moved(shown), guess) for guess in guesses), key=attrgetter("cost"))
+    best = _best_of(pieces, moved(shown), guesses)
     if (behind := better_filter(pieces, best)) is not None:
         data = data.seen(Knowledge(behind))
         pieces = _pieces(model, data)
         best = _fitted(pieces, moved(shown), best.table)
     begin = guesses[0]
-    if is_far(pieces, best):
-        data, pieces, best = once_more(model, data, pieces, moved(shown), best)
     for _ in range(JOINTS):
         if not is_far(pieces, best):
             break
@@ -134,13 +132,11 @@ def staged_start(
         best, shown, begin = joined, (*shown, *more), joined.table  # what is left shows others better
         over = over_noise(pieces, best)
         progress(f"so far {' + '.join(shown)} show: {over:.1f} times the noise in pieces of what is learned from", 0.0)
-    progress("first fit: friction and null shifts", 0.0)
-    anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], best.table, model))
-    found = min(best, anew, key=attrgetter("cost"))
-    for _ in range(ROUNDS - 1):
-        data = recentred(model, found.table, data)
-        found = _fitted(_pieces(model, data), moved(shown), found.table)
-    table, told = found.table, own_null_shifts(model, found, data.estimation, data.validation)
+    if over_noise(pieces, best) >= BENT and not any(known[e].narrow for e in shown):
+        progress("first fit: friction anew", 0.0)
+        anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], best.table, model))
+        best = min(best, anew, key=attrgetter("cost"))
+    table, told = best.table, own_null_shifts(model, best, data.estimation, data.validation)
     return StartingPoint(table.without(shown), data.seen(Knowledge(shifts=told)), table, shown, between)
 
 
@@ -167,19 +163,6 @@ def is_doubtful(pieces: RecordingProblem, joined: Fit, before: float) -> bool:
     return left > CLEAR or (left > BEYOND and (is_far(pieces, joined) or is_bent(pieces, joined)))
 
 
-def once_more(
-    model: UnknownModel, data: Prepared, pieces: RecordingProblem, free: Sequence[FreeParameter], found: Fit
-) -> tuple[Prepared, RecordingProblem, Fit]:
-    """Data, pieces of them and a fit that is far, or the same with the null shifts that it tells where that is not.
-
-    A fit that has only not come to its end lacks no effect; the null shifts of a model that does are wrong ones.
-    """
-    centred = recentred(model, found.table, data)
-    seen = _pieces(model, centred)
-    again = _fitted(seen, free, found.table)
-    return (data, pieces, found) if is_far(seen, again) else (centred, seen, again)
-
-
 def with_effects(
     free: Sequence[FreeParameter], known: Mapping[str, JoiningEffect], names: Sequence[str]
 ) -> list[FreeParameter]:
@@ -197,11 +180,21 @@ def several_at_once(
 ) -> tuple[Fit, tuple[str, ...]]:
     """The fit with the effects that hold where many are tried at once, and these; the one before where none does.
 
-    Where it is far, friction with a memory may join as well. Where it is doubtful then, the fit from the best narrow
-    start is held against it, and takes its place where it leaves less than JOINED of what that leaves, and
-    than ALONE of the cost before: a stiff contact between two bodies follows much that it is not.
+    An effect with narrow starts that shows at once is sought before: it stands where it leaves no more than ALONE of
+    the cost before. Where the fit with many is far, friction with a memory may join as well. Where it is doubtful then,
+    the fit from the best narrow start is held against it, and takes its place where it leaves less than JOINED of what
+    that leaves, and than ALONE of the cost before: a stiff contact between two bodies follows much that it is not.
     """
     absent = {name: effect for name, effect in known.items() if name not in begin.effects}
+    sought = set[str]()
+    for effect, other in absent.items():
+        if other.narrow and shows_at_once(pieces, other, before):
+            sought.add(effect)
+            progress(f"first fit: {effect}, slow motion first", 0.0)
+            most = ALONE * before.cost
+            found = from_narrow_start(pieces, with_effects(free, known, (effect,)), other, begin, before, most)
+            if found is not None and found.cost <= most:
+                return found, (effect,)
     best, more = _joined(pieces, free, known, begin, before)
     if is_far(pieces, best) and any(effect.where_far for effect in absent.values()):
         far = _joined(pieces, free, known, begin, before, far=True)
@@ -209,9 +202,9 @@ def several_at_once(
     if is_doubtful(pieces, best, before.cost):
         most = min(JOINED * best.cost, ALONE * before.cost)
         for effect, other in absent.items():
-            if other.narrow:
+            if other.narrow and effect not in sought:
                 progress(f"first fit: {effect}, slow motion first", 0.0)
-                found = from_narrow_start(pieces, with_effects(free, known, (effect,)), other, begin, most)
+                found = from_narrow_start(pieces, with_effects(free, known, (effect,)), other, begin, before, most)
                 if found is not None and found.cost <= most:
                     return found, (effect,)
     return best, more
@@ -237,19 +230,41 @@ def from_narrow_start(
     free: Sequence[FreeParameter],
     effect: JoiningEffect,
     begin: TableParameters,
+    before: Fit,
     most: float,
 ) -> Fit | None:
     """The fit with one effect whose valley is too narrow to be met from its absence; None where it is hopeless.
 
     A play between rod and table is one: near nothing it is a rigid joint, and other effects smear its dwells.
-    free : what the fit moves, with the effect's own parameters. most : cost that it may leave.
+    free : what the fit moves, with the effect's own parameters. begin, before : a first guess and the fit without the
+    effect, from the better of which it sets out. most : cost that it may leave.
     """
     parameters = FreeParameters(begin.with_values(effect.narrow[0]), free)
-    starts = [parameters.x_of(point) for point in effect.narrow]
-    x = from_slow_to_fast(pieces, parameters, starts, [f.name for f in reversed(effect.free)], most)
+    starts = [parameters.x_of(point) for point in effect.narrow] + list(narrow_starts(parameters, effect, before))
+    few = RecordingProblem(windows(pieces.records, SLOW_PIECES, SLOW_PIECE), pieces.model)
+    useful = most * few.count / pieces.count
+    x = from_slow_to_fast(few, parameters, starts, [f.name for f in reversed(effect.free)], useful)
     if costs(pieces, parameters, x)[0] > FALL * most:
         return None
-    return approached(pieces, parameters, x, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    return fit(pieces, parameters, x, evaluations=EVALUATIONS, tolerance=TOLERANCE)  # drawn runs would lead away
+
+
+def narrow_starts(parameters: FreeParameters, effect: JoiningEffect, before: Fit) -> np.ndarray:
+    """The effect's starts put on a fit without it as that stands, shape (m, p)."""
+    rows = np.array([parameters.x_of(point) for point in effect.narrow])
+    rows[:, [parameters.names.index(name) for name in before.free.names]] = before.x
+    return rows
+
+
+def shows_at_once(pieces: RecordingProblem, effect: JoiningEffect, before: Fit) -> bool:
+    """Whether an effect lowers what a fit leaves of slow motion as soon as it is put on it and nothing else moved.
+
+    Of a play wider than some hundredths of a millimetre that holds, of no other effect that was tried.
+    """
+    heard = slow(pieces)
+    parameters = FreeParameters(before.table.with_values(effect.narrow[0]), [*before.free.free, *effect.free])
+    with_it = costs(heard, parameters, narrow_starts(parameters, effect, before))
+    return bool(np.min(with_it) < costs(heard, before.free, before.x[None, :])[0])
 
 
 def told_by_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:
@@ -292,10 +307,19 @@ def _pieces(model: UnknownModel, data: Prepared) -> RecordingProblem:
 
 def _fitted(pieces: RecordingProblem, free: Sequence[FreeParameter], start: TableParameters) -> Fit:
     """A short fit to pieces."""
-    parameters = FreeParameters(start, free)
-    return approached(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    return _best_of(pieces, free, (start,))
 
 
-def recentred(model: UnknownModel, table: TableParameters, data: Prepared) -> Prepared:
-    """The recordings with the null shifts at which the free run of a table has the measured mean velocity."""
-    return data.seen(Knowledge(shifts=null_shifts(model, table, (*data.estimation, *data.validation))))
+def _best_of(pieces: RecordingProblem, free: Sequence[FreeParameter], guesses: Sequence[TableParameters]) -> Fit:
+    """The best of short fits to pieces; none is made from a guess whose drawn runs end no better than another's."""
+    best: Fit | None = None
+    least = np.inf
+    for guess in guesses:
+        parameters = FreeParameters(guess, free)
+        way = led(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
+        if best is None or way.drawn_cost < SAME * least:
+            found = arrived(pieces, parameters, way, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+            best = found if best is None else min(best, found, key=attrgetter("cost"))
+        least = min(least, way.drawn_cost)
+    assert best is not None
+    return best

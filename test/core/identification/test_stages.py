@@ -14,17 +14,17 @@ from scipy.signal import lfilter
 from shake_ros.core.identification import stages
 from shake_ros.core.identification.by_bands import FALL
 from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
+from shake_ros.core.identification.knowledge import Knowledge, null_shifts
 from shake_ros.core.identification.nuisances import Nuisance, Prepared, prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.sensor_pair import BaseMode, SensorPair
 from shake_ros.core.identification.stages import (
     BETWEEN_SENSORS,
-    FAR,
+    SAME,
     from_narrow_start,
-    once_more,
-    recentred,
     several_at_once,
+    shows_at_once,
     staged_start,
     told_by_sensors,
     with_friction_of,
@@ -76,20 +76,29 @@ def test_a_play_is_fitted_from_starts_of_its_own_where_these_are_not_hopeless(
         _problem: Any, free: FreeParameters, starts: list[np.ndarray], own: list[str], most: float
     ) -> np.ndarray:
         seen.append((sorted({round(float(x[free.names.index(gap)]), 9) for x in starts}), own, most))
+        friction.extend({float(x[free.names.index(viscous.name)]) for x in starts})
         return starts[3]
 
-    def approached(_problem: Any, free: FreeParameters, start: np.ndarray, **_: Any) -> Any:
+    def fit(_problem: Any, free: FreeParameters, start: np.ndarray, **_: Any) -> Any:
         return SimpleNamespace(cost=2.0, table=free.table(start))
 
     monkeypatch.setattr(stages, "from_slow_to_fast", from_slow_to_fast)
-    monkeypatch.setattr(stages, "approached", approached)
-    pieces: Any = SimpleNamespace(residuals=lambda rows: np.full((len(rows), 2), np.sqrt(left)))
-    found = from_narrow_start(pieces, play.free, play, load_table("bergamo"), most=2.0)
-    gaps, own, most = seen[0]
+    monkeypatch.setattr(stages, "fit", fit)
+    monkeypatch.setattr(stages, "RecordingProblem", lambda records, _model: SimpleNamespace(count=records))
+    monkeypatch.setattr(stages, "windows", lambda *_: 1)
+    residuals = SimpleNamespace(residuals=lambda rows: np.full((len(rows), 2), np.sqrt(left)))
+    pieces: Any = SimpleNamespace(**vars(residuals), records=[], model=None, count=2)
+    viscous = FreeParameter("friction.viscous", 100.0, 0.0, 1e5, "N*s/m")
+    begin, friction = load_table("bergamo"), list[float]()
+    without = FreeParameters(begin.with_values({viscous.name: 777.0}), [viscous])
+    before = Fit(without, without.start(), np.zeros(1), np.zeros((1, 1)), 9.0, 1)
+    found = from_narrow_start(pieces, [viscous, *play.free], play, begin, before, most=2.0)
+    gaps, own, useful = seen[0]
     assert gaps == [0.2, 0.5, 1.0, 2.0, 4.0]  # in its scale of 0.1 mm
+    assert sorted(friction) == pytest.approx([begin.value(viscous.name) / 100.0, 7.77])  # of the guess and of the fit
     assert [name.rpartition(".")[2] for name in own] == ["rod_mass", "stiffness", "gap"]
-    assert most == 2.0
-    if left > FALL * most:
+    assert useful == 1.0  # of half as many residuals
+    if left > FALL * 2.0:
         assert found is None
     else:
         assert found is not None and found.table.value(gap) == 5e-5
@@ -98,33 +107,61 @@ def test_a_play_is_fitted_from_starts_of_its_own_where_these_are_not_hopeless(
 def test_null_shift_that_the_free_run_tells_leaves_what_else_was_taken_out() -> None:
     before = Nuisance("run", 0.001, 0.1, spikes=7)
     data = Prepared([foreign_run(425)], [], 1.0, (before,))
-    (after,) = recentred(unknown_model(), load_table("bergamo"), data).nuisances
+    told = null_shifts(unknown_model(), load_table("bergamo"), data.estimation)
+    (after,) = data.seen(Knowledge(shifts=told)).nuisances
     assert after.null_shift != before.null_shift
     assert (after.acceleration_bias, after.spikes) == (0.1, 7)
 
 
-@pytest.mark.parametrize("ratio", [0.9, 1.1])
-def test_null_shifts_of_a_fit_that_is_far_count_only_where_it_is_near_with_them(
-    ratio: float, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("second", [0.5 * SAME, 1.5 * SAME])
+def test_a_second_guess_whose_drawn_runs_end_no_better_is_not_fitted(
+    second: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    model, run = unknown_model(), foreign_run(425)
-    data, centred = Prepared([run], [], 1.0, ()), Prepared([replace(run, shift=0.01)], [], 1.0, ())
-    pieces = RecordingProblem(data.estimation, model)
+    first, other = load_table("bergamo"), load_table("bergamo").with_values({"body.table_mass": 1e3})
+    arrived = list[float]()
 
-    def left(times: float) -> Fit:
-        """A fit that leaves so many times what counts as far."""
-        cost = times * 0.5 * FAR**2 * pieces.noise_cost() * pieces.count
-        free = FreeParameters(load_table("bergamo"), ())
-        return Fit(free, np.zeros(0), np.zeros(0), np.zeros((0, 0)), cost, 1)
+    def led(_problem: Any, free: FreeParameters, *_: Any, **__: Any) -> Any:
+        return SimpleNamespace(drawn_cost=1.0 if free.base is first else second, start=free.base)
 
-    before, again = left(2.0), left(ratio)
-    monkeypatch.setattr(stages, "recentred", lambda *_: centred)
-    monkeypatch.setattr(stages, "_fitted", lambda *_: again)
-    found, seen, best = once_more(model, data, pieces, (), before)
-    if ratio < 1.0:
-        assert (found, best) == (centred, again) and seen is not pieces
-    else:
-        assert (found, best) == (data, before) and seen is pieces
+    def end(_problem: Any, _free: Any, way: Any, **_: Any) -> Any:
+        arrived.append(way.drawn_cost)
+        return SimpleNamespace(cost=2.0 if way.start is first else 1.0, table=way.start)
+
+    monkeypatch.setattr(stages, "led", led)
+    monkeypatch.setattr(stages, "arrived", end)
+    found = stages._best_of(RecordingProblem([], unknown_model()), (), (first, other))
+    assert arrived == ([1.0, second] if second < SAME else [1.0])
+    assert found.table is (other if second < SAME else first)
+
+
+@pytest.mark.parametrize(("gap", "shows"), [(1e-4, True), (0.0, False)])
+def test_a_play_shows_at_once_where_it_alone_lowers_what_is_left_of_slow_motion(gap: float, shows: bool) -> None:
+    play = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
+    free = FreeParameters(load_table("bergamo"), ())
+    column = [*free.base.fields].index("effects.coupling_backlash.gap")
+    heard = SimpleNamespace(residuals=lambda rows: 1e4 * (rows[:, [column]] - gap))
+    pieces: Any = SimpleNamespace(below=lambda *_: heard)
+    before = Fit(free, np.zeros(0), np.zeros(1), np.zeros((1, 0)), 1.0, 1)
+    assert shows_at_once(pieces, play, before) is shows
+
+
+def test_a_play_that_shows_at_once_is_sought_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    play = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
+    base = load_table("bergamo")
+    monkeypatch.setattr(stages, "shows_at_once", lambda *_: True)
+    monkeypatch.setattr(stages, "joint_start", lambda *_: pytest.fail("joined"))
+    found: Any = SimpleNamespace(cost=1.0)
+    monkeypatch.setattr(stages, "from_narrow_start", lambda *_: found)
+    before: Any = SimpleNamespace(cost=5.0)
+    pieces: Any = SimpleNamespace()
+    assert several_at_once(pieces, [], {"coupling_backlash": play}, base, before) == (found, ("coupling_backlash",))
+    before.cost = 3.0  # of which it leaves more than a quarter
+    monkeypatch.setattr(stages, "joint_start", lambda *_: (base, ()))
+    monkeypatch.setattr(stages, "is_far", lambda *_: False)
+    asked = list[float]()
+    monkeypatch.setattr(stages, "from_narrow_start", lambda *a: asked.append(a[-1]) or found)
+    assert several_at_once(pieces, [], {"coupling_backlash": play}, base, before) == (before, ())
+    assert asked == [0.75]  # and not once more
 
 
 @pytest.mark.parametrize(
@@ -151,6 +188,7 @@ def test_a_play_stands_where_what_joined_is_in_doubt_and_it_leaves_far_less(
     monkeypatch.setattr(stages, "joint_start", lambda *_: (free.base, ("soft_zone",)))
     monkeypatch.setattr(stages, "_fitted", lambda *_: joined)
     monkeypatch.setattr(stages, "from_narrow_start", lambda *_: other)
+    monkeypatch.setattr(stages, "shows_at_once", lambda *_: False)
     known = {c.effect: c for c in (zone, play)}
     before: Any = SimpleNamespace(cost=cost / left)
     found, effects = several_at_once(pieces, [], known, load_table("bergamo"), before)
@@ -199,7 +237,7 @@ def test_what_the_sensors_show_stays_known_to_the_search_as_theirs(monkeypatch: 
     run = foreign_run(422)
     left = np.exp(-run.sample_time / 0.04)
     late = replace(run, position=lfilter([1.0 - left], [1.0, -left], run.position))
-    monkeypatch.setattr(stages, "_fitted", lambda _pieces, _free, guess: SimpleNamespace(cost=1.0, table=guess))
+    monkeypatch.setattr(stages, "_best_of", lambda _pieces, _free, guesses: SimpleNamespace(cost=1.0, table=guesses[0]))
     monkeypatch.setattr(stages, "better_filter", lambda *_: None)
     monkeypatch.setattr(stages, "own_null_shifts", lambda *_: {})
     monkeypatch.setattr(stages, "is_far", lambda *_: False)
