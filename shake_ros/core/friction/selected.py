@@ -37,7 +37,7 @@ def curve_direction(p, velocity):
     """Smooth sign of the velocity of a law that is a curve [-]."""
     if p.friction_kind == none.CODE:
         return 0.0
-    return direction(velocity, p.friction_transition_velocity)
+    return direction(velocity, p.friction_transition_velocity, p.friction_transition_sharpness)
 
 
 @njit

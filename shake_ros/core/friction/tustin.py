@@ -4,7 +4,13 @@
 
 θ_1 is the Coulomb level, θ_1 + θ_2 the break-away level, θ_3 the inverse Stribeck velocity. At v = 0 the sign is
 a smooth step tanh(v/v_t) over the transition velocity v_t, which is far below the velocities of a test; the table
-creeps instead of sticking below it. Source: thesis (3.34), (6.10), (6.15). Verified against the closed form.
+creeps instead of sticking below it. How abruptly a real one ends its creep is not known beforehand: with u = v/v_t the
+step is
+
+    tanh(u + w (u³/3 + u⁵/5 + u⁷/7)),
+
+where w = 0 is the step of the thesis and w = 1 nearly a straight ramp, since the series is that of artanh.
+Source: thesis (3.34), (6.10), (6.15). Verified against the closed form.
 """
 
 from __future__ import annotations
@@ -31,6 +37,9 @@ class Tustin(FrictionLaw):
     stribeck_decay: float = quantity("s/m", "inverse Stribeck velocity θ_3", low=0.0, high=1e4, live=True)
     viscous: float = quantity("N*s/m", "viscous coefficient θ_4", low=0.0, high=1e6, live=True)
     transition_velocity: float = quantity("m/s", "width of the smooth sign at rest", low=1e-6, high=0.1)
+    transition_sharpness: float = quantity(
+        "-", "how abruptly that sign ends: 0 as tanh, 1 nearly as a ramp", low=0.0, high=10.0, default=0.0
+    )
 
 
 @njit
@@ -46,13 +55,18 @@ def curve_level(p, velocity):
 
 
 @njit
-def direction(velocity, transition_velocity):
+def direction(velocity, transition_velocity, sharpness):
     """Smooth sign(v) [-]."""
-    return math.tanh(velocity / transition_velocity)
+    u = velocity / transition_velocity
+    if sharpness == 0.0:
+        return math.tanh(u)
+    square = u * u
+    return math.tanh(u + sharpness * u * square * (1.0 / 3.0 + square * (0.2 + square / 7.0)))
 
 
 @njit
-def force(velocity, theta_1, theta_2, theta_3, theta_4, transition_velocity):
+def force(velocity, theta_1, theta_2, theta_3, theta_4, transition_velocity, transition_sharpness=0.0):
     """Friction force (3.34), of the sign of v [N]."""
-    dry = level(velocity, theta_1, theta_2, theta_3) * direction(velocity, transition_velocity)
+    sign = direction(velocity, transition_velocity, transition_sharpness)
+    dry = level(velocity, theta_1, theta_2, theta_3) * sign
     return dry + theta_4 * velocity

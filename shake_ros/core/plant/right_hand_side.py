@@ -6,6 +6,8 @@ compiled function with other numbers. `p` is one record of plant/parameters.py.
 
 from __future__ import annotations
 
+import math
+
 from shake_ros.core.compiled import inlined_kernel, kernel
 from shake_ros.core.effects.base_flexibility import base_acceleration
 from shake_ros.core.effects.coupling_backlash import contact_force, has_play
@@ -127,7 +129,7 @@ def friction_force(p, velocity, position, displacement, start, velocity_start, m
     micro, viscous = 0.0, p.friction_viscous
     if p.friction_kind == TUSTIN:  # (6.10), first for speed
         dry = level(velocity, p.friction_coulomb_level, p.friction_stribeck_rise, p.friction_stribeck_decay)
-        sign = direction(velocity, p.friction_transition_velocity)
+        sign = direction(velocity, p.friction_transition_velocity, p.friction_transition_sharpness)
     else:
         dry, sign, micro = dry_friction(p, velocity, displacement, start, velocity_start, memory)
         viscous = viscous_coefficient(p, velocity)
@@ -139,7 +141,7 @@ def friction_force(p, velocity, position, displacement, start, velocity_start, m
     speed, clock = abs(velocity), start[CLOCK]
     dry *= 1.0 + unlisted(p, FRICTION_FACTOR_OF_POSITION, position, velocity=speed, pressure=load, clock=clock)
     dry += unlisted(p, FRICTION_OF_POSITION, position, velocity=speed, pressure=load, clock=clock)
-    dry *= 1.0 + p.friction_asymmetry_asymmetry * sign
+    dry *= 1.0 + p.friction_asymmetry_asymmetry * math.copysign(1.0, sign)
     dry *= 1.0 - p.film_friction_relief * film
     return (
         dry * sign
