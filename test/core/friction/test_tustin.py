@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from shake_ros.core.friction.tustin import force
+from shake_ros.core.friction.tustin import direction, force
 
 LEVELS = (80.0, 160.0, 2.5, 2.0)
 NARROW = 1e-6
@@ -28,3 +28,19 @@ def test_force_is_odd_and_never_drives() -> None:
 
 def test_without_levels_only_the_viscous_part_remains() -> None:
     assert force(0.3, 0.0, 0.0, 2.5, 50.0, 1e-3) == pytest.approx(15.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("width", [1e-4, 1e-3, 2e-2])
+def test_a_sharp_passage_through_rest_is_nearly_a_ramp_and_that_of_the_thesis_is_tanh(width: float) -> None:
+    speeds = width * np.linspace(-4.0, 4.0, 161)
+    plain, sharp = ([direction(v, width, w) for v in speeds] for w in (0.0, 1.0))
+    np.testing.assert_allclose(plain, np.tanh(speeds / width), rtol=1e-12, atol=0.0)
+    away = np.abs(np.abs(speeds) - width) > 0.3 * width  # from the corner of the ramp
+    ramp = np.clip(speeds / width, -1.0, 1.0)
+    assert np.max(np.abs(sharp - ramp)[away]) < 0.01 < np.max(np.abs(plain - ramp)[away])
+    assert np.max(np.abs(sharp - ramp)) < 0.08
+    assert np.all(np.diff(sharp) >= 0.0)
+
+
+def test_friction_of_a_fast_table_stays_a_number_however_sharp_its_passage() -> None:
+    assert force(1.0, *LEVELS, 1e-6, 10.0) == pytest.approx(force(1.0, *LEVELS, 1e-6), rel=1e-12)
