@@ -215,3 +215,24 @@ def test_table_and_base_together_are_moved_by_the_ground_alone() -> None:
     of_ground = -k * (0.02 + 7e-4) - stiffness * 7e-4 - damper * 0.03
     assert table.moved_mass * acceleration + mass * rates[BASE_RATE] == pytest.approx(of_ground, rel=1e-9)
     assert rates[VELOCITY] + rates[BASE_RATE] == pytest.approx(acceleration, rel=1e-12)
+
+
+@pytest.mark.parametrize("speed", [2e-4, 0.3])  # within the passage through rest and far beyond it
+def test_friction_asymmetry_is_that_of_the_direction_whatever_the_speed(speed: float) -> None:
+    """Without a viscous part the friction of both directions is as (1 + a) to (1 - a)."""
+
+    def friction(velocity: float, **effects: float) -> float:
+        values = {f"effects.{name.replace('__', '.')}": value for name, value in effects.items()}
+        table = BERGAMO.with_values({"friction.viscous": 0.0, **values})
+        p, accelerations = records(table.vector())[0], []
+        for v in (velocity, 0.0):
+            y, rates = initial_state(table.vector()), np.zeros(STATES)
+            y[VELOCITY] = v
+            accelerations.append(right_hand_side(p, y, y, 0.0, 0.0, active_states(p), rates))
+        return table.moved_mass * (accelerations[1] - accelerations[0])
+
+    plain = friction(speed)
+    assert plain > 0.0
+    assert friction(-speed) == pytest.approx(-plain)
+    assert friction(speed, friction_asymmetry__asymmetry=0.4) == pytest.approx(1.4 * plain)
+    assert friction(-speed, friction_asymmetry__asymmetry=0.4) == pytest.approx(-0.6 * plain)
