@@ -190,14 +190,8 @@ def _figure_6_30(number: str, wave: Mapping[str, Any], plant: TableParameters, a
     table, dt = _loaded(plant, wave), asked["sample_time"]
     out = simulated(table, _commands(wave, asked), dt)[-round(SHOWN / dt) :]
     modulus = effective_modulus(table, out[:, 3], out[:, 4])
-    names = (
-        "coulomb_level",
-        "stribeck_rise",
-        "stribeck_decay",
-        "viscous",
-        "transition_velocity",
-        "transition_sharpness",
-    )
+    passage = ("transition_velocity", "transition_sharpness")
+    names = ("coulomb_level", "stribeck_rise", "stribeck_decay", "viscous", *passage)
     friction = [float(force(v, *(table.value(f"friction.{n}") for n in names))) for v in out[:, 1]]
     time = np.arange(len(out)) * dt
     panels = (

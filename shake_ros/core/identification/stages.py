@@ -259,7 +259,7 @@ def narrow_starts(parameters: FreeParameters, effect: JoiningEffect, before: Fit
 def shows_at_once(pieces: RecordingProblem, effect: JoiningEffect, before: Fit) -> bool:
     """Whether an effect lowers what a fit leaves of slow motion as soon as it is put on it and nothing else moved.
 
-    Of a play wider than some hundredths of a millimetre that holds, of no other effect that was tried.
+    Most plays of some hundredths of a millimetre and more do, and no other effect that was tried.
     """
     heard = slow(pieces)
     parameters = FreeParameters(before.table.with_values(effect.narrow[0]), [*before.free.free, *effect.free])
