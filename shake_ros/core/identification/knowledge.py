@@ -4,9 +4,9 @@ Before a fit the noise comes from the highest frequencies of a recording (noise.
 joints still move a table that is sampled slowly: up to four times the truth. What a model predicts of such jumps is no
 noise, so the highest frequencies of what it leaves are a better measure, and still never too small a one.
 
-The null shift of a recording is free in every fit to it, from that at which the free run has its mean velocity on.
-That alone leaves it open by what may be many times the noise, where friction holds a table between slow motions. A
-recording that is held out has the one that leaves least. A flow gain that differs by direction moves them as well,
+The null shift of a recording is free in every fit to it. That at which the free run has its mean velocity leaves it
+open by what may be many times the noise, where friction holds a table between slow motions. A recording that is held
+out has the one that leaves least. A flow gain that differs by direction moves them as well,
 by as much as the command is large, so those of a model without it are no others' (`RecordingProblem.centred`).
 """
 

@@ -186,27 +186,28 @@ def several_at_once(
     that leaves, and than ALONE of the cost before: a stiff contact between two bodies follows much that it is not.
     """
     absent = {name: effect for name, effect in known.items() if name not in begin.effects}
-    sought = set[str]()
-    for effect, other in absent.items():
-        if other.narrow and shows_at_once(pieces, other, before):
-            sought.add(effect)
-            progress(f"first fit: {effect}, slow motion first", 0.0)
-            most = ALONE * before.cost
-            found = from_narrow_start(pieces, with_effects(free, known, (effect,)), other, begin, before, most)
+    narrow = [name for name, effect in absent.items() if effect.narrow]
+    at_once = [name for name in narrow if shows_at_once(pieces, known[name], before)]
+
+    def alone(names: Sequence[str], most: float) -> tuple[Fit, tuple[str, ...]] | None:
+        """The fit with the first of some effects that leaves no more than that from its best narrow start."""
+        for name in names:
+            progress(f"first fit: {name}, slow motion first", 0.0)
+            moved = with_effects(free, known, (name,))
+            found = from_narrow_start(pieces, moved, known[name], begin, before, most)
             if found is not None and found.cost <= most:
-                return found, (effect,)
+                return found, (name,)
+        return None
+
+    if (first := alone(at_once, ALONE * before.cost)) is not None:
+        return first
     best, more = _joined(pieces, free, known, begin, before)
     if is_far(pieces, best) and any(effect.where_far for effect in absent.values()):
         far = _joined(pieces, free, known, begin, before, far=True)
         best, more = min((best, more), far, key=lambda found: found[0].cost)
     if is_doubtful(pieces, best, before.cost):
-        most = min(JOINED * best.cost, ALONE * before.cost)
-        for effect, other in absent.items():
-            if other.narrow and effect not in sought:
-                progress(f"first fit: {effect}, slow motion first", 0.0)
-                found = from_narrow_start(pieces, with_effects(free, known, (effect,)), other, begin, before, most)
-                if found is not None and found.cost <= most:
-                    return found, (effect,)
+        others = [name for name in narrow if name not in at_once]
+        return alone(others, min(JOINED * best.cost, ALONE * before.cost)) or (best, more)
     return best, more
 
 
