@@ -8,7 +8,7 @@ from shake_ros.core.discovery.problem import Reduced, ScoredFit, SearchProblem, 
 from shake_ros.core.identification.free_parameters import FreeParameters
 
 FAR = 10.0  # times the score: without such an effect the model is so much worse that its fit need not converge
-FIRST = 10  # trial points of the drawn and of the free fit that tell whether it is
+FIRST, ROUGH = 10, 1e-2  # trial points and tolerance of the drawn and of the free fit that tell whether it is
 
 
 def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect) -> ScoredFit:
@@ -26,7 +26,7 @@ def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect
     if known is not None and (known.at == result.x.tobytes() or known.reduced.score >= far):
         return known.reduced
     free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])
-    reduced = problem.fitted(free, result.x[keep], FIRST, settings.first_tolerance)
+    reduced = problem.fitted(free, result.x[keep], FIRST, ROUGH)
     if reduced.score < far:
         most = settings.continued_evaluations
         reduced = problem.fitted(free, reduced.fit.x, most, settings.converged, near=True)

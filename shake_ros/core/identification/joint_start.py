@@ -21,7 +21,7 @@ from shake_ros.core.identification.free_parameters import FreeParameter, FreePar
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.plant.parameters import TableParameters
 
-EVALUATIONS, TOLERANCE = 12, 1e-3  # enough to tell what the fit wants
+EVALUATIONS, TOLERANCE = 12, 3e-3  # enough to tell what the fit wants
 LEAST = 0.5  # relative rise of the cost without an effect from which it stays
 MOST = 4  # effects that stay
 

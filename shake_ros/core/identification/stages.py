@@ -25,6 +25,7 @@ from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import windows
 from shake_ros.core.identification.sensor_filter import behind_filter, better_filter
 from shake_ros.core.identification.sensor_pair import SensorPair
+from shake_ros.core.identification.shared_lag import with_lag_parted
 from shake_ros.core.identification.uncertainty import at_bound
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import TableParameters
@@ -34,6 +35,7 @@ PIECES, PIECE = 18.0, 6.0  # of the recordings that the first fit sees, and leng
 SLOW_PIECES, SLOW_PIECE = 9.0, 3.0  # the same of what a way from slow to fast motion sees [s]
 GUESSES = 2  # that are fitted
 EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
+ROUGH = 5e-3  # tolerance where it ends far from the noise, and of the drawn runs before
 SAME = 0.99  # part of the cost of drawn runs from which a second guess leads nowhere else
 FAR = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
 BENT = 2.0  # the same from which an effect on a bound is no finding
@@ -136,6 +138,8 @@ def staged_start(
         progress("first fit: friction anew", 0.0)
         anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], best.table, model))
         best = min(best, anew, key=attrgetter("cost"))
+    if not is_far(pieces, best):
+        best = with_lag_parted(pieces, best, TOLERANCE)
     table, told = best.table, own_null_shifts(model, best, data.estimation, data.validation)
     return StartingPoint(table.without(shown), data.seen(Knowledge(shifts=told)), table, shown, between)
 
@@ -317,10 +321,16 @@ def _best_of(pieces: RecordingProblem, free: Sequence[FreeParameter], guesses: S
     least = np.inf
     for guess in guesses:
         parameters = FreeParameters(guess, free)
-        way = led(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE)
+        way = led(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=ROUGH)
         if best is None or way.drawn_cost < SAME * least:
-            found = arrived(pieces, parameters, way, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+            found = arrived(pieces, parameters, way, evaluations=EVALUATIONS, tolerance=ROUGH)
             best = found if best is None else min(best, found, key=attrgetter("cost"))
         least = min(least, way.drawn_cost)
     assert best is not None
-    return best
+    return best if is_far(pieces, best) else _finished(pieces, best)
+
+
+def _finished(pieces: RecordingProblem, found: Fit) -> Fit:
+    """A rough fit at its end."""
+    done = fit(pieces, found.free, found.x, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    return done.after(found.evaluations)

@@ -129,6 +129,7 @@ def test_a_second_guess_whose_drawn_runs_end_no_better_is_not_fitted(
 
     monkeypatch.setattr(stages, "led", led)
     monkeypatch.setattr(stages, "arrived", end)
+    monkeypatch.setattr(stages, "is_far", lambda *_: True)
     found = stages._best_of(RecordingProblem([], unknown_model()), (), (first, other))
     assert arrived == ([1.0, second] if second < SAME else [1.0])
     assert found.table is (other if second < SAME else first)
@@ -241,6 +242,7 @@ def test_what_the_sensors_show_stays_known_to_the_search_as_theirs(monkeypatch: 
     monkeypatch.setattr(stages, "better_filter", lambda *_: None)
     monkeypatch.setattr(stages, "own_null_shifts", lambda *_: {})
     monkeypatch.setattr(stages, "is_far", lambda *_: False)
+    monkeypatch.setattr(stages, "with_lag_parted", lambda _pieces, found, _tolerance: found)
     effects = {c.effect: c for c in effect_candidates()}
     start = staged_start(unknown_model(), (), lambda _: effects, prepared([late], []))
     assert start.between == ("position_sensor_lag",)
