@@ -22,7 +22,7 @@ from shake_ros.core.discovery.screening import Screening
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.effects import unlisted as law
 from shake_ros.core.identification.approach import approached
-from shake_ros.core.identification.fit import Fit, Problem, fit
+from shake_ros.core.identification.fit import Fit, Problem, fit, left_beside
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recording_problem import RecordingProblem
 
@@ -280,8 +280,7 @@ def pulsation_periods(problem: RecordingProblem, current: Fit, settings: SearchS
     column = list(current.free.base.fields).index(SUPPLY)
     row[column] = 1.01 * table.value(SUPPLY)
     sensitivity = problem.residuals(row[None, :])[0] - current.residuals
-    q, _ = np.linalg.qr(current.jacobian)
-    rest = current.residuals - q @ (q.T @ current.residuals)
+    rest = left_beside(current.jacobian, current.residuals)
     step = min(r.sample_time for r in problem.records)
     place = np.round(problem.times() / step).astype(int)
     product = np.bincount(place, sensitivity * rest)

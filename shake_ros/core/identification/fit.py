@@ -95,6 +95,12 @@ def jacobian(problem: Problem, free: FreeParameters, x: np.ndarray, residuals: n
     return (moved[1:] - residuals).T / step
 
 
+def left_beside(jacobian: np.ndarray, residuals: np.ndarray) -> np.ndarray:
+    """What is left of residuals, shape (n,) or (n, m), once the parameters of a Jacobian adjust to first order."""
+    q, _ = np.linalg.qr(jacobian)
+    return np.asarray(residuals - q @ (q.T @ residuals))
+
+
 class HurriedError(Exception):
     """A fit is to end where it is."""
 

@@ -12,7 +12,7 @@ import itertools
 
 import numpy as np
 
-from shake_ros.core.identification.fit import LOST, Fit, Problem, fit
+from shake_ros.core.identification.fit import LOST, Fit, Problem, fit, left_beside
 from shake_ros.core.identification.free_parameters import FreeParameters
 
 FREQUENCY, DAMPING, DELAY = OF_LAG = ("valve.natural_frequency", "valve.damping", "effects.command_delay.delay")
@@ -48,8 +48,7 @@ def with_lag_parted(problem: Problem, found: Fit, tolerance: float) -> Fit:
     if not len(rows):
         return found
     residuals = np.nan_to_num(problem.residuals(free.vectors(rows)), nan=LOST).T
-    q, _ = np.linalg.qr(found.jacobian)
-    promised = 0.5 * np.sum((residuals - q @ (q.T @ residuals)) ** 2, axis=0)
+    promised = 0.5 * np.sum(left_beside(found.jacobian, residuals) ** 2, axis=0)
     best = int(np.argmin(promised))
     if promised[best] > PROMISED * found.cost:
         return found
@@ -58,6 +57,5 @@ def with_lag_parted(problem: Problem, found: Fit, tolerance: float) -> Fit:
     most = FURTHEST * np.maximum(1.0, np.abs(x[others]))
     start = rows[best].copy()
     start[others] += np.clip(change, -most, most)
-    start = np.clip(start, free.low, free.high)
     other = fit(problem, free, start, evaluations=EVALUATIONS, tolerance=tolerance)
     return other.after(found.evaluations) if other.cost < found.cost else found

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shake_ros.core.identification.fit import Fit, Problem
+from shake_ros.core.identification.fit import Fit, Problem, left_beside
 from shake_ros.core.identification.free_parameters import FreeParameters, is_of_recording
 
 LAMINAR = "valve.laminar_pressure"
@@ -86,10 +86,9 @@ def of_table(result: Fit) -> Fit:
     own = np.array([is_of_recording(name) for name in result.free.names])
     if not np.any(own):
         return result
-    followed = np.linalg.qr(result.jacobian[:, own & np.any(result.jacobian != 0.0, axis=0)])[0]
-    left = result.jacobian[:, ~own]
+    followed = result.jacobian[:, own & np.any(result.jacobian != 0.0, axis=0)]
     free = FreeParameters(result.free.base, [f for f in result.free.free if not is_of_recording(f.name)])
-    return replace(result, free=free, x=result.x[~own], jacobian=left - followed @ (followed.T @ left))
+    return replace(result, free=free, x=result.x[~own], jacobian=left_beside(followed, result.jacobian[:, ~own]))
 
 
 def known_covariance(result: Fit, blocks: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:

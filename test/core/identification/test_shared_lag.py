@@ -12,15 +12,15 @@ FREQUENCIES = 2.0 * np.pi * np.linspace(1.0, 40.0, 120)
 TRUE = {FREQUENCY: 550.0, DAMPING: 0.75, DELAY: 0.0, "valve.gain": 1.1}
 
 
-def parameters(names: tuple[str, ...] = (*OF_LAG, "valve.gain"), **values: float) -> FreeParameters:
-    """Free parameters of a valve over a table that has other values."""
+def parameters(names: tuple[str, ...] = (*OF_LAG, "valve.gain")) -> FreeParameters:
+    """Free parameters of a valve and its delay."""
     bounds = {
         FREQUENCY: FreeParameter(FREQUENCY, 20.0, 20.0, 5000.0, "rad/s"),
         DAMPING: FreeParameter(DAMPING, 0.05, 0.3, 3.0, "-"),
         DELAY: FreeParameter(DELAY, 5e-4, 0.0, 0.05, "s"),
         "valve.gain": FreeParameter("valve.gain", 0.05, 0.1, 10.0, "-"),
     }
-    table = load_table("bergamo").with_values({DELAY: 0.0} | values)
+    table = load_table("bergamo").with_values({DELAY: 0.0})
     return FreeParameters(table, [bounds[name] for name in names])
 
 
