@@ -54,8 +54,8 @@ PUBLIC = {  # name → module
     "reproduce": "shake_ros.api.reproduce",
     "ResponseSpectrum": "shake_ros.api.response_spectrum",
     "response_spectrum": "shake_ros.api.response_spectrum",
-    "AccelerationSpectra": "shake_ros.api.spectrum",
-    "acceleration_spectra": "shake_ros.api.spectrum",
+    "AccelerationSpectra": "shake_ros.api.response_spectrum",
+    "acceleration_spectra": "shake_ros.api.response_spectrum",
     "ResultTable": "shake_ros.api.result_table",
     "ScheduleComparison": "shake_ros.api.schedule",
     "schedule": "shake_ros.api.schedule",
@@ -107,7 +107,9 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.record_scale import record_scale as record_scale
     from shake_ros.api.reproduce import Reproduction as Reproduction
     from shake_ros.api.reproduce import reproduce as reproduce
+    from shake_ros.api.response_spectrum import AccelerationSpectra as AccelerationSpectra
     from shake_ros.api.response_spectrum import ResponseSpectrum as ResponseSpectrum
+    from shake_ros.api.response_spectrum import acceleration_spectra as acceleration_spectra
     from shake_ros.api.response_spectrum import response_spectrum as response_spectrum
     from shake_ros.api.result_table import ResultTable as ResultTable
     from shake_ros.api.schedule import ScheduleComparison as ScheduleComparison
@@ -117,8 +119,6 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.simulate import Simulation as Simulation
     from shake_ros.api.simulate import simulate as simulate
     from shake_ros.api.simulated_table import SimulatedTable as SimulatedTable
-    from shake_ros.api.spectrum import AccelerationSpectra as AccelerationSpectra
-    from shake_ros.api.spectrum import acceleration_spectra as acceleration_spectra
     from shake_ros.api.table import TableFile as TableFile
     from shake_ros.api.table import table as table
     from shake_ros.api.thd import thd as thd

@@ -11,11 +11,12 @@ import numpy.typing as npt
 from shake_ros.api.signals import Source, naming, one_recording
 from shake_ros.core.analysis import thd as analysis
 from shake_ros.core.analysis.steady_part import steady_part
-from shake_ros.core.analysis.thd import Harmonics, fundamental_frequency
+from shake_ros.core.analysis.thd import Harmonics, fundamental_frequency, nearby_fundamental
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
 
 SHOWN = 15
+ANOTHER_CLOCK = 20.0  # parts in a million, from which a frequency is said to be another
 APERIODIC = 0.3  # of an excitation's root mean square in no harmonic, from which on it has no fundamental
 
 
@@ -26,12 +27,12 @@ class Distortion:
     Attributes
     ----------
     name : of the recording. harmonics : amplitudes [m/s²], phases [rad], noise [m/s²].
-    told : where the fundamental is from. shown : orders that are printed.
+    origin : where the fundamental is from. shown : orders that are printed.
     """
 
     name: str
     harmonics: Harmonics
-    told: str
+    origin: str
     shown: int = SHOWN
 
     @property
@@ -44,7 +45,7 @@ class Distortion:
         rate = (found.samples - 1) / (found.stop - found.start)
         lines = [
             f"{self.name}: acceleration",
-            f"fundamental {found.frequency:.6g} Hz ({self.told}), {found.periods:.0f} periods "
+            f"fundamental {found.frequency:.6g} Hz ({self.origin}), {found.periods:.0f} periods "
             f"from {found.start:.3f} to {found.stop:.3f} s, {found.samples} samples at {rate:.1f} Hz",
             "order  frequency [Hz]  amplitude [m/s²]  of the fundamental [%]  phase [rad]",
         ]
@@ -55,8 +56,8 @@ class Distortion:
         lines += [
             f"THD            {100.0 * found.thd:.3f} % (6.1), orders 2 to {len(found.amplitude)}",
             f"THD and noise  {100.0 * found.thd_and_noise:.3f} %, all that is not the fundamental",
-            f"noise          {found.noise:.6f} m/s² (standard deviation); "
-            f"of an amplitude {found.amplitude_error:.6f} m/s²",
+            f"noise          {found.noise:.6f} m/s² rms in no harmonic; its floor {found.floor:.6f} m/s², "
+            f"by which an amplitude varies by {found.amplitude_error:.6f} m/s²",
         ]
         return "\n".join(lines)
 
@@ -73,7 +74,8 @@ def thd(
     Parameters
     ----------
     source : a recording, its path, or a simulation.
-    frequency : fundamental; that of the reference or, without one, of the valve command where not given [Hz].
+    frequency : fundamental, or near it; that of the reference or, without one, of the valve command where not given.
+        It is fitted to the acceleration, within 1 % and two lines of the spectrum, for its clock may be another [Hz].
     harmonics : orders to fit; all below half the sampling rate where not given.
     start, stop : part of the recording; the one in which the excitation keeps its amplitude where not given [s].
 
@@ -97,14 +99,24 @@ def thd(
             raise ShakeError("no topic imu: there is no acceleration to analyse")
         part = _between(recording.longest, start, stop)
         name, excitation = _excitation(part)
-        told = "as given" if frequency is not None else f"of {name}"
+        source_of = "as given" if frequency is not None else f"of {name}"
         if frequency is None:
             frequency = _fundamental(part.time, excitation, name)
         if start is None and stop is None:
             part = part[steady_part(part.time, excitation, frequency)]
         assert part.acceleration is not None
-        found = analysis.harmonics(part.time, part.acceleration, frequency, harmonics)
-    return Distortion(recording.name, found, told, harmonics or SHOWN)
+        own = nearby_fundamental(part.time, part.acceleration, frequency)
+        found = analysis.harmonics(part.time, part.acceleration, own, harmonics)
+    return Distortion(recording.name, found, _origin(own, frequency, source_of), harmonics or SHOWN)
+
+
+def _origin(own: float, near: float, source: str) -> str:
+    """Where a fundamental is from, in words."""
+    if own == near:
+        return source
+    off = 1e6 * (own / near - 1.0)
+    apart = f", {off:+.0f} ppm off: another clock?" if abs(off) > ANOTHER_CLOCK else ""
+    return f"fitted to the acceleration near {near:.6g} Hz {source}{apart}"
 
 
 def _between(part: TableRecording, start: float | None, stop: float | None) -> TableRecording:

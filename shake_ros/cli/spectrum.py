@@ -6,13 +6,13 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from shake_ros.api.spectrum import DAMPING, HIGH, LOW, PER_OCTAVE, acceleration_spectra
+from shake_ros.api.response_spectrum import DAMPING, HIGH, LOW, PER_OCTAVE, acceleration_spectra
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import refuse_existing
 
 METHOD = """\
-BAG is a recording of a table (its topic imu) or an accelerogram. Each oscillator is advanced exactly for the
-band-limited record, so a value holds to 0.45 of the sampling rate; the record's mean is taken off first."""
+BAG is a recording of a table (its topic imu) or an accelerogram. Each oscillator starts at rest and is advanced exactly
+for straight lines between the samples, as accelerograms are taken; the free vibration behind the record counts too."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -27,10 +27,14 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--damping", type=float, nargs="+", default=list(DAMPING), metavar="XI", help="(default: 0.05)")
     p.add_argument("--low", type=float, default=LOW, metavar="HZ", help=f"lowest frequency (default: {LOW:g})")
     p.add_argument(
-        "--high", type=float, metavar="HZ", help=f"highest (default: {HIGH:g}, at most 0.45 of the sampling rate)"
+        "--high", type=float, metavar="HZ", help=f"highest (default: {HIGH:g}, or 0.45 of the sampling rate if lower)"
     )
     p.add_argument(
         "--per-octave", type=int, default=PER_OCTAVE, metavar="N", help=f"frequencies (default: {PER_OCTAVE})"
+    )
+    p.add_argument("--subtract-mean", action="store_true", help="take off the record's mean first (a sensor's offset)")
+    p.add_argument(
+        "--band-limited", action="store_true", help="no straight lines between samples: exact to 0.45 of the rate"
     )
     p.add_argument("--out", type=Path, metavar="FILE.csv", help="write the columns of one recording")
     p.add_argument("--force", action="store_true", help="replace an existing file")
@@ -44,7 +48,12 @@ def main(arguments: Sequence[str]) -> int:
         if len(given.bags) > 1 or given.out.suffix != ".csv":
             raise ShakeError(f"--out {given.out}: give one recording and a name that ends in .csv")
         refuse_existing(given.out, force=given.force)
-    found = [acceleration_spectra(b, given.damping, given.low, given.high, given.per_octave) for b in given.bags]
+    found = [
+        acceleration_spectra(
+            b, given.damping, given.low, given.high, given.per_octave, given.subtract_mean, given.band_limited
+        )
+        for b in given.bags
+    ]
     print("\n\n".join(map(repr, found)))
     if given.out is not None:
         found[0].write(given.out, given.force)

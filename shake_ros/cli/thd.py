@@ -9,7 +9,8 @@ from pathlib import Path
 from shake_ros.api.thd import thd
 
 METHOD = """\
-The fundamental is that of the reference or, where there is none, of the valve command, unless --frequency names it.
+The fundamental is fitted to the acceleration, within 1 % of that of the reference or, where there is none, of the valve
+command, unless --frequency names it.
 Without --start and --stop, the part is taken in which that signal keeps its amplitude; of it, whole periods.
 Amplitudes come from a least-squares fit of all harmonics below half the sampling rate (or of --harmonics N)."""
 

@@ -74,7 +74,10 @@ class RunMeter:
         size = float(np.sqrt(np.nanmean((wanted - np.nanmean(wanted)) ** 2)))
         periods = np.geomspace(1.0 / HIGHEST, 1.0 / LOWEST, PERIODS)
         step = self._store.sample_time
-        spectra = [response_spectrum(np.nan_to_num(a), step, periods, DAMPING)[2] for a in (felt, asked)]
+        spectra = [
+            np.abs(response_spectrum(np.nan_to_num(a), step, 1.0 / periods, DAMPING).acceleration)
+            for a in (felt, asked)
+        ]
         run = {
             **told, "error_rms": rms, "error_peak": float(np.abs(error[known]).max()),
             "error_relative": rms / size if size > 0.0 else None,

@@ -89,7 +89,7 @@ def record_page(
     page.heading("Response spectrum")
     spectra = {}
     for c in curves:
-        relative, _, absolute = response_spectrum(c.acceleration, c.time_step, periods, damping)
-        spectra[c.label] = (periods, relative, absolute)
+        found = response_spectrum(c.acceleration, c.time_step, 1.0 / periods, damping)
+        spectra[c.label] = (periods, found.displacement, np.abs(found.acceleration))
     page.chart(spectrum_chart("spectrum", spectra, damping))
     return page

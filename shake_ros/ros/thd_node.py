@@ -88,7 +88,7 @@ def thd_message(stamp: int, found: Harmonics, hardware: str) -> DiagnosticArray:
         "thd_percent": 100.0 * found.thd,
         "fundamental_frequency_hz": found.frequency,
         "fundamental_amplitude_m_s2": float(found.amplitude[0]),
-        "noise_floor_m_s2": found.noise,
+        "noise_floor_m_s2": found.floor,
         "window_s": found.stop - found.start,
         "periods": found.periods,
         "samples": found.samples,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shake_ros.api.qualification_files import load_required, load_rules, load_settings, required_from
-from shake_ros.core.analysis.oscillators import acceleration_spectrum
+from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.iteration.drive import integrate
 from shake_ros.core.qualification.judge import arias_times, coherence, judge, longest_run, strong_part
 from shake_ros.core.qualification.motion import check_sampling, demand, refusal, synthesise
@@ -102,4 +102,4 @@ def test_two_axes_of_different_seeds_are_neither_correlated_nor_the_same() -> No
 
 
 def test_an_oscillator_at_rest_has_no_spectrum() -> None:
-    assert acceleration_spectrum(np.zeros(100), STEP, np.array([5.0]), 0.05)[0] == 0.0
+    assert response_spectrum(np.zeros(100), STEP, np.array([5.0]), 0.05).acceleration[0] == 0.0

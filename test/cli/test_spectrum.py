@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import shake_ros as sr
 from shake_ros.__main__ import main
 from shake_ros.data.recordings import write_table_recording
 
@@ -23,9 +24,11 @@ def bag(tmp_path: Path) -> Path:
 def test_each_damping_has_its_column_and_resonance(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = bag.with_name("spectrum.csv")
     given = ["spectrum", str(bag), "--damping", "0.02", "0.05", "--low", "0.5", "--high", "8", "--per-octave", "1"]
+    given += ["--subtract-mean"]
     assert main([*given, "--out", str(out)]) == 0
     told = capsys.readouterr().out
     assert "2 % [m/s²]" in told
+    assert "its mean of 0.3 m/s² subtracted" in told
     assert "5 % [m/s²]" in told
     columns = np.loadtxt(out, delimiter=",", skiprows=1)
     np.testing.assert_allclose(columns[:, 0], [0.5, 1.0, 2.0, 4.0, 8.0])
@@ -37,11 +40,38 @@ def test_each_damping_has_its_column_and_resonance(bag: Path, capsys: pytest.Cap
     assert "exists already" in capsys.readouterr().err
 
 
+def test_a_mean_is_kept_unless_it_is_to_be_taken_off(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """0.3 m/s² from rest overshoot to 0.3 (1 + e^(−πξ/√(1 − ξ²))) at a frequency that the sine does not reach."""
+    assert main(["spectrum", str(bag), "--low", "40", "--high", "80", "--per-octave", "1"]) == 0
+    assert "its mean of 0.3 m/s² kept (--subtract-mean takes it off)" in capsys.readouterr().out
+    run = sr.acceleration_spectra(bag, low=40.0, high=80.0, per_octave=1)
+    bare = sr.acceleration_spectra(bag, low=40.0, high=80.0, per_octave=1, subtract_mean=True)
+    assert run.acceleration[0, -1] == pytest.approx(bare.acceleration[0, -1] + 0.3, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "exact"),
+    [
+        ("half_sine.csv", {0.2: 0.2974, 0.5: 0.7377, 1.0: 1.4343, 2.0: 2.5570, 5.0: 3.2459, 10.0: 2.4235}),
+        ("rectangular.csv", {5.0: 0.1056, 10.0: 0.2080, 20.0: 0.3915, 50.0: 0.6134}),
+    ],
+)
+def test_spectra_of_short_pulses_are_exact_by_both_functions(
+    shared: Path, name: str, exact: dict[float, float]
+) -> None:
+    """Values of reference.py beside the files, a matrix exponential with the free vibration behind the record."""
+    pulse = shared / "data" / "files_of_others" / "09-spectrum-of-a-pulse" / name
+    for f, value in exact.items():
+        found = sr.acceleration_spectra(pulse, low=f, high=2.0 * f, per_octave=1).acceleration[0, 0]
+        assert found == pytest.approx(value, rel=0.001)
+        assert sr.response_spectrum(pulse, [1.0 / f]).acceleration[0] == pytest.approx(value, rel=0.001)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--damping", "0"], "damping = 0 is not between 0 and 1"),
-        (["--high", "95"], "does not rise from above 0 to at most 90 Hz"),
+        (["--damping", "1"], "damping = 1 is outside 0 … 1"),
+        (["--high", "95", "--band-limited"], "0.45 of that, 90 Hz; asked for 95 Hz"),
         (["--low", "0"], "the band 0 …"),
         (["--per-octave", "0"], "0 frequencies of an octave"),
         (["--out", "spectrum.txt"], "a name that ends in .csv"),

@@ -103,7 +103,10 @@ class NewestSamples:
             lost = self._lost(time[window])
         if lost > MOST_LOST:
             raise ShakeError(f"{lost:.0%} of the window's samples are lost: more than {MOST_LOST:.0%}")
-        return harmonics(time[window], values[window], frequency, orders)
+        time, values = time[window], values[window]
+        if periods > 1:  # the given frequency may be that of another clock
+            frequency = fundamental_frequency(time, values, near=frequency)
+        return harmonics(time, values, frequency, orders)
 
     def _lost(self, time: Floats) -> float:
         """Share of the samples that are missing in between."""

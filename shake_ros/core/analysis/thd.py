@@ -23,6 +23,8 @@ from shake_ros.core.quantities import ShakeError
 Floats = npt.NDArray[np.float64]
 REFINING_ORDERS = 16  # harmonics that help to find the fundamental; more no longer sharpen it
 REFINING_STEPS = 20
+CLOCKS = 0.01  # by which two clocks may differ, of a frequency
+COMPARED_ORDERS = 8  # harmonics whose power is compared within that
 NYQUIST_MARGIN = 1e-6
 QUARTILE = 0.25
 
@@ -37,7 +39,8 @@ class Harmonics:
     amplitude : (K,) of orders 1 … K [unit of the signal].
     phase : (K,) at time 0 of the given times [rad], in (−π, π].
     offset : mean of the signal [unit of the signal].
-    noise : standard deviation of what is in no spectral line, from the lower quartile of the rest's spectrum [unit].
+    floor : standard deviation of white noise that has the lower quartile of the rest's spectrum, which lines between
+        the harmonics hardly raise [unit].
     rest : root mean square of what the K harmonics leave, noise and lines in between [unit].
     samples, periods, start, stop : the window: number of samples, periods in it, first and last time [s].
     """
@@ -46,7 +49,7 @@ class Harmonics:
     amplitude: Floats
     phase: Floats
     offset: float
-    noise: float
+    floor: float
     rest: float
     samples: int
     periods: float
@@ -60,8 +63,8 @@ class Harmonics:
 
     @property
     def amplitude_error(self) -> float:
-        """Standard deviation of an amplitude by the noise [unit of the signal]: σ sqrt(2/N)."""
-        return self.noise * math.sqrt(2.0 / self.samples)
+        """Standard deviation of an amplitude by the noise floor [unit of the signal]: σ sqrt(2/N)."""
+        return self.floor * math.sqrt(2.0 / self.samples)
 
     @property
     def thd(self) -> float:
@@ -77,6 +80,11 @@ class Harmonics:
         """
         others = float(np.sum(self.amplitude[1:] ** 2)) + 2.0 * self.rest**2
         return math.sqrt(others) / float(self.amplitude[0])
+
+    @property
+    def noise(self) -> float:
+        """Root mean square of all that is in no harmonic [unit]: what is between `thd` and `thd_and_noise`."""
+        return float(self.amplitude[0]) * math.sqrt(0.5 * max(self.thd_and_noise**2 - self.thd**2, 0.0))
 
 
 def total_harmonic_distortion(amplitudes: npt.ArrayLike) -> float:
@@ -127,13 +135,13 @@ def harmonics(
     k = np.arange(1, K + 1)
     phase = np.arctan2(a, b) - 2.0 * np.pi * frequency * k * middle
     freedom = max(len(t) - 2 * K - 1, 1)
-    noise = _noise(rest) * math.sqrt(len(t) / freedom)
+    floor = _floor(rest) * math.sqrt(len(t) / freedom)
     return Harmonics(
         frequency=float(frequency),
         amplitude=np.hypot(a, b),
         phase=np.pi - np.mod(np.pi - phase, 2.0 * np.pi),
         offset=float(coefficients[0]),
-        noise=noise,
+        floor=floor,
         rest=float(np.sqrt(np.mean(rest**2))),
         samples=len(t),
         periods=(t[-1] - t[0]) * len(t) / (len(t) - 1) * frequency,
@@ -187,6 +195,33 @@ def fundamental_frequency(time: npt.ArrayLike, signal: npt.ArrayLike, near: floa
         if K >= largest:
             return f
         K = min(2 * K, largest)
+
+
+def nearby_fundamental(time: npt.ArrayLike, signal: npt.ArrayLike, near: float) -> float:
+    """The fundamental of a signal near that of its excitation, which another clock may have measured [Hz].
+
+    Where two periods are there: from the frequency within 1 % and two lines whose harmonics hold the most power,
+    refined as by `fundamental_frequency`. `near` itself otherwise, and where the harmonics fit no better elsewhere.
+
+    >>> t = np.arange(60000) * 0.001
+    >>> round(nearby_fundamental(t, np.sin(2 * np.pi * 5.003 * t), 5.0), 6)
+    5.003
+    """
+    t, y = _checked(time, signal)
+    length = (t[-1] - t[0]) * len(t) / (len(t) - 1)
+    if not near * length > 1.9:
+        return near
+    reach = min(CLOCKS * near + 2.0 / length, 0.4 * near)
+    apart = np.arange(0.0, reach, 1.0 / (COMPARED_ORDERS * length))
+    tried = near + np.concatenate((-apart[:0:-1], apart))
+    size = 4 * 2 ** math.ceil(math.log2(len(t)))
+    power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(len(y)), size)) ** 2
+    orders = np.arange(1, _orders(t, float(tried[-1]), COMPARED_ORDERS) + 1)
+    places = np.rint(np.outer(orders, tried) * size * length / len(t)).astype(int)
+    best = float(tried[int(np.argmax(np.sum(power[np.minimum(places, len(power) - 1)], axis=0)))])
+    found = fundamental_frequency(t, y, near=best)
+    left = [harmonics(t, y, f, REFINING_ORDERS).rest for f in (found, near)]
+    return found if left[0] < left[1] else near
 
 
 def _checked(time: npt.ArrayLike, signal: npt.ArrayLike) -> tuple[Floats, Floats]:
@@ -302,7 +337,7 @@ def _model(t: Floats, frequency: float, coefficients: Floats) -> Floats:
     return coefficients[0] + _synthesis(t, frequency, coefficients[1 : K + 1], coefficients[K + 1 :])
 
 
-def _noise(rest: Floats) -> float:
+def _floor(rest: Floats) -> float:
     """Standard deviation of white noise whose spectrum has the lower quartile of this one: lines hardly raise it."""
     w = np.blackman(len(rest))
     power = np.abs(np.fft.rfft(rest * w)[1:-1]) ** 2

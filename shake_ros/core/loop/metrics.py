@@ -83,7 +83,7 @@ class Judged:
 def spectrum_of(acceleration: Array, sample_time: float) -> Array:
     """Absolute acceleration spectrum at 5 % damping over 0.5 … 15 Hz, (FREQUENCIES,) [m/s²]."""
     frequencies = np.geomspace(LOWEST, HIGHEST, FREQUENCIES)
-    return response_spectrum(acceleration, sample_time, 1.0 / frequencies, DAMPING)[2]
+    return np.abs(response_spectrum(acceleration, sample_time, frequencies, DAMPING).acceleration)
 
 
 def ringing(run: ClosedLoop, above: float = RINGING_ABOVE, window: float = RINGING_WINDOW) -> float:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.analysis.oscillators import acceleration_spectrum
+from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.qualification.required import RequiredSpectrum
 from shake_ros.core.quantities import Parameters, choice, quantity
 from shake_ros.core.reference.baseline import filtered
@@ -155,7 +155,8 @@ def measured_motion(acceleration: Array, time_step: float, rules: Rules) -> Arra
 def judge(motion: Array, time_step: float, required: RequiredSpectrum, rules: Rules) -> SpectrumJudgement:
     """The verdicts on a motion, (n,) as of `measured_motion` [m/s²]."""
     f = code_grid(required, rules)
-    asked, found = required.at(f), acceleration_spectrum(motion, time_step, f, required.damping)
+    asked = required.at(f)
+    found = np.abs(response_spectrum(motion, time_step, f, required.damping, band_limited=True).acceleration)
     return SpectrumJudgement(
         f, asked, found, (*_spectrum(f, found / asked, rules), *_time(motion, time_step, required, rules))
     )

@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.analysis.oscillators import peaks
+from shake_ros.core.analysis.response_spectrum import response_spectrum
 
 Array = NDArray[np.float64]
 COUPLING = 0.7  # share of the off-diagonal terms that is solved for: more spoils the record, as the authors say
@@ -25,7 +25,7 @@ CLOSE_ENOUGH = 0.01  # rms difference of the logarithms at which the corrections
 
 def scale_amplitudes(record: Array, time_step: float, frequencies: Array, target: Array, damping: float) -> Array:
     """The record with its Fourier amplitudes multiplied by target over response spectrum, its phases kept."""
-    found = np.abs(peaks(record, time_step, frequencies, damping)[0])
+    found = np.abs(response_spectrum(record, time_step, frequencies, damping, band_limited=True).acceleration)
     f = np.fft.rfftfreq(record.size, time_step)
     ratio = np.interp(np.log(np.maximum(f, 1e-9)), np.log(frequencies), np.log(target / found))
     return np.asarray(np.fft.irfft(np.fft.rfft(record) * np.exp(ratio), record.size))
@@ -47,7 +47,7 @@ def correct(
     best, least, step = record, math.inf, 1.0
     now, addition = record, np.zeros_like(record)
     for _ in range(rounds + 1):
-        values, times = peaks(now, time_step, frequencies, damping)
+        _, values, times = response_spectrum(now, time_step, frequencies, damping, band_limited=True)
         place = int(np.argmax(np.abs(now)))
         low = min(0.0, math.log(abs(float(now[place])) / zero_period)) if zero_period else 0.0
         missed = np.append(np.log(np.abs(values) / target), low)

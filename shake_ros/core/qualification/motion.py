@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.analysis.oscillators import acceleration_spectrum, resampled
+from shake_ros.core.analysis.response_spectrum import resampled, response_spectrum
 from shake_ros.core.iteration.drive import integrate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.qualification.matching import correct, scale_amplitudes
@@ -224,7 +224,7 @@ def corrected_drive(
     f, levels = _aimed(required, parameters)
     keep = f * step < 0.4
     own = np.ones_like(f)
-    own[keep] = acceleration_spectrum(coarse, step, f[keep], required.damping)
+    own[keep] = np.abs(response_spectrum(coarse, step, f[keep], required.damping, band_limited=True).acceleration)
     target = own * (levels / found) ** gain
     largest = float(np.max(np.abs(drive))) * (parameters.aim_last * required.zero_period / peak) ** gain
     record = matched(coarse, step, required, parameters, target, largest)

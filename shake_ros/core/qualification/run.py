@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.analysis.oscillators import acceleration_spectrum
+from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.iteration.drive import integrate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.qualification.judge import Rules, SpectrumJudgement, judge, measured_motion
@@ -69,7 +69,7 @@ def missed(
 ) -> tuple[Array, float]:
     """The TRS at the matched frequencies (m,) [m/s²], and rms of ln(TRS/aim) of those within the required band [-]."""
     f, levels = aimed(required, per_octave, rules.aim, rules.aim_last)
-    found = acceleration_spectrum(motion, sample_time, f, required.damping)
+    found = np.abs(response_spectrum(motion, sample_time, f, required.damping, band_limited=True).acceleration)
     inside = f <= required.frequencies[-1] * (1.0 + 1e-9)
     return found, float(np.sqrt(np.mean(np.square(np.log(found / levels)[inside]))))
 

@@ -11,6 +11,7 @@ from shake_ros.core.analysis.thd import (
     Harmonics,
     fundamental_frequency,
     harmonics,
+    nearby_fundamental,
     newest_periods,
     total_harmonic_distortion,
 )
@@ -95,6 +96,7 @@ def test_seven_harmonics_at_an_unknown_frequency_are_found_to_rounding(frequency
     assert found.offset == pytest.approx(0.7, abs=1e-10)
     assert found.thd == pytest.approx(KNOWN, rel=1e-10)
     assert found.noise < 1e-12
+    assert found.floor < 1e-12
 
 
 @pytest.mark.parametrize("frequency", [1.987, 5.4321, 13.77])
@@ -110,8 +112,34 @@ def test_the_noise_floor_is_the_noise_that_was_added_and_lines_do_not_raise_it()
     time = times(20.0)
     signal = noisy(time, 5.4321, 3) + 0.05 * np.sin(TURN * 7.77 * time)
     found = harmonics(time, signal)
-    assert found.noise == pytest.approx(0.01 * math.sqrt(0.5), rel=0.05)
+    assert found.floor == pytest.approx(0.01 * math.sqrt(0.5), rel=0.05)
+    assert found.noise == pytest.approx(math.sqrt(0.5 * (0.01**2 + 0.05**2)), rel=0.02)
     assert found.rest == pytest.approx(math.sqrt(0.5 * (0.01**2 + 0.05**2)), rel=0.02)
+
+
+@pytest.mark.parametrize("level", [0.0, 0.01, 0.3])
+def test_distortion_and_noise_add_up_to_all_that_is_not_the_fundamental(level: float) -> None:
+    time = times(7.0)
+    found = harmonics(time, noisy(time, 3.21, 1, level) + 0.2 * np.sin(TURN * 7.77 * time))
+    together = math.hypot(found.thd, math.sqrt(2.0) * found.noise / found.amplitude[0])
+    assert together == pytest.approx(found.thd_and_noise, rel=1e-12)
+    assert found.noise == pytest.approx(math.sqrt(0.5 * (level**2 + 0.2**2)), rel=0.03)
+
+
+@pytest.mark.parametrize("off", [-8e-3, -6e-4, 0.0, 1e-6, 3e-3])
+@pytest.mark.parametrize("duration", [2.0, 60.0])
+def test_fundamental_is_found_near_that_of_another_clock(off: float, duration: float) -> None:
+    time = times(duration)
+    signal = noisy(time, 5.0 * (1.0 + off), 2)
+    assert nearby_fundamental(time, signal, 5.0) == pytest.approx(5.0 * (1.0 + off), abs=2e-3 / duration)
+
+
+def test_weak_fundamental_is_found_by_its_harmonics_and_another_line_nearby_is_none() -> None:
+    time = times(30.0)
+    weak = 0.02 * np.sin(TURN * 2.002 * time) + np.sin(TURN * 6.006 * time)
+    assert nearby_fundamental(time, weak, 2.0) == pytest.approx(2.002, abs=1e-6)
+    apart = np.sin(TURN * 2.0 * time) + 5.0 * np.sin(TURN * 2.3 * time)
+    assert nearby_fundamental(time, apart, 2.0) == pytest.approx(2.0, abs=1e-3)
 
 
 def test_noise_does_not_add_up_to_distortion_over_many_orders() -> None:
