@@ -32,6 +32,7 @@ PUBLIC = {  # name → module
     "Identification": "shake_ros.api.identify",
     "identify": "shake_ros.api.identify",
     "import_csv": "shake_ros.api.import_csv",
+    "import_proposal": "shake_ros.api.import_csv",
     "iterate": "shake_ros.api.iterate",
     "iterate_simulated": "shake_ros.api.iterate",
     "Iterated": "shake_ros.api.iterated",
@@ -88,6 +89,7 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.identify import Identification as Identification
     from shake_ros.api.identify import identify as identify
     from shake_ros.api.import_csv import import_csv as import_csv
+    from shake_ros.api.import_csv import import_proposal as import_proposal
     from shake_ros.api.iterate import iterate as iterate
     from shake_ros.api.iterate import iterate_simulated as iterate_simulated
     from shake_ros.api.iterated import Iterated as Iterated

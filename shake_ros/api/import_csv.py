@@ -11,11 +11,12 @@ import numpy.typing as npt
 
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.bridging import SHORT, bridged, longest_short_gap, without_repeats
-from shake_ros.data.columns import Column, read_columns
-from shake_ros.data.mat_file import read_mat_columns
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
 from shake_ros.data.recordings.findings import Finding
 from shake_ros.data.second_file import brought, clock_between, clock_line
+from shake_ros.data.tables.proposal import LONGEST_STEP, Proposal, propose
+from shake_ros.data.tables.table import Column, ColumnTable, read_table
+from shake_ros.data.tables.units import quantity_of
 
 SIGNALS = {
     "command": "valve command, −1 … 1",
@@ -27,7 +28,34 @@ SIGNALS = {
     "pressure_supply": "the same of the supply [Pa]",
 }
 OF_SECOND = tuple(name for name in SIGNALS if name not in ("command", "position"))  # what a second file may bring
+WANTED = {name: name.partition("_")[0] for name in ("time", *SIGNALS)}  # quantity of each column
 Columns = dict[str, npt.NDArray[np.float64]]
+
+
+def import_proposal(file: str | Path, *, skip: int | None = None, decimal: str = "") -> Proposal:
+    """What the columns of a table could be, by their names and units, and the command that imports them.
+
+    Parameters
+    ----------
+    file, skip, decimal : as of `import_csv`.
+
+    Raises
+    ------
+    ShakeError
+        No table can be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import shake_ros as sr
+    >>> file = Path(tempfile.mkdtemp()) / "run.csv"
+    >>> rows = [f"{5 * k};{0.1 * (k % 7):.1f};{k % 5}" for k in range(400)]
+    >>> _ = file.write_text("\\n".join(["Zeit [ms];Ventil [V];Weg [mm]", *rows]))
+    >>> found = sr.import_proposal(file)
+    >>> found.rate, [column.could_be for column in found.columns]
+    (200.0, ['time', 'command', 'position'])
+    """
+    return propose(file, skip, decimal)
 
 
 def import_csv(
@@ -39,23 +67,26 @@ def import_csv(
     time: str | None = None,
     rate: float | None = None,
     skip: int | None = None,
+    decimal: str = "",
     bridge: int = 0,
     also: Sequence[Mapping[str, str | float | Path]] = (),
     same_clock: bool = False,
     overwrite: bool = False,
     **signals: str | None,
 ) -> TableRecording:
-    """Write the columns of a text table, or the variables of a .mat file, as a rosbag2 recording.
+    """Write the columns of a table as a rosbag2 recording.
 
     Parameters
     ----------
-    file : text table, or .mat file of version 7 and older.
+    file : text, .xlsx, .tdms, or .mat.
     out : folder of the recording.
-    command, position, signals : a column's name or its number from 1, with a factor to SI units where it needs one
-        (`"CHANNEL0*0.01"`), and with what is added then (`"mA*0.125-1.5"`): valve command [-], position [m]; and of
+    command, position, signals : a column's name or its number from 1: valve command [-], position [m]; and of
         acceleration [m/s²], force on the table [N], pressure_a, pressure_b, pressure_supply [Pa] those that there are.
+        The unit in the heading, or in a row of units, takes it to SI units; a factor (`"CHANNEL0*0.01"`), and what is
+        added then (`"mA*0.125-1.5"`), stand in for it.
     time : column of the time [s]. rate : sampling rate, where no column holds the time [Hz].
     skip : lines above the table, where they are not found right.
+    decimal : point or comma, where the numbers do not decide it.
     bridge : samples of the longest gap that is filled by interpolation; 0: none is.
     also : further files, each with `file`, `time` or `rate` and its own columns, of which an acceleration is one. Their
         clocks are found by the correlation of the acceleration with the position. same_clock : they are the first's.
@@ -84,7 +115,8 @@ def import_csv(
     """
     path, findings = Path(file), list[Finding]()
     given = {"command": command, "position": position, **_known(signals)}
-    values = _read(path, given, time, rate, skip, bridge, findings)
+    how = {"rate": rate, "skip": skip, "decimal": decimal}
+    values = _read(path, given, time, how, bridge, findings)
     for more in also:
         values = _with(path, values, more, same_clock, bridge, findings)
     write_table_recording(
@@ -115,12 +147,13 @@ def _read(
     path: Path,
     signals: Mapping[str, str],
     time: str | None,
-    rate: float | None,
-    skip: int | None,
+    how: Mapping[str, object],
     bridge: int,
     findings: list[Finding],
 ) -> Columns:
-    """The columns of one file in SI units, its time among them; what was mended is told."""
+    """The columns of one file in SI units, its time among them; what was mended or assumed is told."""
+    rate = None if how.get("rate") is None else float(str(how["rate"]))
+    skip = None if how.get("skip") is None else int(str(how["skip"]))
     if (time is None) == (rate is None):
         raise ShakeError(f"{path}: give either the column of the time or the sampling rate")
     if skip is not None and skip < 0:
@@ -129,14 +162,40 @@ def _read(
         raise ShakeError(f"--bridge {bridge}: a number of samples is needed")
     texts = dict(signals) if time is None else {"time": time, **signals}
     columns = {name: Column.parse(text) for name, text in texts.items()}
-    is_mat = path.suffix.lower() == ".mat"
-    values = read_mat_columns(path, columns) if is_mat else read_columns(path, columns, skip)
+    table = read_table(path, skip, str(how.get("decimal") or ""))
+    found = table.signals(columns, WANTED)
+    values = {name: signal.values for name, signal in found.items()}
+    findings += [Finding("skipped", "", 0, f"{path.name}: {note}") for note in table.notes]
+    if said := [signal.note for signal in found.values() if signal.note]:
+        findings.append(Finding("unit", "", 0, f"{path.name}: {'; '.join(said)}"))
+    lengths = {columns[name].name: len(x) for name, x in values.items()}
+    if len(set(lengths.values())) > 1:
+        text = ", ".join(f"{name} {count}" for name, count in lengths.items())
+        raise ShakeError(f"{path}: variables differ in length: {text}")
     if rate is not None:
         return _mended({"time": _steps(len(next(iter(values.values()))), rate), **values}, path, bridge, findings)
+    _is_time(table, columns["time"], found["time"].unit, values["time"])
     values, repeats = without_repeats(values)
     if repeats:
         findings.append(Finding("duplicate", "", repeats, f"{path.name}: {repeats} rows are there twice; left out"))
     return _mended(values, path, bridge, findings)
+
+
+def _is_time(table: ColumnTable, column: Column, unit: str, time: npt.NDArray[np.float64]) -> None:
+    """A count of samples, and a time without a unit that may be in milliseconds, are no time in seconds."""
+    if column.scale is not None or unit:
+        return
+    name = table.name(table.place(column.name))
+    if quantity_of(name) == "index":
+        raise ShakeError(
+            f"{table.path}: column '{name}' counts samples: give --rate, or its period: --time '{name}*0.005'"
+        )
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if step >= LONGEST_STEP:
+        raise ShakeError(
+            f"{table.path}: column '{name}' names no unit and goes on by {step:g} a row: in ms? "
+            f"--time '{name}*0.001'; in s? --time '{name}*1'"
+        )
 
 
 def _mended(values: Columns, path: Path, bridge: int, findings: list[Finding]) -> Columns:
@@ -164,16 +223,16 @@ def _with(
 ) -> Columns:
     """The first file's columns with those of another one on its stamps."""
     other = Path(str(more["file"]))
-    signals = {n: str(v) for n, v in more.items() if n not in ("file", "time", "rate", "skip") and v is not None}
+    how = {name: more.get(name) for name in ("rate", "skip", "decimal")}
+    signals = {n: str(v) for n, v in more.items() if n not in ("file", "time", *how) and v is not None}
     for name in signals:
         if name not in OF_SECOND or name in first:
             reason = "is in the first file" if name in first else "belongs into the first file, on one clock"
             raise ShakeError(f"{other}: the {name} {reason}; a second file brings {', '.join(OF_SECOND)}")
     if "acceleration" not in signals and not same_clock:
         raise ShakeError(f"{other}: without an acceleration nothing tells how its clock stands to that of {path}")
-    time, rate, skip = more.get("time"), more.get("rate"), more.get("skip")
-    numbers = None if rate is None else float(str(rate)), None if skip is None else int(str(skip))
-    second = _read(other, signals, None if time is None else str(time), *numbers, bridge, findings)
+    time = more.get("time")
+    second = _read(other, signals, None if time is None else str(time), how, bridge, findings)
     clock = None if same_clock else clock_between(first, second, (path, other))
     if clock is not None:
         findings.append(Finding("resampled", "", len(second["time"]), clock_line(clock, (path, other))))

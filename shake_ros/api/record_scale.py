@@ -207,12 +207,16 @@ def treatment() -> tuple[EarthquakeParameters, Shaping]:
     return reference.parameters, reference.shaping
 
 
-def accelerogram(path: str | Path, channel: int = 1, unit: str = "") -> Accelerogram:
-    """An accelerogram as it is distributed: .AT2, .smc, .V2, .V2c, or two columns.
+def accelerogram(path: str | Path, channel: int = 0, unit: str = "") -> Accelerogram:
+    """An accelerogram as it is distributed.
+
+    Formats: PEER .AT2 and other text of `NPTS DT`, CSMIP and CDMG .V1, .V2, COSMOS .V1c, .V2c, USGS .smc, K-NET,
+    KiK-net, ESM, AFAD, GeoNet .V1A, .V2A, and tables of columns (text, .xlsx, .tdms, .mat).
 
     Parameters
     ----------
-    path : the file. channel : of a file that has several, from 1. unit : of a file that does not name its own.
+    path : the file. channel : of a file that has several, from 1; 0: it holds one.
+    unit : of a file that does not name its own.
 
     Raises
     ------
@@ -239,7 +243,7 @@ def record_scale(
     *,
     scale: float | str = 1.0,
     fit: bool = False,
-    channel: int = 1,
+    channel: int = 0,
     unit: str = "",
     stroke: float | None = None,
     velocity: float | None = None,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shake_ros.api.import_csv import OF_SECOND, SIGNALS, import_csv
+from shake_ros.api.import_csv import OF_SECOND, SIGNALS, import_csv, import_proposal
 from shake_ros.core.quantities import ShakeError
 
 ALSO = "--also"
@@ -53,6 +53,7 @@ def _add_file(command: argparse.ArgumentParser, signals: Iterable[str]) -> None:
     for name in signals:
         command.add_argument(f"--{name}", metavar="COL[*scale[+offset]]", help=SIGNALS[name])
     command.add_argument("--skip", type=int, metavar="N", help="lines above the table, where they are not found right")
+    command.add_argument("--decimal", choices=(".", ","), default="", help="where the numbers do not decide it")
 
 
 def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
@@ -76,6 +77,9 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
+    if len(arguments) == 1 and not arguments[0].startswith("-"):
+        print(import_proposal(arguments[0]))
+        return 0
     given = read_arguments(list(arguments))
     recording = import_csv(**vars(given))
     ranges = ", ".join(

@@ -25,7 +25,8 @@ def parser() -> argparse.ArgumentParser:
     usual, _ = treatment()
     p = argparse.ArgumentParser(
         prog="record_scale",
-        description="Read accelerograms (.AT2, .smc, .V2, .V2c, two columns) and fit them into a table's envelope.",
+        description="Read accelerograms (.AT2, .V1, .V2, .V2c, .smc, K-NET, ESM, AFAD, GeoNet, tables) and fit them "
+        "into a table's envelope.",
         epilog=METHOD.format(band=band_of(usual)),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -34,7 +35,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--stroke", type=float, help="largest displacement from the middle [m] (default: from the table)")
     p.add_argument("--velocity", type=float, help="largest velocity [m/s] (default: from the table)")
     p.add_argument("--acceleration", type=float, help="largest acceleration [m/s²] (default: from the table)")
-    p.add_argument("--channel", type=int, default=1, help="channel of a file that has several, from 1")
+    p.add_argument("--channel", type=int, default=0, help="channel of a file that has several, from 1")
     p.add_argument("--unit", default="", choices=("", *UNITS), help="unit of a file that does not name its own")
     p.add_argument("--scale", default="1", help="factor on the acceleration, or 'fill' = as large as the table allows")
     p.add_argument(

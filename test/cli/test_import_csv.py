@@ -81,10 +81,11 @@ def test_empty_cells_end_a_segment(tmp_path, capsys):
             "--time t --command u --position x_mm",
             "line 5, column 'u' holds 'off', not a number",
         ),
-        (TABLE * 2, "--time t --command u --position x_mm", "line 7, column 't' holds 't', not a number"),
+        (TABLE * 2, "--time t --command u --position x_mm", "time does not rise at row 6"),
         (TABLE.replace("0.03", "0.01"), "--time t --command u --position x_mm", "does not rise at row 4"),
         (TABLE.split("\n", 1)[1], "--time t --command u --position x_mm", "no line of names"),
-        ("", "--time t --command u --position x_mm", "no rows of numbers"),
+        ("", "--time t --command u --position x_mm", "is empty"),
+        ("Dear reader", "--time t --command u --position x_mm", "no rows of numbers"),
         (TABLE + "0.05,1", "--time t --command u --position x_mm", "line 7 has 2 columns, 3 are needed"),
     ],
 )

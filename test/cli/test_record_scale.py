@@ -136,7 +136,7 @@ def test_a_record_is_never_its_own_result(record: Path, capsys: pytest.CaptureFi
     [
         (["--scale", "much"], "neither a number nor 'fill'"),
         (["--scale", "-1"], "scale = -1 is outside"),
-        (["--channel", "2"], "channel 2 of a format that holds one"),
+        (["--channel", "2"], "channel 2 of a file that holds 1"),
         (["--unit", "g"], "the heading says m/s2, not g"),
         (["--high-pass", "20"], "leaves nothing below"),
         (["--stroke", "nan"], "position_limit = nan is not a finite number"),

@@ -22,7 +22,7 @@ UNITS = ("", "m/s2", "cm/s2", "g")
 @dataclass(frozen=True)
 class DriveParameters(Parameters):
     record: str = choice("path of the drive's accelerations; empty = the table rests")
-    channel: int = quantity("-", "channel of a record that has several, from 1", low=1, high=1000)
+    channel: int = quantity("-", "channel of a record that has several, from 1; 0 = it has one", low=0, high=1000)
     unit: str = choice("unit of a record that does not name its own; empty = as the record says", UNITS)
     scale: float = quantity("-", "factor on the acceleration", low=0.0, high=1e4, live=True)
 

@@ -23,7 +23,7 @@ UNITS = ("", "m/s2", "cm/s2", "g")
 @dataclass(frozen=True)
 class EarthquakeParameters(Parameters):
     record: str = choice("path of an accelerogram; empty = synthetic")
-    channel: int = quantity("-", "channel of a record that has several, from 1", low=1, high=1000)
+    channel: int = quantity("-", "channel of a record that has several, from 1; 0 = it has one", low=0, high=1000)
     unit: str = choice("unit of a record that does not name its own; empty = as the record says", UNITS)
     scale: float = quantity("-", "factor on the acceleration, reduced to meet the limits", low=0.0, high=1e4, live=True)
     time_scale: float = quantity("-", "factor on the time, below 1 = faster", low=0.01, high=100.0)

@@ -1,7 +1,8 @@
-"""Accelerograms as they are distributed → arrays in SI units. One file per format, listed in the table below.
+"""Accelerograms as they are distributed → arrays in SI units; the formats stand in the table below.
 
-To add a format: a file with `NAME`, `recognise(lines)` and `read(text, channel, unit)`, and a line in the table, before
-the formats that would also take its files.
+To add a format: what recognises its lines and what finds its channels, and a line in the table, before the formats that
+would also take its files. obspy and gmprocess read some of these (K-NET; COSMOS, SMC …), not .AT2 and V1 or V2 of every
+age, and bring hundreds of megabytes.
 """
 
 from __future__ import annotations
@@ -11,33 +12,46 @@ from pathlib import Path
 from typing import NamedTuple
 
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.accelerograms import cdmg_v2, cosmos_v2, peer_at2, two_columns, usgs_smc
-from shake_ros.data.accelerograms.accelerogram import UNITS, Accelerogram, Text, read_text, shown
+from shake_ros.data.accelerograms import columns, listed, networks, volumes
+from shake_ros.data.accelerograms.accelerogram import (
+    LARGEST_FILE,
+    UNITS,
+    Accelerogram,
+    Component,
+    Text,
+    read_channel,
+    shown,
+)
+from shake_ros.data.tables import containers
+from shake_ros.data.tables.text import first_bytes, read_text
 
 
 class Format(NamedTuple):
-    """How a format is told from its lines, and how it is read."""
+    """How a format is told from its lines, and what finds its channels."""
 
     recognise: Callable[[Sequence[str]], bool]
-    read: Callable[[Text, int, str], Accelerogram]
+    channels: Callable[[Text], list[Component]]
 
 
 FORMATS: dict[str, Format] = {
-    peer_at2.NAME: Format(peer_at2.recognise, peer_at2.read),
-    usgs_smc.NAME: Format(usgs_smc.recognise, usgs_smc.read),
-    cosmos_v2.NAME: Format(cosmos_v2.recognise, cosmos_v2.read),
-    cdmg_v2.NAME: Format(cdmg_v2.recognise, cdmg_v2.read),
-    two_columns.NAME: Format(two_columns.recognise, two_columns.read),
+    "knet": Format(networks.is_knet, networks.knet),
+    "esm_afad": Format(networks.is_keyed, networks.keyed),
+    "geonet": Format(networks.is_geonet, networks.geonet),
+    "usgs_smc": Format(networks.is_smc, networks.smc),
+    "cosmos_v2": Format(volumes.is_cosmos, volumes.cosmos),
+    "cdmg_v1": Format(volumes.is_volume_1, volumes.volume_1),
+    "cdmg_v2": Format(volumes.is_volume_2, volumes.volume_2),
+    "peer_at2": Format(listed.is_listed, listed.listed),
 }
 
 
-def read_accelerogram(path: Path | str, *, channel: int = 1, unit: str = "") -> Accelerogram:
+def read_accelerogram(path: Path | str, *, channel: int = 0, unit: str = "") -> Accelerogram:
     """Read one channel of an accelerogram; the format is told by the content.
 
     Parameters
     ----------
     path : the file.
-    channel : which of several, from 1.
+    channel : which of several, from 1; 0: the file holds one.
     unit : m/s2, cm/s2 or g for a file that does not name its own; empty = as the file says.
 
     Raises
@@ -46,9 +60,17 @@ def read_accelerogram(path: Path | str, *, channel: int = 1, unit: str = "") -> 
     """
     if unit and unit not in UNITS:
         raise unknown_name("unit", unit, UNITS)
-    text = read_text(Path(path))
-    for form in FORMATS.values():
+    path = Path(path)
+    other = containers.reader_of(path, first_bytes(path))
+    text = Text(path, [] if other else read_text(path, LARGEST_FILE).split("\n"))
+    for name, form in FORMATS.items():
         if form.recognise(text.lines):
-            return form.read(text, channel, unit)
+            return read_channel(text, form.channels(text), channel, unit, name)
+    try:
+        return columns.read(text, channel, unit)
+    except ShakeError as error:
+        if "no rows of numbers" not in str(error):
+            raise
     first = next((line for line in text.lines if line.strip()), "")
-    raise ShakeError(f"{path}: format not recognised (known: {', '.join(FORMATS)}); it begins '{shown(first.strip())}'")
+    known = ", ".join((*FORMATS, columns.NAME))
+    raise ShakeError(f"{path}: format not recognised (known: {known}); it begins '{shown(first.strip())}'")

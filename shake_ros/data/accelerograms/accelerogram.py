@@ -1,4 +1,4 @@
-"""An accelerogram in SI units, and what all its readers share: text, numbers, units, plausibility."""
+"""An accelerogram in SI units, and what all its readers share: text, numbers, units, channels, plausibility."""
 
 from __future__ import annotations
 
@@ -11,31 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.quantities import ShakeError
+from shake_ros.data.tables.units import parse_unit
 
 Array = NDArray[np.float64]
 
 UNITS = {"m/s2": 1.0, "cm/s2": 0.01, "g": 9.80665}
-"""Size of each unit of acceleration in m/s²."""
+"""Size of each unit of acceleration that a caller may name, in m/s²."""
 
 LARGEST_FILE = 200_000_000
+MOST = 20_000_000
 SHORTEST = 16
-LARGEST_NUMBER = 1e40
-"""Above every marker of an undefined value (1.7e38)."""
+LARGEST_NUMBER = 1e37
+"""Below every marker of an undefined value (1.7e38)."""
 PLAUSIBLE = 1000.0
 """Largest acceleration [m/s²] that is taken for one (about 100 g)."""
-
-SPELLINGS = {
-    "g": "g",
-    "gal": "cm/s2",
-    "cm/s2": "cm/s2",
-    "cm/s/s": "cm/s2",
-    "cm/sec2": "cm/s2",
-    "cm/sec/sec": "cm/s2",
-    "m/s2": "m/s2",
-    "m/s/s": "m/s2",
-    "m/sec2": "m/s2",
-    "m/sec/sec": "m/s2",
-}
+EVEN = 0.01  # of a period, by which the times beside the samples may be off an even grid
+DIFFERS = 0.01  # of the peak, by which the declared one may
+OFFSET = 0.02  # of the peak about the mean, from which an offset is said
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?")
 
@@ -48,7 +40,7 @@ class Accelerogram:
     acceleration : (n,) [m/s²].
     name : station, component or file name.
     format : name in the table of formats.
-    unit : as found in the file, "m/s2", "cm/s2" or "g".
+    unit : as found in the file, "m/s2", "cm/s2", "g", or how the file writes another one.
     provenance : what the file says of itself, by name.
     warnings : what a user should know, one line each.
     """
@@ -99,7 +91,7 @@ class Text:
             raise self.bad(line, f"{what} '{shown(text)}' is no plausible number")
         return value
 
-    def whole(self, word: str, line: int, what: str, low: int, high: int) -> int:
+    def whole(self, word: str, line: int, what: str, low: int = 1, high: int = MOST) -> int:
         """A whole number within low … high."""
         text = word.strip()
         if not re.fullmatch(r"[-+]?\d{1,12}", text):
@@ -107,6 +99,141 @@ class Text:
         if not low <= int(text) <= high:
             raise self.bad(line, f"{what} = {int(text)} is outside {low} … {high}")
         return int(text)
+
+    def fixed(self, first: int, count: int, width: int, per_line: int, what: str) -> tuple[list[float], int]:
+        """`count` numbers in columns of `width` characters, `per_line` to a line; the index after the last one.
+
+        Raises ShakeError where a line holds fewer or more than its share, or something that is not a number.
+        """
+        values: list[float] = []
+        line = first
+        while len(values) < count:
+            row = self.line(line, f"number {len(values) + 1} of {count} {what}").rstrip()
+            share, held = min(per_line, count - len(values)), -(-len(row) // width)
+            if held != share:
+                raise self.bad(line, f"{held} columns of {width} characters where {share} {what} should be")
+            values += [self.number(row[i * width : (i + 1) * width], line, what) for i in range(share)]
+            line += 1
+        return values, line
+
+    def free(self, first: int, what: str, stop: int | None = None) -> list[float]:
+        """All numbers from a line on, separated by blanks, commas or semicolons."""
+        rows = enumerate(self.lines[first:stop], first)
+        return [self.number(word, i, what) for i, row in rows for word in re.split(r"[\s,;]+", row.strip()) if word]
+
+
+@dataclass(frozen=True)
+class Component:
+    """One channel of a file: where its numbers stand and what they are.
+
+    Attributes
+    ----------
+    label : component, as the file calls it.
+    name : of the station. step : between samples [s]. unit : of the numbers, empty where the file names none.
+    line : index of the line that announces them, for messages. first : index of the first line of numbers.
+    count : samples; None for all that follow.
+    width, per_line : columns of characters and their number; 0 where blanks separate.
+    columns, column : numbers to a sample, and which of them is the acceleration, from 0.
+    factor : on the numbers, to `unit` [-].
+    peak : as the header declares it, in `unit`; None where it does not.
+    about_mean : the declared peak is about the mean.
+    titles : lines of text above. warnings : what a user should know.
+    """
+
+    label: str
+    name: str
+    step: float
+    unit: str
+    line: int
+    first: int
+    count: int | None
+    width: int = 0
+    per_line: int = 0
+    columns: int = 1
+    column: int = 0
+    factor: float = 1.0
+    peak: float | None = None
+    about_mean: bool = False
+    titles: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def read_channel(text: Text, channels: Sequence[Component], channel: int, unit: str, form: str) -> Accelerogram:
+    """The acceleration of one of a file's channels.
+
+    Parameters
+    ----------
+    text : the file. channels : of it. channel : from 1; 0 where the file holds one. unit : that the caller names.
+    form : name of the format.
+
+    Raises
+    ------
+    ShakeError : one line with file and line.
+    """
+    number = chosen(text.path, [c.label for c in channels], channel)
+    c = channels[number]
+    if unit and c.unit and unit != c.unit:
+        raise text.bad(c.line, f"the file is in {c.unit}, not in {unit}")
+    assumed = () if unit or c.unit else ("the header names no unit, taken as g",)
+    found = unit or c.unit or "g"
+    values = _values(text, c)
+    warnings = [*c.warnings, *assumed]
+    acceleration, step = values[:, c.column] * c.factor, c.step
+    if c.columns == 2:
+        acceleration, step, more = _even(text, c, values[:, 0], acceleration)
+        warnings += more
+    acceleration = checked(text, step, acceleration, found, c.line)
+    warnings += _peak_warning(c, acceleration, size_of(found))
+    several = {"channel": f"{number + 1} of {len(channels)}"} if len(channels) > 1 else {}
+    titles = {f"header {i + 1}": line.strip() for i, line in enumerate(c.titles) if line.strip()}
+    label = f", {c.label}" if len(channels) > 1 and c.label else ""
+    return Accelerogram(
+        step, acceleration, f"{c.name or text.path.stem}{label}", form, found, several | titles, tuple(warnings)
+    )
+
+
+def _values(text: Text, c: Component) -> Array:
+    """The numbers of a channel, shape (n, columns)."""
+    total = None if c.count is None else c.count * c.columns
+    if c.width:
+        assert total is not None
+        read, after = text.fixed(c.first, total, c.width, c.per_line, "samples")
+        following = text.lines[after].strip() if after < len(text.lines) else ""
+        if NUMBER.match(following) and not re.search(r"[A-CF-Za-cf-z&|]", following):
+            raise text.bad(after, f"more than the {c.count} samples that the header declares, or a damaged line")
+    else:
+        read = text.free(c.first, "acceleration")
+        if total is None:
+            total = len(read)
+        if c.columns == 1 and len(read) == 2 * total:  # a time beside each sample
+            read = read[1::2]
+        if len(read) != total:
+            raise text.bad(len(text.lines) - 1, f"{len(read) // c.columns} samples where the header declares {c.count}")
+    return np.asarray(read, dtype=np.float64).reshape(-1, c.columns)
+
+
+def _even(text: Text, c: Component, time: Array, acceleration: Array) -> tuple[Array, float, list[str]]:
+    """Samples beside their times on an even grid, its step, and what was done."""
+    if (np.diff(time) <= 0.0).any():
+        raise text.bad(c.first, "the times beside the samples do not rise")
+    step = float(time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else c.step
+    grid = time[0] + step * np.arange(len(time))
+    if np.max(np.abs(time - grid)) <= max(EVEN * step, 0.0011):
+        return acceleration, step, []
+    return np.interp(grid, time, acceleration), step, [f"its times are uneven: interpolated to steps of {step:.6g} s"]
+
+
+def _peak_warning(c: Component, acceleration: Array, size: float) -> list[str]:
+    """A warning where the peak that the header declares is not the one found, or where an offset is left in."""
+    mean = float(np.mean(acceleration))
+    about = float(np.max(np.abs(acceleration - mean)))
+    found = about if c.about_mean else float(np.max(np.abs(acceleration)))
+    lines = []
+    if c.about_mean and abs(mean) > OFFSET * about:
+        lines.append(f"an offset of {mean:.4g} m/s² is in the record; the peak about it is {about:.4g} m/s²")
+    if c.peak is not None and abs(abs(c.peak) * size - found) > DIFFERS * found:
+        lines.append(f"the header declares a peak of {abs(c.peak) * size:.4g} m/s², the samples reach {found:.4g} m/s²")
+    return lines
 
 
 def shown(text: str) -> str:
@@ -119,66 +246,34 @@ def shown(text: str) -> str:
     return clean if len(clean) <= 40 else clean[:37] + "..."
 
 
-def read_text(path: Path) -> Text:
-    """The lines of a file of 7-bit or Latin-1 text; CR CR LF, CR LF and CR end a line like LF, DOS end marks go."""
-    try:
-        if path.is_file() and path.stat().st_size > LARGEST_FILE:
-            raise ShakeError(f"{path}: is larger than {LARGEST_FILE // 1_000_000} MB")
-        raw = path.read_bytes()
-    except (OSError, ValueError) as error:
-        if isinstance(error, ShakeError):
-            raise
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ShakeError(f"{path}: cannot be read ({reason})") from None
-    raw = raw.removeprefix(b"\xef\xbb\xbf").rstrip(b"\x1a\x00")
-    if not raw.strip():
-        raise ShakeError(f"{path}: is empty")
-    strange = re.search(rb"[\x00-\x08\x0e-\x1f\x7f]", raw)
-    if strange:
-        place = strange.start()
-        line = raw.count(b"\n", 0, place) + 1
-        raise ShakeError(f"{path}, line {line}: is not text (byte 0x{raw[place]:02x} at {place})")
-    text = raw.decode("latin-1").replace("\r\r\n", "\n").replace("\r\n", "\n").replace("\r", "\n")
-    return Text(path, text.split("\n"))
+def unit_in(text: str) -> str:
+    """The unit of acceleration that a line names, empty where it names none.
 
-
-def unit_named(text: str) -> str:
-    """The unit of acceleration that a heading names, empty where it names none.
-
-    >>> unit_named("ACCELERATION TIME HISTORY IN UNITS OF G"), unit_named("acc [cm/s^2]"), unit_named("acceleration")
+    >>> unit_in("ACCELERATION TIME HISTORY IN UNITS OF G"), unit_in("acc [cm/s^2]"), unit_in("acceleration")
     ('g', 'cm/s2', '')
     """
-    plain = text.lower().replace("^", "").replace("**", "").replace("²", "2").replace(" per ", "/")
+    plain = text.replace("**", "^").replace(" per ", "/")
     for word in re.split(r"[\s()\[\],;:=*_]+", plain):
-        if word.strip(".'") in SPELLINGS:
-            return SPELLINGS[word.strip(".'")]
+        unit = parse_unit(word)
+        if unit and unit.quantity == "acceleration":
+            return next((name for name, size in UNITS.items() if abs(unit.factor / size - 1.0) < 1e-9), unit.text)
     return ""
 
 
-def agreed_unit(text: Text, line: int, found: str, asked: str) -> str:
-    """The unit the file names; an error where another one was asked for."""
-    if asked and asked != found:
-        raise text.bad(line, f"the file is in {found}, not in {asked}")
-    return found
+def size_of(unit: str) -> float:
+    """Size of a unit of acceleration [m/s²]."""
+    found = parse_unit(unit)
+    return UNITS.get(unit, found.factor if found else 1.0)
 
 
-def fixed_columns(text: Text, first: int, count: int, width: int, per_line: int, what: str) -> tuple[Array, int]:
-    """`count` numbers in columns of `width` characters, `per_line` to a line; with the index after their last line.
-
-    Raises ShakeError where a line holds fewer or more than its share, or something that is not a number.
-    """
-    values = np.empty(count)
-    line = first
-    for done in range(0, count, per_line):
-        row = text.line(line, f"sample {done + 1} of {count} {what}").rstrip()
-        share = min(per_line, count - done)
-        held = -(-len(row) // width)
-        if held != share:
-            raise text.bad(line, f"{held} columns of {width} characters where {share} {what} should be")
-        for i in range(share):
-            values[done + i] = text.number(row[i * width : (i + 1) * width], line, what)
-        line += 1
-    return values, line
+def chosen(path: Path, names: Sequence[str], channel: int) -> int:
+    """Index of the channel asked for; a ShakeError that lists them where there are several and none is chosen."""
+    listed = ", ".join(f"{i + 1}: {shown(' '.join(name.split()))}" for i, name in enumerate(names))
+    if channel == 0 and len(names) > 1:
+        raise ShakeError(f"{path}: holds {len(names)} components; choose one with --channel ({listed})")
+    if not 0 <= channel <= len(names):
+        raise ShakeError(f"{path}: channel {channel} of a file that holds {len(names)}")
+    return max(channel, 1) - 1
 
 
 def checked(text: Text, time_step: float, acceleration: Array, unit: str, first_line: int) -> Array:
@@ -187,7 +282,7 @@ def checked(text: Text, time_step: float, acceleration: Array, unit: str, first_
         raise text.bad(first_line, f"time step {time_step:g} s is outside 1e-05 … 1 s")
     if acceleration.size < SHORTEST:
         raise text.bad(first_line, f"{acceleration.size} samples are fewer than {SHORTEST}")
-    si = acceleration * UNITS[unit]
+    si = acceleration * size_of(unit)
     peak = float(np.max(np.abs(si)))
     if peak > PLAUSIBLE:
         place = int(np.argmax(np.abs(si)))
@@ -197,10 +292,3 @@ def checked(text: Text, time_step: float, acceleration: Array, unit: str, first_
     if peak == 0.0:
         raise text.bad(first_line, "every sample is zero")
     return np.asarray(si, dtype=np.float64)
-
-
-def peak_warning(declared: float, found: float) -> tuple[str, ...]:
-    """A warning where the peak that the header declares [m/s²] is not the one found [m/s²], within 1 %."""
-    if abs(abs(declared) - found) <= 0.01 * found:
-        return ()
-    return (f"the header declares a peak of {abs(declared):.4g} m/s², the samples reach {found:.4g} m/s²",)
