@@ -16,6 +16,7 @@ ALSO = "--also"
 NEEDED = {
     "command": "what drives the valve; a motion alone does not tell a table",
     "position": "velocity and place of the table come from it; an acceleration alone tells neither",
+    "out": "the folder of the recording",
 }
 
 
@@ -23,17 +24,18 @@ def parser() -> argparse.ArgumentParser:
     """Arguments of the command, and of its first file."""
     command = argparse.ArgumentParser(
         prog="import_csv",
-        usage="import_csv FILE --time COL --command COL --position COL [--acceleration COL …] --out BAG "
+        usage="import_csv FILE | FILE --time COL --command COL --position COL [--acceleration COL …] --out BAG "
         f"[options] [{ALSO} FILE --time COL --acceleration COL …]",
-        description="Columns of a text table become topics of a recording: valve_command, joint_states, imu, force, "
-        "pressures.",
-        epilog="COL is a column's name or its number from 1, or the name of a variable of a .mat file; '*scale' takes "
-        "it to SI units and '*scale+offset' moves its zero as well: 'CHANNEL0*0.01', 'mA*0.125-1.5' for 4 to 20 mA. "
+        description="Columns of a table (text, .xlsx, .tdms, .mat) become topics of a recording: valve_command, "
+        "joint_states, imu, force, pressures. FILE alone prints its columns and the command that imports them.",
+        epilog="COL is a column's name or its number from 1, or the name of a variable of a .mat file. The unit in its "
+        "heading takes it to SI units; '*scale' stands in for that, and '*scale+offset' moves its zero as well: "
+        "'CHANNEL0*0.01', 'mA*0.125-1.5' for 4 to 20 mA. "
         f"Options behind {ALSO} belong to that file: its time and its acceleration, and force and pressures if it has "
         "them. Where its clock stands to the first is found by the correlation of acceleration and position, and told.",
     )
     _add_file(command, SIGNALS)
-    command.add_argument("--out", type=Path, required=True, metavar="BAG", help="folder of the recording")
+    command.add_argument("--out", type=Path, metavar="BAG", help="folder of the recording")
     command.add_argument(
         "--bridge", type=int, default=0, metavar="N", help="fill gaps of up to N samples by interpolation"
     )
@@ -47,7 +49,7 @@ def parser() -> argparse.ArgumentParser:
 def _add_file(command: argparse.ArgumentParser, signals: Iterable[str]) -> None:
     """The arguments of one file."""
     command.add_argument("file", type=Path)
-    clock = command.add_mutually_exclusive_group(required=True)
+    clock = command.add_mutually_exclusive_group()
     clock.add_argument("--time", metavar="COL[*scale]", help="time [s]")
     clock.add_argument("--rate", type=float, metavar="HZ", help="sampling rate, where no column holds the time")
     for name in signals:
@@ -69,18 +71,18 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
         rest += left
     named = parser().parse_args([*first, *rest])
     named.also = read
-    for name in ("command", "position"):
-        if getattr(named, name) is None:
-            raise ShakeError(f"{named.file}: --{name} is needed: {NEEDED[name]}")
     return named
 
 
 def main(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    if len(arguments) == 1 and not arguments[0].startswith("-"):
-        print(import_proposal(arguments[0]))
-        return 0
     given = read_arguments(list(arguments))
+    if not any(getattr(given, name) is not None for name in ("time", "rate", "out", *SIGNALS)):
+        print(import_proposal(given.file, skip=given.skip, decimal=given.decimal))
+        return 0
+    for name, why in NEEDED.items():
+        if getattr(given, name) is None:
+            raise ShakeError(f"{given.file}: --{name} is needed: {why}")
     recording = import_csv(**vars(given))
     ranges = ", ".join(
         f"{name} {np.nanmin(values):.4g} … {np.nanmax(values):.4g}"

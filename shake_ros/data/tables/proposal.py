@@ -14,6 +14,7 @@ from shake_ros.data.tables.units import QUANTITIES, quantity_of
 
 OFFERED = ("time", "command", "position", "acceleration", "force", "pressure")
 KINDS = {"voltage": "command", "current": "command", "share": "command"}
+ASSUMED = {"time": "s", "position": "m", "acceleration": "m/s²", "force": "N"}
 LONGEST_STEP = 0.5  # of a time without a unit, from which it is taken for milliseconds or a count [s]
 
 
@@ -53,7 +54,7 @@ class Proposal:
         return " ".join(["./shake import_csv", *(shlex.quote(word) for word in self.arguments)])
 
     def __str__(self) -> str:
-        width = max(len(c.name) for c in self.columns) + 2
+        width = max(6, *(len(c.name) for c in self.columns)) + 2
         rate = f", {self.rate:.6g} Hz" if self.rate else ", no column of time found"
         lines = [f"{self.path}: {self.rows} rows, {len(self.columns)} columns of numbers{rate}"]
         lines.append(f"  {'column':<{width}}{'unit':<10}{'least':>12}{'largest':>12}  could be")
@@ -61,7 +62,11 @@ class Proposal:
             lines.append(
                 f"  {c.name:<{width}}{c.unit or '–':<10}{c.least:>12.5g}{c.largest:>12.5g}  {c.could_be or '?'}"
             )
-        return "\n".join([*lines, *(f"  {note}" for note in self.notes), "To import it:", f"  {self.command}"])
+        bare = [c for c in self.columns if c.name in self.arguments and not c.unit and c.could_be in ASSUMED]
+        said = [f"{c.name} names no unit: taken as {ASSUMED[c.could_be]}, '{c.name}*FACTOR' is another" for c in bare]
+        return "\n".join(
+            [*lines, *(f"  {note}" for note in (*self.notes, *said)), "To import it:", f"  {self.command}"]
+        )
 
 
 def propose(path: Path | str, skip: int | None = None, decimal: str = "") -> Proposal:
