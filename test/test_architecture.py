@@ -18,7 +18,7 @@ PACKAGE = ROOT / "shake_ros"
 
 # From the bottom up. A module may import from its own group (one folder or file) and from any lower layer.
 LAYERS: tuple[tuple[str, ...], ...] = (
-    ("core.quantities", "core.compiled", "core.processors", "entry_points"),
+    ("core.quantities", "core.compiled", "core.processors", "core.failures", "entry_points"),
     ("core.packing", "core.dispatch"),
     ("core.fluid", "core.bulk_modulus", "core.friction", "core.valve"),
     ("core.effects",),

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,7 @@ from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.problem import patiently
 from shake_ros.core.discovery.remaining import Remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.failures import Failures
 from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.nuisances import Prepared
@@ -35,6 +37,8 @@ from shake_ros.data.results import (
     axis_json,
     close_loop_json,
     diagnosis_json,
+    failures_json,
+    finite,
     innovations_json,
     predictable_json,
     tracking_json,
@@ -128,20 +132,24 @@ class Discovery(fitted.FittedResult):
     ----------
     model : as declared. closed : models before and after with the steps between them.
     estimation, validation : the gapless parts of the recordings. diagnosis : tests of the residuals, what the
-    recordings identify, and which one would help. tracking : the found table in closed loop under the model before
-    and the model after; None where nothing was added, or where the model has no valve to control.
+    recordings identify, and which one would help; None where that failed. tracking : the found table in closed loop
+    under the model before and the model after; None where nothing was added, or where the model has no valve to
+    control.
     data : the recordings as they were fitted, with the offsets that were taken out of them.
     tuned : observer and controller for the found table, where they were asked for.
+    failures : steps after the first fit that ended in an error, those of `report` as well; the result is without what
+    they would have added.
     """
 
     model: Model
     closed: LoopClosure
     estimation: Sequence[Record]
     validation: Sequence[Record]
-    diagnosis: Diagnosis
+    diagnosis: Diagnosis | None
     tracking: TrackingBenefit | None
     data: Prepared
     tuned: TunedTable | None = None
+    failures: Failures = field(default_factory=Failures)
 
     @property
     def final(self) -> FittedModel:
@@ -160,8 +168,8 @@ class Discovery(fitted.FittedResult):
                     tuple(Estimate(name, **content) for name, content in step["parameters"].items()),
                     step["evidence"]["why"],
                     tuple(step["alternatives"]),
-                    step["state"],
-                    step["worth"],
+                    step.get("state", ""),
+                    step.get("worth", math.nan),
                 )
                 for step in steps
             ],
@@ -210,7 +218,8 @@ class Discovery(fitted.FittedResult):
         """Write report.json, diagnosis.json, report.html, and table.yaml with uncertainty.json beside it.
 
         Also tracking.json where there is a tracking; and controller.yaml, observer.yaml and tune.json where gains were
-        made for the table, unless they ring somewhere and `force` is not given.
+        made for the table, unless they ring somewhere and `force` is not given. Where a part fails, the folder is
+        without it, and report.json names it under `failed`.
 
         `force` also replaces an existing folder; `figures` adds static copies of the charts, as "pdf", "svg" or "png";
         `command` is the line that the page names as its origin.
@@ -221,31 +230,45 @@ class Discovery(fitted.FittedResult):
 
         names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
         content = close_loop_json(self.closed, *names, self.model.kind)
-        content["remaining"]["predictable"] = predictable_json(self.diagnosis.predictable)
-        content["remaining"]["innovations"] = innovations_json(self.diagnosis.innovations)
-        told = self.told
-        content |= unknown_json(told, self.data) if told else {}
-        if self.model.kind == "axis":
-            errors = {n: {"before": before, "after": after} for n, (before, after) in self.position_error.items()}
-            content |= {"position_error": errors, **axis_json(self.own, self.forecast_error)}
+        step, told = self.failures.step, tuple[Estimate, ...]()
+        with step("residuals in report.json"):
+            if self.diagnosis:
+                content["remaining"]["predictable"] = predictable_json(self.diagnosis.predictable)
+                content["remaining"]["innovations"] = innovations_json(self.diagnosis.innovations)
+        with step("what the recordings tell"):
+            told = self.told
+            content |= unknown_json(told, self.data) if told else {}
+        with step("positions"):
+            if self.model.kind == "axis":
+                errors = {n: {"before": before, "after": after} for n, (before, after) in self.position_error.items()}
+                content |= {"position_error": errors, **axis_json(self.own, self.forecast_error)}
         added = ", ".join(self.effects.names) or "nothing to add"
 
         def fill(out: Path) -> None:
-            write_json(out / "report.json", content)
-            write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
-            if self.tracking:
-                write_json(out / "tracking.json", tracking_json(self.tracking))
             comment = f"Fitted to {', '.join(names[0])} by close_loop: {added}.{fitted.command_comment(self.data)}"
             save_table(out / "table.yaml", self.table, comment)
-            if self.table.layout is FULL_LAYOUT:
-                known, covariance = self.uncertainty
-                write_json(out / UNCERTAINTY, {"names": list(known), "covariance": covariance.tolist()})
-            if self.tuned and (self.tuned.sound or force):
-                self.tuned.write(out, force)
-            data = self.estimation, self.validation
-            unknown = told, self.data
-            page = close_loop_page(self.closed, *data, self.diagnosis, self.tracking, command, *unknown)
-            write_page(page, out, figures)
+            with step("diagnosis.json"):
+                if self.diagnosis:
+                    write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
+            with step("tracking.json"):
+                if self.tracking:
+                    write_json(out / "tracking.json", tracking_json(self.tracking))
+            with step("uncertainty.json"):
+                if self.table.layout is FULL_LAYOUT:
+                    known, covariance = self.uncertainty
+                    write_json(out / UNCERTAINTY, {"names": list(known), "covariance": covariance.tolist()})
+            with step("files of the gains"):
+                if self.tuned and (self.tuned.sound or force):
+                    self.tuned.write(out, force)
+            with step("page"):
+                data, unknown = (self.estimation, self.validation), (told, self.data)
+                page = close_loop_page(
+                    self.closed, *data, self.diagnosis, self.tracking, command, *unknown, self.failures
+                )
+                write_page(page, out, figures)
+            with step("numbers of report.json"):
+                json.dumps(content, allow_nan=False)
+            write_json(out / "report.json", finite({**content, "failed": failures_json(self.failures)}))
 
         write_folder(Path(folder), fill, force=force)
         return Path(folder)
@@ -253,7 +276,9 @@ class Discovery(fitted.FittedResult):
     def _parts(self) -> list[tuple[str, Any]]:
         effects = self.effects.frame if self.effects else "nothing"
         told = [("Identified", self.identified)] if self.model.declared.nuisances else []
-        return [("Missing", effects), ("Error of the free run", self.error), *told, ("Remaining", self.remaining.text)]
+        failed = [("Failed", "\n".join(map(str, self.failures)))] if len(self.failures) else []
+        remaining = ("Remaining", self.remaining.text)
+        return [("Missing", effects), ("Error of the free run", self.error), *told, remaining, *failed]
 
     def __repr__(self) -> str:
         return fitted.text_of(self._parts())
@@ -322,17 +347,23 @@ def close_loop(
             data, structure = start.data, model_structure(start, declared)
             first, second = data.estimation, data.validation
             limits = settings or search_settings(declared)
-            found = closing.close_loop(structure, first, second, limits, ending, ending.overdue)
+            failures = Failures()
+            found = closing.close_loop(structure, first, second, limits, ending, ending.overdue, failures)
+        known, tuned, benefit, told = None, None, None, None
         data = data.seen(found.search.knowledge)
         first, second = data.estimation, data.validation
-        known = _uncertainty(found, first)
-        tuned = tune_table(found.final.table, uncertainty=known, progress=bar) if tune else None
+        with failures.step("uncertainty"):
+            known = _uncertainty(found, first)
+        with failures.step("tuning"):
+            tuned = tune_table(found.final.table, uncertainty=known, progress=bar) if tune else None
         bar("tracking with the model before and after", 1.0)
-        benefit = tracking(found, known, tuned)
+        with failures.step("tracking"):
+            benefit = tracking(found, known, tuned)
         bar("residuals and what would help", 1.0)
-        asked = () if ending.overdue() else recordings_to_make()
-        told = diagnose(found.final.fit, first, second, asked, declared)
-    return Discovery(model, found, first, second, told, benefit, data, tuned)
+        with failures.step("diagnosis"):
+            asked = () if ending.overdue() else recordings_to_make()
+            told = diagnose(found.final.fit, first, second, asked, declared)
+    return Discovery(model, found, first, second, told, benefit, data, tuned, failures)
 
 
 def _uncertainty(found: LoopClosure, estimation: Sequence[Record]) -> Uncertainty:

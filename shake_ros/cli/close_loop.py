@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
 
-from shake_ros.api.close_loop import close_loop
+from shake_ros.api.close_loop import Discovery, close_loop
 from shake_ros.cli import fitting
 from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.core.identification.models import MODELS
@@ -40,15 +41,30 @@ def main(arguments: Sequence[str]) -> int:
         raise ShakeError(f"--tune: needs a valve and hydraulics, which the model {given.model} does not have")
     found = close_loop(*fitting.inputs(given), minutes=given.minutes, tune=given.tune)
     found.report(given.out, given.force, **reporting("close_loop", given, arguments))
-    tracking = tracking_lines(found.tracking) if found.tracking else []
-    told = identified_lines(found.told, found.data)
+    text = list[str]()
+    with found.failures.step("text"):
+        text.extend(lines(found, given.force))
+    print("\n".join(text))
+    page = given.out / "report.html"
+    print(f"report: {page if page.exists() else given.out / 'report.json'}")
+    for failure in found.failures:
+        print(f"shake_ros close_loop: {failure}", file=sys.stderr)
+    return 1 if len(found.failures) else 0
+
+
+def lines(found: Discovery, force: bool) -> Iterator[str]:
+    """The report for a terminal, line by line. force : whether gains under which the loop rings were written."""
     if found.tuned:
-        print(found.tuned)
-        if not found.tuned.sound and not given.force:
-            print("controller.yaml and observer.yaml are not written: the loop rings (--force writes them)")
-    predictable = predictable_lines(found.closed, found.diagnosis)
-    lines = [*close_loop_lines(found.closed), *predictable, *told, *tracking, *diagnosis_lines(found.diagnosis)]
-    own = [*slow_change_lines(found.own), *position_lines(found.position_error, found.forecast_error)]
-    print("\n".join([*lines, *own]))
-    print(f"report: {given.out / 'report.html'}")
-    return 0
+        yield str(found.tuned)
+        if not found.tuned.sound and not force:
+            yield "controller.yaml and observer.yaml are not written: the loop rings (--force writes them)"
+    yield from close_loop_lines(found.closed)
+    if found.diagnosis:
+        yield from predictable_lines(found.closed, found.diagnosis)
+    yield from identified_lines(found.told, found.data)
+    if found.tracking:
+        yield from tracking_lines(found.tracking)
+    if found.diagnosis:
+        yield from diagnosis_lines(found.diagnosis)
+    yield from slow_change_lines(found.own)
+    yield from position_lines(found.position_error, found.forecast_error)

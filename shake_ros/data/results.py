@@ -24,6 +24,7 @@ from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.second_form import ChangeForm, LearntChange
 from shake_ros.core.discovery.standing import EffectStanding
+from shake_ros.core.failures import Failures
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.innovations import HORIZONS, RATES, Innovations
 from shake_ros.core.identification.nuisances import Prepared
@@ -153,6 +154,24 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "text": f"{known.text}; {diagnosis.advice}",
     }
+
+
+def failures_json(failures: Failures) -> list[dict[str, Any]]:
+    """The steps that failed, each with its error and where that came from."""
+    return [{"step": f.step, "error": f.cause, "trace": list(f.trace)} for f in failures]
+
+
+def finite(content: Any) -> Any:
+    """Content of a JSON file with null for each number that is none.
+
+    >>> finite({"error": [float("nan"), 0.5]})
+    {'error': [None, 0.5]}
+    """
+    if isinstance(content, Mapping):
+        return {key: finite(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [finite(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
 def _refit_json(refit: Refit) -> dict[str, Any]:

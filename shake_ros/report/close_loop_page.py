@@ -15,6 +15,7 @@ from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.discovery.standing import EffectStanding
 from shake_ros.core.effects import EFFECTS
+from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
@@ -97,8 +98,8 @@ def _parameters(page: Page, models: Mapping[str, FittedModel]) -> None:
 
 
 def mean_error(errors: Mapping[str, Mapping[str, float]]) -> float:
-    """Mean acceleration error over recordings; of the velocity where there is no accelerometer."""
-    return float(np.mean([e.get("acceleration", e["velocity"]) for e in errors.values()]))
+    """Mean acceleration error over recordings; of the velocity where there is no accelerometer; NaN of none."""
+    return float(np.mean([e.get("acceleration", e["velocity"]) for e in errors.values()])) if errors else math.nan
 
 
 def error_meaning(model: FittedModel) -> str:
@@ -129,10 +130,11 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
     named = _named(result)
     place = ", ".join(dict.fromkeys(s.chosen.candidate.place for s in steps))
     before, after = (percent(mean_error(m.validation)) for m in (result.baseline, result.final))
+    left = f"{rest.ratio:.2f} × noise" if math.isfinite(rest.ratio) else "not known"
     cards = [
         (named, f"missing from the declared model{f', place: {place}' if place else ''}"),
         (f"{before} → {after}" if steps else before, error_meaning(result.final)),
-        (f"{rest.ratio:.2f} × noise", f"what remains: {'above' if rest.above_noise else 'not above'} the sensor noise"),
+        (left, f"what remains: {'above' if rest.above_noise else 'not above'} the sensor noise"),
     ]
     if benefit:
         errors = benefit.errors()
@@ -272,21 +274,32 @@ def close_loop_page(
     command: str = "",
     told: Sequence[Estimate] = (),
     data: Prepared | None = None,
+    failures: Failures = RAISING,
 ) -> Page:
-    """The page of `close_loop`; told, data : of a table without a data sheet."""
+    """The page of `close_loop`; told, data : of a table without a data sheet. failures : take those of the page too."""
     named = _named(result)
     estimation, validation = (", ".join(dict.fromkeys(r.name for r in records)) for records in (learn, hold))
     lead = f"Missing: {named}. Estimated from {estimation}; validated on {validation}."
-    page = Page("What the model is missing", lead, made_of(command, learn, hold))
-    found_section(page, result, benefit)
-    identified_section(page, told, data)
-    model_sections(page, result, learn, hold)
-    if diagnosis:
-        remains_section(page, diagnosis, result.remaining.text)
-    force_section(page, result.forces, result.model)
-    if benefit:
-        benefit_section(page, benefit)
-    _parameters(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)))
-    if diagnosis:
-        known_section(page, diagnosis)
+    page = Page("What the model is missing", lead, made_of(command, learn, hold), failures)
+    for failure in failures.all:
+        page.paragraph(sentence(f"{failure}; the report is without it"))
+    with page.part("what was found"):
+        found_section(page, result, benefit)
+    with page.part("what the recordings tell"):
+        identified_section(page, told, data)
+    with page.part("measured against simulated"):
+        model_sections(page, result, learn, hold)
+    with page.part("what remains"):
+        if diagnosis:
+            remains_section(page, diagnosis, result.remaining.text)
+    with page.part("the force that the model lacks"):
+        force_section(page, result.forces, result.model)
+    with page.part("tracking"):
+        if benefit:
+            benefit_section(page, benefit)
+    with page.part("parameters"):
+        _parameters(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)))
+    with page.part("what the recordings identify"):
+        if diagnosis:
+            known_section(page, diagnosis)
     return page

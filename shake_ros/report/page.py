@@ -6,7 +6,8 @@ import html
 import itertools
 import json
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
@@ -15,7 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shake_ros import __version__
+from shake_ros.core.failures import RAISING, Failures
 from shake_ros.report.chart import Chart, chart_json
+from shake_ros.report.text import sentence
 
 WEB = Path(__file__).resolve().parent / "web"
 LARGEST = 5_500_000  # of a page's charts [byte]
@@ -61,9 +64,9 @@ class Made:
 class Page:
     """Collects sections and renders the page."""
 
-    def __init__(self, title: str, lead: str, made: Made | None = None) -> None:
+    def __init__(self, title: str, lead: str, made: Made | None = None, failures: Failures = RAISING) -> None:
         self._title, self._lead = title, lead
-        self._made = made or Made()
+        self._made, self._failures = made or Made(), failures
         self._parts: list[str | Chart] = []
         self._contents: list[tuple[str, str]] = []
 
@@ -71,6 +74,16 @@ class Page:
     def charts(self) -> list[Chart]:
         """The charts in their order, for static copies."""
         return [part for part in self._parts if isinstance(part, Chart)]
+
+    @contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        """A part of the page; where it fails, a line stands in its place."""
+        parts, contents, failed = len(self._parts), len(self._contents), len(self._failures)
+        with self._failures.step(f"page, {name}"):
+            yield
+        for failure in self._failures.all[failed:]:
+            del self._parts[parts:], self._contents[contents:]
+            self.paragraph(sentence(str(failure)))
 
     def heading(self, text: str) -> None:
         """A section's heading, with its line in the contents."""

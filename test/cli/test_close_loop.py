@@ -18,9 +18,7 @@ from shake_ros.api.model import model
 from shake_ros.api.tune_table import read_uncertainty
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.plant.simulation import run
-from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import write_table_recording
-from shake_ros.report import close_loop_page
 from shake_ros.settings import load_table
 
 TIME = np.arange(1500) * 0.001
@@ -239,19 +237,3 @@ def test_unknown_model_and_missing_arguments_end_with_exit_code_2(
         __main__.main(["close_loop", "--learn", str(bags[0]), "--out", str(tmp_path / "out")])
     assert caught.value.code == 2
     assert "--hold" in capsys.readouterr().err
-
-
-def test_error_in_writing_the_page_leaves_no_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def fail(*arguments: object, **more: object) -> str:
-        raise ShakeError("the page cannot be drawn")
-
-    done = command("nothing")
-    monkeypatch.setattr(closing, "close_loop", lambda *a, **m: done.result)
-    monkeypatch.setattr(close_loop_page, "close_loop_page", fail)
-    out = tmp_path / "out"
-    learn, hold = (done.out.parent / name for name in ("learn", "hold"))
-    line = refusal(capsys, "close_loop", "--learn", learn, "--hold", hold, "--out", out)
-    assert "the page cannot be drawn" in line
-    assert list(tmp_path.iterdir()) == []

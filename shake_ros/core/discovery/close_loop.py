@@ -8,14 +8,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
-from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model
+from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model, unjudged_model
 from shake_ros.core.discovery.forward_selection import forward_selection, listened, recentred
 from shake_ros.core.discovery.latent_force import LatentForce, latent_forces
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, patiently
-from shake_ros.core.discovery.remaining import Remaining, remaining
+from shake_ros.core.discovery.remaining import UNKNOWN, Remaining, remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.standing import EffectStanding, judged
+from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.haste import in_haste, never
 from shake_ros.core.identification.knowledge import own_null_shifts
@@ -59,6 +60,7 @@ def close_loop(
     settings: SearchSettings,
     progress: Progress,
     overdue: Callable[[], bool] = never,
+    failures: Failures = RAISING,
 ) -> LoopClosure:
     """Find what the declared model lacks.
 
@@ -69,35 +71,51 @@ def close_loop(
     settings : thresholds of the search. progress : called with a text and the part done, 0 … 1; where it
         raises `Stopped`, the search ends with what it has.
     overdue : whether what follows the search is to end as well; asked within its fits.
+    failures : takes the errors of what comes after the fit of the declared model; the rest is done without it.
     """
     problem = SearchProblem.of(model, estimation, validation, settings, patiently(progress))
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
     patient = problem.progress
-    problem, selection = forward_selection(replace(problem, progress=progress), declared, model)
-    problem, selection = listened(problem, selection, replace(model, shown=()))
+    problem, selection = forward_selection(replace(problem, progress=progress), declared, model, failures)
+    with failures.step("search beside process noise"):
+        problem, selection = listened(problem, selection, replace(model, shown=()))
     with in_haste(overdue):  # how sure each effect is, is judged by fits that have ended, as long as there is time
-        return _concluded(replace(problem, progress=patient), selection, model, estimation)
+        return _concluded(replace(problem, progress=patient), selection, model, estimation, failures)
 
 
 def _concluded(
-    problem: SearchProblem, selection: Selection, model: ModelStructure, estimation: Sequence[Record]
+    problem: SearchProblem,
+    selection: Selection,
+    model: ModelStructure,
+    estimation: Sequence[Record],
+    failures: Failures,
 ) -> LoopClosure:
     """How sure each effect is, and what the final model leaves."""
-    found, standings, doubtful = judged(problem, selection, model.between)
-    tentative = problem.validation.errors(selection.final.fit.vector) if doubtful else {}
+    found, standings, doubtful = selection, tuple[EffectStanding, ...](), tuple[EffectStanding, ...]()
+    tentative, rest, function, forces = dict[str, dict[str, float]](), UNKNOWN, None, tuple[LatentForce, ...]()
+    with failures.step("judgement"):
+        found, standings, doubtful = judged(problem, selection, model.between)
+        tentative = problem.validation.errors(selection.final.fit.vector) if doubtful else {}
     searched = problem.estimation.blocks()
-    if problem.fits_less_than(estimation):
-        problem.progress("final fit to all recordings", 0.8)
-        problem, found = on_whole(problem, found, estimation)
-    found = found.on(lambda m: m, problem.heard) if problem.drawing > 0.0 else found
-    problem, found = centred(problem, found)
+    with failures.step("final fit"):
+        if problem.fits_less_than(estimation):
+            problem.progress("final fit to all recordings", 0.8)
+            problem, found = on_whole(problem, found, estimation)
+        found = found.on(lambda m: m, problem.heard) if problem.drawing > 0.0 else found
+        problem, found = centred(problem, found)
     problem.progress("errors and what remains", 0.9)
-    models = passed_through(problem, found, searched)
-    rest = remaining(problem, found)
+    models = tuple(unjudged_model(m.fit) for m in found.models)
+    with failures.step("errors"):
+        models = passed_through(problem, found, searched)
+    with failures.step("what remains"):
+        rest = remaining(problem, found)
     problem.progress("the force that the model lacks", 0.95)
-    forces = latent_forces(problem, models[-1].table)
-    function, noise = learnt_function(problem, found.final), problem.estimation.noise()
+    with failures.step("latent force"):
+        forces = latent_forces(problem, models[-1].table)
+    with failures.step("closed form"):
+        function = learnt_function(problem, found.final)
     told = standings, doubtful, tentative, function, forces, problem.estimation.unpredictable
+    noise = problem.estimation.noise()
     return LoopClosure(models[0], models[1:], found, rest, noise, model.simulator, *told)
 
 

@@ -16,7 +16,7 @@ from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.axis_model import InverseDynamics
 from shake_ros.core.identification.fit import Fit, fit
-from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.free_parameters import FreeParameters, is_of_recording
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate, estimates, form_errors
@@ -57,6 +57,13 @@ def fitted_model(
         estimation.errors(vector),
         validation.errors(vector) if validation else {},
     )
+
+
+def unjudged_model(result: Fit) -> FittedModel:
+    """Parameters without standard errors, where neither these nor errors of free runs could be computed."""
+    values = (result.x * result.free.scale).tolist()
+    own = [(f, value) for f, value in zip(result.free.free, values, strict=True) if not is_of_recording(f.name)]
+    return FittedModel(result, result.table, tuple(Estimate(f.name, v, None, f.unit) for f, v in own), {}, {})
 
 
 def random_starts(free: FreeParameters, count: int, factor: float, seed: int = 0) -> np.ndarray:

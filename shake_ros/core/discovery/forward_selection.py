@@ -8,6 +8,7 @@ earlier effects are tried for removal.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -32,12 +33,15 @@ from shake_ros.core.discovery.unlisted_functions import (
     leading_functions,
     or_function,
 )
+from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.haste import hurried
 from shake_ros.core.identification.knowledge import without_null_shifts
 
 
-def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructure) -> tuple[SearchProblem, Selection]:
+def forward_selection(
+    problem: SearchProblem, declared: Fit, model: ModelStructure, failures: Failures = RAISING
+) -> tuple[SearchProblem, Selection]:
     """Add effects to the declared model until none lowers the error on validation data; take out the needless.
 
     Returns the problem as well, with what its models have told of the recordings.
@@ -45,21 +49,21 @@ def forward_selection(problem: SearchProblem, declared: Fit, model: ModelStructu
     Parameters
     ----------
     declared : fit of the declared model to the estimation data. model : with the effects that it may lack.
+    failures : takes an error of the search, which then ends with what it has found.
     """
-    current = with_late_parameters(problem, problem.scored(declared))
-    found = Selection(current, (), current)
-    try:
-        for grown in stages(problem, found, model):
+    current = problem.scored(declared)
+    found, done = Selection(current, (), current), False
+    with failures.step("search"), contextlib.suppress(Stopped):
+        current = with_late_parameters(problem, current)
+        for grown in stages(problem, Selection(current, (), current), model):
             before, found = [s.chosen.candidate for s in found.steps], grown
             added = [s.chosen.candidate for s in found.steps]
             if added != before:
                 names = [f"a function ({c.place})" if c.effect == UNLISTED else c.effect for c in added]
                 problem.progress(found_by_now(problem, names, found.final, found.declared), 0.0)
-        seen = problem.seen(found.knowledge)
-        steps, final, removed = eliminate(seen, found.steps, found.final)
-    except Stopped:
-        return problem.seen(found.knowledge), replace(found, stopped=True)
-    return seen, replace(found, steps=steps, final=final, removed=removed)
+        steps, final, removed = eliminate(problem.seen(found.knowledge), found.steps, found.final)
+        found, done = replace(found, steps=steps, final=final, removed=removed), True
+    return problem.seen(found.knowledge), replace(found, stopped=not done)
 
 
 def listened(problem: SearchProblem, found: Selection, model: ModelStructure) -> tuple[SearchProblem, Selection]:
@@ -83,9 +87,9 @@ def listened(problem: SearchProblem, found: Selection, model: ModelStructure) ->
     try:
         for grown in stages(listening, found, replace(model, candidates=left)):
             found = grown
+        steps, final, removed = eliminate(listening, found.steps, found.final)
     except Stopped:
         return listening, replace(found, stopped=True)
-    steps, final, removed = eliminate(listening, found.steps, found.final)
     return listening, replace(found, steps=steps, final=final, removed=(*found.removed, *removed))
 
 

@@ -84,10 +84,12 @@ def with_refined_nodes(problem: SearchProblem, step: ForwardStep) -> ForwardStep
         FreeParameter(PREFIX + name, FINE * spacing, end - spacing, end + spacing, "m")
         for name, end in zip(("low", "high"), ends, strict=True)
     ]
-    own = dict(zip(NODE_NAMES, FORMS[form.name].y(np.linspace(*ends, NODES), *form.parameters.values()), strict=True))
-    own |= {PREFIX + "low": ends[0], PREFIX + "high": ends[1]}
     with_ends = FreeParameters(free.base, [*free.free, *moved])
-    start = with_ends.x_of({p.name: float(own.get(p.name, table.value(p.name))) for p in with_ends.free})
+    values = FORMS[form.name].y(np.linspace(*ends, NODES), *form.parameters.values())
+    start = np.append(x, ends / with_ends.scale[-2:])
+    own = [free.names.index(name) for name in NODE_NAMES]
+    start[own] = values / free.scale[own]
+    start = np.clip(start, with_ends.low, with_ends.high)
     settings = problem.settings
     tried = problem.fitted(with_ends, start, settings.function_evaluations, settings.function_tolerance, near=True)
     if tried.score >= chosen.result.score:

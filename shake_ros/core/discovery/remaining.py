@@ -47,6 +47,9 @@ class Remaining:
     text: str
 
 
+UNKNOWN = Remaining(True, math.nan, None, (), {}, "not known: the step that judges it failed")
+
+
 def explained_share(values: np.ndarray, by: np.ndarray, groups: int) -> float:
     """Share of the variance of `values` that its mean in quantile groups of `by` explains, less what chance gives.
 

@@ -17,7 +17,8 @@ from shake_ros.core.identification.uncertainty import at_bound, correlation, cov
 
 OPEN = 0.5  # deviation of a combination, as a part of the parameters' sizes, from which on it is not identified
 TOGETHER = 0.95  # correlation from which on two parameters are told as a pair
-SHARE = 0.3  # weight in a combination from which on a parameter is named
+SHARE = 0.3  # weight in a combination, of its largest one, from which on a parameter is named
+NAMED = 4  # parameters of a combination that a report names at most
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,17 @@ class OpenCombination:
 
     weights: dict[str, float]
     deviation: float
+
+    @property
+    def text(self) -> str:
+        """The parameters that only act together.
+
+        >>> OpenCombination({f"node {i}": 0.2 for i in range(17)}, 1.0).text
+        'node 0 with node 1 with node 2 with node 3 with 13 more'
+        """
+        names = list(self.weights)
+        more = [f"{len(names) - NAMED} more"] if len(names) > NAMED else []
+        return " with ".join([*names[:NAMED], *more])
 
 
 @dataclass(frozen=True)
@@ -66,8 +78,7 @@ class Identifiability:
                 f"{worst} is the least certain, ± {100.0 * self.deviations[self.weakest]:.2g} %"
             )
         else:
-            parts = [" with ".join(c.weights) if len(c.weights) > 1 else next(iter(c.weights)) for c in self.left_open]
-            said = f"these recordings do not identify {'; '.join(parts)}"
+            said = f"these recordings do not identify {'; '.join(c.text for c in self.left_open)}"
         if self.pairs:
             pairs = ", ".join(f"{a} with {b} ({value:+.2f})" for a, b, value in self.pairs)
             said += f"; strongly correlated: {pairs}"
@@ -112,7 +123,7 @@ def identifiability(result: Fit, blocks: np.ndarray) -> Identifiability:
         if deviation > OPEN:
             order = np.argsort(-np.abs(row))
             row = row * np.sign(row[order[0]])
-            weights = {names[i]: float(row[i]) for i in order if abs(row[i]) > SHARE}
+            weights = {names[i]: float(row[i]) for i in order if abs(row[i]) > SHARE * row[order[0]]}
             left_open.append(OpenCombination(weights, deviation))
     related = correlation(result, blocks)
     pairs = [

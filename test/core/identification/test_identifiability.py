@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from shake_ros.core.discovery.unlisted_functions import NODE_NAMES
 from shake_ros.core.identification.experiments import KINDS, Candidate, advice, benefits, catalogue, drive
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
@@ -55,6 +56,18 @@ def test_two_parameters_that_only_act_together_are_named_as_a_combination() -> N
     assert set(weights) == {NAMES[0], NAMES[1]}
     assert weights[NAMES[0]] == pytest.approx(-weights[NAMES[1]])
     assert f"do not identify {NAMES[0]} with {NAMES[1]}" in known.text or "do not identify" in known.text
+
+
+def test_a_combination_of_many_small_weights_has_a_name() -> None:
+    names = (*NODE_NAMES, "valve.flow_coefficient")  # a function's level and the gain that it multiplies
+    scales = {name: abs(TABLE.value(name)) or 0.05 for name in names}
+    free = FreeParameters(TABLE, [free_parameter(n, {"scale": scale}, "here") for n, scale in scales.items()])
+    rng, even = np.random.default_rng(4), np.full((17, 17), 1.0 / 17.0)
+    c = rng.standard_normal((6000, 17)) @ (np.eye(17) - even)
+    known = identifiability(Fit(free, free.start(), rng.standard_normal(6000), c, 3000.0, 1), blocks())
+    (left_open,) = known.left_open
+    assert set(left_open.weights) == set(names)
+    assert f"with {len(names) - 4} more" in known.text
 
 
 def test_a_parameter_without_effect_is_not_identified() -> None:

@@ -1,0 +1,148 @@
+"""Every kind of function that is on no list, on a declared, an unknown and a reduced model, to a whole report.
+
+The tables are the package's own with that function in them: what counts here is that each report comes to its end.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import shake_ros as sr
+from shake_ros.api import model as opening
+from shake_ros.api import tracking
+from shake_ros.cli.close_loop import lines
+from shake_ros.core.discovery import close_loop as closing
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.problem import SearchProblem, linearised
+from shake_ros.core.discovery.refined_nodes import refined_function
+from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.selection import Selection
+from shake_ros.core.discovery.standing import EffectStanding, standing
+from shake_ros.core.discovery.unlisted_functions import (
+    KINDS,
+    NODE_NAMES,
+    PREFIX,
+    PULSATION,
+    UNLISTED,
+    FunctionKind,
+    best_function,
+    fit_function,
+    fit_to_pieces,
+    may_have_functions,
+    pulsations,
+    ranges,
+    screen_function,
+)
+from shake_ros.core.effects.unlisted import NODES
+from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.stages import StartingPoint
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.simulation import run
+from shake_ros.settings import load_search, load_table, read_yaml
+
+STEP, SECONDS = 0.001, 1.2
+LEAN = load_search().replace(
+    starts=1, fitted_starts=1, converging_evaluations=2, function_evaluations=4, most_periods=1
+)
+SPANS = {"position": 0.02, "velocity": 0.5, "valve_opening": 0.6, "load_pressure": 6e6, "time": SECONDS, "phase": 0.16}
+STRENGTHS = {"N": 1500.0, "-": 0.3, "m^3/s": 3e-5}
+FREE = ("friction.coulomb_level", "friction.viscous", "bulk_modulus.modulus")
+NAMES = {f"{k.place}_of_{k.quantity}_{k.code}": k for k in KINDS.values()}
+
+
+def table_with(kind: FunctionKind) -> TableParameters:
+    """The catalogue's table with a bump of one kind, as narrow as three nodes."""
+    span = SPANS[kind.quantity]
+    low, high = (0.0 if kind.quantity in ("time", "phase") else -span), span
+    bump = np.exp(-0.5 * ((np.arange(NODES) - 0.6 * NODES) / 1.5) ** 2)
+    nodes = dict(zip(NODE_NAMES, STRENGTHS[kind.unit] * bump, strict=True))
+    own = {PREFIX + "kind": kind.code, PREFIX + "low": low, PREFIX + "high": high}
+    return load_table("bergamo").with_values(own | nodes)
+
+
+def recorded(table: TableParameters, name: str, seed: int) -> sr.Recordings:
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(SECONDS / STEP)) * STEP
+    frequency = np.arange(1.0, 12.0, 0.5)
+    command = np.sin(2.0 * np.pi * np.outer(time, frequency) + rng.uniform(0.0, 6.3, len(frequency))) @ (1 / frequency)
+    command *= 0.5 / np.max(np.abs(command))
+    out = run(table, command, STEP)
+    noise = rng.standard_normal((2, len(time)))
+    return sr.recording(name, time, command, out[:, 0] + 8e-6 * noise[0], acceleration=out[:, 2] + 0.05 * noise[1])
+
+
+def open_table(path: Path) -> Path:
+    """The catalogue's table with a few numbers left open."""
+    content: dict[str, Any] = load_table("bergamo").to_mapping()
+    for name in FREE:
+        section, field = name.split(".")
+        content[section][field] = {"value": content[section][field], "sd": 0.1 * abs(content[section][field])}
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return path
+
+
+def search_for(kind: FunctionKind) -> Any:
+    """A search that adds one kind of function, as the whole search would after trying all else."""
+
+    def search(problem: SearchProblem, declared: Fit, *_: object) -> tuple[SearchProblem, Selection]:
+        pieces, current = problem.estimation_pieces, problem.scored(declared)
+        if not may_have_functions(current):
+            return problem, Selection(current, (), current, functions=best_function(problem, current))
+        model = linearised(pieces, declared)
+        if kind is PULSATION:
+            (found,) = pulsations(pieces, model, problem.settings)
+        else:
+            span = ranges(pieces, model)[kind.quantity]
+            found = screen_function(pieces, model, kind, span, problem.settings)
+        fitted = problem.scored(fit_function(problem, found, fit_to_pieces(problem, found)))
+        own = tuple(p for p in found.free.free if p.name not in declared.free.names)
+        chosen = Refit(CandidateEffect(UNLISTED, own, (), kind.place, kind.depends_on), fitted, found.gain)
+        step = refined_function(problem, ForwardStep(chosen, (chosen,)))
+        return problem, Selection(current, (step,), step.chosen.result)
+
+    return search
+
+
+def kept(
+    problem: SearchProblem, found: Selection, *_: object
+) -> tuple[Selection, tuple[EffectStanding, ...], tuple[()]]:
+    """How sure the function is; it stays in any case."""
+    return found, tuple(standing(problem, found, step)[0] for step in found.steps), ()
+
+
+@pytest.mark.parametrize("kind", NAMES.values(), ids=NAMES)
+@pytest.mark.parametrize("model", ["declared", "unknown", "reduced"])
+def test_unlisted_effect_ends_in_a_whole_report(
+    kind: FunctionKind, model: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(closing, "forward_selection", search_for(kind))
+    monkeypatch.setattr(closing, "judged", kept)
+    monkeypatch.setattr(tracking, "neighbours", lambda table, *_: [table])
+    monkeypatch.setattr(tracking, "read_yaml", lambda path: {**read_yaml(path), "reference": "pulse"})
+    monkeypatch.setattr(
+        opening, "staged_start", lambda m, free, effects, data, _: StartingPoint.declared(m.table, data)
+    )
+    table = table_with(kind)
+    config = open_table(tmp_path / "open.yaml") if model == "unknown" else None
+    declared = sr.model("reduced" if model == "reduced" else "full", config)
+    learn = recorded(table, "first", 1) + recorded(table, "second", 2)
+    found = sr.close_loop(declared, learn, recorded(table, "third", 3), settings=LEAN, progress=False)
+    out = found.report(tmp_path / "out")
+    content = json.loads((out / "report.json").read_text(encoding="utf-8"))
+    assert content["failed"] == []
+    files = {"report.html", "report.json", "table.yaml", "diagnosis.json"}
+    if model == "reduced":  # it has no place for such a function
+        assert content["remaining"]["above_noise"]
+    else:
+        assert [step["effect"] for step in content["steps"]] == ["unlisted"]
+        assert content["function"]["place"] == kind.place
+        files |= {"tracking.json", "uncertainty.json"}
+    assert {p.name for p in out.iterdir()} == files
+    assert list(lines(found, force=False))
