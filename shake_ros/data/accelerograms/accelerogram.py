@@ -138,6 +138,7 @@ class Component:
     peak : as the header declares it, in `unit`; None where it does not.
     about_mean : the declared peak is about the mean.
     titles : lines of text above. warnings : what a user should know.
+    followed : other numbers may stand right behind.
     """
 
     label: str
@@ -156,6 +157,7 @@ class Component:
     about_mean: bool = False
     titles: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    followed: bool = False
 
 
 def read_channel(text: Text, channels: Sequence[Component], channel: int, unit: str, form: str) -> Accelerogram:
@@ -199,7 +201,7 @@ def _values(text: Text, c: Component) -> Array:
         assert total is not None
         read, after = text.fixed(c.first, total, c.width, c.per_line, "samples")
         following = text.lines[after].strip() if after < len(text.lines) else ""
-        if NUMBER.match(following) and not re.search(r"[A-CF-Za-cf-z&|]", following):
+        if not c.followed and NUMBER.match(following) and not re.search(r"[A-CF-Za-cf-z&|]", following):
             raise text.bad(after, f"more than the {c.count} samples that the header declares, or a damaged line")
     else:
         read = text.free(c.first, "acceleration")

@@ -52,7 +52,10 @@ def is_listed(lines: Sequence[str]) -> bool:
 def _bare(lines: Sequence[str], place: int) -> bool:
     """Whether a line of two bare numbers gives the number and step of those that follow."""
     match = BARE.match(lines[place])
-    return bool(match) and sum(len(line.split()) for line in lines[place + 1 :]) == int(match[1])  # type: ignore[index]
+    return match is not None and sum(len(line.split()) for line in lines[place + 1 :]) in (
+        int(match[1]),
+        2 * int(match[1]),
+    )
 
 
 def listed(text: Text) -> list[Component]:

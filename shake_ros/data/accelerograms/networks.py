@@ -203,6 +203,7 @@ def geonet(text: Text) -> list[Component]:
                 factor=text.number(size[1], first + 10, "unit") if size else 1.0,
                 peak=text.number(peak[1], first + 13, "declared peak") if peak else None,
                 titles=tuple(titles),
+                followed=True,
             )
         )
     return found

@@ -160,7 +160,7 @@ def _of_cosmos(text: Text, first: int) -> Component:
     unit = unit_in(text.lines[line].lower().split("units", 1)[-1].split("format", 1)[0])
     if not unit:
         raise text.bad(line, f"no known unit in '{shown(text.lines[line].strip())}'")
-    after = begin - -(-size // -per_line)
+    after = begin + -(-size // per_line)
     if not text.line(after, "the mark 'End-of-data'").lower().lstrip().startswith("end-of-data"):
         raise text.bad(after, f"'End-of-data' should follow the {size} samples that the header declares")
     titles = tuple(" ".join(text.lines[i].split()) for i in range(first, first + COSMOS_TITLES))

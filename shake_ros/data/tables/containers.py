@@ -46,6 +46,8 @@ def _library(name: str, path: Path) -> Any:
 
 def _columns(path: Path, names: list[str], units: list[str], columns: list[Any]) -> Content:
     """Columns of equal length; a ShakeError names the first that is no column of real numbers when it is asked for."""
+    if not names:
+        raise ShakeError(f"{path}: holds no columns of numbers")
 
     def read(place: int) -> Floats:
         values = np.asarray(columns[place]() if callable(columns[place]) else columns[place])

@@ -14,6 +14,7 @@ from shake_ros.data.tables.units import parse_unit
 LOOKED_AT = 2000  # lines from which the layout is found, and from which the decimal sign is
 TYPICAL = 50  # rows from which the columns of numbers are found
 HEADING = 8  # lines above the rows among which names and units are
+MARKED = 3  # lines of a mark between rows
 DAMAGED = 4  # numbers to a text from which a column is one of numbers
 FOOTER = 60  # lines of text between blocks, or behind the last row
 COMMENT = ("#", "%", "//", "!", "*")  # above the table; the first three also among the rows
@@ -62,12 +63,17 @@ def find_layout(lines: Sequence[str], skip: int = 0, decimal: str = "") -> Diale
     head = [(i, line) for i, line in enumerate(lines[skip : skip + LOOKED_AT], skip) if line.strip(" \t,;")]
     head = [(i, line) for i, line in head if not line.lstrip().startswith(COMMENT[:3])]
     separator, block = _separator(head)
+    if separator == "," and _single(lines, block, decimal):
+        separator = BLANK
     if not block:
         raise ShakeError("no rows of numbers found" + (f" behind {skip} skipped lines" if skip else ""))
     typical = [split(lines[i], separator) for i in block[:TYPICAL]]
     numbers = _numbers(typical)
     first = _first(lines, block[0], skip, separator, numbers)
     names, units, heading = _heading(lines, skip, first, separator, typical)
+    if heading >= 0 and (again := lines.index(lines[heading], skip)) < heading:
+        heading = again
+        first = next(i for i in range(again, len(lines)) if _is_row(lines[i], separator, numbers))
     rows, notes = _rows(lines, first, separator, numbers, heading)
     places = [i for start, stop in rows for i in range(start, stop)[: LOOKED_AT // 2]]
     places += [i for start, stop in rows for i in range(start, stop)[:: 1 + (stop - start) // LOOKED_AT]]
@@ -99,6 +105,20 @@ def _separator(head: Sequence[tuple[int, str]]) -> tuple[str, list[int]]:
     return best[1], best[2]
 
 
+def _single(lines: Sequence[str], block: Sequence[int], decimal: str) -> bool:
+    """Whether whole numbers with a comma between are one column of decimal commas; a ShakeError where that is open."""
+    rows = [lines[i].strip() for i in block]
+    if not all(re.fullmatch(r"[+-]?\d+,\d+", row) for row in rows):
+        return False
+    above = next((lines[i] for i in range(block[0] - 1, -1, -1) if re.search(r"[^\W\d_]", lines[i])), "")
+    named = bool(above)
+    if decimal or named:
+        return decimal == "," or (named and "," not in above)
+    if any(re.fullmatch(r".*,0\d+", row) for row in rows):
+        return True
+    raise ShakeError(f"'{rows[0]}': one column of decimal commas or two columns? give --decimal , or .")
+
+
 def _pure(head: Sequence[tuple[int, str]], found: tuple[float, str, list[int]]) -> bool:
     """Whether a separator other than a blank makes nothing but several numbers of a block's lines."""
     text = dict(head)
@@ -128,12 +148,13 @@ def _first(lines: Sequence[str], start: int, skip: int, separator: str, numbers:
     first = start
     while not _is_row(lines[first], separator, numbers) and _is_text(split(lines[first], separator)[0]):
         first += 1
-    if first > start:
-        return first
     for i in range(start - 1, skip - 1, -1):
-        if lines[i].strip() and not _is_row(lines[i], separator, numbers):
-            break
-        first = i if lines[i].strip() else first
+        if _is_row(lines[i], separator, numbers):
+            first = i
+        elif lines[i].strip() and _is_remark(lines[i], separator):
+            above = lines[max(skip, i - MARKED) : i]
+            if len(split(lines[i], separator)) > 1 or not any(_is_row(line, separator, numbers) for line in above):
+                break
     return first
 
 
@@ -143,10 +164,12 @@ def _heading(
     """Names and units above the first row, and the line of the names, −1 where there is none."""
     raw = max(len(cells) for cells in typical)
     width = max(i + 1 for cells in typical for i, cell in enumerate(cells) if cell or not i)
+    indices = [cells[0] for cells in typical]
+    counted = indices[0].isdecimal() and indices == [str(int(indices[0]) + i) for i in range(len(indices))]
     above = [i for i in range(max(skip, first - HEADING), first) if lines[i].strip()]
     found: list[tuple[int, list[str]]] = []
     for i in reversed(above):
-        cells = _names(lines[i], separator, raw, width)
+        cells = _names(lines[i], separator, raw, width, counted)
         if cells:
             found.append((i, cells))
         elif found and found[0][0] != i + 1:
@@ -164,17 +187,20 @@ def _heading(
     return tuple(found[named][1]), units, found[named][0]
 
 
-def _names(line: str, separator: str, raw: int, width: int) -> list[str]:
-    """The cells of a line that may be the names or units of all columns, empty where it may not."""
-    stripped = line.strip()
-    for mark in COMMENT:
-        stripped = stripped.removeprefix(mark).strip() if separator != mark else stripped
-    texts = dict.fromkeys((line.strip("\n"), stripped))
+def _names(line: str, separator: str, raw: int, width: int, counted: bool) -> list[str]:
+    """The cells of a line that may be the names or units of all columns, empty where it may not.
+
+    counted : the first column counts the rows, and may have no name.
+    """
+    mark = next((mark for mark in COMMENT if line.lstrip().startswith(mark)), "")
+    texts = [line.strip().removeprefix(mark).strip() if mark else line]
     ways = [split(text, way) for text in texts for way in dict.fromkeys((separator, *SEPARATORS))]
     ways += [re.split(r"\t+|\s{2,}", text.strip()) for text in texts]
     ways += [re.split(r"\s+(?![^(\[]*[)\]])(?![(\[])", text.strip()) for text in texts]
     for cells in ways:
         kept = len(cells)
+        if kept == width - 1 and counted:
+            cells, kept = ["", *cells], width
         while kept > width and not cells[kept - 1]:
             kept -= 1
         remark = kept > width and all(REMARKS.match(cell) for cell in cells[width:kept])

@@ -98,7 +98,7 @@ def propose(path: Path | str, skip: int | None = None, decimal: str = "") -> Pro
         least, largest = (float(finite.min()), float(finite.max())) if finite.size else (np.nan, np.nan)
         described.append(Described(table.name(place), unit.text if unit else "", least, largest, kind))
     rate, arguments = _arguments(table, places, values, kinds)
-    return Proposal(Path(path), tuple(described), len(values[0]), rate, arguments, table.notes)
+    return Proposal(Path(path), tuple(described), len(values[0]), rate, arguments, tuple(table.notes))
 
 
 def _kind(table: ColumnTable, place: int, values: np.ndarray) -> str:

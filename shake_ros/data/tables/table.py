@@ -9,7 +9,7 @@ import csv
 import re
 import unicodedata
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,6 +22,7 @@ from shake_ros.data.tables.layout import Dialect, find_layout
 from shake_ros.data.tables.text import first_bytes, read_text
 from shake_ros.data.tables.units import BRACKETS, QUANTITIES, Unit, unit_of
 
+LONGEST_HEADER, FEW = 200, 12  # lines of a header, and of one heading in quotes
 CHUNK = 20_000  # rows that are taken at once
 VALUE = r"\d*\.?\d+(?:[eE][+-]?\d+)?|\d+\.?"
 SHIFTED = re.compile(rf"\s*([+-]?(?:{VALUE}))\s*([+-]\s*(?:{VALUE}))\s*")  # scale and offset
@@ -80,7 +81,7 @@ class ColumnTable:
     read : gives the values of the columns of some indices, NaN where a cell is empty.
     numbers : indices of the columns that hold numbers.
     header : lines above the table.
-    notes : what was left out, a line each.
+    notes : what was left out, a line each; more may come with what is read.
     line : of the file in which row `i` stands, for messages.
     """
 
@@ -90,7 +91,7 @@ class ColumnTable:
     read: Callable[[Sequence[int]], list[Floats]]
     numbers: tuple[int, ...]
     header: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: list[str] = field(default_factory=list)
     line: Callable[[int], str] = lambda row: f"row {row + 1}"
 
     def place(self, name: str) -> int:
@@ -210,15 +211,31 @@ def read_table(
     return table_of(path, read_text(path, largest).split("\n"), skip, decimal)
 
 
+def _joined(lines: Sequence[str]) -> list[str]:
+    """Lines in which a heading in quotes that goes over several is one, and blank ones follow."""
+    found = list(lines)
+    for i in range(min(len(found), LONGEST_HEADER)):
+        end = i
+        while found[i].count('"') % 2 and end < min(i + FEW, len(found) - 1):
+            end += 1
+            found[i] += f" {found[end]}"
+        if end > i and not found[i].count('"') % 2:
+            found[i + 1 : end + 1] = [""] * (end - i)
+        elif end > i:
+            found[i] = lines[i]
+    return found
+
+
 def table_of(path: Path, lines: Sequence[str], skip: int | None = None, decimal: str = "") -> ColumnTable:
     """The table in the lines of a text; parameters and errors as of `read_table`."""
+    lines = _joined(lines)
     try:
         layout = find_layout(lines, skip or 0, decimal)
     except ShakeError as error:
         raise ShakeError(f"{path}: {error}") from None
-    rows = _Rows(path, lines, layout)
+    rows = _Rows(path, lines, layout, list(layout.notes))
     return ColumnTable(
-        path, layout.names, layout.units, rows.read, layout.numbers, layout.header, layout.notes, rows.line_of
+        path, layout.names, layout.units, rows.read, layout.numbers, layout.header, rows.notes, rows.line_of
     )
 
 
@@ -229,6 +246,7 @@ class _Rows:
     path: Path
     lines: Sequence[str]
     layout: Dialect
+    notes: list[str]
 
     def read(self, places: Sequence[int]) -> list[Floats]:
         """The values of some columns."""
@@ -254,6 +272,11 @@ class _Rows:
         if not line.strip() or line.lstrip().startswith(("#", "%", "//")):
             return []
         found = cells.split(line, self.layout.separator)
+        if len([cell for cell in found if cell]) == 1 and not any(map(cells.is_number, found)):
+            note = f"line {index + 1}: '{line.strip()[:40]}' is no row; left out"
+            if self.layout.width > 1 and note not in self.notes:
+                self.notes.append(note)
+            return [] if self.layout.width > 1 else found
         while len(found) > self.layout.width and not found[-1]:
             found.pop()
         return found

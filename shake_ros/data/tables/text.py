@@ -13,6 +13,7 @@ KINDS = {  # first bytes → what the file is, and what to do where nothing here
     b"\xd0\xcf\x11\xe0": ("an old Excel file (.xls)", "save it as .xlsx or as CSV"),
     b"TDSm": ("a National Instruments TDMS file", "export it as text"),
     b"\x89HDF": ("an HDF5 file, as MATLAB writes with -v7.3", "save it with -v7"),
+    b"MATLAB 7.3": ("a MATLAB .mat file of version 7.3", "save it with -v7"),
     b"MATLAB 5.0": ("a MATLAB .mat file", "export it as text"),
     b"\x1f\x8b": ("a gzip archive", "unpack it"),
     b"%PDF": ("a PDF", "ask for the numbers"),

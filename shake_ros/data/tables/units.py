@@ -16,6 +16,7 @@ BRACKETS = re.compile(r"[\[(<{]([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])
 ENCLOSED = re.compile(r"^[\[({<](.*)[\])}>]$")
 LOOSE = re.compile(r"[,;:/|]|(?<=\s)in(?=\s)")  # "Disp, mm", "Weg / mm", "Kraft in kN"
 SUFFIX = re.compile(r".*[^\d\s_.][_\s.]+([^\W\d_]\S*|%g?)$")  # "x_mm", "Time ms": counts where it is what is wanted
+MANGLED = re.compile(r"_([a-z]{1,2})_(s2?)$")  # "Acc_m_s2_", as MATLAB makes of "Acc (m/s2)"
 ALLOWED = re.compile(r"(?=.*[^\W\d]|.*%)[\w%°/*^.() -]+")
 SPELLINGS = (
     (re.compile(r"%\s*g\b", re.IGNORECASE), "percent*g"),
@@ -25,7 +26,7 @@ SPELLINGS = (
     (re.compile(r"[·⋅•]|(?<=[a-zμ])\.(?=[a-z])"), "*"),
     (re.compile(r"\bper\b"), "/"),
     (re.compile(r"^ms\^?-([12])$"), r"m/s^\1"),
-    (re.compile(r"(?<=[^\W\d_])\^?(-?[1-3])(?![\d.])"), r"^(\1)"),
+    (re.compile(r"(?<=[^\W\d_])\^?(-1|-?[23])(?![\d.])"), r"^(\1)"),
     (re.compile(r"\s*([/*])\s*"), r"\1"),
     (re.compile(r"(?<=[\w)])[. ]+(?=\w)"), "*"),
 )
@@ -123,7 +124,7 @@ def unit_of(name: str, row: str = "") -> Unit | None:
     """
     if row and (found := parse_unit(row)):
         return found
-    plain = unicodedata.normalize("NFKC", name)
+    plain = MANGLED.sub(r"_\1/\2", unicodedata.normalize("NFKC", name).rstrip("_"))
     inside = [unit for text in reversed(BRACKETS.findall(plain)) if (unit := parse_unit(text))]
     if inside:
         return inside[0]
