@@ -13,7 +13,7 @@ import numpy.typing as npt
 from shake_ros.api.import_csv import import_csv
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
+from shake_ros.data.recordings import TableRecording, Take, read_table_recording, write_table_recording
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -138,6 +138,7 @@ def read(
     *paths: str | Path,
     command: str | None = None,
     position: str | None = None,
+    take: Take | None = None,
     **columns: Any,
 ) -> Recordings:
     """Read recordings: rosbag2 folders, .mcap and .db3 files; or text tables and .mat files with their columns.
@@ -145,6 +146,8 @@ def read(
     Parameters
     ----------
     paths : recordings of different names.
+    take : what to read of a signal of which a recording holds several, as {"joint_states": "x_axis"}: the full name of
+        a topic, the name of a joint, the number of a publisher as a refusal lists them, or several of these.
     command, position, columns : columns of text tables and .mat files with factors to SI units, as `import_csv` takes
         them: `time` or `rate`, `command`, `position`, and if there are any `acceleration`, `force`; `skip`.
 
@@ -172,7 +175,7 @@ def read(
         tables = [path for path in paths if Path(path).suffix.lower() in TABLES]
         if tables:
             raise ShakeError(f'{tables[0]}: a table needs its columns, as in time="t", command="u", position="x*0.001"')
-        return Recordings(read_table_recording(path) for path in paths)
+        return Recordings(read_table_recording(path, take) for path in paths)
     if command is None or position is None:
         raise ShakeError("a table needs the columns of the command and of the position")
     found = []

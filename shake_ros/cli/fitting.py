@@ -10,6 +10,7 @@ from pathlib import Path
 from shake_ros.api.fitted import check_apart
 from shake_ros.api.model import Model, model
 from shake_ros.api.read import Recordings, read
+from shake_ros.cli.reporting import add_take, taken
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.quantities import ShakeError
@@ -27,6 +28,7 @@ def add_data(command: argparse.ArgumentParser, needed: Sequence[str] = ()) -> No
         command.add_argument(
             *options, dest=name, type=Path, nargs="+", required=name in needed, default=[], metavar="BAG", help=text
         )
+    add_take(command)
     command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     command.add_argument("--force", action="store_true", help="replace an existing result folder")
 
@@ -64,7 +66,7 @@ def inputs(given: argparse.Namespace) -> tuple[Model, Recordings, Recordings]:
 
 def read_data(given: argparse.Namespace) -> tuple[Recordings, Recordings]:
     """Estimation and validation data of the arguments; what reading met goes to standard error."""
-    estimation, validation = read(*given.estimation), read(*given.validation)
+    estimation, validation = (read(*bags, take=taken(given)) for bags in (given.estimation, given.validation))
     for finding in estimation.findings + validation.findings:
         print(finding, file=sys.stderr)
     return estimation, validation

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shake_ros.api.frequency_response import INPUTS, OUTPUTS, WINDOW, frequency_response
-from shake_ros.cli.reporting import add_figures, reporting
+from shake_ros.cli.reporting import add_figures, add_take, reporting, source
 from shake_ros.data.results import refuse_existing
 
 
@@ -15,6 +15,7 @@ def parser() -> argparse.ArgumentParser:
     """The command line."""
     p = argparse.ArgumentParser(prog="frequency_response", description=__doc__)
     p.add_argument("bag", metavar="BAG", type=Path)
+    add_take(p)
     p.add_argument("--input", choices=tuple(INPUTS), default="valve_command")
     p.add_argument("--output", choices=tuple(OUTPUTS), default="position")
     p.add_argument("--window", type=float, default=WINDOW, metavar="T", help=f"window [s] (default: {WINDOW:g})")
@@ -30,7 +31,7 @@ def main(arguments: Sequence[str]) -> int:
     given = parser().parse_args(list(arguments))
     if given.out is not None:
         refuse_existing(given.out, force=given.force)
-    found = frequency_response(given.bag, given.input, given.output, given.window, given.at)
+    found = frequency_response(source(given.bag, given), given.input, given.output, given.window, given.at)
     if given.out is not None:
         found.report(given.out, given.force, **reporting("frequency_response", given, arguments))
     print(found)

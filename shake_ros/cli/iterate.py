@@ -13,7 +13,7 @@ from shake_ros.api.own_loop import OWN
 from shake_ros.api.read import read
 from shake_ros.api.simulated_table import SimulatedTable
 from shake_ros.cli.fitting import change
-from shake_ros.cli.reporting import add_figures, reporting
+from shake_ros.cli.reporting import add_figures, add_take, reporting, taken
 from shake_ros.core.quantities import ShakeError
 
 METHOD = """\
@@ -38,6 +38,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     p.add_argument("bags", nargs="*", metavar="BAG", type=Path)
+    add_take(p)
     p.add_argument("--wanted", required=True, metavar="REFERENCE", help="the motion that the table should make")
     p.add_argument("--out", required=True, metavar="DIR", type=Path)
     p.add_argument("--config", default="default", help="config/iteration/NAME.yaml or a file (default: default)")
@@ -96,7 +97,7 @@ def _told(result: Iterated) -> int:
 
 
 def _from_recordings(given: argparse.Namespace) -> Iterated:
-    runs = read(*given.bags)
+    runs = read(*given.bags, take=taken(given))
     if given.refit is not None:
         for finding in runs[-1:].findings:
             print(finding, file=sys.stderr)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shake_ros.api.multisine_split import UNITS, multisine_split
+from shake_ros.cli.reporting import add_take, source
 from shake_ros.data.results import refuse_existing, writing
 
 METHOD = """\
@@ -21,6 +22,7 @@ def parser() -> argparse.ArgumentParser:
         prog="multisine_split", description=__doc__, epilog=METHOD, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     p.add_argument("bag", metavar="BAG", type=Path)
+    add_take(p)
     p.add_argument("--period", type=float, metavar="T", help="length of a period [s] (default: found)")
     p.add_argument("--channel", choices=tuple(UNITS), default="acceleration")
     p.add_argument("--skip", type=int, metavar="N", help="periods left out at the start")
@@ -34,7 +36,7 @@ def main(arguments: Sequence[str]) -> int:
     given = parser().parse_args(list(arguments))
     if given.plot is not None:
         refuse_existing(given.plot, force=given.force)
-    found = multisine_split(given.bag, given.period, given.channel, given.skip)
+    found = multisine_split(source(given.bag, given), given.period, given.channel, given.skip)
     if given.plot is not None:
         with writing():
             found.plot().savefig(given.plot, dpi=110, format="png")

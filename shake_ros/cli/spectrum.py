@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shake_ros.api.response_spectrum import DAMPING, HIGH, LOW, PER_OCTAVE, acceleration_spectra
+from shake_ros.cli.reporting import add_take, source
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import refuse_existing
 
@@ -24,6 +25,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     p.add_argument("bags", nargs="+", metavar="BAG", type=Path)
+    add_take(p)
     p.add_argument("--damping", type=float, nargs="+", default=list(DAMPING), metavar="XI", help="(default: 0.05)")
     p.add_argument("--low", type=float, default=LOW, metavar="HZ", help=f"lowest frequency (default: {LOW:g})")
     p.add_argument(
@@ -48,12 +50,8 @@ def main(arguments: Sequence[str]) -> int:
         if len(given.bags) > 1 or given.out.suffix != ".csv":
             raise ShakeError(f"--out {given.out}: give one recording and a name that ends in .csv")
         refuse_existing(given.out, force=given.force)
-    found = [
-        acceleration_spectra(
-            b, given.damping, given.low, given.high, given.per_octave, given.subtract_mean, given.band_limited
-        )
-        for b in given.bags
-    ]
+    band, how = (given.damping, given.low, given.high, given.per_octave), (given.subtract_mean, given.band_limited)
+    found = [acceleration_spectra(source(bag, given), *band, *how) for bag in given.bags]
     print("\n\n".join(map(repr, found)))
     if given.out is not None:
         found[0].write(given.out, given.force)

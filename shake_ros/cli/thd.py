@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shake_ros.api.thd import thd
+from shake_ros.cli.reporting import add_take, source
 
 METHOD = """\
 The fundamental is fitted to the acceleration, within 1 % of that of the reference or, where there is none, of the valve
@@ -24,6 +25,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     p.add_argument("bags", nargs="+", metavar="BAG", type=Path)
+    add_take(p)
     p.add_argument("--frequency", type=float, help="fundamental [Hz] (default: found)")
     p.add_argument("--harmonics", type=int, metavar="N", help="orders to fit and to print (default: all, 15 printed)")
     p.add_argument("--start", type=float, metavar="T", help="from this time of the recording on [s]")
@@ -34,6 +36,6 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     given = parser().parse_args(list(arguments))
-    found = [thd(bag, given.frequency, given.harmonics, given.start, given.stop) for bag in given.bags]
+    found = [thd(source(bag, given), given.frequency, given.harmonics, given.start, given.stop) for bag in given.bags]
     print("\n\n".join(map(repr, found)))
     return 0

@@ -46,10 +46,14 @@ def time_message(stamp: int) -> Time:
     return Time(sec=stamp // SECOND, nanosec=stamp % SECOND)
 
 
+class OtherJointError(ShakeError):
+    """A message of other joints, which a shared topic carries as well: not for its reader, and no fault."""
+
+
 def _joint_index(names: list[str], joint: str, count: int) -> int:
     """Place of `joint` among the names of a message; a single unnamed or foreign-named joint is not guessed."""
     if joint not in names:
-        raise ShakeError(f"joint '{joint}' is not among {names}")
+        raise OtherJointError(f"joint '{joint}' is not among {names}")
     index = names.index(joint)
     if index >= count:
         raise ShakeError(f"joint '{joint}' has no value")
@@ -88,6 +92,13 @@ def _imu(values: Values, variance: float) -> Imu:
     message.linear_acceleration.x = values[0]
     message.linear_acceleration_covariance[0] = variance
     return message
+
+
+def _read_imu(message: Imu) -> Values:
+    felt = message.linear_acceleration.x
+    if message.linear_acceleration_covariance[0] == NOT_MEASURED and felt == 0.0:
+        raise ShakeError("no acceleration is measured (covariance −1)")
+    return (felt,)
 
 
 def _pressure(values: Values, variance: float) -> FluidPressure:
@@ -209,7 +220,7 @@ class Codec:
         for place in self._places:
             fields[place] = NUMBER
         for place in self._variances:
-            fields[place] = VARIANCE
+            fields[place] = VARIANCE if fields[place] != NOT_MEASURED else None
         if self._led:
             seconds, rest = fields[self._led : self._led + 2]
             fields[self._led : self._led + 2] = LEAD, LEAD_REST
@@ -227,7 +238,7 @@ class Codec:
         try:
             values = self.read(message)
         except ShakeError as error:
-            raise ShakeError(f"{self.topic.name}: {error}") from None
+            raise type(error)(f"{self.topic.name}: {error}") from None
         if self._led:
             later = message.points[0].time_from_start
             self.lead = later.sec * SECOND + later.nanosec
@@ -250,7 +261,7 @@ def _imu_codec(topic: Topic) -> Codec:
     unmeasured = (NOT_MEASURED, *(0.0,) * 8)
     numbers = (0.0, 0.0, 0.0, 1.0, *unmeasured, 0.0, 0.0, 0.0, *unmeasured, NUMBER, 0.0, 0.0, VARIANCE, *(0.0,) * 8)
     parts = [*_text(topic.frame), *(("d", number) for number in numbers)]
-    return Codec(topic, _imu, lambda m: (m.linear_acceleration.x,), parts, 1)
+    return Codec(topic, _imu, _read_imu, parts, 1)
 
 
 def _pressure_codec(topic: Topic) -> Codec:

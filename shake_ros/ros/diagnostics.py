@@ -22,7 +22,7 @@ MICROSECOND = 1e-3  # of a nanosecond count
 
 
 class Input:
-    """What came in on one topic: how many, which were lost, doubled or refused.
+    """What came in on one topic: how many, which were lost, doubled, refused, or of other joints.
 
     Parameters
     ----------
@@ -36,6 +36,7 @@ class Input:
         self.lost = 0
         self.doubled = 0
         self.refused = 0
+        self.others = 0
         self.last_stamp = -1
         self.last_arrival = -1
 
@@ -147,6 +148,7 @@ class Diagnostics:
             values[f"{item.name}.lost"] = item.lost
             values[f"{item.name}.doubled"] = item.doubled
             values[f"{item.name}.refused"] = item.refused
+            values[f"{item.name}.others"] = item.others
             values[f"{item.name}.age_s"] = f"{item.age():.3f}"
         values |= {name: read() for name, read in self.values.items()}
         for group in self.groups:

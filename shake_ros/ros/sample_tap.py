@@ -56,7 +56,9 @@ class SampleTap:
                     messages.append(taken[0])
             if messages:
                 signal = SIGNALS[name]
-                self._store.add(name, *columns(messages, signal.type, signal.choose, len(signal.paths)))
+                stamps, values, sources = columns(messages, signal.type, signal.choose, len(signal.paths))
+                own = sources >= 0  # messages of other joints on a shared topic are not the table's
+                self._store.add(name, stamps[own], values[own])
 
     def close(self) -> None:
         """Leave the graph."""

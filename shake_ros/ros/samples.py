@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.ros.conversions import codec
-from shake_ros.ros.diagnostics import ERROR, Input
+from shake_ros.ros.conversions import OtherJointError, codec
+from shake_ros.ros.diagnostics import ERROR, OK, Input
 from shake_ros.ros.interface import Topic
 
 if TYPE_CHECKING:
@@ -88,6 +88,9 @@ class Reader:
     def _arrived(self, data: bytes) -> None:
         try:
             stamp, values = self._decode(data)
+        except OtherJointError as error:
+            self.input.others += 1
+            return self._frame.say(OK, f"{error}: left out", key=self._topic.name)
         except ShakeError as error:
             return self._refused(-1, str(error))
         if stamp <= 0:

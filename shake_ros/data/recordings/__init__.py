@@ -1,6 +1,7 @@
 """Recordings of shaking tables: rosbag2 folders and files, read on one time base and written."""
 
 from shake_ros.data.recordings.findings import Finding
+from shake_ros.data.recordings.publishers import Take
 from shake_ros.data.recordings.table import Provenance, TableRecording, iterate_table_recording, read_table_recording
 from shake_ros.data.recordings.table_writer import write_table_recording
 from shake_ros.data.recordings.writer import BagWriter, recover
@@ -10,6 +11,7 @@ __all__ = [
     "Finding",
     "Provenance",
     "TableRecording",
+    "Take",
     "iterate_table_recording",
     "read_table_recording",
     "recover",

@@ -138,7 +138,8 @@ def matched(series: Series, grid: Grid, findings: list[Finding]) -> Floats | Non
     )
     same = np.abs(series.stamps[nearest] - grid.stamps) <= SAME_SAMPLE * grid.sample_time * 1e9
     values = np.where(same[:, None], series.values[nearest], np.nan)
-    if same.mean() < USABLE and len(series) > 1:
+    slower = series.period > GAP_FACTOR * grid.sample_time * 1e9
+    if len(series) > 1 and (same.mean() < USABLE or slower):
         values, same = _interpolated(series, grid, left, right)
         text = f"has stamps of its own (every {series.period / 1e6:.4g} ms); interpolated linearly"
         findings.append(Finding("resampled", series.topic, int(same.sum()), text))
@@ -159,4 +160,6 @@ def _interpolated(series: Series, grid: Grid, left: Integers, right: Integers) -
     share = (grid.stamps - series.stamps[left]) / np.where(span > 0, span, 1.0)
     inside = (span > 0) & (span <= GAP_FACTOR * series.period) & (share >= 0) & (share <= 1)
     a, b = series.values[left], series.values[right]
-    return np.where(inside[:, None], a + share[:, None] * (b - a), np.nan), inside
+    first = series.stamps[right] == grid.stamps  # on the first sample, which has none before it
+    values = np.where(first[:, None], b, a + share[:, None] * (b - a))
+    return np.where((inside | first)[:, None], values, np.nan), inside | first

@@ -154,22 +154,23 @@ def _layout(block: npt.NDArray[np.uint8], kind: str) -> Layout:
 
 
 def columns(
-    messages: Sequence[bytes], kind: str, choose: Callable[[Layout], Sequence[str]], width: int
-) -> tuple[Integers, Floats]:
+    messages: Sequence[bytes], kind: str, choose: Callable[[Layout], tuple[int, Sequence[str]]], width: int
+) -> tuple[Integers, Floats, Integers]:
     """Stamps and chosen numbers of many messages of one type.
 
     Parameters
     ----------
     messages : serialised messages.
     kind : message type with a `header`.
-    choose : gives the `width` paths to read, from the layout; a path that is not there reads as NaN.
+    choose : gives a number and the `width` paths to read, from the layout; a path that is not there reads as NaN.
 
     Returns
     -------
     stamps : (n,) header.stamp [ns]; `MISSING_STAMP` where a message cannot be decoded.
     values : (n, width) chosen numbers; NaN where absent.
+    sources : (n,) number that `choose` gave; −1 where a message cannot be decoded.
     """
-    stamps = np.full(len(messages), MISSING_STAMP, dtype=np.int64)
+    stamps, sources = np.full(len(messages), MISSING_STAMP, dtype=np.int64), np.full(len(messages), -1, dtype=np.int64)
     values = np.full((len(messages), width), np.nan)
     by_size: dict[int, list[int]] = {}
     for i, message in enumerate(messages):
@@ -187,11 +188,12 @@ def columns(
             deciding = layout.deciding
             same = (block[:, deciding] == block[0, deciding]).all(axis=1) & (block[:, 1] == block[0, 1])
             stamps[rows[same]] = _stamps(block[same], layout)
-            for column, path in enumerate(choose(layout)):
+            sources[rows[same]], paths = choose(layout)
+            for column, path in enumerate(paths):
                 if path in layout.fields:
                     values[rows[same], column] = _field(block[same], layout, path)
             rows, block = rows[~same], block[~same]
-    return stamps, values
+    return stamps, values, sources
 
 
 def _field(block: npt.NDArray[np.uint8], layout: Layout, path: str) -> npt.NDArray[Any]:

@@ -8,6 +8,10 @@ KINDS = (
     "damage",  # the file itself: cut, checksum, metadata that do not fit
     "skipped",  # channels that cannot be used, with the reason
     "undecodable",  # messages that are not what their type says
+    "joint",  # other joints on the topic, or a joint of another name
+    "publishers",  # several of one joint, of which one was chosen
+    "covariance",  # data that are declared as not measured
+    "clock",  # stamps of another clock
     "missing_stamp",
     "reversed_time",
     "restart",  # time jumps back to an earlier run

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,17 @@ BATCH = 4096
 RESTART_SAMPLES = 100
 GAP_FACTOR = 1.5
 JITTER_LIMIT = 0.1
+MEASURED, NOT_MEASURED = "linear_acceleration_covariance[0]", -1.0
+STRAY = 0.01  # share of values other than zero among messages that say that they hold none
 AROUND = 10  # samples on either side over which a stamp's jitter is told from a gap
+
+
+class Publisher(NamedTuple):
+    """What distinguishes the publishers of a topic: frame and joints that messages name, whether they hold numbers."""
+
+    frame: str
+    joints: tuple[str, ...]
+    numbers: bool = True
 
 
 @dataclass(frozen=True)
@@ -27,26 +38,35 @@ class Signal:
     Attributes
     ----------
     name : last component of the topic's name.
+    also : other ends of its name, in the order in which they are preferred.
     type : message type.
     paths : field of each column; `{joint}` stands for the index of the joint.
-    joint : name of the joint to take where a message has several.
+    joint : name of the joint to take.
     """
 
     name: str
     type: str
     paths: tuple[str, ...]
     joint: str = ""
+    also: tuple[str, ...] = ()
 
-    def choose(self, layout: Layout) -> Sequence[str]:
-        """The fields of a message with this layout; empty where it has several joints and none is the right one."""
+    def joints(self, layout: Layout) -> tuple[str, ...]:
+        """Names of the joints in messages with this layout."""
+        return tuple(text for path, text in layout.texts.items() if path.startswith(("name[", "joint_names[")))
+
+    def fields(self, joints: Sequence[str], joint: str, only: bool = True) -> Sequence[str]:
+        """The fields of a joint in a message that has these; of its only one, whatever its name, with `only`."""
         if not self.joint:
             return self.paths
-        names = {path: text for path, text in layout.texts.items() if path.startswith(("name[", "joint_names["))}
-        index = next((path for path, text in names.items() if text == self.joint), None)
-        if index is None and len(names) > 1:
+        if joint not in joints and not (only and len(joints) < 2):
             return ()
-        number = index[index.index("[") + 1 : -1] if index else "0"
-        return [path.replace("{joint}", number) for path in self.paths]
+        number = joints.index(joint) if joint in joints else 0
+        return [path.replace("{joint}", str(number)) for path in self.paths]
+
+    def choose(self, layout: Layout) -> tuple[int, Sequence[str]]:
+        """As `columns` asks: 0 and the fields of the table's joint, or −1 and none in a message without it."""
+        found = self.fields(self.joints(layout), self.joint, only=False)
+        return (0 if found else -1), found
 
 
 JOINT, POINT = "sensor_msgs/msg/JointState", "trajectory_msgs/msg/JointTrajectory"
@@ -57,7 +77,7 @@ SIGNALS = {
     for signal in (
         Signal("valve_command", JOINT, ("position[{joint}]",), "servo_valve"),
         Signal("joint_states", JOINT, ("position[{joint}]",), "table"),
-        Signal("imu", "sensor_msgs/msg/Imu", ("linear_acceleration.x",)),
+        Signal("imu", "sensor_msgs/msg/Imu", ("linear_acceleration.x",), also=("imu/data_raw", "imu/data")),  # REP 145
         Signal("pressure_a", PRESSURE, ("fluid_pressure",)),
         Signal("pressure_b", PRESSURE, ("fluid_pressure",)),
         Signal("pressure_supply", PRESSURE, ("fluid_pressure",)),
@@ -78,18 +98,27 @@ class Series:
     topic : full name.
     stamps, received : (n,) header.stamp and time of receipt [ns].
     values : (n, width) numbers in the units of the message.
+    sources : (n,) number of the `Publisher` of each message; −1 where it cannot be decoded.
     """
 
     topic: str
     stamps: Integers
     received: Integers
     values: Floats
+    sources: Integers
 
     def __len__(self) -> int:
         return len(self.stamps)
 
     def __getitem__(self, rows: slice | npt.NDArray[np.bool_] | Integers) -> Series:
-        return replace(self, stamps=self.stamps[rows], received=self.received[rows], values=self.values[rows])
+        changed = {name: getattr(self, name)[rows] for name in ("stamps", "received", "values", "sources")}
+        return replace(self, **changed)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Series]) -> Series:
+        """Parts of one topic, one behind the other."""
+        names = ("stamps", "received", "values", "sources")
+        return cls(parts[0].topic, *(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
     @property
     def period(self) -> float:
@@ -98,10 +127,20 @@ class Series:
 
 
 class Collector:
-    """Gathers the messages of one topic and decodes them in batches."""
+    """Gathers the messages of one topic and decodes them in batches.
 
-    def __init__(self, signal: Signal, topic: str) -> None:
-        self.signal, self.topic = signal, topic
+    Parameters
+    ----------
+    signal : what is read. topic : full name. joint : its name; the signal's where empty.
+
+    Attributes
+    ----------
+    sources : of the messages so far, in the order of their first.
+    """
+
+    def __init__(self, signal: Signal, topic: str, joint: str = "") -> None:
+        self.signal, self.topic, self.joint = signal, topic, joint or signal.joint
+        self.sources: list[Publisher] = []
         self._messages: list[bytes] = []
         self._received: list[int] = []
         self._parts: list[Series] = []
@@ -113,28 +152,52 @@ class Collector:
         if len(self._messages) >= BATCH:
             self._decode()
 
+    def _choose(self, layout: Layout) -> tuple[int, Sequence[str]]:
+        joints = self.signal.joints(layout)
+        paths = self.signal.fields(joints, self.joint)
+        source = Publisher(layout.texts.get("header.frame_id", ""), joints, not paths or paths[0] in layout.fields)
+        if source not in self.sources:
+            self.sources.append(source)
+        return self.sources.index(source), [*paths, MEASURED] if self.signal.name == "imu" else paths
+
     def _decode(self) -> None:
         signal = self.signal
-        stamps, values = columns(self._messages, signal.type, signal.choose, len(signal.paths))
+        width = len(signal.paths) + (signal.name == "imu")
+        stamps, values, sources = columns(self._messages, signal.type, self._choose, width)
         received = np.array(self._received, dtype=np.uint64).astype(np.int64)
-        self._parts.append(Series(self.topic, stamps, received, values))
+        self._parts.append(Series(self.topic, stamps, received, values, sources))
         self._messages, self._received = [], []
 
     def take(self) -> Series:
         """All samples so far; the collector is empty afterwards."""
         self._decode()
         parts, self._parts = self._parts, []
-        stamps = np.concatenate([part.stamps for part in parts])
-        received = np.concatenate([part.received for part in parts])
-        return Series(self.topic, stamps, received, np.concatenate([part.values for part in parts]))
-
-    def put_back(self, series: Series) -> None:
-        """Return samples that belong to a later piece."""
-        self._parts.insert(0, series)
+        return Series.joined(parts)
 
 
-def choose_topic(bag: Bag, name: str, kind: str = "", required: bool = False) -> BagTopic | None:
-    """The topic whose last name component is `name`.
+def with_acceleration(series: Series, findings: list[Finding]) -> Series:
+    """Messages of an Imu with an acceleration, their covariance's first element taken off the columns.
+
+    An element of −1 means: not measured. Zeros beside it are left out; data are kept, with a warning.
+    """
+    without = series.values[:, 1] == NOT_MEASURED
+    series = replace(series, values=series.values[:, :1])
+    if not without.any():
+        return series
+    count = int(without.sum())
+    if np.mean(series.values[without, 0] != 0.0) > STRAY:
+        text = (
+            f"{count} messages declare their acceleration as not measured (covariance −1) but hold data, which are kept"
+        )
+        findings.append(Finding("covariance", series.topic, count, text))
+        return series
+    text = f"{count} of {len(series)} messages hold no acceleration (covariance −1); they are left out"
+    findings.append(Finding("absent", series.topic, count, text))
+    return series[~without]
+
+
+def choose_topic(bag: Bag, signal: Signal, required: bool = False, chosen: str = "") -> BagTopic | None:
+    """The topic of a signal: the one chosen, else the one whose last name component is the signal's name.
 
     Raises
     ------
@@ -142,16 +205,19 @@ def choose_topic(bag: Bag, name: str, kind: str = "", required: bool = False) ->
         where two topics qualify (both are listed), where a required one is missing (all are listed), or where it
         cannot be used (the reason is given).
     """
-    named = [topic for topic in bag.topics.values() if topic.name.rsplit("/", 1)[-1] == name]
-    found = [topic for topic in named if topic.count] or named[:1]
+    name, kind = signal.name, signal.type
+    found = [bag.topics[chosen]] if chosen in bag.topics else [] if chosen else _candidates(bag, signal)
     if len(found) > 1:
         both = " and ".join(sorted(topic.name for topic in found))
-        raise ShakeError(f"{bag.path}: two topics end in '{name}': {both}; a recording of one table is needed")
+        raise ShakeError(
+            f"{bag.path}: two topics end in '{name}': {both}; a recording of one table is needed, "
+            f"or choose one, as in --take {name}={found[0].name}"
+        )
     if not found:
-        if required:
+        if required or chosen:
             names = ", ".join(sorted(bag.topics)[:12]) or "no topic at all"
             damage = "".join(f"; {finding.text}" for finding in bag.findings if finding.kind == "damage")
-            raise ShakeError(f"{bag.path}: no topic '{name}'; the recording holds {names}{damage}")
+            raise ShakeError(f"{bag.path}: no topic '{chosen or name}'; the recording holds {names}{damage}")
         return None
     topic = found[0]
     reason = topic.refusal or (f"is {topic.type}, expected {kind}" if kind and not same_type(topic.type, kind) else "")
@@ -164,6 +230,20 @@ def choose_topic(bag: Bag, name: str, kind: str = "", required: bool = False) ->
             bag.findings.append(Finding("absent", topic.name, topic.count, f"{reason}; left out"))
         return None
     return topic
+
+
+def _candidates(bag: Bag, signal: Signal) -> list[BagTopic]:
+    """Topics that end in the signal's name, those with messages before those without; of one sensor the preferred."""
+    best: dict[str, tuple[int, BagTopic]] = {}
+    for topic in bag.topics.values():
+        for rank, end in enumerate((signal.name, *signal.also)):
+            if f"/{topic.name}".endswith(f"/{end}") and (not rank or same_type(topic.type, signal.type)):
+                sensor = f"/{topic.name}".removesuffix(f"/{end}")
+                order = rank + (0 if topic.count else len(signal.also) + 1)
+                if sensor not in best or order < best[sensor][0]:
+                    best[sensor] = order, topic
+    named = [topic for _, topic in best.values()]
+    return [topic for topic in named if topic.count] or named[:1]
 
 
 def same_type(name: str, wanted: str) -> bool:

@@ -18,8 +18,19 @@ from shake_ros.data.recordings.acting import Acting
 from shake_ros.data.recordings.align import Grid, hold, matched
 from shake_ros.data.recordings.bag import Bag
 from shake_ros.data.recordings.cdr import Floats, Integers
+from shake_ros.data.recordings.clocks import ClockShift, shifts
 from shake_ros.data.recordings.findings import Finding
-from shake_ros.data.recordings.series import SIGNALS, Collector, Series, choose_topic, in_order, require, same_type
+from shake_ros.data.recordings.publishers import Choice, Take, choices, of_the_table
+from shake_ros.data.recordings.series import (
+    SIGNALS,
+    Collector,
+    Series,
+    choose_topic,
+    in_order,
+    require,
+    same_type,
+    with_acceleration,
+)
 
 REQUIRED = ("joint_states", "valve_command")
 SHORTEST_SEGMENT = 2
@@ -121,11 +132,18 @@ class TableRecording:
 ARRAYS = ("pressure_a", "pressure_b", "pressure_supply", "force", "reference", "estimate", "truth")
 
 
-def read_table_recording(path: Path | str) -> TableRecording:
+def read_table_recording(path: Path | str, take: Take | None = None) -> TableRecording:
     """Read a recording of a table: any rosbag2 folder, or one .mcap or .db3 file.
 
-    Topics are found by the last component of their names and aligned by header.stamp; a command stamped t acts
-    from t until the next. Nothing is filled in: missing samples end a segment, and so does a command that did not act.
+    Topics are found by the last component of their names, joints by theirs, and aligned by header.stamp; a command
+    stamped t acts from t until the next. Stamps of another clock are put on that of the positions where the times of
+    receipt show it. Nothing is filled in: missing samples end a segment, and so does a command that did not act.
+
+    Parameters
+    ----------
+    path : folder or file.
+    take : what to read of a signal of which there are several: signal → full name of a topic, name of a joint, number
+        of a publisher, or several of these.
 
     Raises
     ------
@@ -133,14 +151,15 @@ def read_table_recording(path: Path | str) -> TableRecording:
         one line with path, topic and reason, where the recording cannot be used.
     """
     with Bag(path) as bag:
-        collectors, acting = _collectors(bag), Acting()
-        topics = _listeners(bag, collectors, acting)
-        for message in bag.messages(list(topics)):
-            topics[message.topic].add(message)
-        return _assemble(bag, {name: collector.take() for name, collector in collectors.items()}, acting)
+        reading = _Reading(bag, choices(take))
+        for message in bag.messages(list(reading.topics)):
+            reading.topics[message.topic].add(message)
+        return _assemble(bag, reading.taken(), reading.acting)
 
 
-def iterate_table_recording(path: Path | str, seconds: float = 60.0) -> Iterator[TableRecording]:
+def iterate_table_recording(
+    path: Path | str, seconds: float = 60.0, take: Take | None = None
+) -> Iterator[TableRecording]:
     """Read a long recording in pieces of about `seconds` of receipt, with bounded memory.
 
     Every piece stands by itself: its own time base, segments (perhaps none) and findings; `provenance.start_stamp`
@@ -148,42 +167,61 @@ def iterate_table_recording(path: Path | str, seconds: float = 60.0) -> Iterator
     positions or commands gives no piece. Raises ShakeError where topics are missing, as `read_table_recording` does.
     """
     with Bag(path) as bag:
-        collectors, acting = _collectors(bag), Acting()
-        topics = _listeners(bag, collectors, acting)
+        reading = _Reading(bag, choices(take))
         begin: int | None = None
-        for message in bag.messages(list(topics)):
+        for message in bag.messages(list(reading.topics)):
             begin = message.received if begin is None else begin
-            topics[message.topic].add(message)
+            reading.topics[message.topic].add(message)
             if message.received - begin > (seconds + SETTLE) * 1e9:
                 begin = max(begin + int(seconds * 1e9), message.received - int((seconds + SETTLE) * 1e9))
-                piece = _cut(collectors, begin)
+                piece = _cut(reading, begin)
                 if _usable(piece):
-                    yield _assemble(bag, piece, acting, partial=True)
+                    yield _assemble(bag, piece, reading.acting, partial=True)
                     bag.findings.clear()
-        piece = {name: collector.take() for name, collector in collectors.items()}
+        piece = reading.taken()
         if _usable(piece):
-            yield _assemble(bag, piece, acting, partial=True)
+            yield _assemble(bag, piece, reading.acting, partial=True)
 
 
-def _collectors(bag: Bag) -> dict[str, Collector]:
-    collectors = {}
-    for name in (*REQUIRED, *(name for name in SIGNALS if name not in REQUIRED)):
-        topic = choose_topic(bag, name, SIGNALS[name].type, name in REQUIRED)
-        if topic is not None:
-            collectors[name] = Collector(SIGNALS[name], topic.name)
-    return collectors
+class _Reading:
+    """The topics of a recording while their messages come in: what takes them, and what was chosen of them."""
+
+    def __init__(self, bag: Bag, chosen: dict[str, Choice]) -> None:
+        self.bag, self.chosen, self.acting = bag, chosen, Acting()
+        self.collectors: dict[str, Collector] = {}
+        self.waiting: dict[str, Series] = {}
+        self._clocks: dict[str, ClockShift] | None = None
+        for name in (*REQUIRED, *(name for name in SIGNALS if name not in REQUIRED)):
+            choice = chosen.get(name, Choice())
+            topic = choose_topic(bag, SIGNALS[name], name in REQUIRED, choice.topic)
+            if topic is not None:
+                self.collectors[name] = Collector(SIGNALS[name], topic.name, choice.joint)
+        self.topics: dict[str, Collector | Acting] = {c.topic: c for c in self.collectors.values()}
+        for topic in bag.topics.values():
+            named = topic.name.rsplit("/", 1)[-1] == DIAGNOSTICS and not topic.refusal
+            if named and same_type(topic.type, DIAGNOSTICS_TYPE):
+                self.topics[topic.name] = self.acting
+
+    def taken(self) -> dict[str, Series]:
+        """What came in: the table's own samples, on the clock of the positions; behind those put back."""
+        new, findings = {}, self.bag.findings
+        for name, collector in self.collectors.items():
+            series = collector.take()
+            if name == "imu":
+                series = with_acceleration(series, findings)
+            choice = self.chosen.get(name, Choice())
+            new[name] = of_the_table(collector, series, choice, self.bag.path, findings)
+        if self._clocks is None:
+            self._clocks = shifts(new, findings)
+        for name, shift in self._clocks.items():
+            new[name] = replace(new[name], stamps=shift.taken_off(new[name].stamps))
+        waiting, self.waiting = self.waiting, {}
+        return {name: Series.joined([waiting[name], s]) if name in waiting else s for name, s in new.items()}
 
 
-def _listeners(bag: Bag, collectors: dict[str, Collector], acting: Acting) -> dict[str, Collector | Acting]:
-    """What takes the messages of each topic."""
-    topics: dict[str, Collector | Acting] = {collector.topic: collector for collector in collectors.values()}
-    reports = [t for t in bag.topics.values() if t.name.rsplit("/", 1)[-1] == DIAGNOSTICS and not t.refusal]
-    return topics | {t.name: acting for t in reports if same_type(t.type, DIAGNOSTICS_TYPE)}
-
-
-def _cut(collectors: dict[str, Collector], limit: int) -> dict[str, Series]:
+def _cut(reading: _Reading, limit: int) -> dict[str, Series]:
     """What was stamped before the first position received after `limit` [ns]; the rest, and one command, stay."""
-    taken = {name: collector.take() for name, collector in collectors.items()}
+    taken = reading.taken()
     position = taken["joint_states"]
     stamped = position[position.stamps > 0]
     later = stamped.received >= limit
@@ -197,7 +235,7 @@ def _cut(collectors: dict[str, Collector], limit: int) -> dict[str, Series]:
         if name == "valve_command" and early.any():
             kept = kept.copy()
             kept[int(np.flatnonzero(early)[-1])] = True
-        collectors[name].put_back(series[kept])
+        reading.waiting[name] = series[kept]
     return before
 
 
