@@ -67,6 +67,16 @@ def test_spectra_of_short_pulses_are_exact_by_both_functions(
         assert sr.response_spectrum(pulse, [1.0 / f]).acceleration[0] == pytest.approx(value, rel=0.001)
 
 
+def test_accelerogram_at_100_khz_is_read(tmp_path: Path) -> None:
+    """A short pulse on a slow oscillator: ω times its impulse, a quarter of a period and more behind it."""
+    time = np.arange(30001) * 1e-5
+    pulse = np.where(time < 0.02, 2.0 * np.sin(np.pi * time / 0.02), 0.0)
+    file = tmp_path / "pulse.csv"
+    np.savetxt(file, np.column_stack([time, pulse]), "%.6f", ",", header="time [s],acceleration [m/s2]", comments="")
+    found = sr.response_spectrum(file, [2.0], damping=0.0)
+    assert found.acceleration[0] == pytest.approx(np.pi * 2.0 * 0.02 * 2.0 / np.pi, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

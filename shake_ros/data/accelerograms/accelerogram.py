@@ -280,8 +280,8 @@ def chosen(path: Path, names: Sequence[str], channel: int) -> int:
 
 def checked(text: Text, time_step: float, acceleration: Array, unit: str, first_line: int) -> Array:
     """Acceleration in m/s² after the checks that hold for every format."""
-    if not 1e-5 <= time_step <= 1.0:
-        raise text.bad(first_line, f"time step {time_step:g} s is outside 1e-05 … 1 s")
+    if not 1e-6 <= time_step <= 1.0:
+        raise text.bad(first_line, f"time step {time_step:g} s is outside 1e-06 … 1 s")
     if acceleration.size < SHORTEST:
         raise text.bad(first_line, f"{acceleration.size} samples are fewer than {SHORTEST}")
     si = acceleration * size_of(unit)

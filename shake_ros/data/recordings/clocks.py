@@ -24,8 +24,10 @@ SCATTER = 5.0  # times its own scatter
 LONGEST = 1.0  # [s] that messages are late at most
 FUTURE = 0.005  # [s] ahead of the receipt that no clock of one machine gives
 BLOCKS = 20  # medians through which the drift goes
-STEEPEST = 0.01  # drift of a clock, at most; more is time that is simulated
-BETTER = 0.1  # of correlation by which one alignment is better than the other
+STEEPEST = 0.1  # drift of a clock, at most; more is time that is simulated
+STEADY, LONG = 0.01, 0.1  # share of an offset, and [s], to which no latency is as steady and as long
+BETTER = 0.5  # of what the curvature leaves of an acceleration by one alignment, from which the other is better
+UNKNOWN = 0.02  # [s] of stamps that share a time of receipt, from which this says nothing of clocks
 
 
 @dataclass(frozen=True)
@@ -67,24 +69,26 @@ def _shift(name: str, series: Series, position: Series, findings: list[Finding])
         return None
     origin, near = int(position.stamps[0]), int(np.median(series.stamps))  # 1e18 ns apart where one is since boot
     since = (series.stamps - near).astype(np.float64)
-    known = (position.received - position.received[0]).astype(np.float64)
-    then = np.interp(
-        (series.received - position.received[0]).astype(np.float64),
-        known,
-        (position.stamps - origin).astype(np.float64),
-    )
-    level, drift, scatter = _line(since, since - then)
+    known, own = (position.received - position.received[0]).astype(np.float64), position.stamps - origin
+    received = (series.received - position.received[0]).astype(np.float64)
+    level, drift, scatter = _line(since, since - np.interp(received, known, own.astype(np.float64)))
+    last = np.minimum(np.searchsorted(known, received, side="right"), len(own) - 1)
+    unknown = float(np.median(own[last] - own[np.maximum(np.searchsorted(known, received) - 1, 0)]))
     offset, period = near - origin + round(level), max(position.period, 1.0)
     moved = abs(drift) * float(np.ptp(series.stamps))
-    drifts = abs(drift) <= STEEPEST and moved > max(SAME_SAMPLE * period, 2.0 * SCATTER * scatter)
+    drifts = abs(drift) <= STEEPEST and moved > max(
+        SAME_SAMPLE * period, 2.0 * SCATTER * scatter, unknown - 3.0 * period
+    )
     drifts = drifts and not _on_grid(series, position)
-    if abs(offset) < max(LEAST * SECOND, SCATTER * scatter, 3.0 * period) and not drifts:
+    if abs(offset) < max(LEAST * SECOND, SCATTER * scatter, 3.0 * period, unknown) and not drifts:
         return None
     shift = ClockShift(near, offset, drift if drifts else 0.0)
-    sure = drifts or abs(offset) > LONGEST * SECOND or _in_the_future(series, position)
+    steady = abs(offset) > LONG * SECOND and scatter < STEADY * abs(offset)
+    sure = drifts or abs(offset) > LONGEST * SECOND or steady or _in_the_future(series, position)
     if name == "imu" and abs(offset) <= LONGEST * SECOND:
-        better = _better(series, position, shift)
-        sure = better > BETTER or (sure and better > -BETTER)
+        stamped, taken_off = _left(series, position, shift)
+        sure = taken_off < BETTER * stamped or (sure and not stamped < BETTER * taken_off)
+    sure = sure and unknown < max(UNKNOWN * SECOND, 3.0 * period)
     where = f"{abs(offset) / SECOND:.4g} s {'ahead of' if offset > 0 else 'behind'} the positions'"
     if sure:
         by = f" and drift by {1e6 * drift:+.0f} ppm" if drifts else ""
@@ -124,18 +128,18 @@ def _on_grid(series: Series, position: Series) -> bool:
     return bool(np.mean(apart <= 1e-3 * position.period) > 0.5)
 
 
-def _better(series: Series, position: Series, shift: ClockShift) -> float:
-    """How much better an acceleration goes with the position's curvature where the shift is taken off [-]."""
+def _left(series: Series, position: Series, shift: ClockShift) -> tuple[float, float]:
+    """Share of an acceleration's square that the position's curvature leaves: as stamped, and with the shift off."""
     t, x = (position.stamps - position.stamps[0]).astype(np.float64) / SECOND, position.values[:, 0]
     even = np.arange(0.0, t[-1], max(0.02, position.period / SECOND))
-    smooth = np.interp(even, t, x)
-    curvature = np.diff(smooth, 2)
+    curvature = np.diff(np.interp(even, t, x), 2)
     found = []
     for stamps in (series.stamps, shift.taken_off(series.stamps)):
-        at = (stamps - position.stamps[0]).astype(np.float64) / SECOND
-        felt = np.interp(even[1:-1], at, series.values[:, 0], np.nan, np.nan)
+        order = np.argsort(stamps, kind="stable")
+        at = (stamps[order] - position.stamps[0]).astype(np.float64) / SECOND
+        felt = np.interp(even[1:-1], at, series.values[order, 0], np.nan, np.nan)
         good = np.isfinite(felt) & np.isfinite(curvature)
         if good.sum() < 10 or np.ptp(felt[good]) == 0.0 or np.ptp(curvature[good]) == 0.0:
-            return 0.0
-        found.append(abs(float(np.corrcoef(felt[good], curvature[good])[0, 1])))
-    return found[1] - found[0]
+            return 1.0, 1.0
+        found.append(1.0 - float(np.corrcoef(felt[good], curvature[good])[0, 1]) ** 2)
+    return found[0], found[1]

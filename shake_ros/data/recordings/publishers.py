@@ -20,7 +20,7 @@ import numpy.typing as npt
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings.cdr import Integers
 from shake_ros.data.recordings.findings import Finding
-from shake_ros.data.recordings.series import SIGNALS, Collector, Publisher, Series
+from shake_ros.data.recordings.series import RESTART_SAMPLES, SIGNALS, Collector, Publisher, Series
 
 Rows = npt.NDArray[np.bool_]
 BETWEEN = 0.8  # of the samples of a second publisher lie between two of the first that are one period apart
@@ -28,6 +28,7 @@ ONE_PERIOD = 1.5  # of the first publisher's period
 OFF_CURVE = 3.0  # times as far from the curve of the first one as its own samples are
 FEWEST = 3  # samples that make a second publisher
 LEAP, SHARE = 10.0, 0.02  # of the usual step, and of the whole range, beyond which a position is of another publisher
+OFTEN = 0.2  # of the messages that repeat a stamp with another value, from which two publishers share it
 CROSSING = 1.1  # periods between the neighbours of a sample that is one too many
 SMOOTH = "joint_states"  # the signal whose values alone show a second publisher
 
@@ -157,6 +158,11 @@ def _publishers(series: Series, smooth: bool) -> list[Rows]:
         groups = [labels == k for k in numbers[np.argsort(-counts, kind="stable")]]
         if any(_apart(series[groups[0] & usable], series[rows & usable]) for rows in groups[1:]):
             return groups
+    if back := _jumps_back(series.stamps[usable]):  # now and then: one run behind another
+        return _by_clock(series, usable) if back > FEWEST else [every]
+    again = _repeated(series) & usable
+    if again.sum() > max(FEWEST, OFTEN * len(series)):
+        return [~again, again]
     if not smooth or np.sum(usable) < 4 * FEWEST:
         return [every]
     second = np.zeros(len(series), dtype=bool)
@@ -164,6 +170,32 @@ def _publishers(series: Series, smooth: bool) -> list[Rows]:
     if not second.any() or not _apart(series[usable & ~second], series[second]):
         return [every]
     return sorted((~second, second), key=lambda rows: -int(rows.sum()))
+
+
+def _jumps_back(stamps: Integers) -> int:
+    """How often stamps go back by more than RESTART_SAMPLES periods."""
+    steps = np.diff(np.sort(stamps))
+    period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    return int(np.count_nonzero(np.diff(stamps) < -RESTART_SAMPLES * period))
+
+
+def _by_clock(series: Series, usable: Rows) -> list[Rows]:
+    """Publishers whose stamps are of two clocks, apart by the largest distance of two stamps."""
+    stamps = np.sort(series.stamps[usable])
+    widest = int(np.argmax(np.diff(stamps)))
+    later = series.stamps > stamps[widest]
+    jumps = np.count_nonzero(np.diff(later[usable].astype(int)) < 0)
+    groups = sorted((~later, later), key=lambda rows: -int(rows.sum()))
+    return groups if jumps > FEWEST else [np.ones(len(series), dtype=bool)]
+
+
+def _repeated(series: Series) -> Rows:
+    """Messages with the stamp of one before them and another value."""
+    order = np.argsort(series.stamps, kind="stable")
+    t, x = series.stamps[order], series.values[order]
+    found = np.zeros(len(t), dtype=bool)
+    found[order[1:]] = (np.diff(t) == 0) & (np.diff(x, axis=0) != 0.0).any(axis=1)
+    return found
 
 
 def _apart(first: Series, second: Series) -> bool:

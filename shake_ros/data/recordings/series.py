@@ -317,8 +317,8 @@ def _strays(stamps: Integers) -> npt.NDArray[np.bool_]:
     stray = np.zeros(len(stamps), dtype=np.bool_)
     if len(stamps) > 2:
         limit = _far(stamps)
-        far = np.abs(np.diff(stamps)) > limit
-        stray[1:-1] = far[:-1] & far[1:] & (np.abs(stamps[2:] - stamps[:-2]) <= limit)
+        away = np.abs(np.diff(stamps)) > limit
+        stray[1:-1] = away[:-1] & away[1:] & (np.abs(stamps[2:] - stamps[:-2]) <= limit)
     return stray
 
 

@@ -89,7 +89,7 @@ def stranger(values: dict[str, float], shift: int = 0, every: int = 1, **how: An
     def of(k: int) -> Messages:
         if k % every == every // 2:
             stamp = at(k) + shift
-            yield "/joint_states", JOINT, stamp + 1000, joint(stamp, values, **how)
+            yield "/joint_states", JOINT, at(k) + max(shift, 0) % PERIOD + 1000, joint(stamp, values, **how)
 
     return of
 
@@ -145,6 +145,7 @@ SECOND_PUBLISHERS = {
     "as often, in between": stranger({"table": 0.3}, PERIOD // 2),
     "shortly behind each": stranger({"table": -0.05}, PERIOD // 5),
     "at the same stamps": stranger({"table": 0.3}, 0, 10),
+    "on another clock": stranger({"table": 0.3}, round(-1e18), 3),
     "in another frame": stranger({"table": 0.3}, PERIOD // 2, 5, frame="gui"),
     "beside another joint": stranger({"table": 0.0, "crane": 0.7}, PERIOD // 2, 2),
 }
@@ -249,6 +250,8 @@ BOOT = 1.0 - START / 1e9
         ((on_clock(table, BOOT), felt, command), "/imu: stamps are of another clock: they are 1.7e+09 s ahead of"),
         ((table, on_clock(felt, 0.2), command), "/imu: stamps are of another clock: they are 0.2 s ahead of"),
         ((table, on_clock(felt, -0.2), command), "/imu: stamps are of another clock: they are 0.2 s behind"),
+        ((table, on_clock(felt, -0.02), command), "/imu: stamps are of another clock: they are 0.02 s behind"),
+        ((table, felt, on_clock(command, -0.2)), "/valve_command: stamps are of another clock: they are 0.2 s behind"),
         (
             (table, felt, on_clock(command, 0.05)),
             "/valve_command: stamps are of another clock: they are 0.05 s ahead of",
@@ -300,6 +303,40 @@ def test_recording_in_simulated_time_has_one_clock(bag: Writes) -> None:
     found = read_table_recording(bag(*map(simulated, (table, felt, command))))
     assert found.findings == ()
     np.testing.assert_array_equal(found.acceleration, FELT)
+
+
+def test_times_of_receipt_that_are_all_the_same_say_nothing_of_clocks(bag: Writes) -> None:
+    def at_once(of: Callable[[int], Messages]) -> Callable[[int], Messages]:
+        return lambda k: ((topic, kind, START, message) for topic, kind, _, message in of(k))
+
+    found = read_table_recording(bag(*map(at_once, (table, felt, command))))
+    assert found.findings == ()
+    np.testing.assert_array_equal(found.acceleration, FELT)
+    other = read_table_recording(bag(*map(at_once, (table, on_clock(felt, BOOT), command))))
+    assert other.acceleration is None
+    assert "/imu: stamps are 1.7e+09 s behind the positions' received with them" in lines(other)
+
+
+def test_latencies_of_other_topics_leave_the_offset_to_a_millisecond(bag: Writes) -> None:
+    def late(of: Callable[[int], Messages], seconds: float, seed: int) -> Callable[[int], Messages]:
+        more = np.random.default_rng(seed).gamma(2.0, 0.5e9 * seconds, COUNT).astype(int)
+        return lambda k: ((topic, kind, when + int(more[k]), m) for topic, kind, when, m in of(k))
+
+    found = read_table_recording(bag(late(table, 1e-3, 1), late(on_clock(felt, BOOT), 1e-3, 2), late(command, 1e-3, 3)))
+    assert found.acceleration is not None
+    np.testing.assert_allclose(found.acceleration[5:-5], FELT[5:-5], atol=0.02 * np.max(np.abs(FELT)))
+    assert "/imu: stamps are of another clock: they are 1.7e+09 s behind" in lines(found)
+
+
+def test_two_sensors_on_one_topic_are_refused_unless_one_is_chosen(bag: Writes) -> None:
+    def specimen(k: int, frame: str, shift: int = 0) -> Messages:
+        yield "/imu", IMU, at(k) + 3500, imu(at(k) + shift, 3.0 + 2.0 * FELT[k], frame=frame)
+
+    for other in (lambda k: specimen(k, "specimen", PERIOD // 3), lambda k: specimen(k, "table")):
+        path = bag(table, felt, other, command)
+        with pytest.raises(ShakeError, match=r"topic '/imu' has 2 publishers: 1: .* choose one, as in --take imu=1"):
+            read_table_recording(path)
+        np.testing.assert_array_equal(sr.read(path, take={"imu": 1})[0].acceleration, FELT)
 
 
 def test_pieces_of_a_recording_are_read_as_the_whole(bag: Writes) -> None:
