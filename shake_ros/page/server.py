@@ -177,10 +177,12 @@ class Server:
             if len(parts) > LARGEST:
                 raise ShakeError(f"larger than {LARGEST // 1024 // 1024} MiB")
         name, unit = request.query_params.get("name", ""), request.query_params.get("unit", "")
-        made = await run_in_threadpool(
-            make_reference, self.site.folder / "uploads", name, bytes(parts), unit, self.site.store.sample_time
-        )
-        return JSONResponse({"reference": str(made)})
+        channel = request.query_params.get("channel") or "0"
+        if not channel.isdecimal() or len(channel) > 3:
+            raise ShakeError(f"component '{channel}': a number from 1 is needed")
+        folder, step = self.site.folder / "uploads", self.site.store.sample_time
+        made = await run_in_threadpool(make_reference, folder, name, bytes(parts), unit, step, int(channel))
+        return JSONResponse({"reference": str(made)} if isinstance(made, Path) else {"columns": str(made)})
 
     async def _report(self, request: Request) -> Response:
         path = self.site.jobs.folder / checked_name(request.path_params["out"]) / "report.html"

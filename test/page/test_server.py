@@ -214,10 +214,28 @@ def test_accelerogram_becomes_a_reference_and_nonsense_is_refused_with_its_reaso
     status, text = running.request("POST", "/api/upload?name=quake.txt&unit=m/s2", lines.encode())
     assert status == 200, text
     assert Path(json.loads(text)["reference"]).is_file()
+    both = "t [s];N-S [g];E-W [g]\n" + "".join(
+        line.replace(" ", ";").replace("\n", ";0.1\n") for line in lines.splitlines(True)
+    )
+    status, text = running.request("POST", "/api/upload?name=both.csv", both.encode())
+    assert (status, "holds 2 components" in text) == (400, True)
+    assert running.request("POST", "/api/upload?name=both.csv&channel=1", both.encode())[0] == 200
     status, text = running.request("POST", "/api/upload?name=bad.txt&unit=m/s2", b"not a record\n")
     assert status == 400
     assert "bad.txt" in text
     assert str(running.server.site.folder) not in text
+
+
+def test_another_table_says_what_its_columns_could_be_and_how_to_import_it(running) -> None:
+    lines = "Zeit [ms];Ventil [V];Weg [mm]\n" + "".join(f"{5 * k};{k % 7};{k % 5}\n" for k in range(100))
+    status, text = running.request("POST", "/api/upload?name=rig.csv", lines.encode())
+    assert status == 200, text
+    told = json.loads(text)["columns"]
+    assert "100 rows, 3 columns of numbers, 200 Hz" in told
+    assert (
+        "./shake import_csv rig.csv --time 'Zeit [ms]' --command 'Ventil [V]' --position 'Weg [mm]' --out rig" in told
+    )
+    assert not list(running.server.site.folder.rglob("rig*"))
 
 
 def test_spectator_sees_all_and_changes_nothing(running) -> None:

@@ -6,7 +6,7 @@ const element = id => document.getElementById(id)
 const quoted = value => /^[\w./:+-]+$/.test(String(value)) ? String(value) : `'${String(value).replace(/'/g, "'\\''")}'`
 export const choices = {}
 const refused = {}  // node.parameter → why its last value was refused
-let parameters = {}, shownFor = ''
+let parameters = {}, shownFor = '', columns = ''
 
 export function toast(message, wrong) {
   const line = document.createElement('div')
@@ -100,7 +100,7 @@ export async function refresh() {
     <label><input type="checkbox" id="repeat" data-operator ${value('reference_generator', 'repeat') ? 'checked' : ''}> repeat</label></div>
     ${main.map(one => field('reference_generator', one)).join('')}
     ${rest.length ? `<details><summary>More of this reference</summary>${rest.map(one => field('reference_generator', one)).join('')}</details>` : ''}
-    <div class="row"><label for="upload">Accelerogram</label><input type="file" id="upload" data-operator accept=".at2,.v2,.v2c,.smc,.txt,.csv,.dat"><select id="unit" title="unit, where the file names none"><option value="">unit as the file says</option><option>g</option><option>m/s2</option><option>cm/s2</option></select></div>`
+    <div class="row"><label for="upload">Accelerogram</label><input type="file" id="upload" data-operator><select id="unit" title="unit, where the file names none"><option value="">unit as the file says</option><option>g</option><option>m/s2</option><option>cm/s2</option></select><input type="number" id="component" min="1" max="999" placeholder="component" title="component of a file that holds several" style="width:7.5rem"></div>${columns ? `<div class="quiet">This table is no accelerogram. It can be imported as a recording:</div><pre id="columns">${text(columns)}</pre>` : ''}`
   element('play').onclick = () => act('set', { node: 'reference_generator', name: 'play', value: true })
   element('rest').onclick = () => act('set', { node: 'reference_generator', name: 'play', value: false })
   element('repeat').onchange = event => act('set', { node: 'reference_generator', name: 'repeat', value: event.target.checked })
@@ -124,9 +124,12 @@ async function upload(event) {
   const file = event.target.files[0]
   if (!file) return
   try {
-    const made = await fetched(`/api/upload?name=${encodeURIComponent(file.name)}&unit=${encodeURIComponent(element('unit').value)}`, { method: 'POST', body: file })
-    toast(`${file.name} can be played`)
-    await choose(made.reference)
+    const made = await fetched(`/api/upload?name=${encodeURIComponent(file.name)}&unit=${encodeURIComponent(element('unit').value)}&channel=${encodeURIComponent(element('component').value)}`, { method: 'POST', body: file })
+    columns = made.columns || ''
+    if (!columns) {
+      toast(`${file.name} can be played`)
+      await choose(made.reference)
+    }
   } catch (error) { toast(error.message, true) }
   event.target.value = ''
   shownFor = ''
