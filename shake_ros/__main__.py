@@ -11,6 +11,7 @@ import importlib
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Sequence
 
 from shake_ros.core.quantities import ShakeError, unknown_name
@@ -103,6 +104,8 @@ def program() -> int:
     A node ends there and then: all that it holds is closed by now, and to take its compiled code apart costs the
     interpreter half a second of processor time, which a graph of seven on a busy machine waits many seconds for.
     """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")  # of numpy and others: they are for who develops, with -W or in the tests
     node = bool(sys.argv[1:]) and sys.argv[1] in NODES
     if node:
         faulthandler.enable()  # a crash, or SIGABRT to what hangs, tells where each thread is

@@ -20,6 +20,7 @@ from shake_ros.core.quantities import ShakeError
 Floats = NDArray[np.float64]
 COHERENT = 0.9  # from which on the phase is followed from line to line
 SHORTEST = 64  # samples of a window
+REACH = 1000  # lines to which leakage is followed
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class FrequencyResponse:
     Attributes
     ----------
     frequency : [Hz]. response : complex gain [unit of response per unit of input]. coherence : 0 … 1 [-].
+    leaked : share of the power at a line that the window may leak there from others, of the worse signal [-].
     deviation : relative standard deviation of the gain [-]. phase : continuous, 0 at rest [rad].
     windows : number of windows averaged.
     """
@@ -39,6 +41,7 @@ class FrequencyResponse:
     deviation: Floats
     phase: Floats
     windows: int
+    leaked: Floats
 
     @property
     def gain(self) -> Floats:
@@ -96,7 +99,20 @@ def frequency_response(given: Floats, answer: Floats, sample_time: float, window
     deviation = np.sqrt(np.maximum(1.0 - coherence, 0.0) / (np.maximum(coherence, 1e-12) * max(windows, 1)))
     keep = slice(1, None)
     phase = followed_phase(response[keep], coherence[keep])
-    return FrequencyResponse(frequency[keep], response[keep], coherence[keep], deviation[keep], phase, windows)
+    leaked = np.maximum(_leaked(s_uu), _leaked(s_yy))
+    return FrequencyResponse(
+        frequency[keep], response[keep], coherence[keep], deviation[keep], phase, windows, leaked[keep]
+    )
+
+
+def _leaked(power: Floats) -> Floats:
+    """Most of the power at each line that a Hann window leaks there from lines two and more away, as a share [-]."""
+    away = np.arange(2, max(3, min(len(power), REACH))) - 0.5  # a sine between two lines
+    side = 1.0 / (np.pi * away * (away**2 - 1.0)) ** 2
+    kernel = np.concatenate([side[::-1], np.zeros(3), side])
+    return np.asarray(
+        np.convolve(power, kernel)[len(side) + 1 : len(side) + 1 + len(power)] / np.maximum(power, 1e-300)
+    )
 
 
 def followed_phase(response: NDArray[np.complex128], coherence: Floats) -> Floats:

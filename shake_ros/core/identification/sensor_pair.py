@@ -33,6 +33,7 @@ from shake_ros.core.quantities import ShakeError
 WINDOW = 4.0  # of the response [s]
 LOWEST, HIGHEST = 1.0, 40.0  # lines that are looked at [Hz]
 COHERENT = 0.95  # below, the noise of the position biases the gain
+LEAKED = 0.7  # share of a line that may come from others, from which it says nothing of its own frequency
 FEWEST = 10  # lines
 LAGS = np.geomspace(3e-4, 3e-2, 40)  # of the accelerometer [s]
 POSITION_LAGS = np.geomspace(3e-4, 0.12, 52)  # of the position transducer [s]
@@ -109,7 +110,7 @@ ALIKE = SensorPair()  # sensors that tell nothing of each other
 def between_sensors(
     records: Sequence[Record],
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64]]:
-    """Angular frequency [rad/s], acceleration per second derivative of the position [-], weights; coherent lines."""
+    """Angular frequency [rad/s], acceleration per second derivative of the position [-], weights; of coherent lines."""
     lines, values, weights = [], [], []
     for record in records:
         seconds = len(record.position) * record.sample_time
@@ -119,6 +120,7 @@ def between_sensors(
         found = frequency_response(record.position, record.acceleration, record.sample_time, window)
         f = found.frequency
         use = (f >= LOWEST) & (f <= min(HIGHEST, 0.35 / record.sample_time)) & (found.coherence > COHERENT)
+        use &= found.leaked < LEAKED
         lines.append(2.0 * np.pi * f[use])
         values.append(-found.response[use] / (2.0 * np.pi * f[use]) ** 2)
         weights.append(1.0 / (1.001 - found.coherence[use]))

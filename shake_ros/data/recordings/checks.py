@@ -12,6 +12,7 @@ from shake_ros.data.recordings.cdr import Floats
 from shake_ros.data.recordings.findings import Finding
 
 SCALE_SUSPECT = 3.0
+KEPT = 0.5  # of the acceleration's power, in means over steps from which the position's curvature is that of the motion
 
 
 @dataclass(frozen=True)
@@ -89,10 +90,13 @@ def _acceleration_scale(
     count = len(position) // stride * stride
     means = [x[:count].reshape(-1, stride).mean(axis=1) for x in (position, acceleration)]
     curvature = np.diff(means[0], 2) / (stride * grid.sample_time) ** 2
-    measured = means[1][1:-1] - np.nanmean(means[1])
+    measured = means[1][1:-1]
     good = np.isfinite(curvature) & np.isfinite(measured)
-    power = float(np.sum(curvature[good] ** 2))
-    if good.sum() < 10 or power == 0.0 or not measured[good].any():
+    if good.sum() < 10:
+        return
+    measured = measured - np.mean(measured[good])
+    power, left = float(np.sum(curvature[good] ** 2)), float(np.var(measured[good]))
+    if power == 0.0 or left < KEPT * float(np.nanvar(acceleration)):  # too fast for such steps
         return
     correlation = float(np.corrcoef(curvature[good], measured[good])[0, 1])
     slope = float(np.sum(curvature[good] * measured[good])) / power

@@ -82,7 +82,7 @@ def find_layout(lines: Sequence[str], skip: int = 0, decimal: str = "") -> Diale
     earlier = [i for i, line in head if i < first - HEADING and len(_numbers([split(line, separator)])) > 1]
     if len(earlier) > 2:
         notes.append(f"lines {earlier[0] + 1} … {earlier[-1] + 1} hold numbers of another table; left out")
-    width = max(len(names), *(len(cells) for cells in typical))
+    width = max(len(names), *(i + 1 for cells in typical for i, cell in enumerate(cells) if cell))
     header = tuple(line.strip() for line in lines[skip:first] if line.strip())
     return Dialect(separator, decimal, width, numbers, tuple(rows), names, units, header, tuple(notes))
 

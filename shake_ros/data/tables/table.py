@@ -149,7 +149,7 @@ class ColumnTable:
     def _factor(self, column: Column, place: int, wanted: str) -> tuple[float, str, str]:
         """Factor to SI units, the unit as found, and what was assumed."""
         unit, name = self.unit(place), self.name(place)
-        where = f"{self.path.name}: column '{name}'"
+        where = f"column '{name}'"
         if column.scale is not None:
             note = ""
             if unit and unit.certain and unit.quantity == wanted and not _near(abs(column.scale), unit.factor):
@@ -294,6 +294,8 @@ class _Rows:
             if "." in text:
                 return None
             text = text.replace(",", ".")
+        if separator != BLANK and text.endswith(separator):
+            text = text.replace(f"{separator}\n", "\n").removesuffix(separator)
         chunk = text.split("\n")
         try:
             if len(self.layout.numbers) == self.layout.width and text.strip():

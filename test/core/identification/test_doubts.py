@@ -28,6 +28,20 @@ def test_good_recordings_raise_no_doubt() -> None:
     assert doubts([good(1), good(2)]) == []
 
 
+def sine(frequency: float, rate: float, resolution: float) -> Record:
+    w, time = 2.0 * np.pi * frequency, np.arange(int(20.0 * rate)) / rate
+    position = 0.02 * np.sin(w * time)
+    position = np.round(position / resolution) * resolution if resolution else position
+    return Record("sine", 1.0 / rate, np.cos(w * time), position, -0.02 * w**2 * np.sin(w * time))
+
+
+@pytest.mark.parametrize("resolution", [0.0, 1e-6])
+@pytest.mark.parametrize("rate", [200.0, 500.0, 1000.0])
+@pytest.mark.parametrize("frequency", [0.5, 1.0, 2.03, 5.0, 10.0])
+def test_a_clean_sine_raises_no_doubt_of_units(frequency: float, rate: float, resolution: float) -> None:
+    assert not [line for line in doubts([sine(frequency, rate, resolution)]) if "second derivative" in line]
+
+
 @pytest.mark.parametrize(
     ("change", "hint"),
     [

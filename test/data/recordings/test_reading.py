@@ -13,7 +13,13 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from benchmarks.recordings.raw import JOINT_STATE, STORE, joint_state
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import BagWriter, TableRecording, iterate_table_recording, read_table_recording
+from shake_ros.data.recordings import (
+    BagWriter,
+    TableRecording,
+    iterate_table_recording,
+    read_table_recording,
+    write_table_recording,
+)
 from shake_ros.data.recordings.bag import Bag
 
 from .conftest import table_arrays
@@ -311,3 +317,22 @@ def test_the_write_ahead_log_of_a_killed_sqlite_recorder_is_part_of_the_recordin
     before = (folder / "killed.db3").read_bytes()
     assert len(read_table_recording(folder)) == 100
     assert (folder / "killed.db3").read_bytes() == before
+
+
+@pytest.mark.parametrize("frequency", [1.0, 5.0, 20.0, 40.0, 49.0])
+def test_a_clean_sine_is_in_the_units_it_says(tmp_path, frequency):
+    time, w = np.arange(5000) / 500.0, 2.0 * np.pi * frequency
+    arrays = {"valve_command": np.cos(w * time), "position": 0.01 * np.sin(w * time)}
+    write_table_recording(tmp_path / "sine", time, **arrays, acceleration=-0.01 * w**2 * np.sin(w * time))
+    assert not [f for f in read_table_recording(tmp_path / "sine").findings if "curvature" in f.text]
+    write_table_recording(tmp_path / "in_g", time, **arrays, acceleration=-0.01 / 9.80665 * w**2 * np.sin(w * time))
+    told = [f.text for f in read_table_recording(tmp_path / "in_g").findings if "curvature" in f.text]
+    assert bool(told) == (frequency <= 20.0)
+
+
+def test_an_accelerometer_without_a_value_is_refused_without_a_warning(tmp_path):
+    time = np.arange(500) / 100.0
+    arrays = {"valve_command": np.cos(time), "position": np.sin(time)}
+    write_table_recording(tmp_path / "empty", time, **arrays, acceleration=np.full(500, np.nan))
+    with pytest.raises(ShakeError, match="imu: 500 samples have no finite value"):
+        read_table_recording(tmp_path / "empty")
