@@ -9,7 +9,7 @@ from itertools import groupby
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.tables.cells import BLANK, SEPARATORS, decimal_of, is_nothing, is_number, split
-from shake_ros.data.tables.units import parse_unit
+from shake_ros.data.tables.units import parse_unit, quantity_of, unit_of
 
 LOOKED_AT = 2000  # lines from which the layout is found, and from which the decimal sign is
 TYPICAL = 50  # rows from which the columns of numbers are found
@@ -193,11 +193,14 @@ def _names(line: str, separator: str, raw: int, width: int, counted: bool) -> li
     counted : the first column counts the rows, and may have no name.
     """
     mark = next((mark for mark in COMMENT if line.lstrip().startswith(mark)), "")
-    texts = [line.strip().removeprefix(mark).strip() if mark else line]
-    ways = [split(text, way) for text in texts for way in dict.fromkeys((separator, *SEPARATORS))]
-    ways += [re.split(r"\t+|\s{2,}", text.strip()) for text in texts]
-    ways += [re.split(r"\s+(?![^(\[]*[)\]])(?![(\[])", text.strip()) for text in texts]
+    text = line.strip().removeprefix(mark).strip() if mark else line
+    ways = [split(text, way) for way in dict.fromkeys((separator, *SEPARATORS[:-1]))]
+    ways.append(re.split(r"\t+|\s{2,}", text.strip()))
+    if separator == BLANK:
+        ways.append(re.split(r"\s+(?![^(\[]*[)\]])(?![(\[])", text.strip()))
     for cells in ways:
+        if mark and separator == BLANK and 2 * sum(map(_says, cells)) <= len(cells):
+            continue  # a sentence of as many words as there are columns
         kept = len(cells)
         if kept == width - 1 and counted:
             cells, kept = ["", *cells], width
@@ -208,6 +211,11 @@ def _names(line: str, separator: str, raw: int, width: int, counted: bool) -> li
         if (width <= kept <= raw or remark) and texts_inside and not any(map(is_number, cells[1:kept])):
             return cells[:kept]
     return []
+
+
+def _says(name: str) -> bool:
+    """Whether a name says what its column holds."""
+    return bool(quantity_of(name)) or unit_of(name) is not None
 
 
 def _are_units(cells: Sequence[str]) -> bool:
