@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 
+from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.closed_form import FunctionForm, fitted_forms
-from shake_ros.core.discovery.refined_nodes import FLANK, better_range
+from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+from shake_ros.core.discovery.refined_nodes import FLANK, better_range, with_refined_nodes
+from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.unlisted_functions import KINDS, NODE_NAMES, PREFIX, UNLISTED
 from shake_ros.core.effects.unlisted import FLOW_GAIN_OF_TIME, FORCE_OF_POSITION, FRICTION_OF_POSITION, NODES
+from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, null_shifts_of
+from shake_ros.settings import load_search, load_table
 
 LOW, HIGH = -0.036, 0.032
 AT = np.linspace(LOW, HIGH, NODES)
@@ -50,3 +61,30 @@ def test_a_narrow_bump_gets_all_nodes() -> None:
 )
 def test_else_the_range_stays(kind: int, values: np.ndarray) -> None:
     assert better_range(kind, LOW, HIGH, form_of(values)) is None
+
+
+def test_nodes_move_with_the_null_shift_of_each_recording_as_it_was() -> None:
+    kind = KINDS[FRICTION_OF_POSITION]
+    own = {PREFIX + "kind": kind.code, PREFIX + "low": LOW, PREFIX + "high": HIGH}
+    nodes = [FreeParameter(name, kind.scale, kind.low, kind.high, kind.unit) for name in NODE_NAMES]
+    free = FreeParameters(load_table("bergamo").with_values(own), [*null_shifts_of(2, ()), *nodes])
+    bump = -285.0 + 1100.0 * np.exp(-0.5 * ((AT + 0.010) / 0.004) ** 2)
+    x = np.concatenate([[3.0, -2.0], bump / kind.scale])
+    starts: list[np.ndarray] = []
+
+    def fitted(more: FreeParameters, start: np.ndarray, *_: object, **__: object) -> ScoredFit:
+        starts.append(start * more.scale)
+        return ScoredFit(Fit(more, start, np.zeros(1), np.zeros((1, len(start))), 0.0, 1), 1.0, 1.0)
+
+    chosen = Refit(
+        CandidateEffect(UNLISTED, tuple(nodes), (), kind.place, kind.depends_on),
+        ScoredFit(Fit(free, x, np.zeros(1), np.zeros((1, len(x))), 0.0, 1), 2.0, 2.0),
+        0.5,
+    )
+    problem = SimpleNamespace(progress=lambda *_: None, settings=load_search(), fitted=fitted)
+    step = with_refined_nodes(cast("SearchProblem", problem), ForwardStep(chosen, (chosen,)))
+    (start,) = starts
+    assert start[:2] == pytest.approx([3e-3, -2e-3])
+    low, high = start[-2:]
+    assert np.interp(-0.010, np.linspace(low, high, NODES), start[2:-2]) == pytest.approx(815.0, rel=0.05)
+    assert step.chosen.result.fit.free.names[-2:] == (PREFIX + "low", PREFIX + "high")
