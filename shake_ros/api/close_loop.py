@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable
 from shake_ros.api.tracking import tracking
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tune_table
+from shake_ros.api.unseen import seen_alike, unseen_records, with_test
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.declared_fit import FittedModel
@@ -131,10 +132,10 @@ class Discovery(fitted.FittedResult):
     Attributes
     ----------
     model : as declared. closed : models before and after with the steps between them.
-    estimation, validation : the gapless parts of the recordings. diagnosis : tests of the residuals, what the
-    recordings identify, and which one would help; None where that failed. tracking : the found table in closed loop
-    under the model before and the model after; None where nothing was added, or where the model has no valve to
-    control.
+    estimation, validation, test : the gapless parts of the recordings; no decision knew those of the last.
+    diagnosis : tests of the residuals, what the recordings identify, and which one would help; None where that failed.
+    tracking : the found table in closed loop under the model before and the model after; None where nothing was added,
+    or where the model has no valve to control.
     data : the recordings as they were fitted, with the offsets that were taken out of them.
     tuned : observer and controller for the found table, where they were asked for.
     failures : steps after the first fit that ended in an error, those of `report` as well; the result is without what
@@ -150,6 +151,12 @@ class Discovery(fitted.FittedResult):
     data: Prepared
     tuned: TunedTable | None = None
     failures: Failures = field(default_factory=Failures)
+    test: Sequence[Record] = ()
+
+    @property
+    def records(self) -> list[Record]:
+        """The parts of all recordings."""
+        return [*super().records, *self.test]
 
     @property
     def final(self) -> FittedModel:
@@ -186,8 +193,7 @@ class Discovery(fitted.FittedResult):
         """Position error of the free run before and after by recording [m rms]; empty but for the model axis."""
         if self.model.kind != "axis":
             return {}
-        records = [*self.estimation, *self.validation]
-        before, after = (position_errors(m.table, records) for m in (self.closed.baseline, self.closed.final))
+        before, after = (position_errors(m.table, self.records) for m in (self.closed.baseline, self.closed.final))
         return {name: (error, after[name]) for name, error in before.items()}
 
     @property
@@ -210,7 +216,7 @@ class Discovery(fitted.FittedResult):
         from shake_ros.report.charts_fit import free_runs, history_chart
         from shake_ros.report.static_figure import static_figure
 
-        record = fitted.chosen_record([*self.validation, *self.estimation], recording)
+        record = fitted.chosen_record([*self.validation, *self.estimation, *self.test], recording)
         tables = self.closed.baseline.table, self.table
         return static_figure(history_chart(record, free_runs(record, *tables, self.model.declared)))
 
@@ -228,8 +234,9 @@ class Discovery(fitted.FittedResult):
         from shake_ros.report.close_loop_page import close_loop_page
         from shake_ros.report.written import write_page
 
-        names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
-        content = close_loop_json(self.closed, *names, self.model.kind)
+        sets = self.estimation, self.validation, self.test
+        names = [fitted.names_of(records) for records in sets]
+        content = close_loop_json(self.closed, names[0], names[1], self.model.kind, names[2])
         step, told = self.failures.step, tuple[Estimate, ...]()
         with step("residuals in report.json"):
             if self.diagnosis:
@@ -261,9 +268,8 @@ class Discovery(fitted.FittedResult):
                 if self.tuned and (self.tuned.sound or force):
                     self.tuned.write(out, force)
             with step("page"):
-                data, unknown = (self.estimation, self.validation), (told, self.data)
                 page = close_loop_page(
-                    self.closed, *data, self.diagnosis, self.tracking, command, *unknown, self.failures
+                    self.closed, *sets, self.diagnosis, self.tracking, command, told, self.data, self.failures
                 )
                 write_page(page, out, figures)
             with step("numbers of report.json"):
@@ -292,6 +298,7 @@ def close_loop(
     estimation: fitted.Data,
     validation: fitted.Data,
     *,
+    test: fitted.Data | None = None,
     settings: SearchSettings | None = None,
     tune: bool = False,
     minutes: float | None = None,
@@ -303,6 +310,7 @@ def close_loop(
     ----------
     model : from `sr.model`.
     estimation : recordings to fit. validation : recordings that decide whether an effect is added.
+    test : recordings that no decision sees; the errors of every model on them stand in the result.
     settings : thresholds of the search, where not those of config/discovery/search.yaml.
     tune : design observer and controller for the found table as well, see `sr.tune`; of the full model.
     minutes : after which the search ends with the best answer so far; judging it may take a quarter of that more.
@@ -312,7 +320,7 @@ def close_loop(
     Raises
     ------
     ShakeError
-        A recording cannot be fitted, or is in both sets.
+        A recording cannot be fitted, or is in two sets.
 
     Examples
     --------
@@ -340,6 +348,7 @@ def close_loop(
     """
     declared = model.declared
     records = fitted.fit_data(estimation, validation, declared.driven_by)
+    unseen, stops = unseen_records(model, test, (estimation, validation))
     with Progress("close_loop", progress) as bar:
         with Ending(bar, minutes) as ending:
             start = model.begin(*records, patiently(ending))
@@ -351,7 +360,12 @@ def close_loop(
             found = closing.close_loop(structure, first, second, limits, ending, ending.overdue, failures)
         known, tuned, benefit, told = None, None, None, None
         data = data.seen(found.search.knowledge)
+        data = replace(data, stops=(*data.stops, *stops))
         first, second = data.estimation, data.validation
+        with failures.step("test data"):
+            if unseen:
+                unseen, data = seen_alike(model, unseen, data, found)
+                found = with_test(found, unseen)
         with failures.step("uncertainty"):
             known = _uncertainty(found, first)
         with failures.step("tuning"):
@@ -363,7 +377,7 @@ def close_loop(
         with failures.step("diagnosis"):
             asked = () if ending.overdue() else recordings_to_make()
             told = diagnose(found.final.fit, first, second, asked, declared)
-    return Discovery(model, found, first, second, told, benefit, data, tuned, failures)
+    return Discovery(model, found, first, second, told, benefit, data, tuned, failures, unseen)
 
 
 def _uncertainty(found: LoopClosure, estimation: Sequence[Record]) -> Uncertainty:

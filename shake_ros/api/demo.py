@@ -17,6 +17,7 @@ from shake_ros.api.demo_runs import RUNS, Hidden, hide, record_run, tracking
 from shake_ros.api.fitted import names_of
 from shake_ros.api.measured_runs import ALL, fit_runs, read_problem
 from shake_ros.api.progress import Progress, Told
+from shake_ros.api.unseen import with_test
 from shake_ros.core.discovery.close_loop import LoopClosure, close_loop
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.measured_harmonics.variants import MeasuredRuns
@@ -133,6 +134,8 @@ def _run(
         bar.span(0.85, 0.95)
         model = folder / "extended_table.yaml"
         again = read_table_recording(record_run(work, "earthquake_again", settings, hidden, model, bar))
+        test = fit_records(again)
+        result = with_test(result, test)
         for name in RUNS:
             shutil.move(work / name, folder / f"bag_{name}")  # may be another file system
     bar.span(0.95, 1.0)
@@ -141,9 +144,9 @@ def _run(
     tracks = Tracking(before, again, tracking(before), tracking(again))
     summary = summarise(runs, hidden, result, tracks, time.monotonic() - started)
     write_json(folder / "summary.json", summary)
-    names = names_of(learn), names_of(hold)
-    write_json(folder / "close_loop.json", close_loop_json(result, *names, "full"))
-    write_page(demo_page(runs, hidden.effect, result, learn, hold, tracks, summary, command), folder, figures)
+    content = close_loop_json(result, names_of(learn), names_of(hold), "full", names_of(test))
+    write_json(folder / "close_loop.json", content)
+    write_page(demo_page(runs, hidden.effect, result, learn, hold, test, tracks, summary, command), folder, figures)
     (folder / "overview.png").write_bytes(overview(runs, result, hold, tracks_of(tracks)))
     (folder / "summary.txt").write_text(lines(summary, tracks), encoding="utf-8")
 
@@ -170,6 +173,8 @@ def summarise(
             "alternatives": list(steps[0].alternatives) if steps else [],
             "hold_before": mean_error(result.baseline.validation),
             "hold_after": mean_error(result.final.validation),
+            "test_before": mean_error(result.baseline.test),
+            "test_after": mean_error(result.final.test),
         },
         "tracking": {"before": tracks.error_before["position"], "after": tracks.error_after["position"]},
         "seconds": round(seconds, 1),
@@ -189,7 +194,8 @@ def lines(summary: Mapping[str, Any], tracks: Tracking) -> str:
         f"measured runs:  {h['baseline_rms']:.3f} → {h['final_rms']:.3f} m/s² rms "
         f"with {h['effect'] or 'nothing added'}\n"
         f"hidden effect:  {d['effect']}; named: {d['named'] or 'nothing'} ({verdict})\n"
-        f"held-out error: {100 * d['hold_before']:.2f} → {100 * d['hold_after']:.2f} % of the acceleration\n"
+        f"validation:     {100 * d['hold_before']:.2f} → {100 * d['hold_after']:.2f} % of the acceleration\n"
+        f"test:           {100 * d['test_before']:.2f} → {100 * d['test_after']:.2f} % of the acceleration\n"
         f"tracking error: {100 * t['before']:.2f} → {100 * t['after']:.2f} % of the position, "
         f"{100 * tracks.error_before['velocity']:.2f} → {100 * tracks.error_after['velocity']:.2f} % of the velocity\n"
         f"seconds:        {summary['seconds']:.0f}\n"

@@ -24,6 +24,7 @@ from shake_ros.data.recordings import TableRecording
 
 Data = TableRecording | Sequence[TableRecording]
 CHANNELS = ("velocity", "acceleration")
+ROLES = ("estimation", "validation", "test")
 
 
 class FittedResult(ABC):
@@ -39,6 +40,11 @@ class FittedResult(ABC):
     estimation: Sequence[Record]
     validation: Sequence[Record]
     data: Prepared
+
+    @property
+    def records(self) -> list[Record]:
+        """The parts of all recordings."""
+        return [*self.estimation, *self.validation]
 
     @property
     @abstractmethod
@@ -80,14 +86,12 @@ class FittedResult(ABC):
 
         Empty but for the model axis.
         """
-        records = [*self.estimation, *self.validation]
-        return forecast_errors(self.table, records) if self.model.kind == "axis" else {}
+        return forecast_errors(self.table, self.records) if self.model.kind == "axis" else {}
 
     @cached_property
     def own(self) -> list[SlowChange]:
         """What each recording of a force-driven axis has of its own; empty for other models."""
-        records = [*self.estimation, *self.validation]
-        return slow_changes(self.table, records) if self.model.kind == "axis" else []
+        return slow_changes(self.table, self.records) if self.model.kind == "axis" else []
 
     @property
     def slow_changes(self) -> ResultTable:
@@ -112,11 +116,11 @@ def fit_data(estimation: Data, validation: Data | None, driven_by: str) -> tuple
     return first.records(driven_by), second.records(driven_by)
 
 
-def check_apart(first: Recordings, second: Recordings) -> None:
+def check_apart(first: Recordings, second: Recordings, roles: tuple[str, str] = ("estimation", "validation")) -> None:
     """ShakeError for a recording in both sets."""
     both = sorted({*first.names} & {*second.names})
     if both:
-        raise ShakeError(f"{', '.join(both)}: given both as estimation and as validation data")
+        raise ShakeError(f"{', '.join(both)}: given both as {roles[0]} and as {roles[1]} data")
 
 
 def names_of(records: Sequence[Record]) -> list[str]:
@@ -137,7 +141,7 @@ def error_frame(models: Mapping[str, FittedModel]) -> ResultTable:
     """Relative errors of free runs per recording, a column for each channel and model."""
     first = next(iter(models.values()))
     rows = []
-    for role in ("estimation", "validation"):
+    for role in ROLES:
         for name in getattr(first, role):
             errors = [getattr(model, role)[name].get(channel) for channel in CHANNELS for model in models.values()]
             rows.append((name, role, *errors))

@@ -71,8 +71,7 @@ class Identification(fitted.FittedResult):
     @property
     def position_error(self) -> dict[str, float]:
         """Root mean square position error of the free run by recording [m]; empty but for the model axis."""
-        records = [*self.estimation, *self.validation]
-        return position_errors(self.table, records) if self.model.kind == "axis" else {}
+        return position_errors(self.table, self.records) if self.model.kind == "axis" else {}
 
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, as declared, as fitted; the first one validated."""

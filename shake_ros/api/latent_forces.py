@@ -10,7 +10,7 @@ from shake_ros.core.discovery.latent_force import LatentForce
 
 
 class LatentForces(Sequence[LatentForce]):
-    """Histories of the force that the final model lacks: recordings held out first; by number or by recording."""
+    """Histories of the force that the final model lacks: validation data first; by number or by recording."""
 
     def __init__(self, forces: Sequence[LatentForce]) -> None:
         self._forces = tuple(forces)

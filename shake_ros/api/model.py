@@ -75,6 +75,11 @@ class Model:
         table = self.declared.table if isinstance(self.declared, UnknownModel) else self.table
         return table if table is not None and table.layout is FULL_LAYOUT else None
 
+    @property
+    def stroke(self) -> float | None:
+        """Full stroke that is declared [m]; None where there is none."""
+        return None if self._declared_table is None else self._declared_table.value("body.stroke")
+
     def start(self, records: list[Record]) -> TableParameters:
         """The table that a fit to these records starts from."""
         return self.table or self.declared.first_table(records).with_values(self.changes)
@@ -91,9 +96,8 @@ class Model:
         nuisances; of a force-driven axis each recording has its own slow changes. progress : called with what is being
         done and which part is done.
         """
-        declared, known, stops = self.declared, self._declared_table, tuple[str, ...]()
-        if known is not None:
-            stroke = known.value("body.stroke")
+        declared, stroke, stops = self.declared, self.stroke, tuple[str, ...]()
+        if stroke is not None:
             (estimation, first), (validation, second) = (within_stroke(r, stroke) for r in (estimation, validation))
             stops = first + second
         if not isinstance(declared, UnknownModel):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from shake_ros.api.close_loop import Discovery, close_loop
 from shake_ros.cli import fitting
@@ -36,10 +37,15 @@ def main(arguments: Sequence[str]) -> int:
         metavar="N",
         help="end the search after N minutes with the best answer so far; judging it may take a quarter more",
     )
+    command.add_argument(
+        "--test", type=Path, nargs="+", default=[], metavar="BAG", help="recordings that no decision sees: test data"
+    )
     given = command.parse_args(list(arguments))
     if given.tune and MODELS[given.model].layout is not FULL_LAYOUT:
         raise ShakeError(f"--tune: needs a valve and hydraulics, which the model {given.model} does not have")
-    found = close_loop(*fitting.inputs(given), minutes=given.minutes, tune=given.tune)
+    found = close_loop(
+        *fitting.inputs(given), test=fitting.read_set(given, given.test), minutes=given.minutes, tune=given.tune
+    )
     found.report(given.out, given.force, **reporting("close_loop", given, arguments))
     text = list[str]()
     with found.failures.step("text"):

@@ -22,7 +22,7 @@ def add_data(command: argparse.ArgumentParser, needed: Sequence[str] = ()) -> No
     """The recordings, of which some are needed ("estimation", "validation"), and the result folder."""
     for name, short, text in (
         ("estimation", "learn", "recordings to fit"),
-        ("validation", "hold", "recordings that the fit does not see"),
+        ("validation", "hold", "recordings that are not fitted: validation data"),
     ):
         options = (f"--{short}", f"--{name}")
         command.add_argument(
@@ -66,10 +66,15 @@ def inputs(given: argparse.Namespace) -> tuple[Model, Recordings, Recordings]:
 
 def read_data(given: argparse.Namespace) -> tuple[Recordings, Recordings]:
     """Estimation and validation data of the arguments; what reading met goes to standard error."""
-    estimation, validation = (read(*bags, take=taken(given)) for bags in (given.estimation, given.validation))
-    for finding in estimation.findings + validation.findings:
+    return read_set(given, given.estimation), read_set(given, given.validation)
+
+
+def read_set(given: argparse.Namespace, bags: Sequence[Path]) -> Recordings:
+    """Recordings of one set; what reading met goes to standard error."""
+    found = read(*bags, take=taken(given))
+    for finding in found.findings:
         print(finding, file=sys.stderr)
-    return estimation, validation
+    return found
 
 
 def change(text: str) -> tuple[str, float]:

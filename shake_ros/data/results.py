@@ -52,8 +52,13 @@ def model_json(model: FittedModel) -> dict[str, Any]:
     """Parameters and errors of one model."""
     return {
         "parameters": parameters_json(model.parameters),
-        "error": {"learn": model.estimation, "hold": model.validation},
+        "error": errors_json(model),
     }
+
+
+def errors_json(model: FittedModel) -> dict[str, Any]:
+    """Errors of the free runs of estimation, validation and test data."""
+    return {"learn": model.estimation, "hold": model.validation, "test": model.test}
 
 
 def unknown_json(told: Sequence[Estimate], data: Prepared) -> dict[str, Any]:
@@ -278,12 +283,17 @@ def _step_json(step: ForwardStep, model: FittedModel, standing: EffectStanding |
         "depends_on": list(best.candidate.depends_on),
         "parameters": parameters_json([p for p in model.parameters if p.name in own]),
         "evidence": {"why": why, "ranking": [_refit_json(r) for r in step.ranking]},
-        "error": {"learn": model.estimation, "hold": model.validation},
+        "error": errors_json(model),
     }
 
 
-def close_loop_json(result: LoopClosure, learn: Sequence[str], hold: Sequence[str], model: str) -> dict[str, Any]:
-    """Content of report.json as spec'd for other programs (schema shake_ros.close_loop/1)."""
+def close_loop_json(
+    result: LoopClosure, learn: Sequence[str], hold: Sequence[str], model: str, test: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Content of report.json as spec'd for other programs (schema shake_ros.close_loop/1).
+
+    learn, hold, test : names of estimation, validation and test data. model : its kind.
+    """
     rest = result.remaining
     place, depends_on, text = rest.place, rest.depends_on, rest.text
     for step in result.search.steps:
@@ -293,7 +303,7 @@ def close_loop_json(result: LoopClosure, learn: Sequence[str], hold: Sequence[st
     return {
         "schema": CLOSE_LOOP_SCHEMA,
         "model": model,
-        "recordings": {"learn": list(learn), "hold": list(hold)},
+        "recordings": {"learn": list(learn), "hold": list(hold), "test": list(test)},
         "noise": result.noise,
         "baseline": model_json(result.baseline),
         "steps": [

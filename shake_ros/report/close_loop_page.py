@@ -102,11 +102,11 @@ def mean_error(errors: Mapping[str, Mapping[str, float]]) -> float:
     return float(np.mean([e.get("acceleration", e["velocity"]) for e in errors.values()])) if errors else math.nan
 
 
-def error_meaning(model: FittedModel) -> str:
-    """What `mean_error` is the mean of."""
-    errors = model.validation or model.estimation
-    channel = "acceleration" if all("acceleration" in e for e in errors.values()) else "velocity"
-    return f"error of the free run, {channel}, {'validation' if model.validation else 'estimation'} data"
+def error_meaning(model: FittedModel, role: str = "") -> str:
+    """What `mean_error` is the mean of. role : of the data; validation, where there are any, without it."""
+    role = role or ("validation" if model.validation else "estimation")
+    channel = "acceleration" if all("acceleration" in e for e in getattr(model, role).values()) else "velocity"
+    return f"error of the free run, {channel}, {role} data"
 
 
 def _title(step: ForwardStep, function: LearntFunction | None = None) -> str:
@@ -145,6 +145,9 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
                 f"position error in the loop, with the declared and with the extended model{gained}",
             )
         )
+    if result.final.test:
+        was, now = (percent(mean_error(m.test)) for m in (result.baseline, result.final))
+        cards.insert(2, (f"{was} → {now}" if steps else was, error_meaning(result.final, "test")))
     page.cards(cards)
     if not steps and not result.candidates:
         page.paragraph(f"Nothing is added: {why_nothing(result)}.")
@@ -165,7 +168,7 @@ def _if_added(result: LoopClosure) -> str:
     channels = [c for c in ("velocity", "acceleration") if all(c in of for of in errors.values())]
     left = ", ".join(f"{name} {' and '.join(percent(of[c]) for c in channels)}" for name, of in errors.items())
     what = "all of these" if len(result.candidates) > 1 else "it"
-    return f"With {what} in the model the error of {' and '.join(channels)} on held-out data would be {left}."
+    return f"With {what} in the model the error of {' and '.join(channels)} on validation data would be {left}."
 
 
 def _sentences(standing: EffectStanding) -> list[str]:
@@ -246,14 +249,16 @@ def _times(size: float) -> str:
     return f"{size:#.3g}" if size < 100.0 else f"{size:.0f}"
 
 
-def model_sections(page: Page, result: LoopClosure, learn: Sequence[Record], hold: Sequence[Record]) -> None:
+def model_sections(
+    page: Page, result: LoopClosure, learn: Sequence[Record], hold: Sequence[Record], test: Sequence[Record] = ()
+) -> None:
     """Measured against simulated, errors, why each effect was added."""
     tables = result.baseline.table, result.final.table
-    bands = histories_section(page, learn, hold, tables, result.model)
+    bands = histories_section(page, learn, hold, tables, result.model, test=test)
     felt = f" and {result.noise['acceleration']:.2g} m/s²" if "acceleration" in result.noise else ""
     noise = f" Sensor noise alone: {result.noise['velocity']:.2g} m/s{felt}."
     errors_section(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)), bands, MODELS, noise)
-    slow_changes_section(page, result.final.table, [*learn, *hold])
+    slow_changes_section(page, result.final.table, [*learn, *hold, *test])
     for step, without in zip(result.search.steps, result.search.models, strict=False):
         step_section(page, step, without, result.function)
     depends = [d for s in result.search.steps for d in s.chosen.candidate.depends_on]
@@ -269,6 +274,7 @@ def close_loop_page(
     result: LoopClosure,
     learn: Sequence[Record],
     hold: Sequence[Record],
+    test: Sequence[Record] = (),
     diagnosis: Diagnosis | None = None,
     benefit: TrackingBenefit | None = None,
     command: str = "",
@@ -278,9 +284,11 @@ def close_loop_page(
 ) -> Page:
     """The page of `close_loop`; told, data : of a table without a data sheet. failures : take those of the page too."""
     named = _named(result)
-    estimation, validation = (", ".join(dict.fromkeys(r.name for r in records)) for records in (learn, hold))
-    lead = f"Missing: {named}. Estimated from {estimation}; validated on {validation}."
-    page = Page("What the model is missing", lead, made_of(command, learn, hold), failures)
+    sets = (learn, hold, test)
+    estimation, validation, tested = (", ".join(dict.fromkeys(r.name for r in records)) for records in sets)
+    lead = f"Missing: {named}. Estimated from {estimation}; validated on {validation}"
+    lead += f"; tested on {tested}." if tested else "."
+    page = Page("What the model is missing", lead, made_of(command, *sets), failures)
     for failure in failures.all:
         page.paragraph(sentence(f"{failure}; the report is without it"))
     with page.part("what was found"):
@@ -288,7 +296,7 @@ def close_loop_page(
     with page.part("what the recordings tell"):
         identified_section(page, told, data)
     with page.part("measured against simulated"):
-        model_sections(page, result, learn, hold)
+        model_sections(page, result, *sets)
     with page.part("what remains"):
         if diagnosis:
             remains_section(page, diagnosis, result.remaining.text)

@@ -70,6 +70,7 @@ def demo_page(
     result: LoopClosure,
     learn: Sequence[Record],
     hold: Sequence[Record],
+    test: Sequence[Record],
     tracks: Tracking,
     summary: Mapping[str, Any],
     command: str = "",
@@ -80,7 +81,7 @@ def demo_page(
         "Closing the loop with measured data",
         "A simulated table with an effect that the model is missing: recorded over DDS, found from the recording, "
         "added, and tracked again; and the declared model against harmonics measured on the real table.",
-        made_of(command, learn, hold),
+        made_of(command, learn, hold, test),
     )
     page.heading("What was found, and how sure")
     page.cards(
@@ -89,6 +90,10 @@ def demo_page(
             (
                 f"{percent(summary['hidden']['hold_before'])} → {percent(summary['hidden']['hold_after'])}",
                 "acceleration error of the free run, validation data",
+            ),
+            (
+                f"{percent(summary['hidden']['test_before'])} → {percent(summary['hidden']['test_after'])}",
+                "acceleration error of the free run, test data",
             ),
             (
                 f"{percent(tracks.error_before['position'])} → {percent(tracks.error_after['position'])}",
@@ -105,9 +110,10 @@ def demo_page(
     page.paragraph(
         "Plant, reference generator, observer, controller and recorder ran in lock-step as separate processes: "
         f"{sum(len(r.commands) for r in learn)} samples of an excitation for estimation and "
-        f"{len(tracks.before.time)} samples of the earthquake for validation."
+        f"{len(tracks.before.time)} samples of the earthquake for validation. The earthquake under the extended model "
+        "is test data: no decision knew it."
     )
-    model_sections(page, result, learn, hold)
+    model_sections(page, result, learn, hold, test)
     page.heading("What remains")
     page.paragraph(sentence(result.remaining.text))
     page.heading("The same earthquake, tracked with each model")

@@ -26,7 +26,7 @@ SIDES = {  # abscissa → the quantity whose sign parts the two curves, and thei
 
 
 def force_section(page: Page, forces: Sequence[LatentForce], model: DeclaredModel) -> None:
-    """One sentence where the force is zero; else sizes, kinds and the charts of the largest held out."""
+    """One sentence where the force is zero; else sizes, kinds and the charts of the largest one."""
     if not forces:
         return
     page.heading("The force that the model lacks")

@@ -45,7 +45,7 @@ def innovations_table(page: Page, found: Innovations) -> None:
     page.subheading("Error of prediction against horizon")
     page.paragraph(sentence(found.text))
     page.paragraph(
-        "Rms over held-out data in multiples of the sensor noise. A drawn run is corrected at a rate towards what is "
+        "Rms over validation data in multiples of the sensor noise. A drawn run is corrected at a rate towards what is "
         "measured, as an observer is; beside it stands what sensor noise alone makes of such a run. A prediction is "
         "free from the instant it is made; the measured velocity has looked some 10 ms ahead of that.",
         note=True,

@@ -25,14 +25,17 @@ from shake_ros.report.readable import bound_text, estimate_text, rounded, unit_o
 from shake_ros.report.text import percent, sentence
 
 ERROR = "Error of the free run: rms(measured − simulated) / rms(measured − mean), simulated from the command alone."
+TEST = "Validation data have chosen what the model contains; of test data no decision knew."
 DRAWN = 8  # recordings with charts of their own
 SHOWN = 2.0  # of the tracked motion at first, about the largest acceleration of the reference [s]
 
 
-def sources(estimation: Sequence[Record], validation: Sequence[Record]) -> tuple[Source, ...]:
+def sources(
+    estimation: Sequence[Record], validation: Sequence[Record], test: Sequence[Record] = ()
+) -> tuple[Source, ...]:
     """The recordings behind a page, each once with the length of its parts together."""
     found = []
-    for use, records in (("estimation", estimation), ("validation", validation)):
+    for use, records in (("estimation", estimation), ("validation", validation), ("test", test)):
         for name in dict.fromkeys(r.name for r in records):
             parts = [r for r in records if r.name == name]
             samples = sum(len(r.commands) for r in parts)
@@ -41,9 +44,11 @@ def sources(estimation: Sequence[Record], validation: Sequence[Record]) -> tuple
     return tuple(found)
 
 
-def made_of(command: str, estimation: Sequence[Record], validation: Sequence[Record]) -> Made:
+def made_of(
+    command: str, estimation: Sequence[Record], validation: Sequence[Record], test: Sequence[Record] = ()
+) -> Made:
     """Where the page of a fit comes from."""
-    return Made(command, sources(estimation, validation))
+    return Made(command, sources(estimation, validation, test))
 
 
 def histories_section(
@@ -53,16 +58,21 @@ def histories_section(
     tables: tuple[TableParameters, TableParameters],
     model: DeclaredModel,
     labels: Sequence[str] = charts_fit.BOTH,
+    test: Sequence[Record] = (),
 ) -> list[list[str]]:
-    """Measured against simulated, recording by recording, those of validation first. Returns the errors by band."""
+    """Measured against simulated, recording by recording, test and validation data first.
+
+    Returns the errors by band.
+    """
     page.heading("Measured against simulated")
     page.hint("Drag over a chart to zoom, double click for all of it; the panels of a recording move together.")
     bands = []
-    drawn = [(r, "validation") for r in longest(validation)] + [(r, "estimation") for r in longest(estimation)]
+    sets = (("test", test), ("validation", validation), ("estimation", estimation))
+    drawn = [(r, role) for role, records in sets for r in longest(records)]
     for record, role in drawn[:DRAWN]:
         runs = charts_fit.free_runs(record, *tables, model)
         page.chart(charts_fit.history_chart(record, runs, labels, role=f" ({role})"))
-        if role == "validation" or not validation:
+        if role != "estimation" or not validation:
             page.chart(charts_fit.spectrum_chart(record, runs, labels))
         channel, rows = charts_fit.band_errors(record, runs)
         bands += [[f"{record.name} ({role})", channel, band, *map(percent, errors)] for band, errors in rows]
@@ -148,11 +158,13 @@ def errors_section(
     first, *_ = models.values()
     rows = [
         [name, role, channel, *(percent(getattr(m, role)[name].get(channel)) for m in models.values())]
-        for role in ("validation", "estimation")
+        for role in ("test", "validation", "estimation")
         for name, errors in getattr(first, role).items()
         for channel in errors
     ]
     page.table(["recording", "used for", "channel", *models], rows)
+    if first.test:
+        page.paragraph(f"{TEST} They tell how well the model foresees.", note=True)
     page.subheading("The same by band of frequency")
     page.paragraph(
         "The residual within the band over the whole measured signal: the squares of a recording's bands add up to the "

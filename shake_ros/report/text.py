@@ -58,7 +58,7 @@ def identified_lines(told: Sequence[Estimate], data: Prepared) -> list[str]:
 def error_lines(model: FittedModel, title: str = "error of the free run") -> list[str]:
     """Errors per recording, relative to the measured signal."""
     lines = [f"{title:<36}{'velocity':>12}{'acceleration':>14}"]
-    for role, errors in (("estimation", model.estimation), ("validation", model.validation)):
+    for role, errors in (("estimation", model.estimation), ("validation", model.validation), ("test", model.test)):
         lines += _error_rows(role, errors)
     return lines
 
@@ -78,7 +78,7 @@ def function_line(function: LearntFunction) -> str:
     line = (
         f"function of {of.replace('_', ' ')} [{function.unit}], closed form{where.replace('_', ' ')}: "
         f"{form.name}, {form.text} with {_numbers(form.parameters)}; it "
-        f"differs from the free one by {percent(form.misfit)}, and leaves {form.cost:.2f} times its held-out error"
+        f"differs from the free one by {percent(form.misfit)}, and leaves {form.cost:.2f} times its validation error"
     )
     return f"{line}; {change_text(second)}" if second else line
 
@@ -89,7 +89,7 @@ def change_text(change: LearntChange) -> str:
     return (
         f"with {quantity} it changes as {form.name}, {form.text} with {_numbers(form.parameters)}, τ from −1 at "
         f"{change.low:.4g} {change.unit} to 1 at {change.high:.4g} {change.unit}; this differs from the free change by "
-        f"{percent(form.misfit)}, and both forms leave {form.cost:.2f} times the held-out error"
+        f"{percent(form.misfit)}, and both forms leave {form.cost:.2f} times the validation error"
     )
 
 
@@ -98,7 +98,7 @@ def _numbers(parameters: Mapping[str, float]) -> str:
 
 
 def largest_force(forces: Sequence[LatentForce]) -> LatentForce:
-    """The largest force outside its band in a held-out recording, in any recording where none is held out."""
+    """The largest force outside its band in validation data, in any recording where there are none."""
     held_out = [force for force in forces if force.held_out] or list(forces)
     return max(held_out, key=lambda force: (not force.kinds.zero, force.rms))
 
@@ -107,7 +107,7 @@ def told_force(forces: Sequence[LatentForce]) -> str:
     """The force that a model lacks, as a phrase: how large it is and of what kind."""
     force = largest_force(forces)
     if force.kinds.zero:
-        where = "of every held-out recording" if any(f.held_out for f in forces) else "of every recording"
+        where = "of every validation recording" if any(f.held_out for f in forces) else "of every recording"
         return f"the force that the model lacks is zero within its {100.0 * force.band:.0f} % band {where}"
     share = f"{100.0 * force.of_inertia:.1f} % of the force of inertia"
     size = f"{force.rms:.3g} {force.unit} rms ({share}), at most {force.peak:.3g} {force.unit}, in {force.recording}"

@@ -212,6 +212,7 @@ def test_nan_every_half_second_leaves_nothing_to_fit(refused, tmp_path: Path) ->
 def test_recording_in_both_sets_is_refused(refused, bags: tuple[Path, Path], tmp_path: Path) -> None:
     assert "learn: given both as estimation and as validation data" in refused(hold=bags[0])
     assert "given both" in refused(hold=shutil.copytree(bags[0], tmp_path / "copy" / "learn"))
+    assert "hold: given both as validation and as test data" in refused("--test", bags[1])
 
 
 def test_existing_results_stay_without_force(

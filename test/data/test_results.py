@@ -37,7 +37,8 @@ def check_parameters(content: Any) -> None:
 
 
 def check_error(content: Any, learn: list[str], hold: list[str]) -> None:
-    assert set(content) == {"learn", "hold"}
+    assert set(content) == {"learn", "hold", "test"}
+    assert content["test"] == {}
     for role, names in (("learn", learn), ("hold", hold)):
         assert list(content[role]) == names
         for entry in content[role].values():
@@ -48,14 +49,15 @@ def check_error(content: Any, learn: list[str], hold: list[str]) -> None:
 def check_report(report: Any) -> None:
     """The whole contract of report.json of `close_loop`."""
     keys = ["schema", "model", "recordings", "noise", "baseline", "steps", "final", "remaining"]
-    assert list(report) == [*keys, "function", "ended_early", "form_errors"]
+    assert list(report) == [*keys, "function", "ended_early", "form_errors", "failed"]
+    assert report["failed"] == []
     assert set(report["form_errors"]) == set(report["final"]["parameters"])
     assert all(number(e) and e >= 0.0 for e in report["form_errors"].values())
     assert report["function"] is None
     assert report["ended_early"] is False
     assert report["schema"] == "shake_ros.close_loop/1"
     assert report["model"] in ("full", "reduced")
-    assert set(report["recordings"]) == {"learn", "hold"}
+    assert set(report["recordings"]) == {"learn", "hold", "test"}
     learn, hold = report["recordings"]["learn"], report["recordings"]["hold"]
     assert set(report["noise"]) == {"velocity", "acceleration"}
     assert all(number(n) and n > 0.0 for n in report["noise"].values())
@@ -107,11 +109,11 @@ def test_report_of_a_closed_loop_keeps_the_contract(case: str) -> None:
     run = command(case)
     report = read(run.out / "report.json")
     check_report(report)
-    assert report["recordings"] == {"learn": ["learn"], "hold": ["hold"]}
+    assert report["recordings"] == {"learn": ["learn"], "hold": ["hold"], "test": []}
     expected = json.loads(json.dumps(close_loop_json(run.result, ["learn"], ["hold"], "full")))
     diagnosed = ("predictable", "innovations")  # which `diagnose` adds to what the search tells
     expected["remaining"] |= {key: report["remaining"][key] for key in diagnosed}
-    assert report == expected
+    assert report == {**expected, "failed": []}
 
 
 def test_step_of_the_report_names_the_effect_with_its_parameters_and_evidence() -> None:

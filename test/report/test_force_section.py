@@ -57,7 +57,7 @@ def page_of(forces: list[LatentForce], model: DeclaredModel = FULL) -> tuple[Pag
 
 def test_zero_force_is_one_sentence() -> None:
     page, reader = page_of([force(zero=True, size=5.0), force("learn", held_out=False, zero=True, size=4.0)])
-    assert "The force that the model lacks is zero within its 90 % band of every held-out recording." in reader.words
+    assert "The force that the model lacks is zero within its 90 % band of every validation recording." in reader.words
     assert not page.charts
 
 

@@ -318,11 +318,11 @@ def test_what_is_not_established_is_not_called_nothing_missing_and_has_its_figur
     found_section(page, dataclasses.replace(found, candidates=(doubtful,), with_candidates=errors), None)
     words = read_page(page.render()).words
     assert "nothing established" in words
-    assert "With it in the model the error of velocity and acceleration on held-out data would be" in words
+    assert "With it in the model the error of velocity and acceleration on validation data would be" in words
     assert "held 18.50 % and 25.10 %" in words
     velocity = {"held": {"velocity": 0.185}}
     both = dataclasses.replace(found, candidates=(doubtful, doubtful), with_candidates=velocity)
     page = Page("a", "b")
     found_section(page, both, None)
     words = read_page(page.render()).words
-    assert "With all of these in the model the error of velocity on held-out data would be held 18.50 %." in words
+    assert "With all of these in the model the error of velocity on validation data would be held 18.50 %." in words

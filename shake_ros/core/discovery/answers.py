@@ -35,7 +35,7 @@ def found_by_now(problem: SearchProblem, names: Sequence[str], final: ScoredFit,
 
 
 def _held_out(problem: SearchProblem, after: ScoredFit, before: ScoredFit) -> str:
-    """What two models leave on recordings held out."""
+    """What two models leave on validation data."""
     noise = problem.validation.noise_cost()
     ratios = [np.sqrt(m.validation_cost / noise) for m in (after, before)]
-    return f"{ratios[0]:.1f} times the noise on recordings held out ({ratios[1]:.1f} without)"
+    return f"{ratios[0]:.1f} times the noise on validation data ({ratios[1]:.1f} without)"

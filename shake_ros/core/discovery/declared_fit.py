@@ -6,7 +6,7 @@ Errors are those of free-running simulations from the recorded command, relative
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,13 +27,14 @@ Errors = dict[str, dict[str, float]]
 
 @dataclass(frozen=True)
 class FittedModel:
-    """A fitted model; estimation, validation : relative errors of its free runs by recording and channel."""
+    """A fitted model; estimation, validation, test : relative errors of its free runs by recording and channel."""
 
     fit: Fit
     table: TableParameters
     parameters: tuple[Estimate, ...]
     estimation: Errors
     validation: Errors
+    test: Errors = field(default_factory=dict)
 
 
 def fitted_model(

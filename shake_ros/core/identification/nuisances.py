@@ -67,6 +67,15 @@ class Prepared:
     ahead: float = 0.0
     stops: tuple[str, ...] = ()
 
+    def alike(self, records: Sequence[Record]) -> tuple[list[Record], tuple[Nuisance, ...]]:
+        """Other recordings with scale and sensors as these have shown, without their own offsets; and these."""
+        first = 1 + max((r.run for r in (*self.estimation, *self.validation)), default=-1)
+        places = unseen_spikes(records)
+        scaled = [
+            per_unit(thinned(without_spikes(r, at)), self.full_scale) for r, at in zip(records, places, strict=True)
+        ]
+        return _without_offsets(scaled, self.sensors.delay, places, first)
+
     def seen(self, knowledge: Knowledge) -> Prepared:
         """The same with what a model has told of the recordings."""
         both = [[knowledge.seen(r) for r in records] for records in (self.estimation, self.validation)]
@@ -158,6 +167,11 @@ def check_zero(records: Sequence[Record]) -> None:
     )
 
 
+def per_unit(record: Record, scale: float) -> Record:
+    """The recording with its command in parts of a full scale."""
+    return replace(record, commands=record.commands / scale, standing=record.standing / scale)
+
+
 def standstill(record: Record) -> float:
     """Command at which the table stands still, whatever its zero, in the recorded unit."""
     u, v = (slow(x, record.sample_time)[record.start :] for x in (record.commands, record.velocity))
@@ -245,11 +259,18 @@ def prepared(estimation: Sequence[Record], validation: Sequence[Record]) -> Prep
     both = [thinned(without_spikes(r, at)) for r, at in zip(both, places, strict=True)]
     check_zero(both)
     scale = full_scale(both)
-    scaled = [replace(r, commands=r.commands / scale, standing=r.standing / scale) for r in both]
+    scaled = [per_unit(r, scale) for r in both]
     sensors = sensor_pair(scaled)
-    found = [without_offsets(timely(r, sensors.delay)) for r in scaled]
-    runs = list(dict.fromkeys(r.name for r, _ in found))
-    records = [replace(r, run=runs.index(r.name)) for r, _ in found]
-    offsets = tuple(replace(n, spikes=len(at)) for (_, n), at in zip(found, places, strict=True))
+    records, offsets = _without_offsets(scaled, sensors.delay, places)
     count = len(estimation)
     return Prepared(records[:count], records[count:], scale, offsets, sensors)
+
+
+def _without_offsets(
+    records: Sequence[Record], delay: float, places: Sequence[np.ndarray], first: int = 0
+) -> tuple[list[Record], tuple[Nuisance, ...]]:
+    """Recordings without their offsets, numbered from `first` on, and these; places : of the spikes taken out."""
+    found = [without_offsets(timely(r, delay)) for r in records]
+    runs = list(dict.fromkeys(r.name for r, _ in found))
+    numbered = [replace(r, run=first + runs.index(r.name)) for r, _ in found]
+    return numbered, tuple(replace(n, spikes=len(at)) for (_, n), at in zip(found, places, strict=True))
