@@ -10,11 +10,12 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from closed_loops import command
+from closed_loops import command, recording
 
 from shake_ros import __main__
 from shake_ros.api import demo, demo_runs, measured_runs
 from shake_ros.api.progress import Progress
+from shake_ros.api.unseen import with_test
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.measured_harmonics.variants import MeasuredRuns
 from shake_ros.core.quantities import UnknownName
@@ -186,23 +187,27 @@ def test_summary_keeps_the_contract_and_tells_right_from_wrong(measured: Measure
     before, after = followed(tmp_path / "before", 0.05), followed(tmp_path / "after", 0.01)
     tracks = Tracking(before, after, demo_runs.tracking(before), demo_runs.tracking(after))
     hidden = demo_runs.hide(SETTINGS, 1, "spool_deadband")
-    summary = demo.summarise(measured, hidden, command("spool_deadband").result, tracks, 101.25)
+    result = with_test(command("spool_deadband").result, [recording("spool_deadband", 3, "third")])
+    summary = demo.summarise(measured, hidden, result, tracks, 101.25)
     assert set(summary) == {"harmonics", "hidden", "tracking", "seconds"}
     assert set(summary["harmonics"]) == {"baseline_rms", "effect", "final_rms"}
-    assert {"effect", "named", "hold_before", "hold_after"} <= set(summary["hidden"])
+    assert {"effect", "named", "hold_before", "hold_after", "test_before", "test_after"} <= set(summary["hidden"])
     assert summary["hidden"]["named"] == summary["hidden"]["effect"] == "spool_deadband"
-    assert summary["hidden"]["hold_after"] < 0.1 * summary["hidden"]["hold_before"]
+    for role in ("hold", "test"):
+        assert summary["hidden"][f"{role}_after"] < 0.1 * summary["hidden"][f"{role}_before"]
     assert summary["tracking"] == pytest.approx({"before": 0.05, "after": 0.01}, rel=1e-3)
     assert summary["seconds"] == pytest.approx(101.2, abs=0.06)
     text = demo.lines(summary, tracks)
     assert "named: spool_deadband (right)" in text
     assert "5.00 → 1.00 % of the position" in text
+    assert f"test:           {100 * summary['hidden']['test_before']:.2f} → " in text
 
 
 def test_summary_says_that_nothing_was_named(measured: MeasuredRuns, tmp_path: Path) -> None:
     run = followed(tmp_path / "run", 0.05)
     tracks = Tracking(run, run, demo_runs.tracking(run), demo_runs.tracking(run))
-    summary = demo.summarise(measured, demo_runs.hide(SETTINGS, 1, None), command("nothing").result, tracks, 1.0)
+    result = with_test(command("nothing").result, [recording("nothing", 3, "third")])
+    summary = demo.summarise(measured, demo_runs.hide(SETTINGS, 1, None), result, tracks, 1.0)
     assert summary["hidden"]["named"] is None
     assert "named: nothing (not the hidden one)" in demo.lines(summary, tracks)
 
