@@ -164,7 +164,7 @@ def errors_section(
     ]
     page.table(["recording", "used for", "channel", *models], rows)
     if first.test:
-        page.paragraph(f"{TEST} They tell how well the model foresees.", note=True)
+        page.paragraph(f"{TEST} They show how well the model predicts a new recording.", note=True)
     page.subheading("The same by band of frequency")
     page.paragraph(
         "The residual within the band over the whole measured signal: the squares of a recording's bands add up to the "
