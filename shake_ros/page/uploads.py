@@ -69,7 +69,7 @@ def make_reference(
         reference.unlink(missing_ok=True)
         if other:
             return other
-        raise ShakeError(str(error).replace(f"{folder}/", "")) from None
+        raise ShakeError(str(error).replace(f"{folder}/", "").replace(" with --channel", "")) from None
     return reference
 
 

@@ -6,7 +6,7 @@ const element = id => document.getElementById(id)
 const quoted = value => /^[\w./:+-]+$/.test(String(value)) ? String(value) : `'${String(value).replace(/'/g, "'\\''")}'`
 export const choices = {}
 const refused = {}  // node.parameter → why its last value was refused
-let parameters = {}, shownFor = '', columns = ''
+let parameters = {}, shownFor = '', columns = '', component = ''
 
 export function toast(message, wrong) {
   const line = document.createElement('div')
@@ -100,11 +100,12 @@ export async function refresh() {
     <label><input type="checkbox" id="repeat" data-operator ${value('reference_generator', 'repeat') ? 'checked' : ''}> repeat</label></div>
     ${main.map(one => field('reference_generator', one)).join('')}
     ${rest.length ? `<details><summary>More of this reference</summary>${rest.map(one => field('reference_generator', one)).join('')}</details>` : ''}
-    <div class="row"><label for="upload">Accelerogram</label><input type="file" id="upload" data-operator><select id="unit" title="unit, where the file names none"><option value="">unit as the file says</option><option>g</option><option>m/s2</option><option>cm/s2</option></select><input type="number" id="component" min="1" max="999" placeholder="component" title="component of a file that holds several" style="width:7.5rem"></div>${columns ? `<div class="quiet">This table is no accelerogram. It can be imported as a recording:</div><pre id="columns">${text(columns)}</pre>` : ''}`
+    <div class="row"><label for="upload">Accelerogram</label><input type="file" id="upload" data-operator><select id="unit" title="unit, where the file names none"><option value="">unit as the file says</option><option>g</option><option>m/s2</option><option>cm/s2</option></select><input type="number" id="component" min="1" max="999" placeholder="component" value="${component}" title="component of a file that holds several" style="width:9.5rem"></div><pre id="columns"${columns ? '' : ' hidden'}>${text(columns)}</pre>`
   element('play').onclick = () => act('set', { node: 'reference_generator', name: 'play', value: true })
   element('rest').onclick = () => act('set', { node: 'reference_generator', name: 'play', value: false })
   element('repeat').onchange = event => act('set', { node: 'reference_generator', name: 'repeat', value: event.target.checked })
   element('upload').onchange = upload
+  element('component').onchange = event => { component = event.target.value }
   const table = parameters.plant ? 'plant' : 'hardware_bridge', span = find(table, 'interlock.span'), time = find(table, 'interlock.span_time')
   element('gain').innerHTML = span ? `<div class="row"><input type="range" min="0" max="1" step="0.01" value="${span.value}" id="span" data-operator style="flex:1" aria-label="master gain"><output id="span-value">${Math.round(100 * span.value)} %</output></div><small class="quiet">of the valve command; goes there within ${time ? time.value : '?'} s</small>` : '<span class="quiet">no table</span>'
   if (span) {
@@ -125,7 +126,9 @@ async function upload(event) {
   if (!file) return
   try {
     const made = await fetched(`/api/upload?name=${encodeURIComponent(file.name)}&unit=${encodeURIComponent(element('unit').value)}&channel=${encodeURIComponent(element('component').value)}`, { method: 'POST', body: file })
-    columns = made.columns || ''
+    columns = made.columns ? `no accelerogram, but a recording to import:\n${made.columns}` : ''
+    element('columns').textContent = columns
+    element('columns').hidden = !columns
     if (!columns) {
       toast(`${file.name} can be played`)
       await choose(made.reference)
