@@ -1,0 +1,1 @@
+"""A model of recordings: parameters, nuisances, prediction, likelihood."""

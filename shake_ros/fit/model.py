@@ -1,0 +1,179 @@
+"""A table with what a fit may move: its numbers, the effects that it has, and what the sensors add."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from shake_ros.core.identification.free_parameters import FreeParameter
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+
+TABLE = len(FULL_LAYOUT.names)
+SENSOR_DELAY = FreeParameter("sensor.delay", 5e-4, -0.005, 0.05, "s")  # of the accelerometer behind the position
+SENSOR_FILTER = FreeParameter("sensor.filter", 5e-4, 0.0, 0.03, "s")  # √2/ω_c of its anti-aliasing filter
+SENSOR = {SENSOR_DELAY.name: TABLE, SENSOR_FILTER.name: TABLE + 1}
+WIDTH = TABLE + len(SENSOR)
+DELAY, DAMPING, FREQUENCY = (
+    FULL_LAYOUT.index[n] for n in ("effects.command_delay.delay", "valve.damping", "valve.natural_frequency")
+)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Something that a model may lack, as data.
+
+    Attributes
+    ----------
+    name : of the effect. free : its parameters. strength : the one that is zero where it is absent. place : of the effect.
+    trials : finite values by dotted name at which its presence is tried; one of several directions is a trial of their
+    combinations. scaled : numbers that are in proportion to the multiple of a direction. resembles : effects that recordings can hardly
+    distinguish from it. penalties : weak priors, each a linear combination of its parameters that is zero within a
+    standard deviation, in units of their scales. depends_on : quantities.
+    """
+
+    name: str
+    free: tuple[FreeParameter, ...]
+    trials: tuple[tuple[Mapping[str, float], ...], ...]
+    place: str
+    resembles: tuple[str, ...] = ()
+    penalties: tuple[tuple[Mapping[str, float], float], ...] = ()
+    depends_on: tuple[str, ...] = ()
+    scaled: tuple[str, ...] = ()
+
+    @property
+    def strength(self) -> FreeParameter:
+        """The parameter that is zero where the effect is absent."""
+        return self.free[0]
+
+    @property
+    def signed(self) -> bool:
+        """Whether its strength can have either sign."""
+        return self.strength.low < 0.0
+
+
+@dataclass(frozen=True)
+class Model:
+    """A table, the parameters that a fit moves, and the values that it has found.
+
+    Attributes
+    ----------
+    table : numbers that do not move, effects included. free : parameters that move.
+    effects : candidates that the model has. x : values in units of the scales, shape (p,).
+    priors : value and standard deviation by name.
+    total_lag : whether the parameter of the dead time is the whole lag, dead time and 2ζ/ω of the valve.
+    """
+
+    table: TableParameters
+    free: tuple[FreeParameter, ...]
+    effects: tuple[Candidate, ...]
+    x: np.ndarray
+    priors: Mapping[str, tuple[float, float]]
+    total_lag: bool = False
+    sensor: tuple[float, float] = (0.0, 0.0)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters that move."""
+        return tuple(p.name for p in self.free)
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """Scales, shape (p,)."""
+        return np.array([p.scale for p in self.free])
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds in units of the scales, two of shape (p,)."""
+        return np.array([p.low for p in self.free]) / self.scale, np.array([p.high for p in self.free]) / self.scale
+
+    @cached_property
+    def columns(self) -> np.ndarray:
+        """Places in a parameter vector, shape (p,)."""
+        return np.array([SENSOR[n] if n in SENSOR else FULL_LAYOUT.index[n] for n in self.names])
+
+    @cached_property
+    def effect_names(self) -> tuple[str, ...]:
+        """Names of the effects that it has."""
+        return tuple(c.name for c in self.effects)
+
+    def vectors(self, rows: np.ndarray) -> np.ndarray:
+        """Parameter vectors for rows of x, shape (m, WIDTH)."""
+        rows = np.atleast_2d(rows)
+        made = np.empty((len(rows), WIDTH))
+        made[:, :TABLE] = self.table.vector()
+        made[:, TABLE:] = self.sensor
+        made[:, self.columns] = rows * self.scale
+        if self.total_lag:
+            made[:, DELAY] -= 2.0 * made[:, DAMPING] / made[:, FREQUENCY]
+            made[:, DELAY] = np.maximum(made[:, DELAY], 0.0)
+        return made
+
+    def value(self, name: str) -> float:
+        """Value of a parameter that moves, in its unit."""
+        i = self.names.index(name)
+        return float(self.x[i] * self.scale[i])
+
+    @cached_property
+    def prior(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows A and targets b of the priors, whose residuals are A x − b; shapes (k, p) and (k,)."""
+        rows, targets = list[np.ndarray](), list[float]()
+        place = {n: i for i, n in enumerate(self.names)}
+        for name, (value, deviation) in self.priors.items():
+            if name in place:
+                rows.append(np.zeros(len(self.x)))
+                rows[-1][place[name]] = self.scale[place[name]] / deviation
+                targets.append(value / deviation)
+        for candidate in self.effects:
+            for combination, deviation in candidate.penalties:
+                rows.append(np.zeros(len(self.x)))
+                for name, weight in combination.items():
+                    rows[-1][place[name]] = weight / deviation
+                targets.append(0.0)
+        return np.array(rows).reshape(len(rows), len(self.x)), np.array(targets)
+
+    def at(self, x: np.ndarray) -> Model:
+        """The same with other values."""
+        return replace(self, x=np.clip(x, *self.bounds))
+
+    def with_effect(self, candidate: Candidate, values: Mapping[str, float]) -> Model:
+        """The same with one effect more, at these values."""
+        limits = {p.name: p for p in candidate.free}
+        start = [np.clip(values.get(p.name, self.table.value(p.name)), p.low, p.high) / p.scale for p in candidate.free]
+        fixed = {n: v for n, v in values.items() if n not in limits}
+        table = self.table.with_values({**{p.name: p.scale * s for p, s in zip(candidate.free, start)}, **fixed})
+        return replace(
+            self,
+            table=table,
+            free=(*self.free, *candidate.free),
+            effects=(*self.effects, candidate),
+            x=np.concatenate([self.x, start]),
+        )
+
+    def without(self, name: str) -> Model:
+        """The same without an effect."""
+        (candidate,) = (c for c in self.effects if c.name == name)
+        gone = {p.name for p in candidate.free}
+        keep = [i for i, p in enumerate(self.free) if p.name not in gone]
+        return replace(
+            self,
+            table=self.table.without([name]),
+            free=tuple(self.free[i] for i in keep),
+            effects=tuple(c for c in self.effects if c.name != name),
+            x=self.x[keep],
+        )
+
+    def found_table(self) -> TableParameters:
+        """The table with the values found."""
+        vector = self.vectors(self.x)[0]
+        values = {n: float(vector[c]) for n, c in zip(self.names, self.columns, strict=True) if n not in SENSOR}
+        return self.table.with_values(values)
+
+
+def start_of(table: TableParameters, free: Sequence[FreeParameter], **more: object) -> Model:
+    """A model at the values of its table; those of the sensors at zero."""
+    model = Model(table, tuple(free), (), np.zeros(len(free)), {}, **more)  # type: ignore[arg-type]
+    x = np.array([0.0 if p.name in SENSOR else table.value(p.name) / p.scale for p in free])
+    return model.at(x)

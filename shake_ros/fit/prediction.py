@@ -1,0 +1,320 @@
+"""The prediction error of a model over segments: gains of a Kalman filter, then whitened innovations under these gains.
+
+Sensor noise and process noise (a random force, drifting null shift and bias) have levels; where the force's level goes
+to nothing the predictor is the free run. The gains are those of one model and are held while its parameters move, so
+residuals are smooth functions of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from shake_ros.core.effects.coupling_backlash import NO_GAP
+from shake_ros.core.plant.anti_alias import filter_step
+from shake_ros.core.plant.pace import MOST
+from shake_ros.core.plant.parameters import FULL_LAYOUT, records
+from shake_ros.core.plant.prediction import BIAS, FILTER_RATE, FILTERED, FORCE, NULL, kalman, predict, relevelled
+from shake_ros.core.plant.simulation import NO_PACE, initial_state, workers
+from shake_ros.core.plant.states import (
+    BASE,
+    BASE_RATE,
+    CLOCK,
+    LAGGED_ACCELERATION,
+    LAGGED_POSITION,
+    POSITION,
+    PRESSURE_A,
+    ROD,
+    ROD_RATE,
+    SPECIMEN,
+    SPECIMEN_RATE,
+    VELOCITY,
+)
+from shake_ros.fit.model import TABLE, Model
+from shake_ros.fit.segment import Segment
+
+INDEX = FULL_LAYOUT.index
+RESONANT = 8.0  # motion of a specimen over that of its table, with which a segment may begin
+LOST = 1e3  # weighted residual of a run that ends in no number
+TOLERANCE = 1e-6  # of a run
+ROUGH = 1e-4  # of the runs that make the gains
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Standard deviations of the noise.
+
+    Attributes
+    ----------
+    position, acceleration : of the sensors, in parts of what the recordings show [-].
+    force : of the random force, in parts of the segment's acceleration [-]. memory : of that force [s].
+    null, null_drift : of a recording's null shift [-] and of its drift [1/√s].
+    bias, bias_drift : of the accelerometer's bias [m/s²] and of its drift [m/s²/√s].
+    """
+
+    position: float = 1.0
+    acceleration: float = 1.0
+    force: float = 0.3
+    memory: float = 0.03
+    null: float = 0.01
+    null_drift: float = 1e-5
+    bias: float = 0.1
+    bias_drift: float = 1e-4
+
+
+@dataclass
+class Run:
+    """One segment under the gains of a model. codes, gains, whitening : see core/plant/prediction.py."""
+
+    segment: Segment
+    codes: np.ndarray
+    gains: np.ndarray
+    whitening: np.ndarray
+    innovations: np.ndarray
+    path: np.ndarray
+    transition: np.ndarray
+    sensing: np.ndarray
+    pace: np.ndarray = field(default_factory=lambda: NO_PACE)
+
+
+def coordinates(vector: np.ndarray) -> list[int]:
+    """States of a table that the filter corrects."""
+
+    def has(name: str) -> bool:
+        return bool(vector[INDEX[f"effects.{name}"]] > 0.0)
+
+    found = [POSITION, VELOCITY, PRESSURE_A]
+    if has("specimen_resonance.mass"):
+        found += [SPECIMEN, SPECIMEN_RATE]
+    if vector[INDEX["effects.coupling_backlash.gap"]] > NO_GAP:
+        found += [ROD, ROD_RATE]
+    if has("base_flexibility.compliance"):
+        found += [BASE, BASE_RATE]
+    if has("accelerometer_lag.time_constant"):
+        found += [LAGGED_ACCELERATION]
+    if has("position_sensor_lag.time_constant"):
+        found += [LAGGED_POSITION]
+    return found
+
+
+class Prediction:
+    """Whitened innovations of a model over segments, under gains made at one parameter vector."""
+
+    def __init__(self, segments: Sequence[Segment], levels: Levels) -> None:
+        self.segments, self.levels = tuple(segments), levels
+        self.runs: list[Run] = []
+
+    def filtered(self, vector: np.ndarray) -> Prediction:
+        """The same with the gains of a parameter vector, shape (WIDTH,)."""
+        made = Prediction(self.segments, self.levels)
+        with ThreadPoolExecutor(workers()) as pool:
+            made.runs = list(pool.map(lambda s: self._filter(vector, s), self.segments))
+        return made
+
+    def part(self, seconds: float) -> Prediction:
+        """Some of its segments, of about so many seconds, from the loudest to the calmest, with their gains."""
+        every = max(int(sum(s.seconds for s in self.segments) / seconds), 1)
+        order = sorted(range(len(self.segments)), key=lambda i: -self.segments[i].loudness)[::every]
+        made = Prediction([self.segments[i] for i in order], self.levels)
+        made.runs = [self.runs[i] for i in order] if self.runs else []
+        return made
+
+    def with_levels(self, levels: Levels) -> Prediction:
+        """The same at other levels of noise; without gains."""
+        return Prediction(self.segments, levels)
+
+    def _filter(self, vector: np.ndarray, s: Segment) -> Run:
+        table, n = vector[:TABLE], len(s.commands)
+        chain = chain_of(vector, s.dt)
+        codes = [*coordinates(table), FORCE, NULL, BIAS, *([FILTERED, FILTER_RATE] if len(chain) else [])]
+        numbers = np.array(codes, dtype=np.int64)
+        size = len(codes)
+        gains, whitening, out = np.zeros((n, size, 2)), np.zeros((n, 3)), np.zeros((n, 2))
+        transition, sensing = np.zeros((n, size, size)), np.zeros((n, size, 2))
+        path = kalman(
+            *(FULL_LAYOUT.alone(table)[0], s.commands, s.standing, s.measured(vector[TABLE]), numbers),
+            *(*deviations(table, s, self.levels, numbers), start_state(table, s), self.decay(s), s.dt, ROUGH, chain),
+            *(gains, whitening, out, transition, sensing),
+        )
+        return Run(s, numbers, gains, whitening, out, path, transition, sensing)
+
+    def decay(self, s: Segment) -> float:
+        """Part of the random force that is left after a sample [-]."""
+        return math.exp(-s.dt / self.levels.memory)
+
+    def relevelled(self, vector: np.ndarray, levels: Levels) -> float:
+        """Log likelihood at other levels of noise, to first order [nats]."""
+        other = Prediction(self.segments, levels)
+
+        def one(run: Run) -> float:
+            s, force = run.segment, int(np.flatnonzero(run.codes == FORCE)[0])
+            transition = run.transition
+            if levels.memory != self.levels.memory:
+                transition = transition.copy()
+                transition[:, force] *= other.decay(s) / self.decay(s)
+            given = deviations(vector[:TABLE], s, levels, run.codes)
+            block = max(round(1.0 / s.dt), 1)
+            return float(
+                np.sum(
+                    relevelled(
+                        *(s.measured(vector[TABLE]), run.gains, run.innovations, transition, run.sensing),
+                        *(*given, s.start, block),
+                    )
+                )
+            )
+
+        with ThreadPoolExecutor(workers()) as pool:
+            return sum(pool.map(one, self.runs))
+
+    def log_likelihood(self) -> np.ndarray:
+        """Log likelihood of the filter's own innovations by block of a second, shape (b,); −inf where a run is lost."""
+        found = []
+        for run in self.runs:
+            s, w = run.segment, run.whitening
+            white_x = w[:, 0] * run.innovations[:, 0]
+            white_a = w[:, 1] * run.innovations[:, 0] + w[:, 2] * run.innovations[:, 1]
+            with np.errstate(divide="ignore"):
+                terms = np.where(w[:, 0] > 0.0, np.log(w[:, 0]) - 0.5 * white_x**2, 0.0)
+                terms = terms + np.where(w[:, 2] > 0.0, np.log(w[:, 2]) - 0.5 * white_a**2, 0.0)
+            terms = np.nan_to_num(terms[s.start :], nan=-LOST**2)
+            blocks = np.arange(len(terms)) // max(round(1.0 / s.dt), 1)
+            found.append(np.bincount(blocks, terms))
+        return np.concatenate(found)
+
+    @property
+    def count(self) -> int:
+        """Number of residuals that count."""
+        return sum(int(np.count_nonzero(r.whitening[r.segment.start :, [0, 2]])) for r in self.runs)
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        """Whitened innovations for rows of parameter vectors, shape (m, WIDTH) → (m, N)."""
+        tasks = [(run, i) for i in range(len(vectors)) for run in self.runs]
+        if len(vectors) > 1:
+            for run in self.runs:
+                run.pace = np.empty((len(run.segment.commands), 1 + MOST))
+        with ThreadPoolExecutor(workers()) as pool:
+            first = list(pool.map(lambda t: self._run(vectors, *t), tasks[: len(self.runs)]))
+            rest = list(pool.map(lambda t: self._run(vectors, *t), tasks[len(self.runs) :]))
+        for run in self.runs:
+            run.pace = NO_PACE
+        every = first + rest
+        k = len(self.runs)
+        return np.array([np.concatenate(every[i * k : (i + 1) * k]) for i in range(len(vectors))])
+
+    def _run(self, vectors: np.ndarray, run: Run, i: int) -> np.ndarray:
+        s, vector = run.segment, vectors[i]
+        out = np.empty((len(s.commands), 2))
+        following = i > 0 and len(run.pace) > 0
+        predict(
+            *(FULL_LAYOUT.alone(vector[:TABLE])[0], s.commands, s.standing, s.measured(vector[TABLE]), run.codes),
+            *(run.gains, start_state(vector[:TABLE], s), self.decay(s), s.dt, TOLERANCE),
+            *(chain_of(vector, s.dt), run.pace, following, out),
+        )
+        w = run.whitening
+        white = np.column_stack([w[:, 0] * out[:, 0], w[:, 1] * out[:, 0] + w[:, 2] * out[:, 1]])[s.start :]
+        return np.clip(np.nan_to_num(white, nan=LOST, posinf=LOST, neginf=-LOST), -LOST, LOST).ravel()
+
+    def blocks(self) -> np.ndarray:
+        """Number of the block of a second that each residual belongs to, shape (N,)."""
+        found, first = [], 0
+        for run in self.runs:
+            s = run.segment
+            numbers = first + np.arange(len(s.commands) - s.start) // max(round(1.0 / s.dt), 1)
+            found.append(np.repeat(numbers, 2))
+            first = int(numbers[-1]) + 1
+        return np.concatenate(found)
+
+
+def deviations(
+    table: np.ndarray, s: Segment, levels: Levels, codes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Standard deviations of the coordinates at the first sample, of what a sample adds to them, and of the sensors."""
+    swing, rock = (
+        max(2.0 * math.pi * float(table[INDEX[f"effects.{e}.frequency"]]), 1.0)
+        for e in ("specimen_resonance", "base_flexibility")
+    )
+    force, left = levels.force * s.loudness, math.exp(-s.dt / levels.memory)
+    size = {
+        POSITION: (s.noise[0], 0.02 * s.noise[0]),
+        VELOCITY: (0.05, 0.0),
+        PRESSURE_A: (0.2 * table[INDEX["supply.supply_pressure"]], 0.0),
+        SPECIMEN: (RESONANT * s.loudness / swing**2, 0.0),
+        SPECIMEN_RATE: (RESONANT * s.loudness / swing, 0.0),
+        ROD: (1e-5, 0.0),
+        ROD_RATE: (1e-3, 0.0),
+        BASE: (s.loudness / rock**2, 0.0),
+        BASE_RATE: (s.loudness / rock, 0.0),
+        LAGGED_ACCELERATION: (1.0, 0.0),
+        LAGGED_POSITION: (s.noise[0], 0.0),
+        FORCE: (force, force * math.sqrt(1.0 - left**2)),
+        NULL: (levels.null, levels.null_drift * math.sqrt(s.dt)),
+        BIAS: (levels.bias, levels.bias_drift * math.sqrt(s.dt)),
+        FILTERED: (1.0, 0.0),
+        FILTER_RATE: (100.0, 0.0),
+    }
+    first, process = (np.array([size[int(c)][i] for c in codes]) for i in (0, 1))
+    return first, process, np.array([levels.position * s.noise[0], levels.acceleration * s.noise[1]])
+
+
+def chain_of(vector: np.ndarray, dt: float) -> np.ndarray:
+    """Step of the anti-aliasing filter of a parameter vector, see anti_alias.py."""
+    lag = float(vector[TABLE + 1])
+    cutoff = math.sqrt(2.0) / (2.0 * math.pi * lag) if lag > 0.05 * dt else 0.0
+    return filter_step(cutoff, dt)
+
+
+def start_state(table: np.ndarray, s: Segment) -> np.ndarray:
+    """State at a segment's first sample."""
+    state = initial_state(table, float(s.position[0]))
+    state[VELOCITY], state[CLOCK] = s.velocity, s.begin
+    return state
+
+
+LIMITS = {  # within which levels of noise are estimated
+    "force": (1e-4, 10.0),
+    "acceleration": (1.0, 1e3),
+    "position": (1.0, 1e3),
+    "null_drift": (1e-7, 1e-1),
+    "memory": (4e-3, 0.1),
+}
+FACTORS = (4.0, 1.6)  # by which they are moved, as long as that helps
+GAIN = 1.0  # in log likelihood from which a move counts [nats]
+PASSES = 3  # of the levels, each about the path of the one before
+
+
+def tuned(prediction: Prediction, vector: np.ndarray, names: Sequence[str]) -> Prediction:
+    """The prediction at the levels of noise of the largest likelihood at a parameter vector, with their gains.
+
+    names : of the levels. They are moved one after the other, on the derivatives along a path of the filter.
+    """
+    best = prediction.filtered(vector)
+    value = float(np.sum(best.log_likelihood()))
+    for _ in range(PASSES):
+        levels, foreseen = best.levels, best.relevelled(vector, best.levels)
+        before = levels
+        for factor in FACTORS:
+            for name in names:
+                for way in (1.0 / factor, factor):
+                    moved = False
+                    while True:
+                        other = replace(levels, **{name: float(np.clip(getattr(levels, name) * way, *LIMITS[name]))})
+                        if other == levels:
+                            break
+                        new = best.relevelled(vector, other)
+                        if not new > foreseen + GAIN:
+                            break
+                        levels, foreseen, moved = other, new, True
+                    if moved:
+                        break
+        if levels == before:
+            break
+        other = best.with_levels(levels).filtered(vector)
+        gained = float(np.sum(other.log_likelihood())) - value
+        if not gained > GAIN:
+            break
+        best, value = other, value + gained
+    return best

@@ -1,0 +1,111 @@
+"""Recordings as a fit takes them: segments without a gap, what was measured and what the sensors' noise is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import savgol_filter
+
+from shake_ros.core.identification.recordings import Record
+
+Array = np.ndarray
+SETTLE = 0.3  # start of a segment that counts in no likelihood: its state is found there [s]
+LINEARITY = 1e-3  # of a position transducer, in parts of the motion: no model predicts it more closely than that
+LEAST_STEPS = 20  # samples that settle at least
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A gapless piece of one recording, all arrays of shape (n,), SI units.
+
+    Attributes
+    ----------
+    name : of the recording. run : its number. dt : [s]. commands : [-]. standing : command before the first one [-].
+    position : [m]. acceleration : [m/s²], NaN where it was not measured. velocity : at the first sample [m/s].
+    begin : time of the first sample since the recording's start [s].
+    noise : standard deviation of the sensors' noise of position [m] and acceleration [m/s²].
+    """
+
+    name: str
+    run: int
+    dt: float
+    commands: Array
+    standing: float
+    position: Array
+    acceleration: Array
+    velocity: float
+    begin: float
+    noise: tuple[float, float]
+
+    @classmethod
+    def of(cls, record: Record) -> Segment:
+        """The segment of a record."""
+        none = np.full(len(record.commands), np.nan)
+        felt = none if record.acceleration is None else np.where(record.whole, record.acceleration, np.nan)
+        floor = LINEARITY * float(np.std(record.position))
+        noise = (float(np.hypot(record.position_noise(), floor)), 1.0 if record.acceleration is None else record.acceleration_noise())
+        return cls(
+            record.name,
+            record.run,
+            record.sample_time,
+            np.ascontiguousarray(record.commands, dtype=float),
+            record.standing,
+            np.ascontiguousarray(record.position, dtype=float),
+            felt,
+            float(record.velocity[0]),
+            record.begin,
+            noise,
+        )
+
+    @cached_property
+    def _spline(self) -> CubicSpline | None:
+        good = np.isfinite(self.acceleration)
+        if np.count_nonzero(good) < 4:
+            return None
+        return CubicSpline(np.flatnonzero(good) * self.dt, self.acceleration[good])
+
+    def measured(self, delay: float = 0.0) -> Array:
+        """Position and acceleration, shape (n, 2); the acceleration as it was `delay` later [s]."""
+        felt = self.acceleration
+        if delay and self._spline is not None:
+            time = np.arange(len(felt)) * self.dt + delay
+            inside = (time >= 0.0) & (time <= (len(felt) - 1) * self.dt)
+            near = np.clip(np.rint(time / self.dt).astype(int), 0, len(felt) - 1)
+            felt = np.where(inside & np.isfinite(felt[near]), self._spline(time), np.nan)
+        return np.column_stack([self.position, felt])
+
+    @cached_property
+    def loudness(self) -> float:
+        """Root mean square of the acceleration [m/s²], of the position's second derivative without an accelerometer."""
+        if np.isfinite(self.acceleration).any():
+            return max(float(np.nanstd(self.acceleration)), 1e-9)
+        slow = savgol_filter(self.position, 2 * max(round(0.02 / self.dt), 2) + 1, 2, deriv=2, delta=self.dt)
+        return max(float(np.std(slow)), 1e-9)
+
+    @property
+    def start(self) -> int:
+        """First sample that counts."""
+        return min(max(round(SETTLE / self.dt), LEAST_STEPS), len(self.commands) // 3)
+
+    @property
+    def seconds(self) -> float:
+        """Length [s]."""
+        return len(self.commands) * self.dt
+
+
+def pieces(records: Sequence[Record], seconds: float, length: float) -> list[Record]:
+    """Evenly spread pieces of recordings, of about `seconds` in all; the recordings where they are no longer."""
+    total = sum(len(r.commands) * r.sample_time for r in records)
+    if total <= 1.2 * seconds:
+        return list(records)
+    found = []
+    for r in records:
+        samples = min(round(length / r.sample_time), len(r.commands))
+        count = max(round(seconds * len(r.commands) * r.sample_time / total / length), 1)
+        for first in np.linspace(0, len(r.commands) - samples, count + 2)[1:-1].astype(int):
+            found.append(r.part(slice(first, first + samples)))
+    return found

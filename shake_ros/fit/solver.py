@@ -1,0 +1,187 @@
+"""Least squares within bounds on whitened innovations: Levenberg–Marquardt, gains and levels renewed as it goes.
+
+Loss (4.1), normal matrix (4.10), damping (4.12). Between two renewals of the gains the problem is one of smooth least
+squares; the log likelihood of the filter judges what the renewals bring.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from shake_ros.fit.model import Model
+from shake_ros.fit.prediction import Prediction, tuned
+
+DIFFERENCE = 2e-4  # difference step as a part of a parameter's scale or of its value, whichever is larger
+REACH, NARROWER = 1.0, 4.0  # first step in scales (or parts of a value, below); ratio of the two that are tried
+STEPS = 4  # Jacobians between two estimates of the levels of noise
+LOOSENED = 3.0  # times the most likely random force, under which a fit goes its way until the last steps
+NARROWEST = 1e-3  # reach at which a fit ends
+KEPT, LEAST = 3, 0.5  # steps for which a Jacobian is kept, corrected by Broyden, while the foreseen fall comes within
+PART = 0.25  # of a value that counts as one scale where it is more
+LEVELS = ("force", "acceleration", "position", "null_drift", "memory")
+
+
+class Budget:
+    """How long a search may take: a deadline that everything below asks, and nothing else.
+
+    >>> Budget(0.0).over()
+    True
+    """
+
+    def __init__(self, seconds: float = 1e9) -> None:
+        self.deadline = time.monotonic() + seconds
+
+    def over(self) -> bool:
+        """Whether the time is over."""
+        return time.monotonic() >= self.deadline
+
+    def end(self) -> None:
+        """Make the time be over."""
+        self.deadline = 0.0
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A model fitted to segments.
+
+    Attributes
+    ----------
+    model : with the values found. prediction : under the gains of these values. likelihood : log likelihood by block,
+    shape (b,). residuals, jacobian : under these gains, shape (N,) and (N, p); the Jacobian of the last step.
+    """
+
+    model: Model
+    prediction: Prediction
+    likelihood: np.ndarray
+    residuals: np.ndarray
+    jacobian: np.ndarray
+
+    @property
+    def total(self) -> float:
+        """Log likelihood with the priors'."""
+        return float(np.sum(self.likelihood)) - 0.5 * float(np.sum(prior_residuals(self.model, self.model.x) ** 2))
+
+
+def prior_residuals(model: Model, x: np.ndarray) -> np.ndarray:
+    """Departure from the priors over their standard deviations, shape (k,)."""
+    rows, targets = model.prior
+    return np.asarray(rows @ x - targets)
+
+
+def jacobian(prediction: Prediction, model: Model, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals, shape (N,), and their differences per unit of x, shape (N, p)."""
+    step = DIFFERENCE * np.maximum(1.0, np.abs(x))
+    step = np.where(x + step > model.bounds[1], -step, step)
+    rows = prediction.residuals(model.vectors(np.vstack([x, x + np.diag(step)])))
+    return rows[0], (rows[1:] - rows[0]).T / step
+
+
+def step_within(normal: np.ndarray, gradient: np.ndarray, x: np.ndarray, model: Model, reach: float) -> np.ndarray:
+    """The Gauss–Newton step within the bounds and within a reach of x, shape (p,)."""
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
+    upper = np.linalg.cholesky(normal / np.outer(scale, scale) + 1e-9 * np.eye(len(x))).T
+    target = np.linalg.solve(upper.T, -gradient / scale)
+    most = reach * np.maximum(1.0, PART * np.abs(x))
+    margin = 1e-9 * np.maximum(1.0, np.abs(x))
+    low = np.maximum(model.bounds[0] - x, -most) - margin
+    high = np.minimum(model.bounds[1] - x, most) + margin
+    found = lsq_linear(upper, target, (low * scale, high * scale))
+    return np.asarray(np.clip(x + found.x / scale, *model.bounds) - x)
+
+
+def descend(
+    prediction: Prediction, model: Model, steps: int, tolerance: float, budget: Budget
+) -> tuple[Model, np.ndarray, np.ndarray, int]:
+    """Fit under held gains: the model, its residuals, the last Jacobian, and how many Jacobians were taken.
+
+    Two reaches are tried with each Jacobian; the next ones follow the better of them. A Jacobian that foresees what
+    comes is kept for some steps with rank-one corrections (Broyden 1965, Mathematics of Computation 19, 577).
+
+    Parameters
+    ----------
+    steps : Jacobians at most. tolerance : fall of the cost, half the sum of squares, at which it stops.
+    """
+    reach, taken = REACH, 1
+    x, rows = model.x, model.prior[0]
+    r, j = jacobian(prediction, model, x)
+    prior = prior_residuals(model, x)
+    cost = 0.5 * float(r @ r) + 0.5 * float(prior @ prior)
+    age, first = 0, j
+    while not budget.over():
+        normal, gradient = j.T @ j + rows.T @ rows, j.T @ r + rows.T @ prior
+        reaches = (reach, reach / NARROWER)
+        tried = np.array([x + step_within(normal, gradient, x, model, d) for d in reaches])
+        left = prediction.residuals(model.vectors(tried))
+        priors = [prior_residuals(model, t) for t in tried]
+        costs = 0.5 * np.sum(left**2, axis=1) + 0.5 * np.array([float(p @ p) for p in priors])
+        best = int(np.argmin(costs))
+        fall, step = cost - float(costs[best]), tried[best] - x
+        if fall > 0.0:
+            expected = r + j @ step
+            foreseen = cost - 0.5 * float(expected @ expected) - 0.5 * float(priors[best] @ priors[best])
+            cost, x, r, prior = cost - fall, tried[best], left[best], priors[best]
+            reach *= NARROWER if best == 0 else 1.0
+            if fall < tolerance and age == 0:
+                break
+            if age < KEPT and LEAST * foreseen < fall < foreseen / LEAST and fall >= tolerance:
+                j = j + np.outer(r - expected, step / float(step @ step))
+                age += 1
+                continue
+        else:
+            reach /= NARROWER**2
+            if reach < NARROWEST:
+                break
+            if age == 0:
+                continue
+        if taken == steps:
+            break
+        r, j = jacobian(prediction, model, x)
+        first, age, taken = j, 0, taken + 1
+    return model.at(x), r, first, taken
+
+
+def fit(
+    prediction: Prediction,
+    model: Model,
+    budget: Budget,
+    *,
+    steps: int = 10,
+    tolerance: float = 3.0,
+    levels: tuple[str, ...] = LEVELS,
+    told: Callable[[str], None] = lambda _: None,
+) -> Fitted:
+    """Fit a model: gains and levels of noise where it stands, least squares under them, and again.
+
+    Under held gains the way is that of a smooth least-squares problem; the likelihood need not rise on it, so the
+    best model on the way is kept.
+
+    Parameters
+    ----------
+    steps : Jacobians at most. tolerance : gain in log likelihood at which it stops. levels : of noise that are
+    estimated.
+    """
+    current, best, taken, loose = model, None, 0, True
+    r, j = np.zeros(0), np.zeros((0, 0))
+    while True:
+        vector = current.vectors(current.x)[0]
+        prediction = tuned(prediction, vector, levels)
+        now = Fitted(current, prediction, prediction.log_likelihood(), r, j)
+        told(f"step {taken}: {now.total:.1f}, {prediction.levels}")
+        gained = math.inf if best is None else now.total - best.total
+        best = now if best is None or gained > 0.0 else best
+        if taken >= steps or budget.over() or (gained < tolerance and not loose):
+            return best
+        loose = loose and gained >= tolerance and steps - taken > STEPS
+        if loose:
+            wide = replace(prediction.levels, force=LOOSENED * prediction.levels.force)
+            held = prediction.with_levels(wide).filtered(vector)
+        else:
+            current, held = best.model, best.prediction
+        current, r, j, used = descend(held, current, min(STEPS, steps - taken), tolerance, budget)
+        taken += used

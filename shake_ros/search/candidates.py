@@ -1,0 +1,60 @@
+"""What a model may lack, as data: the listed effects, and functions of one quantity for what no listed effect explains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.unlisted_functions import NODE_NAMES, OF_HYDRAULICS, OF_MOTION, PREFIX, FunctionKind
+from shake_ros.core.identification.free_parameters import FreeParameter
+from shake_ros.fit.model import Candidate
+
+UNLISTED = "unlisted"
+NODE_DEVIATION, CURVATURE_DEVIATION = 20.0, 10.0  # weak: they decide only what the recordings leave open
+SHAPES = 5  # smooth functions by whose combinations a kind is tried
+SCALED = {"position_dependent_friction": ("gradient", "curvature")}
+
+
+def listed(effect: CandidateEffect) -> Candidate:
+    """A listed effect as a candidate."""
+    prefix = f"effects.{effect.effect}."
+    scaled = tuple(prefix + n for n in SCALED.get(effect.effect, ())) or (effect.free[0].name,)
+    return Candidate(
+        effect.effect,
+        effect.free,
+        tuple((t,) for t in effect.trials),
+        effect.place,
+        effect.resembles,
+        depends_on=effect.depends_on,
+        scaled=scaled,
+    )
+
+
+def function(kind: FunctionKind, low: float, high: float) -> Candidate:
+    """A function of a kind over a range, free on its nodes, tried by the first cosines over the range."""
+    free = tuple(FreeParameter(n, kind.scale, kind.low, kind.high, kind.unit) for n in NODE_NAMES)
+    at = np.linspace(0.0, np.pi, len(NODE_NAMES))
+    own = {PREFIX + "kind": float(kind.code), PREFIX + "low": low, PREFIX + "high": high}
+    shapes = tuple(
+        own | dict(zip(NODE_NAMES, (kind.scale * np.cos(k * at)).tolist(), strict=True)) for k in range(SHAPES)
+    )
+    penalties: list[tuple[Mapping[str, float], float]] = [({n: 1.0}, NODE_DEVIATION) for n in NODE_NAMES]
+    for a, b, c in zip(NODE_NAMES, NODE_NAMES[1:], NODE_NAMES[2:]):
+        penalties.append(({a: 1.0, b: -2.0, c: 1.0}, CURVATURE_DEVIATION))
+    return Candidate(
+        f"{UNLISTED}: {kind.place} of {kind.quantity}" if kind.code != 9 else f"{UNLISTED}: friction factor of position",
+        free,
+        (shapes,),
+        kind.place,
+        penalties=tuple(penalties),
+        depends_on=kind.depends_on,
+        scaled=NODE_NAMES,
+    )
+
+
+def functions(ranges: Mapping[str, tuple[float, float]]) -> list[Candidate]:
+    """Functions of every quantity whose range is known."""
+    kinds: Iterable[FunctionKind] = (*OF_MOTION, *OF_HYDRAULICS)
+    return [function(k, *ranges[k.quantity]) for k in kinds if k.quantity in ranges]

@@ -1,0 +1,190 @@
+"""Which sets of effects would explain what a fit leaves? A linear best-subset selection over finite trials.
+
+With the whitened residuals r of a fitted model, its Jacobian J, and the change d_t of the residuals by each trial t of
+each absent effect (and by the removal of each present one), a set T of trials leaves
+
+    min over δ, s of |r + J δ + Σ_t s_t d_t|²
+
+to first order. All sets share one Gram matrix, so a beam over sets with exchange costs next to nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shake_ros.fit.model import Candidate, Model
+from shake_ros.fit.prediction import LOST
+from shake_ros.fit.solver import DIFFERENCE, PART, Fitted, prior_residuals
+
+LARGEST = 4.0  # multiple of a trial up to which its linear prediction is followed
+SCREENED = 9.0  # length of the segments that are linearised [s]
+BEAM = 16  # sets of each size that are kept
+MOST = 3  # effects of a set
+SHIFT = 3.0  # of a parameter, in scales (or parts of its value), that is followed at most
+MULTIPLES = (1.0, 0.5, 0.25, 0.1)  # of the linear prediction from which a refit may start
+RIDGE = 1e-3  # of directions that are alike
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One trial: an effect at some values, or at the combinations of several."""
+
+    candidate: Candidate
+    directions: tuple[Mapping[str, float], ...]
+
+    def values(self, parts: Sequence[float]) -> dict[str, float]:
+        """Values by dotted name at multiples of the directions."""
+        found = dict(self.directions[0])
+        for name in self.candidate.scaled:
+            found[name] = sum(part * d.get(name, 0.0) for part, d in zip(parts, self.directions, strict=True))
+        return found
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A set of trials with the multiples that the linear prediction gives their directions, and its gain in nats.
+
+    change : of the parameters beside them, in units of the scales, shape (p,).
+    """
+
+    trials: tuple[Trial, ...]
+    parts: tuple[tuple[float, ...], ...]
+    gain: float
+    change: np.ndarray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Effects of the set."""
+        return tuple(t.candidate.name for t in self.trials)
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """A fitted model to first order: what each direction of each trial does once the parameters have adjusted.
+
+    power : Gram matrix of the directions, score : their products with the residuals, response : of the parameters to
+    a unit of each, shape (p, d); own : change of the parameters alone, shape (p,), and
+    left : what it would gain [nats]. places : columns of each trial.
+    """
+
+    trials: tuple[Trial, ...]
+    places: tuple[tuple[int, ...], ...]
+    power: np.ndarray
+    score: np.ndarray
+    response: np.ndarray
+    own: np.ndarray
+    left: float
+
+
+def linearised(fitted: Fitted, candidates: Sequence[Candidate]) -> Linearised:
+    """Residuals of every trial beside a fitted model."""
+    model, p = fitted.model, len(fitted.model.x)
+    trials = tuple(Trial(c, directions) for c in candidates for directions in c.trials)
+    rows, places, taken = list[np.ndarray](), list[tuple[int, ...]](), 0
+    for t in trials:
+        places.append(tuple(range(taken, taken + len(t.directions))))
+        taken += len(t.directions)
+        for values in t.directions:
+            bigger = model.with_effect(t.candidate, values)
+            rows.append(bigger.vectors(bigger.x)[0])
+    step = DIFFERENCE * np.maximum(1.0, np.abs(model.x))
+    step = np.where(model.x + step > model.bounds[1], -step, step)
+    at = model.vectors(np.vstack([model.x, model.x + np.diag(step)]))
+    few = fitted.prediction.part(SCREENED)
+    found = few.residuals(np.vstack([at, *rows]) if rows else at)
+    r = found[0]
+    j = (found[1 : p + 1] - r).T / step
+    d = (found[p + 1 :] - r).T
+    d = np.where(np.max(np.abs(d), axis=0, initial=0.0) < LOST, d, 0.0)
+    prior = model.prior[0]
+    normal = j.T @ j + prior.T @ prior
+    normal += 1e-9 * np.diag(np.maximum(np.diag(normal), 1e-12))
+    gradient = j.T @ r + prior.T @ prior_residuals(model, model.x)
+    across = j.T @ d
+    response = -np.linalg.solve(normal, across)
+    own = -np.linalg.solve(normal, gradient)
+    whole = fitted.prediction.count / few.count
+    power, score = d.T @ d + across.T @ response, -(d.T @ r + across.T @ own)
+    left = -0.5 * float(own @ gradient)
+    return Linearised(trials, tuple(places), whole * power, whole * score, response, own, whole * left)
+
+
+def evaluate(lin: Linearised, members: Sequence[int]) -> tuple[float, np.ndarray]:
+    """Gain in nats of a set of trials, and the multiples of their directions; −1 where one has the wrong sign."""
+    index = [i for m in members for i in lin.places[m]]
+    power, score = lin.power[np.ix_(index, index)], lin.score[index]
+    scale = np.sqrt(np.maximum(np.diag(power), 1e-30))
+    s = np.linalg.solve(power / np.outer(scale, scale) + RIDGE * np.eye(len(index)), score / scale) / scale
+    place = 0
+    for m in members:
+        width = len(lin.places[m])
+        if width == 1 and s[place] <= 0.0 and not lin.trials[m].candidate.signed:
+            return -1.0, s
+        place += width
+    s = np.clip(s, -LARGEST, LARGEST)
+    return float(s @ score - 0.5 * s @ power @ s), s
+
+
+def proposals(lin: Linearised, largest: int = MOST) -> dict[int, list[Proposal]]:
+    """The best sets of each size, the best first, no two of the same effects."""
+    live = [m for m, place in enumerate(lin.places) if any(lin.power[i, i] > 1e-9 for i in place)]
+    beam: list[tuple[int, ...]] = [()]
+    found: dict[int, list[Proposal]] = {}
+    for size in range(1, largest + 1):
+        seen: dict[frozenset[str], tuple[float, tuple[int, ...]]] = {}
+        for base in beam:
+            have = {lin.trials[m].candidate.name for m in base}
+            for m in live:
+                if lin.trials[m].candidate.name not in have:
+                    gain = evaluate(lin, (*base, m))[0]
+                    key = frozenset((*have, lin.trials[m].candidate.name))
+                    if gain > seen.get(key, (0.0,))[0]:
+                        seen[key] = gain, (*base, m)
+        best = sorted(seen.values(), key=lambda f: -f[0])[:BEAM]
+        beam = [_exchanged(lin, live, members) for _, members in best]
+        found[size] = sorted((_proposal(lin, members) for members in beam), key=lambda f: -f.gain)
+        if not beam:
+            break
+    return found
+
+
+def _exchanged(lin: Linearised, live: Sequence[int], members: tuple[int, ...]) -> tuple[int, ...]:
+    """The set with the best trial of each of its effects."""
+    gain = evaluate(lin, members)[0]
+    for place in range(len(members)):
+        name = lin.trials[members[place]].candidate.name
+        for m in live:
+            if lin.trials[m].candidate.name == name:
+                other = (*members[:place], m, *members[place + 1 :])
+                if (value := evaluate(lin, other)[0]) > gain:
+                    gain, members = value, other
+    return members
+
+
+def _proposal(lin: Linearised, members: tuple[int, ...]) -> Proposal:
+    gain, s = evaluate(lin, members)
+    index = [i for m in members for i in lin.places[m]]
+    parts, rest = list[tuple[float, ...]](), list(s)
+    for m in members:
+        width = len(lin.places[m])
+        parts.append(tuple(float(v) for v in rest[:width]))
+        rest = rest[width:]
+    change = lin.own + lin.response[:, index] @ s
+    return Proposal(tuple(lin.trials[m] for m in members), tuple(parts), gain, change)
+
+
+def start(fitted: Fitted, proposal: Proposal) -> Model:
+    """The fitted model with a set of effects, at that part of the linear prediction that leaves least."""
+    model, found = fitted.model, list[Model]()
+    most = SHIFT * np.maximum(1.0, PART * np.abs(model.x))
+    for part in MULTIPLES:
+        bigger = model.at(model.x + np.clip(part * proposal.change, -most, most))
+        for trial, parts in zip(proposal.trials, proposal.parts, strict=True):
+            bigger = bigger.with_effect(trial.candidate, trial.values([part * s for s in parts]))
+        found.append(bigger)
+    rows = np.array([m.vectors(m.x)[0] for m in found])
+    left = np.sum(fitted.prediction.residuals(rows) ** 2, axis=1)
+    return found[int(np.argmin(left))]
