@@ -21,13 +21,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shake_ros.fit.model import Candidate, Model
-from shake_ros.fit.prediction import Levels, Prediction
+from shake_ros.fit.prediction import Levels, Prediction, tuned
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import Budget, Fitted, fit
 from shake_ros.search.proposal import Proposal, linearised, proposals, start
 
 Told = Callable[[str], None]
 PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
+OWN_LEVELS = ("force", "acceleration")  # levels of noise that are a recording's own
 SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one that goes on
 NO_FORCE, NO_NOISE = 0.004, 1.1  # random force in parts of the acceleration, and noise over the sensor's, that is none
 
@@ -42,7 +43,7 @@ class Data:
 
 @dataclass(frozen=True)
 class Scored:
-    """A fitted model with its log likelihood on the validation data by block, shape (b,)."""
+    """A fitted model with its log likelihood on the validation data by block, at their own levels of noise, shape (b,)."""
 
     fitted: Fitted
     validation: np.ndarray
@@ -65,9 +66,7 @@ def tempered(better: np.ndarray, worse: np.ndarray) -> float:
     """
     d = better - worse
     gain, variance = float(np.sum(d)), float(len(d) * np.var(d))
-    if gain <= 0.0:
-        return gain
-    return min(gain, 2.0 * gain * gain / max(variance, 1e-9))
+    return math.copysign(min(abs(gain), 2.0 * gain * gain / max(variance, 1e-9)), gain)
 
 
 def evidence(more: Scored, less: Scored) -> float:
@@ -101,7 +100,7 @@ class Search:
         """A model fitted by so many steps, and scored."""
         fitted = fit(Prediction(self.data.estimation, levels), model, self.budget, steps=steps)
         vector = fitted.model.vectors(fitted.model.x)[0]
-        seen = Prediction(self.data.validation, fitted.prediction.levels).filtered(vector)
+        seen = tuned(Prediction(self.data.validation, fitted.prediction.levels), vector, OWN_LEVELS)
         return Scored(fitted, seen.log_likelihood())
 
     def run(self, model: Model, levels: Levels) -> Scored:
@@ -133,7 +132,7 @@ class Search:
         if winner is best:
             return None
         longer = self.scored(winner.model, winner.fitted.prediction.levels, LONG)
-        winner = self._reduced(max(winner, longer, key=lambda s: s.fitted.total))
+        winner = self._reduced(longer if evidence(longer, winner) > 0.0 else winner)
         return winner if evidence(winner, best) > 0.0 else None
 
     def _reduced(self, found: Scored) -> Scored:
