@@ -29,6 +29,8 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("core.discovery", "core.measured_harmonics"),
     ("core.iteration",),  # a model that each run corrects has the effects of core.discovery
     ("core.qualification",),  # a test's runs are an iteration
+    ("fit",),
+    ("search",),
     ("settings", "realtime"),
     ("declared", "engine"),
     ("data", "bridge"),

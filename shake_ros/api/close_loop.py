@@ -21,7 +21,8 @@ from shake_ros.api.unseen import seen_alike, unseen_records, with_test
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.discovery.problem import patiently
+from shake_ros.core.discovery.given_answer import GivenAnswer
+from shake_ros.core.discovery.problem import ModelStructure, patiently
 from shake_ros.core.discovery.remaining import Remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.failures import Failures
@@ -29,7 +30,7 @@ from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import FULL, Record
+from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.identification.uncertainty import Estimate, known_covariance
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.loop.robust import Uncertainty
@@ -47,11 +48,17 @@ from shake_ros.data.results import (
     write_folder,
     write_json,
 )
+from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
+from shake_ros.fit.solver import Budget
+from shake_ros.search.answer import answer
 from shake_ros.settings import save_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+SEARCHES = FORWARD, SETS = ("forward", "sets")
 
 
 @dataclass(frozen=True)
@@ -302,6 +309,7 @@ def close_loop(
     settings: SearchSettings | None = None,
     tune: bool = False,
     minutes: float | None = None,
+    search: str = FORWARD,
     progress: Told = True,
 ) -> Discovery:
     """Find what a declared model is missing, and add it.
@@ -315,12 +323,14 @@ def close_loop(
     tune : design observer and controller for the found table as well, see `sr.tune`; of the full model.
     minutes : after which the search ends with the best answer so far; judging it may take a quarter of that more.
         Ctrl-C ends it as well; the second interrupts.
+    search : "forward" adds one effect after the other, judged by free runs; "sets" proposes sets of up to three at once,
+        judged by the prediction error of a Kalman filter; for the model "full".
     progress : show it, or a function to tell what is being done and which part is done.
 
     Raises
     ------
     ShakeError
-        A recording cannot be fitted, or is in two sets.
+        A recording cannot be fitted, or is in two sets; a search that the model does not have.
 
     Examples
     --------
@@ -347,17 +357,19 @@ def close_loop(
     (10.0, False)
     """
     declared = model.declared
+    check_search(search, declared)
     records = fitted.fit_data(estimation, validation, declared.driven_by)
     unseen, stops = unseen_records(model, test, (estimation, validation))
     with Progress("close_loop", progress) as bar:
         with Ending(bar, minutes) as ending:
             start = model.begin(*records, patiently(ending))
-            start = start.with_specimen() if declared is FULL else start
+            start = start.with_specimen() if declared is FULL and search == FORWARD else start
             data, structure = start.data, model_structure(start, declared)
             first, second = data.estimation, data.validation
             limits = settings or search_settings(declared)
             failures = Failures()
-            found = closing.close_loop(structure, first, second, limits, ending, ending.overdue, failures)
+            given = by_sets(structure, first, second, ending) if search == SETS else None
+            found = closing.close_loop(structure, first, second, limits, ending, ending.overdue, failures, given)
         known, tuned, benefit, told = None, None, None, None
         data = data.seen(found.search.knowledge)
         data = replace(data, stops=(*data.stops, *stops))
@@ -378,6 +390,21 @@ def close_loop(
             asked = () if ending.overdue() else recordings_to_make()
             told = diagnose(found.final.fit, first, second, asked, declared)
     return Discovery(model, found, first, second, told, benefit, data, tuned, failures, unseen)
+
+
+def check_search(search: str, declared: DeclaredModel) -> None:
+    """ShakeError for a search that is not known, or that a model does not have."""
+    if search not in SEARCHES:
+        raise unknown_name("search", search, SEARCHES)
+    if search == SETS and declared is not FULL:
+        raise ShakeError(f"the search {SETS} is for the declared model full, not for {declared.name}")
+
+
+def by_sets(structure: ModelStructure, first: list[Record], second: list[Record], ending: Ending) -> GivenAnswer:
+    """What the search over sets of effects finds, until it is to end."""
+    budget = Budget(over=ending.over)
+    tell = patiently(ending)
+    return answer(structure, first, second, budget, lambda line: tell(line, 0.3))
 
 
 def _uncertainty(found: LoopClosure, estimation: Sequence[Record]) -> Uncertainty:

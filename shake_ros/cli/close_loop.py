@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from shake_ros.api.close_loop import Discovery, close_loop
+from shake_ros.api.close_loop import SEARCHES, Discovery, close_loop
 from shake_ros.cli import fitting
 from shake_ros.cli.reporting import add_figures, reporting
 from shake_ros.core.identification.models import MODELS
@@ -40,11 +40,21 @@ def main(arguments: Sequence[str]) -> int:
     command.add_argument(
         "--test", type=Path, nargs="+", default=[], metavar="BAG", help="recordings that no decision sees: test data"
     )
+    command.add_argument(
+        "--search",
+        choices=SEARCHES,
+        default=SEARCHES[0],
+        help="one effect after the other by free runs, or sets of effects at once by prediction errors (model full)",
+    )
     given = command.parse_args(list(arguments))
     if given.tune and MODELS[given.model].layout is not FULL_LAYOUT:
         raise ShakeError(f"--tune: needs a valve and hydraulics, which the model {given.model} does not have")
     found = close_loop(
-        *fitting.inputs(given), test=fitting.read_set(given, given.test), minutes=given.minutes, tune=given.tune
+        *fitting.inputs(given),
+        test=fitting.read_set(given, given.test),
+        minutes=given.minutes,
+        tune=given.tune,
+        search=given.search,
     )
     found.report(given.out, given.force, **reporting("close_loop", given, arguments))
     text = list[str]()

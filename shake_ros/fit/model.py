@@ -29,7 +29,8 @@ class Candidate:
     ----------
     name : of the effect. free : its parameters. strength : the one that is zero where it is absent. place : of the effect.
     trials : finite values by dotted name at which its presence is tried; one of several directions is a trial of their
-    combinations. scaled : numbers that are in proportion to the multiple of a direction. resembles : effects that recordings can hardly
+    combinations. scaled : numbers that are in proportion to the multiple of a direction. title : for a reader, where the name does not
+    say all. resembles : effects that recordings can hardly
     distinguish from it. penalties : weak priors, each a linear combination of its parameters that is zero within a
     standard deviation, in units of their scales. depends_on : quantities.
     """
@@ -42,6 +43,12 @@ class Candidate:
     penalties: tuple[tuple[Mapping[str, float], float], ...] = ()
     depends_on: tuple[str, ...] = ()
     scaled: tuple[str, ...] = ()
+    title: str = ""
+
+    @property
+    def called(self) -> str:
+        """What a reader is shown."""
+        return self.title or self.name
 
     @property
     def strength(self) -> FreeParameter:

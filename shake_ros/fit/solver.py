@@ -30,20 +30,18 @@ LEVELS = ("force", "acceleration", "position", "null_drift", "memory")
 class Budget:
     """How long a search may take: a deadline that everything below asks, and nothing else.
 
-    >>> Budget(0.0).over()
-    True
+    seconds : from now on. over : whether something else asks it to end.
+
+    >>> Budget(0.0).over(), Budget(60.0).over()
+    (True, False)
     """
 
-    def __init__(self, seconds: float = 1e9) -> None:
-        self.deadline = time.monotonic() + seconds
+    def __init__(self, seconds: float = math.inf, over: Callable[[], bool] = lambda: False) -> None:
+        self._deadline, self._over = time.monotonic() + seconds, over
 
     def over(self) -> bool:
         """Whether the time is over."""
-        return time.monotonic() >= self.deadline
-
-    def end(self) -> None:
-        """Make the time be over."""
-        self.deadline = 0.0
+        return time.monotonic() >= self._deadline or self._over()
 
 
 @dataclass(frozen=True)

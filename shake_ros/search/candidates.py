@@ -9,7 +9,9 @@ import numpy as np
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.unlisted_functions import NODE_NAMES, OF_HYDRAULICS, OF_MOTION, PREFIX, FunctionKind
 from shake_ros.core.identification.free_parameters import FreeParameter
+from shake_ros.core.plant.states import POSITION, PRESSURE_A, VELOCITY
 from shake_ros.fit.model import Candidate
+from shake_ros.fit.solver import Fitted
 
 UNLISTED = "unlisted"
 NODE_DEVIATION, CURVATURE_DEVIATION = 20.0, 10.0  # weak: they decide only what the recordings leave open
@@ -44,17 +46,32 @@ def function(kind: FunctionKind, low: float, high: float) -> Candidate:
     for a, b, c in zip(NODE_NAMES, NODE_NAMES[1:], NODE_NAMES[2:]):
         penalties.append(({a: 1.0, b: -2.0, c: 1.0}, CURVATURE_DEVIATION))
     return Candidate(
-        f"{UNLISTED}: {kind.place} of {kind.quantity}" if kind.code != 9 else f"{UNLISTED}: friction factor of position",
+        UNLISTED,
         free,
         (shapes,),
         kind.place,
         penalties=tuple(penalties),
         depends_on=kind.depends_on,
         scaled=NODE_NAMES,
+        title=f"{UNLISTED}: {kind.place} of {kind.quantity}, kind {kind.code}",
     )
 
 
-def functions(ranges: Mapping[str, tuple[float, float]]) -> list[Candidate]:
-    """Functions of every quantity whose range is known."""
+def functions(fitted: Fitted) -> list[Candidate]:
+    """Functions of every quantity, over the range that a fitted model shows of it."""
+    found: dict[str, tuple[float, float]] = {}
+    for run in fitted.prediction.runs:
+        s, column = run.segment, {int(c): i for i, c in enumerate(run.codes)}
+        seen = {
+            "position": run.path[:, column[POSITION]],
+            "velocity": run.path[:, column[VELOCITY]],
+            "load_pressure": 2.0 * run.path[:, column[PRESSURE_A]],
+            "valve_opening": s.commands,
+            "time": s.begin + np.arange(len(s.commands)) * s.dt,
+        }
+        for name, values in seen.items():
+            low, high = float(values[s.start :].min()), float(values[s.start :].max())
+            before = found.get(name, (low, high))
+            found[name] = min(before[0], low), max(before[1], high)
     kinds: Iterable[FunctionKind] = (*OF_MOTION, *OF_HYDRAULICS)
-    return [function(k, *ranges[k.quantity]) for k in kinds if k.quantity in ranges]
+    return [function(k, *found[k.quantity]) for k in kinds if found[k.quantity][0] < found[k.quantity][1]]

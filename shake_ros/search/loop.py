@@ -103,9 +103,12 @@ class Search:
         seen = tuned(Prediction(self.data.validation, fitted.prediction.levels), vector, OWN_LEVELS)
         return Scored(fitted, seen.log_likelihood())
 
-    def run(self, model: Model, levels: Levels) -> Scored:
-        """The best model that is found: with listed effects, and where these do not reach the noise with a function."""
-        best = self.scored(model, levels, LONG)
+    def run(self, model: Model, levels: Levels) -> tuple[Scored, Scored]:
+        """The declared model and the best one that is found.
+
+        With listed effects, and where these do not reach the noise with a function of what no listed effect explains.
+        """
+        declared = best = self.scored(model, levels, LONG)
         self.told(f"declared model: {describe(best)}")
         for candidates in (lambda _: self.listed, self.functions):
             while not self.budget.over() and not at_noise(best):
@@ -114,7 +117,7 @@ class Search:
                     break
                 best = found
                 self.told(f"best so far: {describe(best)}")
-        return best
+        return declared, best
 
     def _step(self, best: Scored, candidates: Sequence[Candidate]) -> Scored | None:
         """A better model with a set of effects more, or none."""
@@ -175,7 +178,7 @@ def worth_trying(found: dict[int, list[Proposal]], blocks: int) -> list[Proposal
 
 def describe(found: Scored) -> str:
     """A model in a line."""
-    names = " + ".join(found.model.effect_names) or "nothing"
+    names = " + ".join(c.called for c in found.model.effects) or "nothing"
     levels = found.fitted.prediction.levels
     return (
         f"{names}; {np.sum(found.fitted.likelihood):.0f} and {np.sum(found.validation):.0f} nats; "

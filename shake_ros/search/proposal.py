@@ -57,8 +57,8 @@ class Proposal:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Effects of the set."""
-        return tuple(t.candidate.name for t in self.trials)
+        """Effects of the set, for a reader."""
+        return tuple(t.candidate.called for t in self.trials)
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def proposals(lin: Linearised, largest: int = MOST) -> dict[int, list[Proposal]]
             for m in live:
                 if lin.trials[m].candidate.name not in have:
                     gain = evaluate(lin, (*base, m))[0]
-                    key = frozenset((*have, lin.trials[m].candidate.name))
+                    key = frozenset(lin.trials[i].candidate.called for i in (*base, m))
                     if gain > seen.get(key, (0.0,))[0]:
                         seen[key] = gain, (*base, m)
         best = sorted(seen.values(), key=lambda f: -f[0])[:BEAM]
@@ -155,9 +155,9 @@ def _exchanged(lin: Linearised, live: Sequence[int], members: tuple[int, ...]) -
     """The set with the best trial of each of its effects."""
     gain = evaluate(lin, members)[0]
     for place in range(len(members)):
-        name = lin.trials[members[place]].candidate.name
+        called = lin.trials[members[place]].candidate.called
         for m in live:
-            if lin.trials[m].candidate.name == name:
+            if lin.trials[m].candidate.called == called:
                 other = (*members[:place], m, *members[place + 1 :])
                 if (value := evaluate(lin, other)[0]) > gain:
                     gain, members = value, other

@@ -10,6 +10,7 @@ import numpy as np
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model, unjudged_model
 from shake_ros.core.discovery.forward_selection import forward_selection, listened, recentred
+from shake_ros.core.discovery.given_answer import GivenAnswer, selection_of
 from shake_ros.core.discovery.latent_force import LatentForce, latent_forces
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, patiently
 from shake_ros.core.discovery.remaining import UNKNOWN, Remaining, remaining
@@ -61,6 +62,7 @@ def close_loop(
     progress: Progress,
     overdue: Callable[[], bool] = never,
     failures: Failures = RAISING,
+    given: GivenAnswer | None = None,
 ) -> LoopClosure:
     """Find what the declared model lacks.
 
@@ -72,8 +74,12 @@ def close_loop(
         raises `Stopped`, the search ends with what it has.
     overdue : whether what follows the search is to end as well; asked within its fits.
     failures : takes the errors of what comes after the fit of the declared model; the rest is done without it.
+    given : what another search has found, which takes the place of this one.
     """
     problem = SearchProblem.of(model, estimation, validation, settings, patiently(progress))
+    if given is not None:
+        with in_haste(overdue):
+            return _concluded(problem, selection_of(problem, model, given), model, estimation, failures)
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
     patient = problem.progress
     problem, selection = forward_selection(replace(problem, progress=progress), declared, model, failures)

@@ -1,0 +1,69 @@
+"""What another search has found, fitted to free runs and judged like a selection of this one.
+
+A search over sets of effects (shake_ros.search) names them and gives values near the end of a fit; the models along the
+way, from the declared one to that with all effects, are fitted here from these values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem
+from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.selection import Selection
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.plant.parameters import TableParameters
+
+ALONG = 6  # trial points of a model on the way, whose error is all that is asked
+
+
+@dataclass(frozen=True)
+class GivenAnswer:
+    """Effects with the values that a search has found.
+
+    Attributes
+    ----------
+    declared : table without any of them, fitted. table : with all of them. effects : candidates, the one that explains
+    most first. stopped : whether the search ended before it was done.
+    """
+
+    declared: TableParameters
+    table: TableParameters
+    effects: tuple[CandidateEffect, ...]
+    stopped: bool = False
+
+
+def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> Selection:
+    """The models from the declared one to that with all effects, each fitted to free runs from the values given."""
+    settings, free = problem.settings, (*model.free, *model.late)
+    problem.progress("free runs of the declared model", 0.5)
+    whole = FreeParameters(answer.declared, free)
+    declared = problem.fitted(whole, whole.start(), settings.converging_evaluations, settings.converged, near=True)
+    steps, final = list[ForwardStep](), declared
+    for count, candidate in enumerate(answer.effects, start=1):
+        problem.progress(f"free runs with {candidate.effect}", 0.5 + 0.4 * count / len(answer.effects))
+        last = count == len(answer.effects)
+        rest = [c.effect for c in answer.effects[count:]]
+        more = [p for c in answer.effects[:count] for p in c.free]
+        parameters = FreeParameters(answer.table.without(rest), [*free, *more])
+        most = settings.converging_evaluations if last else ALONG
+        final = fitted_from(problem, parameters, parameters.start(), most)
+        chosen = Refit(candidate, final, predicted_gain(steps, declared, final))
+        steps.append(ForwardStep(chosen, (chosen,)))
+    return Selection(declared, tuple(steps), final, stopped=answer.stopped)
+
+
+def fitted_from(problem: SearchProblem, free: FreeParameters, start: np.ndarray, evaluations: int) -> ScoredFit:
+    """A fit from values that are near its end."""
+    return problem.fitted(free, start, evaluations, problem.settings.converged, near=True)
+
+
+def predicted_gain(steps: Sequence[ForwardStep], declared: ScoredFit, now: ScoredFit) -> float:
+    """Relative fall of the estimation cost by the last step [-]."""
+    before = steps[-1].chosen.result if steps else declared
+    return 1.0 - now.estimation_cost / max(before.estimation_cost, 1e-300)
