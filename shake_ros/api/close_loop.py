@@ -35,6 +35,7 @@ from shake_ros.core.identification.uncertainty import Estimate, known_covariance
 from shake_ros.core.loop.benefit import TrackingBenefit
 from shake_ros.core.loop.robust import Uncertainty
 from shake_ros.core.plant.parameters import FULL_LAYOUT
+from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.results import (
     axis_json,
     close_loop_json,
@@ -48,7 +49,6 @@ from shake_ros.data.results import (
     write_folder,
     write_json,
 )
-from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
 from shake_ros.fit.solver import Budget
 from shake_ros.search.answer import answer
@@ -323,8 +323,8 @@ def close_loop(
     tune : design observer and controller for the found table as well, see `sr.tune`; of the full model.
     minutes : after which the search ends with the best answer so far; judging it may take a quarter of that more.
         Ctrl-C ends it as well; the second interrupts.
-    search : "forward" adds one effect after the other, judged by free runs; "sets" proposes sets of up to three at once,
-        judged by the prediction error of a Kalman filter; for the model "full".
+    search : "forward" adds one effect after the other, judged by free runs; "sets" proposes up to three at once, judged
+        by the prediction error of a Kalman filter, for the model "full".
     progress : show it, or a function to tell what is being done and which part is done.
 
     Raises

@@ -16,9 +16,6 @@ SENSOR_DELAY = FreeParameter("sensor.delay", 5e-4, -0.005, 0.05, "s")  # of the 
 SENSOR_FILTER = FreeParameter("sensor.filter", 5e-4, 0.0, 0.03, "s")  # √2/ω_c of its anti-aliasing filter
 SENSOR = {SENSOR_DELAY.name: TABLE, SENSOR_FILTER.name: TABLE + 1}
 WIDTH = TABLE + len(SENSOR)
-DELAY, DAMPING, FREQUENCY = (
-    FULL_LAYOUT.index[n] for n in ("effects.command_delay.delay", "valve.damping", "valve.natural_frequency")
-)
 
 
 @dataclass(frozen=True)
@@ -27,19 +24,21 @@ class Candidate:
 
     Attributes
     ----------
-    name : of the effect. free : its parameters. strength : the one that is zero where it is absent. place : of the effect.
-    trials : finite values by dotted name at which its presence is tried; one of several directions is a trial of their
-    combinations. scaled : numbers that are in proportion to the multiple of a direction. title : for a reader, where the name does not
-    say all. resembles : effects that recordings can hardly
-    distinguish from it. penalties : weak priors, each a linear combination of its parameters that is zero within a
-    standard deviation, in units of their scales. depends_on : quantities.
+    name : of the effect.
+    free : its parameters, the one that is zero where it is absent first.
+    trials : finite values by dotted name at which its presence is tried; several directions are tried in combination.
+    place : where it acts.
+    penalties : weak priors, each a linear combination of parameters that is zero within a standard deviation, in units
+        of their scales.
+    depends_on : quantities.
+    scaled : numbers in proportion to the multiple of a direction.
+    title : for a reader, where the name does not say all.
     """
 
     name: str
     free: tuple[FreeParameter, ...]
     trials: tuple[tuple[Mapping[str, float], ...], ...]
     place: str
-    resembles: tuple[str, ...] = ()
     penalties: tuple[tuple[Mapping[str, float], float], ...] = ()
     depends_on: tuple[str, ...] = ()
     scaled: tuple[str, ...] = ()
@@ -70,7 +69,6 @@ class Model:
     table : numbers that do not move, effects included. free : parameters that move.
     effects : candidates that the model has. x : values in units of the scales, shape (p,).
     priors : value and standard deviation by name.
-    total_lag : whether the parameter of the dead time is the whole lag, dead time and 2ζ/ω of the valve.
     """
 
     table: TableParameters
@@ -78,7 +76,6 @@ class Model:
     effects: tuple[Candidate, ...]
     x: np.ndarray
     priors: Mapping[str, tuple[float, float]]
-    total_lag: bool = False
     sensor: tuple[float, float] = (0.0, 0.0)
 
     @cached_property
@@ -99,7 +96,7 @@ class Model:
     @cached_property
     def columns(self) -> np.ndarray:
         """Places in a parameter vector, shape (p,)."""
-        return np.array([SENSOR[n] if n in SENSOR else FULL_LAYOUT.index[n] for n in self.names])
+        return np.array([SENSOR[n] if n in SENSOR else FULL_LAYOUT.index[n] for n in self.names], dtype=np.int64)
 
     @cached_property
     def effect_names(self) -> tuple[str, ...]:
@@ -113,9 +110,6 @@ class Model:
         made[:, :TABLE] = self.table.vector()
         made[:, TABLE:] = self.sensor
         made[:, self.columns] = rows * self.scale
-        if self.total_lag:
-            made[:, DELAY] -= 2.0 * made[:, DAMPING] / made[:, FREQUENCY]
-            made[:, DELAY] = np.maximum(made[:, DELAY], 0.0)
         return made
 
     def value(self, name: str) -> float:
@@ -150,7 +144,9 @@ class Model:
         limits = {p.name: p for p in candidate.free}
         start = [np.clip(values.get(p.name, self.table.value(p.name)), p.low, p.high) / p.scale for p in candidate.free]
         fixed = {n: v for n, v in values.items() if n not in limits}
-        table = self.table.with_values({**{p.name: p.scale * s for p, s in zip(candidate.free, start)}, **fixed})
+        table = self.table.with_values(
+            {**{p.name: p.scale * s for p, s in zip(candidate.free, start, strict=True)}, **fixed}
+        )
         return replace(
             self,
             table=table,
@@ -179,8 +175,7 @@ class Model:
         return self.table.with_values(values)
 
 
-def start_of(table: TableParameters, free: Sequence[FreeParameter], **more: object) -> Model:
+def start_of(table: TableParameters, free: Sequence[FreeParameter]) -> Model:
     """A model at the values of its table; those of the sensors at zero."""
-    model = Model(table, tuple(free), (), np.zeros(len(free)), {}, **more)  # type: ignore[arg-type]
-    x = np.array([0.0 if p.name in SENSOR else table.value(p.name) / p.scale for p in free])
-    return model.at(x)
+    model = Model(table, tuple(free), (), np.zeros(len(free)), {})
+    return model.at(np.array([0.0 if p.name in SENSOR else table.value(p.name) / p.scale for p in free]))

@@ -17,7 +17,7 @@ import numpy as np
 from shake_ros.core.effects.coupling_backlash import NO_GAP
 from shake_ros.core.plant.anti_alias import filter_step
 from shake_ros.core.plant.pace import MOST
-from shake_ros.core.plant.parameters import FULL_LAYOUT, records
+from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.plant.prediction import BIAS, FILTER_RATE, FILTERED, FORCE, NULL, kalman, predict, relevelled
 from shake_ros.core.plant.simulation import NO_PACE, initial_state, workers
 from shake_ros.core.plant.states import (
@@ -34,7 +34,7 @@ from shake_ros.core.plant.states import (
     SPECIMEN_RATE,
     VELOCITY,
 )
-from shake_ros.fit.model import TABLE, Model
+from shake_ros.fit.model import TABLE
 from shake_ros.fit.segment import Segment
 
 INDEX = FULL_LAYOUT.index
@@ -180,7 +180,7 @@ class Prediction:
             with np.errstate(divide="ignore"):
                 terms = np.where(w[:, 0] > 0.0, np.log(w[:, 0]) - 0.5 * white_x**2, 0.0)
                 terms = terms + np.where(w[:, 2] > 0.0, np.log(w[:, 2]) - 0.5 * white_a**2, 0.0)
-            terms = np.nan_to_num(terms[s.start :], nan=-LOST**2)
+            terms = np.nan_to_num(terms[s.start :], nan=-(LOST**2))
             blocks = np.arange(len(terms)) // max(round(1.0 / s.dt), 1)
             found.append(np.bincount(blocks, terms))
         return np.concatenate(found)
@@ -289,32 +289,37 @@ PASSES = 3  # of the levels, each about the path of the one before
 def tuned(prediction: Prediction, vector: np.ndarray, names: Sequence[str]) -> Prediction:
     """The prediction at the levels of noise of the largest likelihood at a parameter vector, with their gains.
 
-    names : of the levels. They are moved one after the other, on the derivatives along a path of the filter.
+    names : of the levels.
     """
     best = prediction.filtered(vector)
-    value = float(np.sum(best.log_likelihood()))
     for _ in range(PASSES):
-        levels, foreseen = best.levels, best.relevelled(vector, best.levels)
-        before = levels
-        for factor in FACTORS:
-            for name in names:
-                for way in (1.0 / factor, factor):
-                    moved = False
-                    while True:
-                        other = replace(levels, **{name: float(np.clip(getattr(levels, name) * way, *LIMITS[name]))})
-                        if other == levels:
-                            break
-                        new = best.relevelled(vector, other)
-                        if not new > foreseen + GAIN:
-                            break
-                        levels, foreseen, moved = other, new, True
-                    if moved:
-                        break
-        if levels == before:
+        levels = likeliest(best, vector, names)
+        if levels == best.levels:
             break
-        other = best.with_levels(levels).filtered(vector)
-        gained = float(np.sum(other.log_likelihood())) - value
-        if not gained > GAIN:
+        moved = best.with_levels(levels).filtered(vector)
+        if not np.sum(moved.log_likelihood()) > np.sum(best.log_likelihood()) + GAIN:
             break
-        best, value = other, value + gained
+        best = moved
     return best
+
+
+def likeliest(prediction: Prediction, vector: np.ndarray, names: Sequence[str]) -> Levels:
+    """Levels of the largest likelihood along the path of a filter: each moved by a factor as long as that helps."""
+    levels, value = prediction.levels, prediction.relevelled(vector, prediction.levels)
+    for factor in FACTORS:
+        for name in names:
+            for way in (1.0 / factor, factor):
+                began = levels
+                while (other := moved_level(levels, name, way)) != levels:
+                    if not (new := prediction.relevelled(vector, other)) > value + GAIN:
+                        break
+                    levels, value = other, new
+                if levels != began:
+                    break
+    return levels
+
+
+def moved_level(levels: Levels, name: str, factor: float) -> Levels:
+    """The same with one level moved by a factor within its limits."""
+    low, high = LIMITS[name]
+    return replace(levels, **{name: min(max(getattr(levels, name) * factor, low), high)})

@@ -47,7 +47,10 @@ class Segment:
         none = np.full(len(record.commands), np.nan)
         felt = none if record.acceleration is None else np.where(record.whole, record.acceleration, np.nan)
         floor = LINEARITY * float(np.std(record.position))
-        noise = (float(np.hypot(record.position_noise(), floor)), 1.0 if record.acceleration is None else record.acceleration_noise())
+        noise = (
+            float(np.hypot(record.position_noise(), floor)),
+            1.0 if record.acceleration is None else record.acceleration_noise(),
+        )
         return cls(
             record.name,
             record.run,

@@ -1,4 +1,4 @@
-"""What a model may lack, as data: the listed effects, and functions of one quantity for what no listed effect explains."""
+"""What a model may lack, as data: listed effects, and functions of one quantity for what none of them explains."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from shake_ros.fit.solver import Fitted
 
 UNLISTED = "unlisted"
 NODE_DEVIATION, CURVATURE_DEVIATION = 20.0, 10.0  # weak: they decide only what the recordings leave open
-SHAPES = 5  # smooth functions by whose combinations a kind is tried
+SHAPES = 9  # smooth functions by whose combinations a kind is tried
 SCALED = {"position_dependent_friction": ("gradient", "curvature")}
 
 
@@ -28,7 +28,6 @@ def listed(effect: CandidateEffect) -> Candidate:
         effect.free,
         tuple((t,) for t in effect.trials),
         effect.place,
-        effect.resembles,
         depends_on=effect.depends_on,
         scaled=scaled,
     )
@@ -43,7 +42,7 @@ def function(kind: FunctionKind, low: float, high: float) -> Candidate:
         own | dict(zip(NODE_NAMES, (kind.scale * np.cos(k * at)).tolist(), strict=True)) for k in range(SHAPES)
     )
     penalties: list[tuple[Mapping[str, float], float]] = [({n: 1.0}, NODE_DEVIATION) for n in NODE_NAMES]
-    for a, b, c in zip(NODE_NAMES, NODE_NAMES[1:], NODE_NAMES[2:]):
+    for a, b, c in zip(NODE_NAMES[:-2], NODE_NAMES[1:-1], NODE_NAMES[2:], strict=True):
         penalties.append(({a: 1.0, b: -2.0, c: 1.0}, CURVATURE_DEVIATION))
     return Candidate(
         UNLISTED,

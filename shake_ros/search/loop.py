@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class Data:
 
 @dataclass(frozen=True)
 class Scored:
-    """A fitted model with its log likelihood on the validation data by block, at their own levels of noise, shape (b,)."""
+    """A fitted model, and its log likelihood on the validation data at their own levels of noise, by block, (b,)."""
 
     fitted: Fitted
     validation: np.ndarray
@@ -168,7 +168,7 @@ def worth_trying(found: dict[int, list[Proposal]], blocks: int) -> list[Proposal
     chosen = list[Proposal]()
     singles = [p for p in found.get(1, []) if net(p) > 0.0]
     if singles:
-        chosen += [p for p in singles[:3] if net(p) > 0.7 * net(singles[0])]
+        chosen += [p for p in singles[:3] if net(p) > 0.5 * net(singles[0])]
     for size in (2, 3):
         best = max(found.get(size, []), key=net, default=None)
         if best is not None and chosen and net(best) > 1.05 * max(net(c) for c in chosen):

@@ -88,9 +88,11 @@ def advance_all(p, y, aux, commands, k, standing, decay, dt, work, tolerance, ch
     acceleration = advance_sample(p, y, late + null, timely + null, fraction, force, dt, work, False, tolerance)
     now = felt(p, y, acceleration)
     if chain.shape[0] > 0:
-        mean = 0.5 * (before + now) if p.accelerometer_lag_time_constant > 0.0 else (
-            y[VELOCITY] + y[BASE_RATE] - speed
-        ) / dt
+        mean = (
+            0.5 * (before + now)
+            if p.accelerometer_lag_time_constant > 0.0
+            else (y[VELOCITY] + y[BASE_RATE] - speed) / dt
+        )
         z = aux[4:6]
         advance_filter(chain, z, before, now, mean)
     aux[1] *= decay
@@ -240,9 +242,7 @@ def kalman(
                     tried_aux[k] = aux[k]
                 for k in range(j, s):
                     shift(p, tried, tried_aux, codes[k], sign * lower[k, j])
-                after = advance_all(
-                    p, tried, tried_aux, commands, i, standing, decay, dt, work, tolerance, chain, now
-                )
+                after = advance_all(p, tried, tried_aux, commands, i, standing, decay, dt, work, tolerance, chain, now)
                 shown(p, tried, tried_aux, after, chain, row)
                 for k in range(s):
                     value = 0.5 * sign * coordinate(p, tried, tried_aux, codes[k])

@@ -1,0 +1,51 @@
+"""Sets of effects by linear best-subset selection: on a Gram matrix written by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from shake_ros.core.identification.free_parameters import FreeParameter
+from shake_ros.fit.model import Candidate
+from shake_ros.search.proposal import Linearised, Trial, evaluate, proposals
+
+RNG = np.random.default_rng(3)
+
+
+def candidate(name: str, low: float = 0.0) -> Candidate:
+    strength = FreeParameter(f"effects.{name}.strength", 1.0, low, 10.0, "-")
+    return Candidate(name, (strength,), (({strength.name: 1.0},),), "valve", scaled=(strength.name,))
+
+
+def linear(residuals: np.ndarray, directions: dict[str, np.ndarray], low: float = 0.0) -> Linearised:
+    trials = tuple(Trial(candidate(n, low), candidate(n).trials[0]) for n in directions)
+    d = np.column_stack(list(directions.values()))
+    places = tuple((i,) for i in range(len(trials)))
+    return Linearised(trials, places, d.T @ d, -(d.T @ residuals), np.zeros((0, len(trials))), np.zeros(0), 0.0)
+
+
+def directions(*names: str) -> dict[str, np.ndarray]:
+    return {name: RNG.standard_normal(400) for name in names}
+
+
+def test_two_effects_that_show_only_together_are_proposed_as_a_pair() -> None:
+    d = directions("first", "second", "other")
+    d["decoy"] = d["first"] + d["second"] + 2.0 * RNG.standard_normal(400)
+    found = proposals(linear(-(d["first"] + d["second"]), d))
+    assert set(found[2][0].names) == {"first", "second"}
+    assert found[2][0].gain == pytest.approx(0.5 * np.sum((d["first"] + d["second"]) ** 2), rel=0.01)
+    assert [p[0] for p in found[2][0].parts] == pytest.approx([1.0, 1.0], abs=0.05)
+
+
+def test_effect_of_one_sign_is_not_proposed_with_the_other() -> None:
+    d = directions("backlash")
+    assert proposals(linear(d["backlash"], d))[1] == []
+    assert proposals(linear(d["backlash"], d, low=-10.0))[1][0].parts[0][0] == pytest.approx(-1.0, abs=0.01)
+
+
+def test_gain_of_a_set_is_the_fall_of_half_the_sum_of_squares() -> None:
+    d = directions("first", "second")
+    r = -(0.7 * d["first"] + 0.2 * d["second"]) + RNG.standard_normal(400)
+    gain, parts = evaluate(linear(r, d), (0, 1))
+    left = r + np.column_stack([d["first"], d["second"]]) @ parts
+    assert gain == pytest.approx(0.5 * float(r @ r - left @ left), rel=1e-3)
