@@ -26,7 +26,7 @@ from shake_ros.core.qualification.resonance import ResonanceSearch
 from shake_ros.core.qualification.run import Test, Tested, iterate_test
 from shake_ros.core.qualification.search_motion import search_motion
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.accelerograms import read_accelerogram
+from shake_ros.data.accelerograms import Accelerogram, read_accelerogram
 
 Array = NDArray[np.float64]
 LAST_SEED, MOST_DELAY = 1_000_000, 1000
@@ -41,7 +41,7 @@ def qualify(
     scale: float = 1.0,
     set: Mapping[str, float] | None = None,  # noqa: A002 (the command's option has this name)
     settings: str = "default",
-    record: str | Path | None = None,
+    record: str | Path | Accelerogram | None = None,
     refit: Sequence[str] | None = None,
     runs: int | None = None,
     seed: int = 0,
@@ -59,7 +59,7 @@ def qualify(
     table : the simulated table. set : values to change in it, by dotted name or its last part.
     model : the identified table of the feedforward and the observer; the table as declared where not given.
     rules : a name of config/qualification_rules or a file; the spectrum's own where not given.
-    record : accelerogram to start from, in place of random phases.
+    record : accelerogram to start from, or its file, in place of random phases.
     refit : fit the model, with these effects, to each run that does not pass, instead of correcting the drive.
     runs : most runs. seed : of the phases and the sensors' noise. delay : samples by which a command acts late.
     specimen : what is tested, for the certificate.
@@ -97,7 +97,7 @@ def qualify(
         return conduct(asked, laboratory, motion, seed, bar)
 
 
-def made_motion(test: Test, seed: int, record: str | Path | None = None) -> Array:
+def made_motion(test: Test, seed: int, record: str | Path | Accelerogram | None = None) -> Array:
     """The first drive of a test, (n, 3); ShakeError where it does not fit the table."""
     start = _record(record, test.sample_time)
     acceleration = synthesise(test.required, test.table, test.motion, test.sample_time, seed, start)
@@ -177,11 +177,11 @@ def _runs(
     return iterate_test(test, motion, play, model, None if learn is None else again, told)
 
 
-def _record(path: str | Path | None, step: float) -> Array | None:
-    """A record's acceleration at the loop's sample time."""
-    if path is None:
+def _record(given: str | Path | Accelerogram | None, step: float) -> Array | None:
+    """An accelerogram's acceleration at the loop's sample time."""
+    if given is None:
         return None
-    found = read_accelerogram(Path(path))
+    found = given if isinstance(given, Accelerogram) else read_accelerogram(Path(given))
     time = np.arange(found.acceleration.size) * found.time_step
     return np.interp(np.arange(0.0, time[-1], step), time, found.acceleration)
 

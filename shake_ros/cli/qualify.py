@@ -11,6 +11,7 @@ from typing import Any
 from shake_ros.api.live_table import NotReleasedError
 from shake_ros.api.qualification import Qualification, certified
 from shake_ros.api.qualify import qualify
+from shake_ros.api.record_scale import accelerogram
 from shake_ros.api.sequence import FILE, TestSequence, qualify_sequence, sequence_of
 from shake_ros.cli.fitting import change
 from shake_ros.cli.live import live, live_arguments, released_by
@@ -42,6 +43,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--scale", type=float, default=1.0, help="factor on the required levels (default: 1)")
     p.add_argument("--rules", help="code that judges, in place of the one that RRS names")
     p.add_argument("--record", metavar="FILE", help="accelerogram to start from, in place of random phases")
+    p.add_argument("--channel", type=int, default=0, help="its component, from 1, where it has several")
     p.add_argument("--refit", nargs="*", metavar="EFFECT", help="fit --model, with these effects, between the runs")
     p.add_argument("--runs", type=int, help="most runs (default: of config/qualification)")
     p.add_argument("--seed", type=int, default=0, help="of phases and sensor noise (default: 0)")
@@ -85,7 +87,7 @@ def _test(given: argparse.Namespace) -> int:
             result = qualify(
                 given.required,
                 given.table,
-                record=given.record,
+                record=None if given.record is None else accelerogram(given.record, given.channel),
                 refit=given.refit,
                 live=table,
                 release=lambda state: released_by(state, given.acknowledge or given.acknowledge_all),

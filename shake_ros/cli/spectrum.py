@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from shake_ros.api.record_scale import accelerogram
 from shake_ros.api.response_spectrum import DAMPING, HIGH, LOW, PER_OCTAVE, acceleration_spectra
 from shake_ros.cli.reporting import add_take, source
 from shake_ros.core.quantities import ShakeError
@@ -26,6 +27,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("bags", nargs="+", metavar="BAG", type=Path)
     add_take(p)
+    p.add_argument("--channel", type=int, default=0, help="component of an accelerogram that has several, from 1")
     p.add_argument("--damping", type=float, nargs="+", default=list(DAMPING), metavar="XI", help="(default: 0.05)")
     p.add_argument("--low", type=float, default=LOW, metavar="HZ", help=f"lowest frequency (default: {LOW:g})")
     p.add_argument(
@@ -51,7 +53,9 @@ def main(arguments: Sequence[str]) -> int:
             raise ShakeError(f"--out {given.out}: give one recording and a name that ends in .csv")
         refuse_existing(given.out, force=given.force)
     band, how = (given.damping, given.low, given.high, given.per_octave), (given.subtract_mean, given.band_limited)
-    found = [acceleration_spectra(source(bag, given), *band, *how) for bag in given.bags]
+    given_of = [source(bag, given) for bag in given.bags]
+    read = [accelerogram(s, given.channel) if isinstance(s, Path) else s for s in given_of]
+    found = [acceleration_spectra(each, *band, *how) for each in read]
     print("\n\n".join(map(repr, found)))
     if given.out is not None:
         found[0].write(given.out, given.force)

@@ -94,3 +94,14 @@ def test_what_is_out_of_range_is_refused_with_one_line(
     err = capsys.readouterr().err
     assert said in err
     assert err.count("\n") == 1
+
+
+def test_component_of_a_file_that_holds_several_is_chosen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, time = tmp_path / "three.csv", np.arange(2000) / 200
+    rows = [f"{t:.3f},{np.sin(12.0 * t):.6f},{3.0 * np.sin(12.0 * t):.6f}" for t in time]
+    path.write_text("Time [s],North [m/s2],East [m/s2]\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    given = ["spectrum", str(path), "--low", "1", "--high", "4", "--per-octave", "1"]
+    assert main(given) == 2
+    assert "--channel" in capsys.readouterr().err
+    assert main([*given, "--channel", "2"]) == 0
+    assert "peak of the record 3 m/s²" in capsys.readouterr().out
