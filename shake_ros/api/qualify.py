@@ -26,7 +26,8 @@ from shake_ros.core.qualification.resonance import ResonanceSearch
 from shake_ros.core.qualification.run import Test, Tested, iterate_test
 from shake_ros.core.qualification.search_motion import search_motion
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.accelerograms import Accelerogram, read_accelerogram
+from shake_ros.data.accelerograms import read_accelerogram
+from shake_ros.data.accelerograms.accelerogram import Accelerogram
 
 Array = NDArray[np.float64]
 LAST_SEED, MOST_DELAY = 1_000_000, 1000

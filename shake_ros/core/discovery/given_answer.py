@@ -7,9 +7,7 @@ way, from the declared one to that with all effects, are fitted here from these 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-
-import numpy as np
+from dataclasses import asdict, dataclass
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep
@@ -47,20 +45,31 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
     steps, final = list[ForwardStep](), declared
     for count, candidate in enumerate(answer.effects, start=1):
         problem.progress(f"free runs with {candidate.effect}", 0.5 + 0.4 * count / len(answer.effects))
-        last = count == len(answer.effects)
-        rest = [c.effect for c in answer.effects[count:]]
-        more = [p for c in answer.effects[:count] for p in c.free]
-        parameters = FreeParameters(answer.table.without(rest), [*free, *more])
-        most = settings.converging_evaluations if last else ALONG
-        final = fitted_from(problem, parameters, parameters.start(), most)
+        among = answer.effects[:count]
+        bare = answer.table.without([c.effect for c in answer.effects[count:]])
+        parameters = FreeParameters(absent_on(bare, among), [*free, *(p for c in among for p in c.free)])
+        start = parameters.x_of({name: answer.table.value(name) for name in parameters.names})
+        most = settings.converging_evaluations if count == len(answer.effects) else ALONG
+        final = problem.fitted(parameters, start, most, settings.converged, near=True)
         chosen = Refit(candidate, final, predicted_gain(steps, declared, final))
         steps.append(ForwardStep(chosen, (chosen,)))
     return Selection(declared, tuple(steps), final, stopped=answer.stopped)
 
 
-def fitted_from(problem: SearchProblem, free: FreeParameters, start: np.ndarray, evaluations: int) -> ScoredFit:
-    """A fit from values that are near its end."""
-    return problem.fitted(free, start, evaluations, problem.settings.converged, near=True)
+def absent_on(table: TableParameters, among: Sequence[CandidateEffect]) -> TableParameters:
+    """A table on which some of its effects are absent until a fit moves their parameters.
+
+    What an effect has beside these, such as the quantity of a function, stays; so a fit that drops the free parameters
+    drops the effect.
+    """
+    moved = {p.name for c in among for p in c.free}
+    kept = {
+        name: value
+        for c in among
+        for key, value in asdict(table.effects[c.effect]).items()
+        if (name := f"effects.{c.effect}.{key}") not in moved
+    }
+    return table.without([c.effect for c in among]).with_values(kept)
 
 
 def predicted_gain(steps: Sequence[ForwardStep], declared: ScoredFit, now: ScoredFit) -> float:

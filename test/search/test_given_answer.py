@@ -1,0 +1,35 @@
+"""What another search has found, made a selection: an effect whose parameters a fit drops is gone."""
+
+from __future__ import annotations
+
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.given_answer import absent_on
+from shake_ros.core.discovery.unlisted_functions import OF_MOTION
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.declared import effect_candidates
+from shake_ros.search.candidates import function, listed
+from shake_ros.settings import load_table
+
+
+def test_effect_is_absent_where_its_parameters_are_not_free_and_as_found_where_they_are() -> None:
+    known = {c.effect: c for c in effect_candidates()}
+    effect = known["specimen_resonance"]
+    values = {"mass": 120.0, "frequency": 5.0, "damping": 0.03}
+    found = load_table("bergamo").with_values({f"effects.specimen_resonance.{n}": v for n, v in values.items()})
+    base = absent_on(found, [effect])
+    assert base.value("effects.specimen_resonance.mass") == 0.0
+    free = FreeParameters(base, effect.free)
+    again = free.table(free.x_of({p.name: found.value(p.name) for p in effect.free}))
+    assert [again.value(p.name) for p in effect.free] == [found.value(p.name) for p in effect.free]
+    assert listed(effect).name == "specimen_resonance"
+
+
+def test_function_keeps_its_quantity_and_range_without_its_nodes() -> None:
+    made = function(OF_MOTION[0], -0.02, 0.03)
+    values = {**made.trials[0][0], made.free[3].name: 40.0}
+    found = load_table("bergamo").with_values(values)
+    effect = CandidateEffect("unlisted", made.free, (), "force", ())
+    base = absent_on(found, [effect])
+    assert base.value("effects.unlisted.kind") == found.value("effects.unlisted.kind") == 1
+    assert base.value("effects.unlisted.high") == 0.03
+    assert all(base.value(p.name) == 0.0 for p in made.free)
