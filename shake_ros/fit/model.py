@@ -19,7 +19,7 @@ WIDTH = TABLE + len(SENSOR)
 
 
 @dataclass(frozen=True)
-class Candidate:
+class TriedEffect:
     """Something that a model may lack, as data.
 
     Attributes
@@ -61,7 +61,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Model:
+class FreeModel:
     """A table, the parameters that a fit moves, and the values that it has found.
 
     Attributes
@@ -73,7 +73,7 @@ class Model:
 
     table: TableParameters
     free: tuple[FreeParameter, ...]
-    effects: tuple[Candidate, ...]
+    effects: tuple[TriedEffect, ...]
     x: np.ndarray
     priors: Mapping[str, tuple[float, float]]
     sensor: tuple[float, float] = (0.0, 0.0)
@@ -135,11 +135,11 @@ class Model:
                 targets.append(0.0)
         return np.array(rows).reshape(len(rows), len(self.x)), np.array(targets)
 
-    def at(self, x: np.ndarray) -> Model:
+    def at(self, x: np.ndarray) -> FreeModel:
         """The same with other values."""
         return replace(self, x=np.clip(x, *self.bounds))
 
-    def with_effect(self, candidate: Candidate, values: Mapping[str, float]) -> Model:
+    def with_effect(self, candidate: TriedEffect, values: Mapping[str, float]) -> FreeModel:
         """The same with one effect more, at these values."""
         limits = {p.name: p for p in candidate.free}
         start = [np.clip(values.get(p.name, self.table.value(p.name)), p.low, p.high) / p.scale for p in candidate.free]
@@ -155,7 +155,7 @@ class Model:
             x=np.concatenate([self.x, start]),
         )
 
-    def without(self, name: str) -> Model:
+    def without(self, name: str) -> FreeModel:
         """The same without an effect."""
         (candidate,) = (c for c in self.effects if c.name == name)
         gone = {p.name for p in candidate.free}
@@ -175,7 +175,7 @@ class Model:
         return self.table.with_values(values)
 
 
-def start_of(table: TableParameters, free: Sequence[FreeParameter]) -> Model:
+def start_of(table: TableParameters, free: Sequence[FreeParameter]) -> FreeModel:
     """A model at the values of its table; those of the sensors at zero."""
-    model = Model(table, tuple(free), (), np.zeros(len(free)), {})
+    model = FreeModel(table, tuple(free), (), np.zeros(len(free)), {})
     return model.at(np.array([0.0 if p.name in SENSOR else table.value(p.name) / p.scale for p in free]))

@@ -67,7 +67,7 @@ class Levels:
 
 
 @dataclass
-class Run:
+class FilteredSegment:
     """One segment under the gains of a model. codes, gains, whitening : see core/plant/prediction.py."""
 
     segment: Segment
@@ -101,33 +101,33 @@ def coordinates(vector: np.ndarray) -> list[int]:
     return found
 
 
-class Prediction:
+class Predictor:
     """Whitened innovations of a model over segments, under gains made at one parameter vector."""
 
     def __init__(self, segments: Sequence[Segment], levels: Levels) -> None:
         self.segments, self.levels = tuple(segments), levels
-        self.runs: list[Run] = []
+        self.runs: list[FilteredSegment] = []
 
-    def filtered(self, vector: np.ndarray) -> Prediction:
+    def filtered(self, vector: np.ndarray) -> Predictor:
         """The same with the gains of a parameter vector, shape (WIDTH,)."""
-        made = Prediction(self.segments, self.levels)
+        made = Predictor(self.segments, self.levels)
         with ThreadPoolExecutor(workers()) as pool:
             made.runs = list(pool.map(lambda s: self._filter(vector, s), self.segments))
         return made
 
-    def part(self, seconds: float) -> Prediction:
+    def part(self, seconds: float) -> Predictor:
         """Some of its segments, of about so many seconds, from the loudest to the calmest, with their gains."""
         every = max(int(sum(s.seconds for s in self.segments) / seconds), 1)
         order = sorted(range(len(self.segments)), key=lambda i: -self.segments[i].loudness)[::every]
-        made = Prediction([self.segments[i] for i in order], self.levels)
+        made = Predictor([self.segments[i] for i in order], self.levels)
         made.runs = [self.runs[i] for i in order] if self.runs else []
         return made
 
-    def with_levels(self, levels: Levels) -> Prediction:
+    def with_levels(self, levels: Levels) -> Predictor:
         """The same at other levels of noise; without gains."""
-        return Prediction(self.segments, levels)
+        return Predictor(self.segments, levels)
 
-    def _filter(self, vector: np.ndarray, s: Segment) -> Run:
+    def _filter(self, vector: np.ndarray, s: Segment) -> FilteredSegment:
         table, n = vector[:TABLE], len(s.commands)
         chain = chain_of(vector, s.dt)
         codes = [*coordinates(table), FORCE, NULL, BIAS, *([FILTERED, FILTER_RATE] if len(chain) else [])]
@@ -140,7 +140,7 @@ class Prediction:
             *(*deviations(table, s, self.levels, numbers), start_state(table, s), self.decay(s), s.dt, ROUGH, chain),
             *(gains, whitening, out, transition, sensing),
         )
-        return Run(s, numbers, gains, whitening, out, path, transition, sensing)
+        return FilteredSegment(s, numbers, gains, whitening, out, path, transition, sensing)
 
     def decay(self, s: Segment) -> float:
         """Part of the random force that is left after a sample [-]."""
@@ -148,9 +148,9 @@ class Prediction:
 
     def relevelled(self, vector: np.ndarray, levels: Levels) -> float:
         """Log likelihood at other levels of noise, to first order [nats]."""
-        other = Prediction(self.segments, levels)
+        other = Predictor(self.segments, levels)
 
-        def one(run: Run) -> float:
+        def one(run: FilteredSegment) -> float:
             s, force = run.segment, int(np.flatnonzero(run.codes == FORCE)[0])
             transition = run.transition
             if levels.memory != self.levels.memory:
@@ -205,7 +205,7 @@ class Prediction:
         k = len(self.runs)
         return np.array([np.concatenate(every[i * k : (i + 1) * k]) for i in range(len(vectors))])
 
-    def _run(self, vectors: np.ndarray, run: Run, i: int) -> np.ndarray:
+    def _run(self, vectors: np.ndarray, run: FilteredSegment, i: int) -> np.ndarray:
         s, vector = run.segment, vectors[i]
         out = np.empty((len(s.commands), 2))
         following = i > 0 and len(run.pace) > 0
@@ -286,7 +286,7 @@ GAIN = 1.0  # in log likelihood from which a move counts [nats]
 PASSES = 3  # of the levels, each about the path of the one before
 
 
-def tuned(prediction: Prediction, vector: np.ndarray, names: Sequence[str]) -> Prediction:
+def tuned(prediction: Predictor, vector: np.ndarray, names: Sequence[str]) -> Predictor:
     """The prediction at the levels of noise of the largest likelihood at a parameter vector, with their gains.
 
     names : of the levels.
@@ -303,7 +303,7 @@ def tuned(prediction: Prediction, vector: np.ndarray, names: Sequence[str]) -> P
     return best
 
 
-def likeliest(prediction: Prediction, vector: np.ndarray, names: Sequence[str]) -> Levels:
+def likeliest(prediction: Predictor, vector: np.ndarray, names: Sequence[str]) -> Levels:
     """Levels of the largest likelihood along the path of a filter: each moved by a factor as long as that helps."""
     levels, value = prediction.levels, prediction.relevelled(vector, prediction.levels)
     for factor in FACTORS:

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from shake_ros.fit.model import Model
-from shake_ros.fit.prediction import Prediction, tuned
+from shake_ros.fit.model import FreeModel
+from shake_ros.fit.prediction import Predictor, tuned
 
 DIFFERENCE = 2e-4  # difference step as a part of a parameter's scale or of its value, whichever is larger
 REACH, NARROWER = 1.0, 4.0  # first step in scales (or parts of a value, below); ratio of the two that are tried
@@ -45,7 +45,7 @@ class Budget:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class PredictorFit:
     """A model fitted to segments.
 
     Attributes
@@ -54,8 +54,8 @@ class Fitted:
     shape (b,). residuals, jacobian : under these gains, shape (N,) and (N, p); the Jacobian of the last step.
     """
 
-    model: Model
-    prediction: Prediction
+    model: FreeModel
+    prediction: Predictor
     likelihood: np.ndarray
     residuals: np.ndarray
     jacobian: np.ndarray
@@ -66,13 +66,13 @@ class Fitted:
         return float(np.sum(self.likelihood)) - 0.5 * float(np.sum(prior_residuals(self.model, self.model.x) ** 2))
 
 
-def prior_residuals(model: Model, x: np.ndarray) -> np.ndarray:
+def prior_residuals(model: FreeModel, x: np.ndarray) -> np.ndarray:
     """Departure from the priors over their standard deviations, shape (k,)."""
     rows, targets = model.prior
     return np.asarray(rows @ x - targets)
 
 
-def jacobian(prediction: Prediction, model: Model, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def jacobian(prediction: Predictor, model: FreeModel, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Residuals, shape (N,), and their differences per unit of x, shape (N, p)."""
     step = DIFFERENCE * np.maximum(1.0, np.abs(x))
     step = np.where(x + step > model.bounds[1], -step, step)
@@ -80,7 +80,7 @@ def jacobian(prediction: Prediction, model: Model, x: np.ndarray) -> tuple[np.nd
     return rows[0], (rows[1:] - rows[0]).T / step
 
 
-def step_within(normal: np.ndarray, gradient: np.ndarray, x: np.ndarray, model: Model, reach: float) -> np.ndarray:
+def step_within(normal: np.ndarray, gradient: np.ndarray, x: np.ndarray, model: FreeModel, reach: float) -> np.ndarray:
     """The Gauss–Newton step within the bounds and within a reach of x, shape (p,)."""
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
     upper = np.linalg.cholesky(normal / np.outer(scale, scale) + 1e-9 * np.eye(len(x))).T
@@ -94,8 +94,8 @@ def step_within(normal: np.ndarray, gradient: np.ndarray, x: np.ndarray, model: 
 
 
 def descend(
-    prediction: Prediction, model: Model, steps: int, tolerance: float, budget: Budget
-) -> tuple[Model, np.ndarray, np.ndarray, int]:
+    prediction: Predictor, model: FreeModel, steps: int, tolerance: float, budget: Budget
+) -> tuple[FreeModel, np.ndarray, np.ndarray, int]:
     """Fit under held gains: the model, its residuals, the last Jacobian, and how many Jacobians were taken.
 
     Two reaches are tried with each Jacobian; the next ones follow the better of them. A Jacobian that foresees what
@@ -145,15 +145,15 @@ def descend(
 
 
 def fit(
-    prediction: Prediction,
-    model: Model,
+    prediction: Predictor,
+    model: FreeModel,
     budget: Budget,
     *,
     steps: int = 10,
     tolerance: float = 3.0,
     levels: tuple[str, ...] = LEVELS,
     told: Callable[[str], None] = lambda _: None,
-) -> Fitted:
+) -> PredictorFit:
     """Fit a model: gains and levels of noise where it stands, least squares under them, and again.
 
     Under held gains the way is that of a smooth least-squares problem; the likelihood need not rise on it, so the
@@ -169,7 +169,7 @@ def fit(
     while True:
         vector = current.vectors(current.x)[0]
         prediction = tuned(prediction, vector, levels)
-        now = Fitted(current, prediction, prediction.log_likelihood(), r, j)
+        now = PredictorFit(current, prediction, prediction.log_likelihood(), r, j)
         told(f"step {taken}: {now.total:.1f}, {prediction.levels}")
         gained = math.inf if best is None else now.total - best.total
         best = now if best is None or gained > 0.0 else best

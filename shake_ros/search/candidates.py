@@ -10,8 +10,8 @@ from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.unlisted_functions import NODE_NAMES, OF_HYDRAULICS, OF_MOTION, PREFIX, FunctionKind
 from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.plant.states import POSITION, PRESSURE_A, VELOCITY
-from shake_ros.fit.model import Candidate
-from shake_ros.fit.solver import Fitted
+from shake_ros.fit.model import TriedEffect
+from shake_ros.fit.solver import PredictorFit
 
 UNLISTED = "unlisted"
 NODE_DEVIATION, CURVATURE_DEVIATION = 20.0, 10.0  # weak: they decide only what the recordings leave open
@@ -19,11 +19,11 @@ SHAPES = 9  # smooth functions by whose combinations a kind is tried
 SCALED = {"position_dependent_friction": ("gradient", "curvature")}
 
 
-def listed(effect: CandidateEffect) -> Candidate:
+def listed(effect: CandidateEffect) -> TriedEffect:
     """A listed effect as a candidate."""
     prefix = f"effects.{effect.effect}."
     scaled = tuple(prefix + n for n in SCALED.get(effect.effect, ())) or (effect.free[0].name,)
-    return Candidate(
+    return TriedEffect(
         effect.effect,
         effect.free,
         tuple((t,) for t in effect.trials),
@@ -33,7 +33,7 @@ def listed(effect: CandidateEffect) -> Candidate:
     )
 
 
-def function(kind: FunctionKind, low: float, high: float) -> Candidate:
+def function(kind: FunctionKind, low: float, high: float) -> TriedEffect:
     """A function of a kind over a range, free on its nodes, tried by the first cosines over the range."""
     free = tuple(FreeParameter(n, kind.scale, kind.low, kind.high, kind.unit) for n in NODE_NAMES)
     at = np.linspace(0.0, np.pi, len(NODE_NAMES))
@@ -44,7 +44,7 @@ def function(kind: FunctionKind, low: float, high: float) -> Candidate:
     penalties: list[tuple[Mapping[str, float], float]] = [({n: 1.0}, NODE_DEVIATION) for n in NODE_NAMES]
     for a, b, c in zip(NODE_NAMES[:-2], NODE_NAMES[1:-1], NODE_NAMES[2:], strict=True):
         penalties.append(({a: 1.0, b: -2.0, c: 1.0}, CURVATURE_DEVIATION))
-    return Candidate(
+    return TriedEffect(
         UNLISTED,
         free,
         (shapes,),
@@ -56,7 +56,7 @@ def function(kind: FunctionKind, low: float, high: float) -> Candidate:
     )
 
 
-def functions(fitted: Fitted) -> list[Candidate]:
+def functions(fitted: PredictorFit) -> list[TriedEffect]:
     """Functions of every quantity, over the range that a fitted model shows of it."""
     found: dict[str, tuple[float, float]] = {}
     for run in fitted.prediction.runs:

@@ -20,11 +20,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shake_ros.fit.model import Candidate, Model
-from shake_ros.fit.prediction import Levels, Prediction, tuned
+from shake_ros.fit.model import FreeModel, TriedEffect
+from shake_ros.fit.prediction import Levels, Predictor, tuned
 from shake_ros.fit.segment import Segment
-from shake_ros.fit.solver import Budget, Fitted, fit
-from shake_ros.search.proposal import Proposal, linearised, proposals, start
+from shake_ros.fit.solver import Budget, PredictorFit, fit
+from shake_ros.search.proposal import EffectSet, linearised, proposals, start
 
 Told = Callable[[str], None]
 PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
@@ -34,7 +34,7 @@ NO_FORCE, NO_NOISE = 0.004, 1.1  # random force in parts of the acceleration, an
 
 
 @dataclass(frozen=True)
-class Data:
+class SearchData:
     """Segments that are fitted, segments that choose between models."""
 
     estimation: tuple[Segment, ...]
@@ -45,11 +45,11 @@ class Data:
 class Scored:
     """A fitted model, and its log likelihood on the validation data at their own levels of noise, by block, (b,)."""
 
-    fitted: Fitted
+    fitted: PredictorFit
     validation: np.ndarray
 
     @property
-    def model(self) -> Model:
+    def model(self) -> FreeModel:
         """The model."""
         return self.fitted.model
 
@@ -79,7 +79,7 @@ def evidence(more: Scored, less: Scored) -> float:
     return on_estimation + on_validation - effects * PRIOR
 
 
-class Search:
+class SetSearch:
     """The search over one set of data.
 
     listed : effects that the model may lack. functions : of what no listed effect explains, made for a fitted model.
@@ -88,22 +88,22 @@ class Search:
 
     def __init__(
         self,
-        data: Data,
-        listed: Sequence[Candidate],
-        functions: Callable[[Fitted], Sequence[Candidate]],
+        data: SearchData,
+        listed: Sequence[TriedEffect],
+        functions: Callable[[PredictorFit], Sequence[TriedEffect]],
         budget: Budget,
         told: Told,
     ) -> None:
         self.data, self.listed, self.functions, self.budget, self.told = data, listed, functions, budget, told
 
-    def scored(self, model: Model, levels: Levels, steps: int) -> Scored:
+    def scored(self, model: FreeModel, levels: Levels, steps: int) -> Scored:
         """A model fitted by so many steps, and scored."""
-        fitted = fit(Prediction(self.data.estimation, levels), model, self.budget, steps=steps)
+        fitted = fit(Predictor(self.data.estimation, levels), model, self.budget, steps=steps)
         vector = fitted.model.vectors(fitted.model.x)[0]
-        seen = tuned(Prediction(self.data.validation, fitted.prediction.levels), vector, OWN_LEVELS)
+        seen = tuned(Predictor(self.data.validation, fitted.prediction.levels), vector, OWN_LEVELS)
         return Scored(fitted, seen.log_likelihood())
 
-    def run(self, model: Model, levels: Levels) -> tuple[Scored, Scored]:
+    def run(self, model: FreeModel, levels: Levels) -> tuple[Scored, Scored]:
         """The declared model and the best one that is found.
 
         With listed effects, and where these do not reach the noise with a function of what no listed effect explains.
@@ -119,7 +119,7 @@ class Search:
                 self.told(f"best so far: {describe(best)}")
         return declared, best
 
-    def _step(self, best: Scored, candidates: Sequence[Candidate]) -> Scored | None:
+    def _step(self, best: Scored, candidates: Sequence[TriedEffect]) -> Scored | None:
         """A better model with a set of effects more, or none."""
         absent = [c for c in candidates if c.name not in best.model.effect_names]
         lin = linearised(best.fitted, absent)
@@ -159,13 +159,13 @@ def at_noise(found: Scored) -> bool:
     return levels.force <= NO_FORCE and levels.acceleration <= NO_NOISE
 
 
-def worth_trying(found: dict[int, list[Proposal]], blocks: int) -> list[Proposal]:
+def worth_trying(found: dict[int, list[EffectSet]], blocks: int) -> list[EffectSet]:
     """The best set of each size that promises more than it costs, and rivals of the best single effect."""
 
-    def net(p: Proposal) -> float:
+    def net(p: EffectSet) -> float:
         return p.gain - sum(PRIOR + 0.5 * len(t.candidate.free) * math.log(10 * blocks) for t in p.trials)
 
-    chosen = list[Proposal]()
+    chosen = list[EffectSet]()
     singles = [p for p in found.get(1, []) if net(p) > 0.0]
     if singles:
         chosen += [p for p in singles[:3] if net(p) > 0.5 * net(singles[0])]

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shake_ros.fit.model import Candidate, Model
+from shake_ros.fit.model import FreeModel, TriedEffect
 from shake_ros.fit.prediction import LOST
-from shake_ros.fit.solver import DIFFERENCE, PART, Fitted, prior_residuals
+from shake_ros.fit.solver import DIFFERENCE, PART, PredictorFit, prior_residuals
 
 LARGEST = 4.0  # multiple of a trial up to which its linear prediction is followed
 SCREENED = 9.0  # length of the segments that are linearised [s]
@@ -29,10 +29,10 @@ RIDGE = 1e-3  # of directions that are alike
 
 
 @dataclass(frozen=True)
-class Trial:
+class EffectTrial:
     """One trial: an effect at some values, or at the combinations of several."""
 
-    candidate: Candidate
+    candidate: TriedEffect
     directions: tuple[Mapping[str, float], ...]
 
     def values(self, parts: Sequence[float]) -> dict[str, float]:
@@ -44,13 +44,13 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Proposal:
+class EffectSet:
     """A set of trials with the multiples that the linear prediction gives their directions, and its gain in nats.
 
     change : of the parameters beside them, in units of the scales, shape (p,).
     """
 
-    trials: tuple[Trial, ...]
+    trials: tuple[EffectTrial, ...]
     parts: tuple[tuple[float, ...], ...]
     gain: float
     change: np.ndarray
@@ -70,7 +70,7 @@ class Linearised:
     left : what it would gain [nats]. places : columns of each trial.
     """
 
-    trials: tuple[Trial, ...]
+    trials: tuple[EffectTrial, ...]
     places: tuple[tuple[int, ...], ...]
     power: np.ndarray
     score: np.ndarray
@@ -79,10 +79,10 @@ class Linearised:
     left: float
 
 
-def linearised(fitted: Fitted, candidates: Sequence[Candidate]) -> Linearised:
+def linearised(fitted: PredictorFit, candidates: Sequence[TriedEffect]) -> Linearised:
     """Residuals of every trial beside a fitted model."""
     model, p = fitted.model, len(fitted.model.x)
-    trials = tuple(Trial(c, directions) for c in candidates for directions in c.trials)
+    trials = tuple(EffectTrial(c, directions) for c in candidates for directions in c.trials)
     rows, places, taken = list[np.ndarray](), list[tuple[int, ...]](), 0
     for t in trials:
         places.append(tuple(range(taken, taken + len(t.directions))))
@@ -128,11 +128,11 @@ def evaluate(lin: Linearised, members: Sequence[int]) -> tuple[float, np.ndarray
     return float(s @ score - 0.5 * s @ power @ s), s
 
 
-def proposals(lin: Linearised, largest: int = MOST) -> dict[int, list[Proposal]]:
+def proposals(lin: Linearised, largest: int = MOST) -> dict[int, list[EffectSet]]:
     """The best sets of each size, the best first, no two of the same effects."""
     live = [m for m, place in enumerate(lin.places) if any(lin.power[i, i] > 1e-9 for i in place)]
     beam: list[tuple[int, ...]] = [()]
-    found: dict[int, list[Proposal]] = {}
+    found: dict[int, list[EffectSet]] = {}
     for size in range(1, largest + 1):
         seen: dict[frozenset[str], tuple[float, tuple[int, ...]]] = {}
         for base in beam:
@@ -164,7 +164,7 @@ def _exchanged(lin: Linearised, live: Sequence[int], members: tuple[int, ...]) -
     return members
 
 
-def _proposal(lin: Linearised, members: tuple[int, ...]) -> Proposal:
+def _proposal(lin: Linearised, members: tuple[int, ...]) -> EffectSet:
     gain, s = evaluate(lin, members)
     index = [i for m in members for i in lin.places[m]]
     parts, rest = list[tuple[float, ...]](), list(s)
@@ -173,12 +173,12 @@ def _proposal(lin: Linearised, members: tuple[int, ...]) -> Proposal:
         parts.append(tuple(float(v) for v in rest[:width]))
         rest = rest[width:]
     change = lin.own + lin.response[:, index] @ s
-    return Proposal(tuple(lin.trials[m] for m in members), tuple(parts), gain, change)
+    return EffectSet(tuple(lin.trials[m] for m in members), tuple(parts), gain, change)
 
 
-def start(fitted: Fitted, proposal: Proposal) -> Model:
+def start(fitted: PredictorFit, proposal: EffectSet) -> FreeModel:
     """The fitted model with a set of effects, at that part of the linear prediction that leaves least."""
-    model, found = fitted.model, list[Model]()
+    model, found = fitted.model, list[FreeModel]()
     most = SHIFT * np.maximum(1.0, PART * np.abs(model.x))
     for part in MULTIPLES:
         bigger = model.at(model.x + np.clip(part * proposal.change, -most, most))

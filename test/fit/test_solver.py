@@ -8,8 +8,8 @@ from hidden_table import SAMPLE_TIME, TRUE, Hidden, record
 
 from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import free_parameters, late_parameters
-from shake_ros.fit.model import Model, start_of
-from shake_ros.fit.prediction import Levels, Prediction
+from shake_ros.fit.model import FreeModel, start_of
+from shake_ros.fit.prediction import Levels, Predictor
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget, descend, fit
 from shake_ros.settings import load_table
@@ -22,13 +22,13 @@ def run(seed: int, hidden: Hidden | None = None, seconds: float = 5.0) -> Record
     return Record(f"run{seed}", SAMPLE_TIME, made.commands, made.position, made.acceleration)
 
 
-def declared() -> Model:
+def declared() -> FreeModel:
     table = load_table("bergamo").with_values({"body.specimen_mass": 200.0})
     return start_of(table, (*free_parameters(), *late_parameters()))
 
 
 def test_fit_from_the_catalogue_finds_the_table_and_that_nothing_but_noise_is_left() -> None:
-    found = fit(Prediction([Segment.of(run(1))], LEVELS), declared(), Budget())
+    found = fit(Predictor([Segment.of(run(1))], LEVELS), declared(), Budget())
     for name in ("bulk_modulus.modulus", "valve.flow_coefficient"):
         assert found.model.value(name) == pytest.approx(TRUE[name], rel=0.01)
     for name in ("friction.coulomb_level", "friction.stribeck_rise", "friction.viscous"):
@@ -38,20 +38,20 @@ def test_fit_from_the_catalogue_finds_the_table_and_that_nothing_but_noise_is_le
 
 
 def test_force_that_no_parameter_explains_is_counted_as_process_noise() -> None:
-    found = fit(Prediction([Segment.of(run(1, Hidden(flexible_mass=120.0)))], LEVELS), declared(), Budget())
+    found = fit(Predictor([Segment.of(run(1, Hidden(flexible_mass=120.0)))], LEVELS), declared(), Budget())
     assert found.prediction.levels.force > 0.02
 
 
 def test_fit_whose_time_is_over_ends_at_once_with_a_model() -> None:
     model = declared()
-    found = fit(Prediction([Segment.of(run(1))], LEVELS), model, Budget(0.0))
+    found = fit(Predictor([Segment.of(run(1))], LEVELS), model, Budget(0.0))
     assert np.array_equal(found.model.x, model.x)
     assert np.isfinite(found.total)
 
 
 def test_descent_under_held_gains_never_leaves_more_than_it_began_with() -> None:
     model = declared()
-    prediction = Prediction([Segment.of(run(1, seconds=3.0))], LEVELS).filtered(model.vectors(model.x)[0])
+    prediction = Predictor([Segment.of(run(1, seconds=3.0))], LEVELS).filtered(model.vectors(model.x)[0])
     before = prediction.residuals(model.vectors(model.x))[0]
     found, after, slope, taken = descend(prediction, model, 2, 1.0, Budget())
     assert after @ after < before @ before
@@ -62,7 +62,7 @@ def test_descent_under_held_gains_never_leaves_more_than_it_began_with() -> None
 
 def test_prior_holds_a_parameter_that_the_recording_does_not_determine() -> None:
     model = declared()
-    rows, targets = Model(model.table, model.free, (), model.x, {"leakage.external": (2e-13, 1e-14)}).prior
+    rows, targets = FreeModel(model.table, model.free, (), model.x, {"leakage.external": (2e-13, 1e-14)}).prior
     x = model.x.copy()
     x[model.names.index("leakage.external")] = 2e-13 / model.scale[model.names.index("leakage.external")]
     assert rows @ x == pytest.approx(targets)

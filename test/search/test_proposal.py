@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from shake_ros.core.identification.free_parameters import FreeParameter
-from shake_ros.fit.model import Candidate
-from shake_ros.search.proposal import Linearised, Trial, evaluate, proposals
+from shake_ros.fit.model import TriedEffect
+from shake_ros.search.proposal import EffectTrial, Linearised, evaluate, proposals
 
 RNG = np.random.default_rng(3)
 
 
-def candidate(name: str, low: float = 0.0) -> Candidate:
+def candidate(name: str, low: float = 0.0) -> TriedEffect:
     strength = FreeParameter(f"effects.{name}.strength", 1.0, low, 10.0, "-")
-    return Candidate(name, (strength,), (({strength.name: 1.0},),), "valve", scaled=(strength.name,))
+    return TriedEffect(name, (strength,), (({strength.name: 1.0},),), "valve", scaled=(strength.name,))
 
 
 def linear(residuals: np.ndarray, directions: dict[str, np.ndarray], low: float = 0.0) -> Linearised:
-    trials = tuple(Trial(candidate(n, low), candidate(n).trials[0]) for n in directions)
+    trials = tuple(EffectTrial(candidate(n, low), candidate(n).trials[0]) for n in directions)
     d = np.column_stack(list(directions.values()))
     places = tuple((i,) for i in range(len(trials)))
     return Linearised(trials, places, d.T @ d, -(d.T @ residuals), np.zeros((0, len(trials))), np.zeros(0), 0.0)
