@@ -8,6 +8,7 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.unlisted_functions import NODE_NAMES, OF_HYDRAULICS, OF_MOTION, PREFIX, FunctionKind
+from shake_ros.core.effects.unlisted import FRICTION_FACTOR_OF_POSITION
 from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.plant.states import POSITION, PRESSURE_A, VELOCITY
 from shake_ros.fit.model import TriedEffect
@@ -44,6 +45,7 @@ def function(kind: FunctionKind, low: float, high: float) -> TriedEffect:
     penalties: list[tuple[Mapping[str, float], float]] = [({n: 1.0}, NODE_DEVIATION) for n in NODE_NAMES]
     for a, b, c in zip(NODE_NAMES[:-2], NODE_NAMES[1:-1], NODE_NAMES[2:], strict=True):
         penalties.append(({a: 1.0, b: -2.0, c: 1.0}, CURVATURE_DEVIATION))
+    factor = "factor of " if kind.code == FRICTION_FACTOR_OF_POSITION else ""
     return TriedEffect(
         UNLISTED,
         free,
@@ -52,7 +54,7 @@ def function(kind: FunctionKind, low: float, high: float) -> TriedEffect:
         penalties=tuple(penalties),
         depends_on=kind.depends_on,
         scaled=NODE_NAMES,
-        title=f"{UNLISTED}: {kind.place} of {kind.quantity}, kind {kind.code}",
+        title=f"{UNLISTED} {factor}{kind.place} of {kind.quantity}",
     )
 
 

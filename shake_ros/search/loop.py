@@ -108,30 +108,29 @@ class SetSearch:
 
         With listed effects, and where these do not reach the noise with a function of what no listed effect explains.
         """
+        self.told("declared model: fit")
         declared = best = self.scored(model, levels, LONG)
-        self.told(f"declared model: {describe(best)}")
         for candidates in (lambda _: self.listed, self.functions):
             while not self.budget.over() and not at_noise(best):
                 found = self._step(best, candidates(best.fitted))
                 if found is None:
                     break
                 best = found
-                self.told(f"best so far: {describe(best)}")
+                self.told(f"best so far: {names_of(best.model.effects)}")
         return declared, best
 
     def _step(self, best: Scored, candidates: Sequence[TriedEffect]) -> Scored | None:
         """A better model with a set of effects more, or none."""
         absent = [c for c in candidates if c.name not in best.model.effect_names]
+        self.told(f"screening {len(absent)} effects")
         lin = linearised(best.fitted, absent)
-        self.told(f"  {lin.left:.0f} nats left to the parameters")
         winner = best
         for s in worth_trying(proposals(lin), len(best.fitted.likelihood)):
             if self.budget.over():
                 break
+            self.told(f"refit with {' + '.join(s.names)}")
             result = self.scored(start(best.fitted, s), best.fitted.prediction.levels, SHORT)
-            value = evidence(result, winner)
-            self.told(f"  {' + '.join(s.names)} ({s.gain:.0f} nats foreseen): {value:.0f} nats; {describe(result)}")
-            winner = result if value > 0.0 else winner
+            winner = result if evidence(result, winner) > 0.0 else winner
         if winner is best:
             return None
         longer = self.scored(winner.model, winner.fitted.prediction.levels, LONG)
@@ -143,10 +142,10 @@ class SetSearch:
         while len(found.model.effects) > 1 and not self.budget.over():
             tried = []
             for effect in found.model.effect_names:
+                self.told(f"is {effect} needed?")
                 less = self.scored(found.model.without(effect), found.fitted.prediction.levels, SHORT)
-                tried.append((evidence(found, less), less, effect))
-                self.told(f"  without {effect}: {tried[-1][0]:.0f} nats")
-            value, less, _ = min(tried, key=lambda t: t[0])
+                tried.append((evidence(found, less), less))
+            value, less = min(tried, key=lambda t: t[0])
             if value > 0.0:
                 return found
             found = less
@@ -176,11 +175,6 @@ def worth_trying(found: dict[int, list[EffectSet]], blocks: int) -> list[EffectS
     return chosen
 
 
-def describe(found: Scored) -> str:
-    """A model in a line."""
-    names = " + ".join(c.called for c in found.model.effects) or "nothing"
-    levels = found.fitted.prediction.levels
-    return (
-        f"{names}; {np.sum(found.fitted.likelihood):.0f} and {np.sum(found.validation):.0f} nats; "
-        f"noise x{levels.acceleration:.2f}, force {levels.force:.3g} of the acceleration"
-    )
+def names_of(effects: Sequence[TriedEffect]) -> str:
+    """Effects for a reader."""
+    return " + ".join(e.called for e in effects) or "nothing is missing"

@@ -66,8 +66,7 @@ class Linearised:
     """A fitted model to first order: what each direction of each trial does once the parameters have adjusted.
 
     power : Gram matrix of the directions, score : their products with the residuals, response : of the parameters to
-    a unit of each, shape (p, d); own : change of the parameters alone, shape (p,), and
-    left : what it would gain [nats]. places : columns of each trial.
+    a unit of each, shape (p, d); own : change of the parameters alone, shape (p,). places : columns of each trial.
     """
 
     trials: tuple[EffectTrial, ...]
@@ -76,7 +75,6 @@ class Linearised:
     score: np.ndarray
     response: np.ndarray
     own: np.ndarray
-    left: float
 
 
 def linearised(fitted: PredictorFit, candidates: Sequence[TriedEffect]) -> Linearised:
@@ -108,8 +106,7 @@ def linearised(fitted: PredictorFit, candidates: Sequence[TriedEffect]) -> Linea
     own = -np.linalg.solve(normal, gradient)
     whole = fitted.prediction.count / few.count
     power, score = d.T @ d + across.T @ response, -(d.T @ r + across.T @ own)
-    left = -0.5 * float(own @ gradient)
-    return Linearised(trials, tuple(places), whole * power, whole * score, response, own, whole * left)
+    return Linearised(trials, tuple(places), whole * power, whole * score, response, own)
 
 
 def evaluate(lin: Linearised, members: Sequence[int]) -> tuple[float, np.ndarray]:
