@@ -368,7 +368,9 @@ def close_loop(
             first, second = data.estimation, data.validation
             limits = settings or search_settings(declared)
             failures = Failures()
-            given = by_sets(structure, first, second, ending) if search == SETS else None
+            given = None
+            with failures.step("search over sets"):  # without it the other search answers
+                given = by_sets(structure, first, second, ending) if search == SETS else None
             found = closing.close_loop(structure, first, second, limits, ending, ending.overdue, failures, given)
         known, tuned, benefit, told = None, None, None, None
         data = data.seen(found.search.knowledge)
@@ -403,8 +405,8 @@ def check_search(search: str, declared: DeclaredModel) -> None:
 def by_sets(structure: ModelStructure, first: list[Record], second: list[Record], ending: Ending) -> GivenAnswer:
     """What the search over sets of effects finds, until it is to end."""
     budget = Budget(over=ending.over)
-    tell = patiently(ending)
-    return answer(structure, first, second, budget, lambda line: tell(line, 0.3))
+    progress = patiently(ending)
+    return answer(structure, first, second, budget, lambda line: progress(line, 0.3))
 
 
 def _uncertainty(found: LoopClosure, estimation: Sequence[Record]) -> Uncertainty:

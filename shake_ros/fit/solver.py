@@ -51,14 +51,12 @@ class PredictorFit:
     Attributes
     ----------
     model : with the values found. prediction : under the gains of these values. likelihood : log likelihood by block,
-    shape (b,). residuals, jacobian : under these gains, shape (N,) and (N, p); the Jacobian of the last step.
+    shape (b,).
     """
 
     model: FreeModel
     prediction: Predictor
     likelihood: np.ndarray
-    residuals: np.ndarray
-    jacobian: np.ndarray
 
     @property
     def total(self) -> float:
@@ -95,8 +93,8 @@ def step_within(normal: np.ndarray, gradient: np.ndarray, x: np.ndarray, model: 
 
 def descend(
     prediction: Predictor, model: FreeModel, steps: int, tolerance: float, budget: Budget
-) -> tuple[FreeModel, np.ndarray, np.ndarray, int]:
-    """Fit under held gains: the model, its residuals, the last Jacobian, and how many Jacobians were taken.
+) -> tuple[FreeModel, int]:
+    """Fit under held gains: the model, and how many Jacobians were taken.
 
     Two reaches are tried with each Jacobian; the next ones follow the better of them. A Jacobian that foresees what
     comes is kept for some steps with rank-one corrections (Broyden 1965, Mathematics of Computation 19, 577).
@@ -110,7 +108,7 @@ def descend(
     r, j = jacobian(prediction, model, x)
     prior = prior_residuals(model, x)
     cost = 0.5 * float(r @ r) + 0.5 * float(prior @ prior)
-    age, first = 0, j
+    age = 0
     while not budget.over():
         normal, gradient = j.T @ j + rows.T @ rows, j.T @ r + rows.T @ prior
         reaches = (reach, reach / NARROWER)
@@ -140,8 +138,8 @@ def descend(
         if taken == steps:
             break
         r, j = jacobian(prediction, model, x)
-        first, age, taken = j, 0, taken + 1
-    return model.at(x), r, first, taken
+        age, taken = 0, taken + 1
+    return model.at(x), taken
 
 
 def fit(
@@ -152,7 +150,6 @@ def fit(
     steps: int = 10,
     tolerance: float = 3.0,
     levels: tuple[str, ...] = LEVELS,
-    told: Callable[[str], None] = lambda _: None,
 ) -> PredictorFit:
     """Fit a model: gains and levels of noise where it stands, least squares under them, and again.
 
@@ -165,12 +162,10 @@ def fit(
     estimated.
     """
     current, best, taken, loose = model, None, 0, True
-    r, j = np.zeros(0), np.zeros((0, 0))
     while True:
         vector = current.vectors(current.x)[0]
         prediction = tuned(prediction, vector, levels)
-        now = PredictorFit(current, prediction, prediction.log_likelihood(), r, j)
-        told(f"step {taken}: {now.total:.1f}, {prediction.levels}")
+        now = PredictorFit(current, prediction, prediction.log_likelihood())
         gained = math.inf if best is None else now.total - best.total
         best = now if best is None or gained > 0.0 else best
         if taken >= steps or budget.over() or (gained < tolerance and not loose):
@@ -181,5 +176,5 @@ def fit(
             held = prediction.with_levels(wide).filtered(vector)
         else:
             current, held = best.model, best.prediction
-        current, r, j, used = descend(held, current, min(STEPS, steps - taken), tolerance, budget)
+        current, used = descend(held, current, min(STEPS, steps - taken), tolerance, budget)
         taken += used

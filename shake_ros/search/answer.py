@@ -25,7 +25,7 @@ def answer(
     estimation: Sequence[Record],
     validation: Sequence[Record],
     budget: Budget,
-    told: Callable[[str], None],
+    progress: Callable[[str], None],
 ) -> GivenAnswer:
     """The effects that a declared table lacks.
 
@@ -33,13 +33,13 @@ def answer(
     ----------
     model : declared model with its free parameters and the effects that it may lack.
     estimation, validation : recordings that are fitted, and recordings that choose between models.
-    budget : how long it may take. told : called with a line of progress.
+    budget : how long it may take. progress : called with a line of progress.
     """
     data = SearchData(
         tuple(Segment.of(r) for r in pieces(estimation, SECONDS, PIECE)),
         tuple(Segment.of(r) for r in pieces(validation or estimation, VALIDATION_SECONDS, PIECE)),
     )
-    search = SetSearch(data, [listed(c) for c in model.candidates], functions, budget, told)
+    search = SetSearch(data, [listed(c) for c in model.candidates], functions, budget, progress)
     declared, best = search.run(start_of(model.table, (*model.free, *model.late)), DECLARED)
     effects = tuple(_named(c, model.candidates) for c in best.model.effects)
     return GivenAnswer(declared.model.found_table(), best.model.found_table(), effects, budget.over())

@@ -26,7 +26,7 @@ from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import Budget, PredictorFit, fit
 from shake_ros.search.proposal import EffectSet, linearised, proposals, start
 
-Told = Callable[[str], None]
+Progress = Callable[[str], None]
 PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
 OWN_LEVELS = ("force", "acceleration")  # levels of noise that are a recording's own
 SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one that goes on
@@ -83,7 +83,7 @@ class SetSearch:
     """The search over one set of data.
 
     listed : effects that the model may lack. functions : of what no listed effect explains, made for a fitted model.
-    budget : how long it may take. told : called with a line of progress.
+    budget : how long it may take. progress : called with a line of progress.
     """
 
     def __init__(
@@ -92,9 +92,9 @@ class SetSearch:
         listed: Sequence[TriedEffect],
         functions: Callable[[PredictorFit], Sequence[TriedEffect]],
         budget: Budget,
-        told: Told,
+        progress: Progress,
     ) -> None:
-        self.data, self.listed, self.functions, self.budget, self.told = data, listed, functions, budget, told
+        self.data, self.listed, self.functions, self.budget, self.progress = data, listed, functions, budget, progress
 
     def scored(self, model: FreeModel, levels: Levels, steps: int) -> Scored:
         """A model fitted by so many steps, and scored."""
@@ -108,7 +108,7 @@ class SetSearch:
 
         With listed effects, and where these do not reach the noise with a function of what no listed effect explains.
         """
-        self.told("declared model: fit")
+        self.progress("declared model: fit")
         declared = best = self.scored(model, levels, LONG)
         for candidates in (lambda _: self.listed, self.functions):
             while not self.budget.over() and not at_noise(best):
@@ -116,19 +116,19 @@ class SetSearch:
                 if found is None:
                     break
                 best = found
-                self.told(f"best so far: {names_of(best.model.effects)}")
+                self.progress(f"best so far: {names_of(best.model.effects)}")
         return declared, best
 
     def _step(self, best: Scored, candidates: Sequence[TriedEffect]) -> Scored | None:
         """A better model with a set of effects more, or none."""
         absent = [c for c in candidates if c.name not in best.model.effect_names]
-        self.told(f"screening {len(absent)} effects")
+        self.progress(f"screening {len(absent)} effects")
         lin = linearised(best.fitted, absent)
         winner = best
         for s in worth_trying(proposals(lin), len(best.fitted.likelihood)):
             if self.budget.over():
                 break
-            self.told(f"refit with {' + '.join(s.names)}")
+            self.progress(f"refit with {' + '.join(s.names)}")
             result = self.scored(start(best.fitted, s), best.fitted.prediction.levels, SHORT)
             winner = result if evidence(result, winner) > 0.0 else winner
         if winner is best:
@@ -142,7 +142,7 @@ class SetSearch:
         while len(found.model.effects) > 1 and not self.budget.over():
             tried = []
             for effect in found.model.effect_names:
-                self.told(f"is {effect} needed?")
+                self.progress(f"is {effect} needed?")
                 less = self.scored(found.model.without(effect), found.fitted.prediction.levels, SHORT)
                 tried.append((evidence(found, less), less))
             value, less = min(tried, key=lambda t: t[0])
