@@ -195,7 +195,7 @@ def step_text(
     elif refitted:
         sure = f"The recordings tell it apart from the {refitted} other effects that were refitted."
     else:
-        sure = "It shows in the recordings without a search; no other effect was refitted in its place."
+        sure = "No other effect was refitted to free runs in its place."
     shown = f": {', '.join(values)}" if values else ""
     return f"{_title(step, function)}, place {chosen.place}{shown}. {sure}"
 

@@ -291,7 +291,7 @@ def test_effect_that_shows_is_not_said_to_be_told_from_others_that_nobody_tried(
     done = command("spool_deadband").result
     (step,) = done.search.steps
     alone = dataclasses.replace(step, ranking=(step.chosen,))
-    assert "shows in the recordings without a search" in step_text(alone, done.final)
+    assert "No other effect was refitted to free runs in its place." in step_text(alone, done.final)
     assert f"from the {len(step.ranking) - 1} other effects" in step_text(step, done.final)
 
 
