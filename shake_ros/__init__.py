@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 # Fits run side by side on all cores; threads of BLAS beside them only spin. Read by numpy when it is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-__version__ = "1.0.0"
+__version__ = "1.1.0"
 
 PUBLIC = {  # name → module
     "Campaign": "shake_ros.api.campaign",
