@@ -1,8 +1,4 @@
-"""Fixtures of the whole suite: foreign data, a ROS domain of one's own, and the check that no process stays behind.
-
-`./shake test` runs the suite in one worker a core. What keeps real time (ALONE, and nodes in a ROS domain) waits until
-the other workers pause.
-"""
+"""Fixtures of the suite: foreign data, a ROS domain of one's own, and the check that no process stays behind."""
 
 from __future__ import annotations
 
@@ -22,8 +18,6 @@ ROOT = Path(__file__).resolve().parent.parent
 MARK = "SHAKE_ROS_TEST_SESSION"
 LOWEST_DOMAIN, HIGHEST_DOMAIN = 1, 100
 GRACE = 3.0  # seconds that a process may take to end after its test
-NODES = "test/ros"  # folder of which a test has the machine for itself where nodes run in a ROS domain
-ALONE = ("test/bridge", "test/ros/test_realtime.py")  # where each has
 
 os.environ.setdefault("PYTHONHASHSEED", "0")
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -43,35 +37,31 @@ def shared() -> Path:
 
 
 @pytest.fixture
-def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+def ros_domain() -> Iterator[int]:
     """A ROS domain that no other test, no other run of the suite and nothing else on this machine uses.
 
     It is set in the environment, traffic stays on this machine, and the test fails where a process outlives it.
     """
+    yield from _own_domain()
+
+
+@pytest.fixture(scope="module")
+def shared_ros_domain() -> Iterator[int]:
+    """The same for the tests of a module that look at one graph."""
+    yield from _own_domain()
+
+
+def _own_domain() -> Iterator[int]:
     domain, lock = _reserve_domain()
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
     try:
-        yield domain
+        with pytest.MonkeyPatch.context() as environment:
+            environment.setenv("ROS_DOMAIN_ID", str(domain))
+            yield domain
         left = _wait_for_end(f"ROS_DOMAIN_ID={domain}")
     finally:
         os.close(lock)
     if left:
         pytest.fail(f"left behind: {'; '.join(left)}")
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Side by side with the tests of other workers, or alone. Who waits for the machine lets nobody pass."""
-    if "PYTEST_XDIST_WORKER" not in os.environ:
-        return (yield)
-    path = item.path.relative_to(ROOT).as_posix()
-    alone = path.startswith(ALONE) or (path.startswith(NODES) and "ros_domain" in getattr(item, "fixturenames", ()))
-    locks = Path(tempfile.gettempdir()) / f"shake_ros-test-machine-{os.getuid()}"
-    with open(f"{locks}.door", "a") as door, open(f"{locks}.lock", "a") as machine:
-        fcntl.flock(door, fcntl.LOCK_EX)
-        fcntl.flock(machine, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
-        fcntl.flock(door, fcntl.LOCK_UN)
-        return (yield)
 
 
 @pytest.hookimpl(trylast=True)

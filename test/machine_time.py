@@ -45,9 +45,10 @@ def on_a_machine_that_keeps_time(test: Callable[P, None]) -> Callable[P, None]:
     """The decorated test may fail only while a bare timer keeps time beside it.
 
     A failure while the machine did not keep time is void, and the test is made again; after ATTEMPTS void ones it is
-    skipped, with the timer's rate as the reason.
+    skipped, with the timer's rate as the reason. No other worker's test runs beside it.
     """
 
+    @pytest.mark.alone
     @functools.wraps(test)
     def judged(*arguments: P.args, **named: P.kwargs) -> None:
         reasons = []

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -22,6 +23,8 @@ import pytest
 import yaml
 
 import shake_ros as sr
+from docs.generators import commands as commands_page
+from shake_ros.__main__ import main
 from shake_ros.entry_points import COMMANDS, ENTRY_POINTS, NODES
 from shake_ros.settings import config_folder
 
@@ -44,6 +47,7 @@ INLINE = re.compile(r"`((?:\./shake|python -m|PYTHONPATH=)[^`]*)`")
 PATHS = re.compile(r"`((?:shake_ros|config|test|benchmarks|docs|examples|msg_docs)/[\w./-]+)`")
 PLACEHOLDERS = {"NAME", "DIR", "FILE", "BAG", "PATH", "PYTHON", "CONTROLLER", "REFERENCE"}
 RUN = {"import_csv", "figures"}  # cheap enough to run, beside being parsed
+RAN: list[list[str]] = []  # what was run already for another page
 MADE = {
     "out/loop/table.yaml",
     "my_table.yaml",
@@ -222,11 +226,11 @@ class Checker:
         found = parse(COMMANDS[name].module, filled)
         for key in CONFIGURED & set(vars(found)):
             self.configuration(key, getattr(found, key))
-        if name in RUN and filled == rest:
-            arguments = [*rest, "--overwrite" if name == "import_csv" else "--force"]
-            command = [sys.executable, "-m", "shake_ros", name, *arguments]
-            done = subprocess.run(command, cwd=self.laboratory, capture_output=True, text=True, check=False)
-            assert done.returncode == 0, done.stderr
+        if name in RUN and filled == rest and rest not in RAN:
+            RAN.append(rest)
+            with pytest.MonkeyPatch.context() as here:
+                here.chdir(self.laboratory)
+                assert main([name, *rest, "--overwrite" if name == "import_csv" else "--force"]) == 0
 
     def configuration(self, kind: str, name: object) -> None:
         if not isinstance(name, str) or (
@@ -339,9 +343,8 @@ def test_every_link_leads_somewhere(page: str, generated: Path) -> None:
 @lru_cache
 def figure_names() -> frozenset[str]:
     """Names that `./shake figures` knows, as its files have them."""
-    command = [sys.executable, "-m", "shake_ros", "figures", "--help"]
-    page = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    return frozenset(name.replace(".", "_") for name in re.findall(r"^  (\S+) ", page.stdout, re.MULTILINE))
+    page = commands_page.help_of("figures")
+    return frozenset(name.replace(".", "_") for name in re.findall(r"^  (\S+) ", page, re.MULTILINE))
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.startswith("docs/") and page != "docs/index.md"])
@@ -375,7 +378,7 @@ def test_python_blocks_run(page: str, laboratory: Path, monkeypatch: pytest.Monk
             continue
         path = laboratory / "block.py"
         path.write_text(block, encoding="utf-8")
-        subprocess.run([sys.executable, str(path)], check=True, env={"PYTHONPATH": str(ROOT)}, capture_output=True)
+        runpy.run_path(str(path))
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "yaml")])

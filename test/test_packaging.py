@@ -145,6 +145,13 @@ def test_the_word_test_runs_the_suite_at_the_root(launcher: Launcher) -> None:
     assert launcher.run("test", "-k", "one two").stdout == f"run {launcher.root}: -m pytest -k one two\n"
 
 
+@pytest.mark.parametrize("given", [[], ["--all"], ["--all", "-m", "second_tier"]])
+def test_the_whole_suite_runs_in_one_worker_a_core(launcher: Launcher, given: list[str]) -> None:
+    words = launcher.run("test", *given).stdout.split(" -m pytest ")[1].split()
+    assert words[:2] == ["-n", "auto"]
+    assert words[len(words) - len(given) :] == given
+
+
 def test_no_python_is_one_line(launcher: Launcher) -> None:
     launcher.python.unlink()
     assert only_line(launcher.run()) == "shake: needs Python 3.10 to 3.14 as python3; found none"

@@ -55,6 +55,17 @@ SPANS = {"position": 0.02, "velocity": 0.5, "valve_opening": 0.6, "load_pressure
 STRENGTHS = {"N": 1500.0, "-": 0.3, "m^3/s": 3e-5}
 FREE = ("friction.coulomb_level", "friction.viscous", "bulk_modulus.modulus")
 NAMES = {f"{k.place}_of_{k.quantity}_{k.code}": k for k in KINDS.values()}
+FIRST = (  # one of each way through the report; the others are of the second tier
+    ("declared", "valve_of_valve_opening_4"),
+    ("declared", "supply_of_phase_8"),
+    ("unknown", "friction_of_velocity_3"),
+    ("reduced", "force_of_position_1"),
+)
+CASES = [
+    pytest.param(m, k, id=f"{m}-{n}", marks=[] if (m, n) in FIRST else pytest.mark.second_tier)
+    for m in ("declared", "unknown", "reduced")
+    for n, k in NAMES.items()
+]
 
 
 def table_with(kind: FunctionKind) -> TableParameters:
@@ -117,10 +128,9 @@ def kept(
     return found, tuple(standing(problem, found, step)[0] for step in found.steps), ()
 
 
-@pytest.mark.parametrize("kind", NAMES.values(), ids=NAMES)
-@pytest.mark.parametrize("model", ["declared", "unknown", "reduced"])
+@pytest.mark.parametrize(("model", "kind"), CASES)
 def test_unlisted_effect_ends_in_a_whole_report(
-    kind: FunctionKind, model: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    model: str, kind: FunctionKind, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(closing, "forward_selection", search_for(kind))
     monkeypatch.setattr(closing, "judged", kept)

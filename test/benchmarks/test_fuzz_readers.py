@@ -10,11 +10,12 @@ import pytest
 from benchmarks.recordings import fuzz, seeds
 
 
+@pytest.mark.parametrize("count", [50, pytest.param(1000, marks=pytest.mark.second_tier)])
 @pytest.mark.parametrize("name", fuzz.READERS)
-def test_broken_files_are_read_or_refused_with_one_line(name: str) -> None:
-    counts, failures, _, _ = fuzz.fuzz(name, 150, seed=7)
+def test_broken_files_are_read_or_refused_with_one_line(name: str, count: int) -> None:
+    counts, failures, _, _ = fuzz.fuzz(name, count, seed=7)
     assert failures == []
-    assert sum(counts.values()) == 150
+    assert sum(counts.values()) == count
     assert counts["read"] and counts["refused"]
 
 

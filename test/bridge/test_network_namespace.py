@@ -59,6 +59,8 @@ def namespace() -> list[str]:
     return command
 
 
+@pytest.mark.second_tier
+@pytest.mark.alone
 def test_session_holds_over_a_link_with_delay_loss_duplicates_corruption_and_reordering(namespace) -> None:
     done = subprocess.run(
         [*namespace, sys.executable, "-c", textwrap.dedent(SCENE)],

@@ -65,6 +65,7 @@ def test_an_unknown_experiment_is_one_line_and_exit_code_2(tmp_path: Path, capsy
     assert all(name in said for name in EXPERIMENTS)
 
 
+@pytest.mark.second_tier
 def test_every_controller_of_the_thesis_is_judged_in_every_loop(tmp_path: Path) -> None:
     sine = read_yaml(find("reference", "sine_20mm_2hz"))
     sine["duration"] = 1.0
@@ -94,6 +95,7 @@ def test_every_controller_of_the_thesis_is_judged_in_every_loop(tmp_path: Path) 
     assert position.holds is (min(shares, key=shares.__getitem__) == "super-twisting")
 
 
+@pytest.mark.second_tier
 def test_the_reduced_model_fits_the_full_one_better_than_the_printed_coefficients(tmp_path: Path) -> None:
     asked = read_yaml(find("reproduce", "reduced_model"))
     asked |= {"fitted_to": ["u6"], "seconds": 2.0, "frequencies": [3.0], "shown": {"6.37": asked["shown"]["6.37"]}}
@@ -106,6 +108,7 @@ def test_the_reduced_model_fits_the_full_one_better_than_the_printed_coefficient
     assert [row[1] for row in found.tables[0].rows] == ["-1.091e+04", "-3.062", "6991", "-0.3291", "-141.3"]
 
 
+@pytest.mark.second_tier
 def test_without_the_soft_zone_the_models_part_at_low_frequency_and_meet_at_high(tmp_path: Path) -> None:
     asked = read_yaml(find("reproduce", "bulk_modulus"))
     asked |= {"seconds": 1.5, "free": ["bulk_modulus.modulus", "friction.coulomb_level"]}
@@ -125,6 +128,7 @@ def test_without_the_soft_zone_the_models_part_at_low_frequency_and_meet_at_high
     assert zone[80] == pytest.approx(1.0 - load_table("bergamo_table_6_9").value("effects.soft_zone.depth"))
 
 
+@pytest.mark.second_tier
 def test_the_neural_schedule_is_judged_beside_one_set_and_the_physical_effect(tmp_path: Path) -> None:
     few = read_yaml(find("schedule", "default"))
     few |= {"amplitudes": [0.1, 0.2, 0.4, 0.6], "frequencies": [1.0, 2.0, 4.0, 6.0], "seeds": [1, 2]}

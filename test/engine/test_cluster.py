@@ -15,7 +15,12 @@ from shake_ros.engine.cluster import check_address
 from shake_ros.engine.engine import engine
 
 HERE = importlib.util.find_spec("distributed") is not None
-needs_dask = pytest.mark.skipif(not HERE, reason="distributed is not installed: pip install 'shake_ros[cluster]'")
+without = pytest.mark.skipif(not HERE, reason="distributed is not installed: pip install 'shake_ros[cluster]'")
+
+
+def needs_dask(test):
+    """A test of the second tier, skipped where Dask is not installed."""
+    return pytest.mark.second_tier(without(test))
 
 
 @pytest.mark.parametrize(

@@ -94,6 +94,7 @@ def test_it_opens_without_an_error_and_asks_for_nothing_but_itself(opened: Any, 
     assert opened.execute_script("return document.querySelectorAll('canvas').length") == 3
 
 
+@pytest.mark.second_tier
 def test_panels_zoom_and_point_together(opened: Any) -> None:
     from selenium.webdriver import ActionChains
 
@@ -115,6 +116,7 @@ def test_panels_zoom_and_point_together(opened: Any) -> None:
     assert scales(opened) == [[0.0, 59.999], [0.0, 59.999]]
 
 
+@pytest.mark.second_tier
 def test_a_spike_of_one_sample_is_seen_among_a_minute(opened: Any) -> None:
     opened.execute_script("reportCharts[0].pressed('whole')")
     program = """
@@ -127,6 +129,7 @@ def test_a_spike_of_one_sample_is_seen_among_a_minute(opened: Any) -> None:
     assert opened.execute_async_script(program)
 
 
+@pytest.mark.second_tier
 def test_the_table_that_is_saved_is_what_is_plotted(opened: Any) -> None:
     rows = opened.execute_script("return reportCharts[0].csv()").splitlines()
     assert rows[0] == "time [s],measured: y [m],model: y [m],rest: residual [m]"
@@ -136,6 +139,7 @@ def test_the_table_that_is_saved_is_what_is_plotted(opened: Any) -> None:
     assert np.allclose(values[:, 1] - values[:, 2], values[:, 3], atol=1e-8)
 
 
+@pytest.mark.second_tier
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_curves_have_the_colours_of_the_theme(opened: Any, scheme: str) -> None:
     features = [{"name": "prefers-color-scheme", "value": scheme}]
@@ -150,6 +154,7 @@ def test_curves_have_the_colours_of_the_theme(opened: Any, scheme: str) -> None:
     assert opened.execute_script("return getComputedStyle(document.body).backgroundColor") != paper
 
 
+@pytest.mark.second_tier
 @pytest.mark.parametrize("width", [1400, 1024, 500, 360])
 def test_nothing_is_wider_than_the_screen(opened: Any, width: int) -> None:
     metrics = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 900}
@@ -159,6 +164,7 @@ def test_nothing_is_wider_than_the_screen(opened: Any, width: int) -> None:
     assert opened.execute_script("return reportCharts[0].plots[0].width") > 0.5 * min(width, 1000) - 100
 
 
+@pytest.mark.second_tier
 def test_it_prints_on_a4_with_nothing_cut_off(opened: Any) -> None:
     # a chart takes a new size in a microtask: none runs between a script's own events, one does between the browser's
     program = """

@@ -91,7 +91,7 @@ class Scene:
         return found
 
 
-@pytest.mark.parametrize("link", ["plant", "bridge"])
+@pytest.mark.parametrize("link", ["plant", pytest.param("bridge", marks=pytest.mark.second_tier)])
 @on_a_machine_that_keeps_time
 def test_fault_of_a_sensor_and_of_the_command_end_as_configured_and_are_over_after_reset(
     ros_domain, tmp_path, link

@@ -51,6 +51,7 @@ def wait_for(driver: Driver, service: str, **request: object) -> None:
         time.sleep(0.1)
 
 
+@pytest.mark.second_tier
 @on_a_machine_that_keeps_time
 def test_loop_runs_over_the_bridge_as_over_the_plant_once_it_is_enabled(ros_domain, tmp_path) -> None:
     with bridge(tmp_path) as path:

@@ -59,6 +59,7 @@ def record(operator: Operator, folder: Path, name: str, seconds: float) -> None:
     operator.said(f"recording closed: {folder}/recordings/{name}")
 
 
+@pytest.mark.second_tier
 def test_table_is_run_tripped_recorded_learned_from_and_lost_by_mouse(ros_domain, tmp_path, operator) -> None:
     arguments = ["--lockstep", "--composed", "--port", "0", "--folder", str(tmp_path), "--reference", "multisine"]
     with Started(*arguments, "--interlock", str(quick_interlock(tmp_path))) as lab:

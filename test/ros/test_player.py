@@ -62,6 +62,7 @@ def test_every_message_comes_again_in_its_rhythm(ros_domain, bag):
     assert 0.85 < ear.times[-1] - ear.times[0] < 1.5
 
 
+@pytest.mark.second_tier
 @on_a_machine_that_keeps_time
 def test_speed_offset_topic_and_clock_are_options(ros_domain, bag):
     with own_node(ros_domain) as node:

@@ -33,6 +33,8 @@ ASKED = {
 PR_CAPBSET_DROP, CAP_IPC_LOCK, CAP_SYS_NICE = 24, 14, 23
 PATIENCE = 40.0
 RUNAWAY = 10_000_000  # at SCHED_FIFO without ever waiting [us]
+GROUPS = [tuple(NODES)[i : i + 3] for i in range(0, len(NODES), 3)]
+THREES = [pytest.param(g, id="-".join(g), marks=pytest.mark.second_tier if g != GROUPS[0] else []) for g in GROUPS]
 WARNING = (
     f"real time: runs without locked memory (Cannot allocate memory), SCHED_FIFO {PRIORITY} (Operation not permitted)"
 )
@@ -93,7 +95,7 @@ def locked_kilobytes(process: int) -> int:
     return next(int(line.split()[1]) for line in lines if line.startswith("VmLck:"))
 
 
-@pytest.mark.parametrize("names", [tuple(NODES)[i : i + 3] for i in range(0, len(NODES), 3)], ids="-".join)
+@pytest.mark.parametrize("names", THREES)
 def test_every_node_has_the_priority_the_processor_and_the_locked_memory_that_it_asked_for(
     ros_domain, allowed, not_endless, tmp_path, names
 ) -> None:

@@ -2,53 +2,49 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 import yaml
 from node_process import NodeProcess
 
-ROOT = Path(__file__).resolve().parents[2]
+from shake_ros.__main__ import main
+
 NODE = "/shake/hardware_bridge"
 
 
 class Commands:
     """Asks through the package, and through `ros2` where it is installed."""
 
-    def __init__(self, domain: int) -> None:
-        self.environment = {
-            **os.environ,
-            "ROS_DOMAIN_ID": str(domain),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "PYTHONPATH": str(ROOT),
-        }
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self.capsys = capsys
 
     def run(self, *arguments: str) -> tuple[int, str, str]:
-        command = [sys.executable, "-m", "shake_ros", "ros2", *arguments]
-        done = subprocess.run(
-            command, env=self.environment, capture_output=True, text=True, timeout=60, check=False, cwd=ROOT
-        )
-        return done.returncode, done.stdout, done.stderr
+        code = main(["ros2", *arguments])
+        return code, *self.capsys.readouterr()
 
     def real(self, *arguments: str) -> str:
         done = [
-            subprocess.run(["ros2", *one], env=self.environment, capture_output=True, text=True, check=False)
+            subprocess.run(["ros2", *one], capture_output=True, text=True, check=False)
             for one in (arguments, ("daemon", "stop"))
         ]
         return done[0].stdout
 
 
+@pytest.fixture(scope="module")
+def node(shared_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The node that all tests here ask."""
+    started = NodeProcess(shared_ros_domain, tmp_path_factory.mktemp("node"), "hardware_bridge")
+    started.wait_for("running")
+    yield
+    assert started.end() == 0
+
+
 @pytest.fixture
-def commands(ros_domain: int, tmp_path: Path) -> Iterator[Commands]:
-    node = NodeProcess(ros_domain, tmp_path, "hardware_bridge")
-    node.wait_for("running")
-    yield Commands(ros_domain)
-    assert node.end() == 0
+def commands(node: None, capsys: pytest.CaptureFixture[str]) -> Commands:
+    return Commands(capsys)
 
 
 def test_lines_are_those_of_ros2(commands: Commands) -> None:
