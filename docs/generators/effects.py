@@ -42,7 +42,7 @@ def pages() -> dict[str, str]:
         "",
         "Every effect that a declared model may lack, as its file describes it. What each looks like",
     ]
-    text += ["in a recording is told under [Effects and what they look like](../../explanation/effects.md).", ""]
+    text += ["in a recording is described under [Effects and what they look like](../../explanation/effects.md).", ""]
     for place in PLACES:
         named = {name: effect for name, effect in EFFECTS.items() if effect.place == place}
         if named:
