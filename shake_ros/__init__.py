@@ -70,7 +70,7 @@ PUBLIC = {  # name → module
     "TunedController": "shake_ros.api.tune",
     "TunedTable": "shake_ros.api.tune_table",
     "tune": "shake_ros.api.tune",
-    "describing_function": "shake_ros.core.analysis.describing_function",
+    "describing_function": "shake_ros.core.analysis.frequency_response",
 }
 
 if TYPE_CHECKING:  # the same for type checkers and editors
@@ -127,7 +127,7 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.tune import TunedController as TunedController
     from shake_ros.api.tune import tune as tune
     from shake_ros.api.tune_table import TunedTable as TunedTable
-    from shake_ros.core.analysis.describing_function import describing_function as describing_function
+    from shake_ros.core.analysis.frequency_response import describing_function as describing_function
 
 __all__ = list(PUBLIC)
 

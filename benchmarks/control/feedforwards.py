@@ -28,8 +28,8 @@ import numpy as np
 from shake_ros.api.loops import Combination, Setup, load_setup
 from shake_ros.api.tune import Cost, gains_of, rounded, text_of
 from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.control.closed_loop import tune
 from shake_ros.core.control.runner import Controller
-from shake_ros.core.control.tuning import tune
 from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.loop.metrics import judge
 from shake_ros.settings import find, load_variant, read_yaml

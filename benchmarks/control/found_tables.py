@@ -53,8 +53,7 @@ from shake_ros.core.loop.metrics import ASIDE, SETTLING, come_to_rest, ringing, 
 from shake_ros.core.loop.robust import Uncertainty
 from shake_ros.core.loop.trials import AT_REST
 from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.observer.selected import work
+from shake_ros.core.observer.runner import Observer, work
 from shake_ros.core.plant.parameters import FIELDS, FULL_LAYOUT, TableParameters
 from shake_ros.data.reference_program import build_program
 from shake_ros.declared import effect_candidates, free_parameters

@@ -8,8 +8,8 @@ import numba
 import numpy as np
 
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.core.control.selected import step_controller
-from shake_ros.core.observer.selected import step_observer
+from shake_ros.core.control.runner import step_controller
+from shake_ros.core.observer.runner import step_observer
 
 
 @numba.njit(cache=True, nogil=True)

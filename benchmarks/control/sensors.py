@@ -25,14 +25,12 @@ import numpy as np
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.tune_table import TunedTable, tune_table
 from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.control.selected import step_controller
+from shake_ros.core.control.runner import Controller, step_controller
 from shake_ros.core.control.three_variable import ThreeVariable
 from shake_ros.core.loop.metrics import SETTLING, come_to_rest, ringing, settle_first
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.model import ModelObserver
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.observer.selected import step_observer, work
+from shake_ros.core.observer.runner import Observer, step_observer, work
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.data.reference_program import build_program
 from shake_ros.settings import load_table, load_variant

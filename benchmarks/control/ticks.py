@@ -16,7 +16,7 @@ import numpy as np
 
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
-from shake_ros.core.loop.law_design import LAWS
+from shake_ros.core.loop.linear_loop import LAWS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.carried import work
 from shake_ros.core.observer.load import LoadTracker, LoadTracking, track

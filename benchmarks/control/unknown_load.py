@@ -21,11 +21,11 @@ import numpy as np
 
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.tune_table import TunedTable, tune_table
-from shake_ros.core.control.selected import step_controller
+from shake_ros.core.control.runner import step_controller
 from shake_ros.core.control.virtual_table import step as step_virtual
 from shake_ros.core.loop.metrics import come_to_rest
 from shake_ros.core.observer.load import LoadTracker, LoadTracking, track
-from shake_ros.core.observer.selected import step_observer, work
+from shake_ros.core.observer.runner import step_observer, work
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.specimen import set_load
 from shake_ros.data.reference_program import build_program

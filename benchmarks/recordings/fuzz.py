@@ -38,7 +38,7 @@ from shake_ros.bridge.emulator import EmulatorParameters
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import ShakeError
-from shake_ros.core.safety.power_unit import PowerUnitParameters
+from shake_ros.core.safety.machine import PowerUnitParameters
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.recordings import read_table_recording
 from shake_ros.data.recordings.bag import METADATA

@@ -28,8 +28,8 @@ def parameters(effect: Any) -> list[str]:
 
 
 def entry(name: str, effect: Any) -> list[str]:
-    """What its file says, its parameters."""
-    text = inspect.getdoc(sys.modules[effect.__module__]) or ""
+    """What its docstring says, its parameters."""
+    text = inspect.getdoc(effect) or ""
     depends = ", ".join(effect.depends_on) or "nothing in particular"
     models = ", ".join(f"`{model}`" for model in effect.models)
     return [f"### `{name}`", "", text, "", f"Depends on {depends}; models {models}.", "", *parameters(effect), ""]
@@ -40,7 +40,7 @@ def pages() -> dict[str, str]:
     text = [
         "# Effects",
         "",
-        "Every effect that a declared model may lack, as its file describes it. What each looks like",
+        "Every effect that a declared model may lack, as its class describes it. What each looks like",
     ]
     text += ["in a recording is described under [Effects and what they look like](../../explanation/effects.md).", ""]
     for place in PLACES:

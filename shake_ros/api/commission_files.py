@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.loop.law_design import LAWS
+from shake_ros.core.loop.linear_loop import LAWS
 from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
 from shake_ros.core.safety.causes import PROGRAM_HOLD, InterlockParameters
 from shake_ros.settings import find, read_yaml

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 from shake_ros.api.loops import Combination, Course, Setup, combinations, load_setup
 from shake_ros.api.progress import Progress, Told
 from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.loop.comparison import Outcome, Summary, summarise
 from shake_ros.core.loop.compiled import Loop, run_batch
-from shake_ros.core.loop.metrics import judge
+from shake_ros.core.loop.metrics import Outcome, Summary, judge, summarise
 from shake_ros.core.quantities import unknown_name
 from shake_ros.data.comparison import comparison_json
 from shake_ros.data.results import write_folder, write_json

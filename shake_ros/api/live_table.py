@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from shake_ros.api.configuration_text import text_of
 from shake_ros.api.own_loop import OwnLoop
-from shake_ros.core.plant.dead_time import DELAY
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.parameters import DELAY, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError
 from shake_ros.data.played_motion import played
 from shake_ros.data.recordings import TableRecording, read_table_recording

@@ -15,8 +15,7 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.law import ObserverParameters
 from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.dead_time import DELAY
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.parameters import DELAY, TableParameters
 from shake_ros.settings import load_variant
 
 OWN = "own"  # in place of the name of a controller or an observer

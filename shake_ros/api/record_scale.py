@@ -18,8 +18,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, quantity
 from shake_ros.core.reference import earthquake
 from shake_ros.core.reference.baseline import integrate
 from shake_ros.core.reference.earthquake import EarthquakeParameters, Fitted
-from shake_ros.core.reference.envelope import envelope
-from shake_ros.core.reference.motion import EarthquakeRecord
+from shake_ros.core.reference.motion import EarthquakeRecord, envelope
 from shake_ros.core.reference.shaping import Shaping
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram

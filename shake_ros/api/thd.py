@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from shake_ros.api.signals import Source, naming, one_recording
 from shake_ros.core.analysis import thd as analysis
-from shake_ros.core.analysis.steady_part import steady_part
+from shake_ros.core.analysis.stretches import steady_part
 from shake_ros.core.analysis.thd import Harmonics, fundamental_frequency, nearby_fundamental
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording

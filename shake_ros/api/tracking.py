@@ -8,8 +8,8 @@ from shake_ros.api.tune_table import TunedTable, load_robust
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.discovery.close_loop import LoopClosure
-from shake_ros.core.loop.benefit import TrackingBenefit, benefit
 from shake_ros.core.loop.robust import Uncertainty, neighbours, uncertainty_of
+from shake_ros.core.loop.trials import TrackingBenefit, benefit
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters

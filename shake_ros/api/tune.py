@@ -12,7 +12,7 @@ from shake_ros.api.configuration_text import text_of
 from shake_ros.api.loops import MODELS, Combination, Course, Setup, load_setup, strict
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.tune_table import tune_table
-from shake_ros.core.control import CONTROLLERS, tuning
+from shake_ros.core.control import CONTROLLERS, closed_loop
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.law import LawParameters
 from shake_ros.core.control.runner import Controller
@@ -105,7 +105,7 @@ def tune(
         def done(count: int, best: float) -> None:
             tell(f"cost {before:.4f} → {best:.4f}", count / evaluations)
 
-        found, _ = tuning.tune(start, cost, evaluations=evaluations, done=done)
+        found, _ = closed_loop.tune(start, cost, evaluations=evaluations, done=done)
         gains = rounded(found)
         after = cost(gains)
     if after > before:
@@ -193,14 +193,14 @@ class Cost:
             run, reference=run.reference[first:], truth=run.truth[first:], command=run.command[first:]
         )
         wanted = (self._settings[name] for name in ("travel_price", "position_weight", "acceleration_price"))
-        return min(tuning.normalised_cost(part, *wanted), tuning.LOST)
+        return min(closed_loop.normalised_cost(part, *wanted), closed_loop.LOST)
 
     def __call__(self, gains: dict[str, float]) -> float:
         """Mean over loads and references, and the worst perturbed table (6.42)."""
         law = Controller(self._kind, self._parameters.replace(**gains), self._dt, self._model)
         costs = run_batch([dataclasses.replace(loop, controller=law) for loop in self._loops], self._judge)
-        costs = [value if value == value else tuning.LOST for value in costs]
-        return tuning.mean_and_worst(costs[: self._loads], costs[self._loads :], self._settings["robustness"])
+        costs = [value if value == value else closed_loop.LOST for value in costs]
+        return closed_loop.mean_and_worst(costs[: self._loads], costs[self._loads :], self._settings["robustness"])
 
 
 def rounded(gains: dict[str, float]) -> dict[str, float]:

@@ -17,8 +17,7 @@ from shake_ros.api.configuration_text import text_of
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.core.control.runner import Controller
-from shake_ros.core.loop.law_design import LAWS
-from shake_ros.core.loop.linear_loop import Margins
+from shake_ros.core.loop.linear_loop import LAWS, Margins
 from shake_ros.core.loop.robust import Load, RobustSettings, Search, Uncertainty, neighbours, uncertainty_of
 from shake_ros.core.loop.trials import Trials, TriedLaw, horizon, try_laws
 from shake_ros.core.observer.model import ModelObserver

@@ -23,8 +23,7 @@ from shake_ros.core.plant.table import Measurement
 from shake_ros.core.quantities import Parameters, choice, quantity
 from shake_ros.core.safety.causes import NUMBERS, InterlockParameters
 from shake_ros.core.safety.interlock import Interlock
-from shake_ros.core.safety.machine import Machine
-from shake_ros.core.safety.power_unit import PowerUnitParameters
+from shake_ros.core.safety.machine import Machine, PowerUnitParameters
 from shake_ros.core.safety.rates import Durations, LastSecond
 from shake_ros.core.safety.stages import OFF, RUN
 

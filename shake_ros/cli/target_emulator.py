@@ -17,7 +17,7 @@ from shake_ros.bridge.session import key_for, write_key
 from shake_ros.bridge.target import TargetLink
 from shake_ros.bridge.vectors import vectors
 from shake_ros.core.quantities import ShakeError
-from shake_ros.core.safety.power_unit import PowerUnitParameters
+from shake_ros.core.safety.machine import PowerUnitParameters
 from shake_ros.realtime import ANY, RealtimeParameters, ask_for, hold_collector
 from shake_ros.settings import find, load_interlock, load_table, read_yaml
 

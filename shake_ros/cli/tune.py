@@ -12,7 +12,7 @@ from typing import Any
 from shake_ros.api.loops import MODELS
 from shake_ros.api.tune import check_target, tune
 from shake_ros.api.tune_table import FILES, tune_table
-from shake_ros.core.loop.law_design import LAWS
+from shake_ros.core.loop.linear_loop import LAWS
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.results import refuse_existing
 

@@ -7,8 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from shake_ros.core.loop.comparison import Outcome, Summary
-from shake_ros.core.loop.metrics import MEANINGS, UNITS, Metrics
+from shake_ros.core.loop.metrics import MEANINGS, UNITS, Metrics, Outcome, Summary
 
 SCHEMA = "shake_ros.compare/1"
 

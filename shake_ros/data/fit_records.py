@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.analysis.clipping import clipped, restored
-from shake_ros.core.analysis.stretches import stretches
+from shake_ros.core.analysis.stretches import clipped, restored, stretches
 from shake_ros.core.identification.recordings import SHORTEST, Record
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.bridging import SHORT, bridged

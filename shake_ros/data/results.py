@@ -31,7 +31,7 @@ from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.predictability import Predictability
 from shake_ros.core.identification.slow_changes import SlowChange
 from shake_ros.core.identification.uncertainty import Estimate
-from shake_ros.core.loop.benefit import TrackingBenefit
+from shake_ros.core.loop.trials import TrackingBenefit
 from shake_ros.core.quantities import ShakeError
 
 CLOSE_LOOP_SCHEMA = "shake_ros.close_loop/1"

@@ -14,11 +14,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from shake_ros.core.effects.coupling_backlash import NO_GAP
-from shake_ros.core.plant.anti_alias import filter_step
-from shake_ros.core.plant.pace import MOST
+from shake_ros.core.effects.structure import NO_GAP
+from shake_ros.core.plant.integration import MOST
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.plant.prediction import BIAS, FILTER_RATE, FILTERED, FORCE, NULL, kalman, predict, relevelled
+from shake_ros.core.plant.sensors import filter_step
 from shake_ros.core.plant.simulation import NO_PACE, initial_state, workers
 from shake_ros.core.plant.states import (
     BASE,

@@ -67,7 +67,11 @@ class RunMeter:
 
     def _judge(self, told: dict[str, Any], error: Floats, wanted: Floats, felt: Floats, asked: Floats) -> None:
         """Not in the thread that takes samples: a spectrum takes a while, and compiles at first."""
-        from shake_ros.core.loop.metrics import DAMPING, HIGHEST, LOWEST  # slow to import
+        from shake_ros.core.loop.metrics import (
+            DAMPING,
+            HIGHEST,
+            LOWEST,  # slow to import
+        )
 
         known = np.isfinite(error)
         rms = float(np.sqrt(np.mean(error[known] ** 2)))

@@ -20,7 +20,7 @@ from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
 from shake_ros.core.identification.uncertainty import Estimate
-from shake_ros.core.loop.benefit import TrackingBenefit
+from shake_ros.core.loop.trials import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.report import charts_fit
 from shake_ros.report.force_section import force_section

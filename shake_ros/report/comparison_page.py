@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.loop.comparison import Outcome, Summary, summarise
+from shake_ros.core.loop.metrics import Outcome, Summary, summarise
 from shake_ros.report.charts_comparison import error_chart, spectrum_chart
 from shake_ros.report.comparison_text import HEAD, load_rows, number, summary_rows, trouble
 from shake_ros.report.page import Bar, Made, Page

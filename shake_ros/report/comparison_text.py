@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from shake_ros.core.loop.comparison import Outcome, Summary, by_load
+from shake_ros.core.loop.metrics import Outcome, Summary, by_load
 from shake_ros.report.text import percent
 
 HEAD = (

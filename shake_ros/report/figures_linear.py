@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from shake_ros.core.analysis.describing_function import describing_function
+from shake_ros.core.analysis.frequency_response import describing_function
 from shake_ros.core.plant.linearisation import linearise, oil_column_frequency, operating_point
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.report.style import COLOURS, name_decades, new_figure, tidy

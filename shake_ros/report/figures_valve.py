@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from shake_ros.core.analysis.describing_function import fundamental
+from shake_ros.core.analysis.frequency_response import fundamental
 from shake_ros.core.packing import record
 from shake_ros.core.quantities import Parameters
 from shake_ros.core.valve import VALVES
-from shake_ros.core.valve.flow_force import steady_force
+from shake_ros.core.valve.ports import steady_force
 from shake_ros.core.valve.response import linear_response, valve_response
 from shake_ros.report.style import COLOURS, new_figure, tidy
 from shake_ros.settings import find, load_table, load_variant, read_yaml

@@ -16,7 +16,7 @@ from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.predictability import verdict
 from shake_ros.core.identification.uncertainty import Estimate
-from shake_ros.core.loop.benefit import TrackingBenefit
+from shake_ros.core.loop.trials import TrackingBenefit
 
 
 def percent(value: float | None) -> str:

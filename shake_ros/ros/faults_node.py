@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from rclpy.serialization import serialize_message
 
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
-from shake_ros.core.safety.message_faults import MessageFaultParameters, MessageFaults
+from shake_ros.core.safety.faults import MessageFaultParameters, MessageFaults
 from shake_ros.ros.conversions import codec
 from shake_ros.ros.diagnostics import OK, WARN, Input
 from shake_ros.ros.frame import Behaviour, Frame

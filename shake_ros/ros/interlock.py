@@ -12,8 +12,7 @@ from typing import Any
 
 from shake_ros.core.quantities import Parameters, ShakeError, choice
 from shake_ros.core.safety.causes import CAUSES, INDICATE, InterlockParameters
-from shake_ros.core.safety.interlock import Interlock
-from shake_ros.core.safety.ledger import Trip
+from shake_ros.core.safety.interlock import Interlock, Trip
 from shake_ros.core.safety.rates import LastSecond
 from shake_ros.core.safety.stages import RUN, STAGES
 from shake_ros.ros import interface

@@ -5,13 +5,12 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from shake_ros.core.plant.pressure_bounds import PressureWatch
+from shake_ros.core.plant.cylinder import PressureWatch
 from shake_ros.core.plant.states import VELOCITY
 from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.core.safety.faults import MISSING, MachineFaultParameters
-from shake_ros.core.safety.machine import Machine
-from shake_ros.core.safety.power_unit import PowerUnitParameters
+from shake_ros.core.safety.machine import Machine, PowerUnitParameters
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import FIRST_STAMP, Behaviour, Frame

@@ -81,7 +81,7 @@ def test_a_new_law_is_one_file_and_one_row() -> None:
 
 def test_what_is_written_is_taken_from_the_cache_by_the_next_process() -> None:
     program = (
-        "from shake_ros.core.control.selected import feedforward_law as f\n"
+        "from shake_ros.core.control.runner import feedforward_law as f\n"
         "from shake_ros.core.control import CONTROLLERS\n"
         "from shake_ros.core.packing import records\n"
         "import numpy as np\n"

@@ -11,7 +11,7 @@ from shake_ros.api.experiments.inputs import recorded, sine, words
 from shake_ros.api.loops import strict
 from shake_ros.api.measured_runs import PRINTED, printed_tables
 from shake_ros.api.progress import Progress
-from shake_ros.core.effects.soft_zone import factor
+from shake_ros.core.effects.hydraulics import factor
 from shake_ros.core.friction.tustin import force
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters

@@ -10,8 +10,7 @@ import numpy as np
 from shake_ros.api.compare import Comparison, compare
 from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
-from shake_ros.core.loop.comparison import Outcome, mean, over
-from shake_ros.core.loop.metrics import Metrics
+from shake_ros.core.loop.metrics import Metrics, Outcome, mean, over
 from shake_ros.report.chart import Chart
 from shake_ros.report.charts_comparison import amplitudes, error_chart, response_chart, spectrum_chart
 from shake_ros.report.comparison_text import number

@@ -16,8 +16,7 @@ import numpy as np
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.control import minimal_control_synthesis, three_variable
-from shake_ros.core.control.input_filter import free_motion
-from shake_ros.core.control.law import LawParameters
+from shake_ros.core.control.law import LawParameters, free_motion
 from shake_ros.core.quantities import quantity
 
 INNER = 4  # states of three-variable control; then the model's distance from the reference, its rate, the integrals

@@ -22,8 +22,7 @@ from typing import ClassVar
 import numpy as np
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.control.input_filter import free_motion
-from shake_ros.core.control.law import LawParameters, saturate, winds_up
+from shake_ros.core.control.law import LawParameters, free_motion, saturate, winds_up
 from shake_ros.core.quantities import choice, quantity
 
 ADAPTED = 5  # adaptive gains: two of the state, three of the reference

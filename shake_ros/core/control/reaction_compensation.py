@@ -20,8 +20,7 @@ import numpy as np
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.control import feedforward_pi
-from shake_ros.core.control.input_filter import advance
-from shake_ros.core.control.law import LawParameters
+from shake_ros.core.control.law import LawParameters, advance
 from shake_ros.core.quantities import quantity
 
 

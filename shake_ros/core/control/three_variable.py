@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.control.input_filter import advance, moving
-from shake_ros.core.control.law import LawParameters, saturate
+from shake_ros.core.control.law import LawParameters, advance, moving, saturate
 from shake_ros.core.quantities import quantity
 
 

@@ -30,10 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.plant.dead_time import DELAY, dead_time
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import acceleration_now, advance_sample
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.plant.parameters import DELAY, FULL_LAYOUT, TableParameters, dead_time
 from shake_ros.core.plant.simulation import initial_state, weigh
 from shake_ros.core.plant.specimen import set_load
 from shake_ros.core.plant.states import BASE, CONTINUOUS, LAGGED_POSITION, POSITION, STATES, VELOCITY

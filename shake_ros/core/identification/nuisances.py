@@ -21,7 +21,7 @@ from shake_ros.core.identification.knowledge import Knowledge
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import ALIKE, SensorPair, sensor_pair, timely
 from shake_ros.core.identification.spikes import unseen_spikes, without
-from shake_ros.core.plant.anti_alias import FILTER_DELAY
+from shake_ros.core.plant.sensors import FILTER_DELAY
 from shake_ros.core.quantities import ShakeError
 
 FASTEST = 1000.0  # rate of a recording that a fit takes [Hz]

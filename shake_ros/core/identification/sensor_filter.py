@@ -20,7 +20,7 @@ from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import timely
-from shake_ros.core.plant.anti_alias import FILTER_DELAY
+from shake_ros.core.plant.sensors import FILTER_DELAY
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the delay that may be a filter's
 CUTOFFS = (0.4, 0.2, 0.1, 0.05)  # of a filter where no delay shows, in parts of the sampling rate

@@ -27,7 +27,7 @@ from scipy.optimize import least_squares
 
 from shake_ros.core.analysis.frequency_response import SHORTEST, frequency_response
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.anti_alias import FILTER_DELAY
+from shake_ros.core.plant.sensors import FILTER_DELAY
 from shake_ros.core.quantities import ShakeError
 
 WINDOW = 4.0  # of the response [s]

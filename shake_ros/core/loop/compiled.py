@@ -20,10 +20,8 @@ from shake_ros.core.compiled import njit
 from shake_ros.core.control import harmonic_cancellation
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.harmonic_cancellation import HarmonicCancellation
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.control.selected import own_feedforward, step_controller
-from shake_ros.core.observer.runner import Compiled, Observer
-from shake_ros.core.observer.selected import NO_MODEL, NO_OBSERVER, step_observer, work
+from shake_ros.core.control.runner import Controller, own_feedforward, step_controller
+from shake_ros.core.observer.runner import NO_MODEL, NO_OBSERVER, Compiled, Observer, step_observer, work
 from shake_ros.core.packing import fields_layout, numbers
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_sample, outputs

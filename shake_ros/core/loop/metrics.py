@@ -1,4 +1,4 @@
-"""What a run of the closed loop is judged by.
+"""What runs of the closed loop are judged by, one by one and side by side.
 
 J1, J2 and J3 are the delay, the tracking error and the peak error of Silva, Gomez, Maghareh, Dyke and Spencer,
 Mechanical Systems and Signal Processing 135 (2020) 106381, here with the mean taken off the reference and J1 refined
@@ -7,7 +7,9 @@ between samples. All compare the true motion, without sensor noise, with the ref
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +17,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.analysis.thd import harmonics
-from shake_ros.core.control.closed_loop import ClosedLoop, normalised_error
-from shake_ros.core.control.tuning import command_travel
+from shake_ros.core.control.closed_loop import ClosedLoop, command_travel, normalised_error
 from shake_ros.core.quantities import Parameters, describe, quantity
 from shake_ros.core.reference.motion import columns, product, smooth_step
 
@@ -231,3 +232,71 @@ def judge(run: ClosedLoop, part: Judged, limit: float, stroke: float) -> Metrics
         end_stop=largest >= 0.5 * stroke,
         unstable=position >= LOST_TRACKING or moving >= STILL_MOVING * size,
     )
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One run of a comparison.
+
+    `load` [kg]; `table` is the number of the perturbed table, −1 for the declared one.
+    """
+
+    entry: str
+    reference: str
+    load: float
+    table: int
+    metrics: Metrics
+
+
+@dataclass(frozen=True)
+class Summary:
+    """An entry of a comparison over its runs: mean and worst on the declared tables, and what the others did to it.
+
+    Figures are over the runs that were not lost; `unstable` and `end_stops` count runs of both kinds of table.
+    """
+
+    entry: str
+    mean: Metrics
+    worst: Metrics
+    perturbed_worst: Metrics
+    unstable: int
+    end_stops: int
+
+
+def over(outcomes: Sequence[Outcome], collect: Callable[[list[float]], float]) -> Metrics:
+    """Each figure collected over runs; NaN where no run has it."""
+    values = {}
+    for field in dataclasses.fields(Metrics):
+        found = [float(getattr(o.metrics, field.name)) for o in outcomes]
+        finite = [value for value in found if math.isfinite(value)]
+        values[field.name] = collect(finite) if finite else math.nan
+    return Metrics(**values)  # type: ignore[arg-type]
+
+
+def mean(values: list[float]) -> float:
+    """Arithmetic mean.
+
+    >>> mean([1.0, 2.0])
+    1.5
+    """
+    return math.fsum(values) / len(values)
+
+
+def summarise(outcomes: Sequence[Outcome]) -> list[Summary]:
+    """One summary for each entry, in the order of their first runs."""
+    result = []
+    for entry in dict.fromkeys(o.entry for o in outcomes):
+        own = [o for o in outcomes if o.entry == entry]
+        declared = [o for o in own if o.table < 0]
+        others = [o for o in own if o.table >= 0]
+        unstable = sum(o.metrics.unstable for o in own)
+        stops = sum(o.metrics.end_stop for o in own)
+        result.append(Summary(entry, over(declared, mean), over(declared, max), over(others, max), unstable, stops))
+    return result
+
+
+def by_load(outcomes: Sequence[Outcome], entry: str, figure: str) -> dict[float, float]:
+    """Mean of one figure over the references on the declared tables, by load [kg]."""
+    own = [o for o in outcomes if o.entry == entry and o.table < 0]
+    loads = sorted({o.load for o in own})
+    return {load: float(getattr(over([o for o in own if o.load == load], mean), figure)) for load in loads}

@@ -10,16 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.plant.dead_time import dead_time
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
-from shake_ros.core.plant.integration import (
-    acceleration_now,
-    advance_sample,
-    hold,
-    position_sensor,
-    spool_command,
-)
-from shake_ros.core.plant.parameters import TableParameters, records
+from shake_ros.core.plant.integration import acceleration_now, advance_sample, hold, position_sensor, spool_command
+from shake_ros.core.plant.parameters import TableParameters, dead_time, records
 from shake_ros.core.plant.right_hand_side import active_states
 from shake_ros.core.plant.simulation import TOLERANCE, initial_state, weigh
 from shake_ros.core.plant.states import (

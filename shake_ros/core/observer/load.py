@@ -28,10 +28,9 @@ from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.observer.carried import carry_copy, copy_at
-from shake_ros.core.plant.dead_time import dead_time, delayed_by
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
 from shake_ros.core.plant.integration import acceleration_now
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters, dead_time, delayed_by
 from shake_ros.core.plant.specimen import set_load
 from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, VELOCITY
 from shake_ros.core.quantities import Parameters, ShakeError, quantity

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.effects.position_dependent_friction import dry_level
-from shake_ros.core.effects.presliding_friction import deflection
+from shake_ros.core.effects.friction import deflection, dry_level
 from shake_ros.core.effects.unlisted import FORCE_OF_POSITION, FORCE_OF_VELOCITY, FRICTION_OF_POSITION
 from shake_ros.core.effects.unlisted import value as unlisted
 from shake_ros.core.plant.integration import delayed

@@ -12,11 +12,8 @@ from shake_ros.core.bulk_modulus.constant import CODE as CONSTANT
 from shake_ros.core.bulk_modulus.ifas import mixture
 from shake_ros.core.bulk_modulus.selected import modulus
 from shake_ros.core.compiled import inlined_kernel, kernel
-from shake_ros.core.effects.asymmetric_flow_gain import flow_factor
-from shake_ros.core.effects.oil_warming import lightness, stiffness, thickness, warmer
-from shake_ros.core.effects.soft_zone import exchanged
-from shake_ros.core.effects.soft_zone import factor as soft_zone_factor
-from shake_ros.core.effects.spool_deadband import effective_spool, effective_underlap
+from shake_ros.core.effects.hydraulics import exchanged, lightness, stiffness, thickness, warmer
+from shake_ros.core.effects.hydraulics import factor as soft_zone_factor
 from shake_ros.core.effects.unlisted import (
     FLOW_GAIN_OF_OPENING,
     FLOW_GAIN_OF_TIME,
@@ -25,10 +22,10 @@ from shake_ros.core.effects.unlisted import (
     SUPPLY_OF_PHASE,
 )
 from shake_ros.core.effects.unlisted import value as unlisted
-from shake_ros.core.plant.cavitation import acting_pressure
+from shake_ros.core.effects.valve import effective_spool, effective_underlap, flow_factor
+from shake_ros.core.plant.chamber import acting_pressure, flow_rate, half_volume
 from shake_ros.core.plant.cylinder import chamber_volumes, load_pressure
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.pipelines import flow_rate, half_volume
 from shake_ros.core.plant.states import (
     LINE_FLOW_A,
     LINE_FLOW_B,

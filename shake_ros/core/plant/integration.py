@@ -6,6 +6,16 @@ non-stiff by construction (spool and play are exact, the pre-sliding law is a fu
 laminar near zero), so an explicit method of high order is the fastest that holds 0.1 %: one step a sample as a rule,
 and because a new command does not change the rates of the table, the last stage of a sample is the first of the next.
 Verified against Radau at rtol 1e-9.
+
+A run can follow the steps of another: what differs between the runs is then what differs between the tables.
+
+An integrator with error control takes other steps for another table, and the local errors change with them by about the
+tolerance: a difference of two runs shows that beside the parameter's change, unless the tolerance is far below what
+the runs themselves need. Runs that follow the instants at which the steps of a first one ended differ smoothly. A run
+whose own error is too large for them goes on with its own steps until the sample ends.
+
+Source: the internal differentiation of H. G. Bock, Numerical treatment of inverse problems in chemical reaction
+kinetics, in: Modelling of Chemical Reaction Systems (1981), 102.
 """
 
 from __future__ import annotations
@@ -15,23 +25,12 @@ import math
 import numpy as np
 
 from shake_ros.core.compiled import kernel, njit
-from shake_ros.core.effects.presliding_friction import deflection
+from shake_ros.core.effects.friction import deflection
 from shake_ros.core.friction.armstrong import CODE as ARMSTRONG
 from shake_ros.core.friction.armstrong import dwelt
 from shake_ros.core.friction.selected import is_dynamic
-from shake_ros.core.plant.anti_alias import OUTPUT, advance_filter
-from shake_ros.core.plant.dormand_prince import PACE, PATH, STAGE, STAGES, dormand_prince, workspace
+from shake_ros.core.plant.dormand_prince import PACE, PATH, STAGE, STAGES, dormand_prince, spool_path, workspace
 from shake_ros.core.plant.hydraulics import chamber_pressure
-from shake_ros.core.plant.pace import (
-    FOLLOW,
-    FORGIVEN,
-    MODE,
-    OWN,
-    begin_sample,
-    end_sample,
-    followed,
-    stepped,
-)
 from shake_ros.core.plant.right_hand_side import (
     SHORTEST_LAG,
     active_states,
@@ -41,7 +40,7 @@ from shake_ros.core.plant.right_hand_side import (
     table_rates,
     valve_load,
 )
-from shake_ros.core.plant.spool_path import spool_path
+from shake_ros.core.plant.sensors import OUTPUT, advance_filter
 from shake_ros.core.plant.states import (
     BASE_RATE,
     BRISTLE,
@@ -72,6 +71,57 @@ from shake_ros.core.valve.detailed import CODE as DETAILED
 from shake_ros.core.valve.detailed import SPOOL as VALVE_SPOOL
 from shake_ros.core.valve.detailed import VALVE_STATES, carry_valve
 from shake_ros.core.valve.simplified import play
+
+# A row of the work array within a sample: what to do, time since its start [s], number of instants, the next, and all
+MODE, ELAPSED, COUNT, NEXT, INSTANTS = range(5)
+OWN, KEEP, FOLLOW = 0.0, 1.0, 2.0  # own steps; own steps, whose instants are kept; the instants that were kept
+MOST = 32  # instants kept of a sample; one with more of them is not followed
+FORGIVEN = 8.0  # times the tolerance, up to which a followed step is good enough
+SAME = 1e-9  # [s] instants that are no two
+
+
+@kernel
+def begin_sample(row, kept, following):
+    """Begin a sample: a run keeps its instants into `kept`, shape (1 + MOST,), later, or follows those in it."""
+    row[ELAPSED] = row[COUNT] = row[NEXT] = 0.0
+    row[MODE] = KEEP
+    if following:
+        row[COUNT] = kept[0]
+        row[MODE] = FOLLOW if kept[0] <= MOST else OWN
+        for i in range(min(int(kept[0]), MOST)):
+            row[INSTANTS + i] = kept[1 + i]
+
+
+@kernel
+def end_sample(row, kept):
+    """Keep the instants of a sample that has ended."""
+    kept[0] = row[COUNT]
+    for i in range(min(int(row[COUNT]), MOST)):
+        kept[1 + i] = row[INSTANTS + i]
+
+
+@kernel
+def followed(row, rest):
+    """Length of the next step of a run that follows [s]; `rest` : to the end of the interval."""
+    k = int(row[NEXT])
+    while k < row[COUNT] and row[INSTANTS + k] <= row[ELAPSED] + SAME:
+        k += 1
+    row[NEXT] = k
+    if k == row[COUNT]:
+        return rest
+    size = row[INSTANTS + k] - row[ELAPSED]
+    return size if size < rest - SAME else rest
+
+
+@kernel
+def stepped(row, step):
+    """Count a step that was taken."""
+    row[ELAPSED] += step
+    if row[MODE] == KEEP:
+        if row[COUNT] < MOST:
+            row[INSTANTS + int(row[COUNT])] = row[ELAPSED]
+        row[COUNT] += 1.0
+
 
 VALVE_PART = 1e-4  # [s] largest interval over which the table takes the detailed valve's spool as moving evenly
 SMALLEST_STEP = 1e-7  # [s] below it the step is taken whatever its error, so that nothing can hang
@@ -328,7 +378,7 @@ def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, 
         given, the run is drawn towards them at the rate `injection` [1/s].
     y0 : state at the first sample, shape (STATES,). dt : [s]. tolerance : relative local error of a step.
     chain : filter behind the accelerometer, as `anti_alias.filter_step`.
-    pace : instants of the steps by sample, shape (n, 1 + MOST) of pace.py, or of no samples: kept there, or if
+    pace : instants of the steps by sample, shape (n, 1 + MOST) of `begin_sample`, or of no samples: kept there, or if
         `following` taken from there.
     out : result, shape (n, OUTPUTS), row k is the instant t_k, before command k acts.
     """

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from scipy.linalg import eig
 from scipy.optimize import root
 
-from shake_ros.core.bulk_modulus.oil_spring import natural_frequency
 from shake_ros.core.bulk_modulus.selected import moduli
-from shake_ros.core.effects.coupling_backlash import has_play
+from shake_ros.core.bulk_modulus.stiffness import natural_frequency
+from shake_ros.core.effects.structure import has_play
 from shake_ros.core.plant.cylinder import Sides, oil_spring, rest_pressures
 from shake_ros.core.plant.parameters import INDEX, TableParameters, records
 from shake_ros.core.plant.right_hand_side import active_states, right_hand_side

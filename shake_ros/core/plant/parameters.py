@@ -4,11 +4,14 @@ A table is a tree of sections (`body`, `supply`, `valve`, …) and `effects`. It
 `effects.soft_zone.depth`) are the names of a YAML file, of ROS parameters, of a fit and of a report; the record's
 fields are the same names with underscores for dots. Its layout tells which sections and effects there are: FULL_LAYOUT
 is that of the sixth-order table (6.15), plant/reduced.py and plant/axis.py have the two others.
+
+The dead time between a command and its action: that of a table, and that of the loop around it.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass
 from functools import cached_property
@@ -20,9 +23,8 @@ from shake_ros.core.bulk_modulus import BULK_MODULI, BulkModulusLaw
 from shake_ros.core.effects import EFFECTS, Effect
 from shake_ros.core.friction import FRICTIONS, FrictionLaw
 from shake_ros.core.packing import field_value, name_of, union_fields
-from shake_ros.core.plant.cavitation import Cavitation
-from shake_ros.core.plant.pipelines import Pipelines
-from shake_ros.core.plant.shear_frame import ShearFrame
+from shake_ros.core.plant.chamber import Cavitation, Pipelines
+from shake_ros.core.plant.specimen import ShearFrame
 from shake_ros.core.quantities import Parameters, ShakeError, member_from, quantity, strict_keys, unknown_name
 from shake_ros.core.valve import VALVES
 
@@ -322,3 +324,18 @@ FULL_LAYOUT = TableLayout(
     optional=("cavitation", "pipelines", "frame"),
 )
 FIELDS, NAMES, INDEX, records = FULL_LAYOUT.fields, FULL_LAYOUT.names, FULL_LAYOUT.index, FULL_LAYOUT.records
+
+
+DELAY = "effects.command_delay.delay"
+
+
+def dead_time(table: TableParameters, sample_time: float) -> tuple[int, float]:
+    """Whole samples and fraction of a sample of the table's dead time."""
+    delay = table.value(DELAY) / sample_time
+    whole = math.floor(delay)
+    return whole, delay - whole
+
+
+def delayed_by(table: TableParameters, loop_delay: float) -> TableParameters:
+    """The table as a loop sees it that delays each command by `loop_delay` [s] before the table does."""
+    return table.with_values({DELAY: table.value(DELAY) + loop_delay}) if loop_delay else table

@@ -20,17 +20,18 @@ import math
 import numpy as np
 
 from shake_ros.core.compiled import kernel, njit
-from shake_ros.core.plant.anti_alias import OUTPUT, advance_filter
 from shake_ros.core.plant.dormand_prince import PACE, STAGE, workspace
 from shake_ros.core.plant.integration import (
     acceleration_now,
     advance_sample,
+    begin_sample,
     delayed,
+    end_sample,
     felt,
     position_sensor,
     scaled,
 )
-from shake_ros.core.plant.pace import begin_sample, end_sample
+from shake_ros.core.plant.sensors import OUTPUT, advance_filter
 from shake_ros.core.plant.states import (
     BASE_RATE,
     LAGGED_POSITION,

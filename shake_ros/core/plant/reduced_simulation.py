@@ -18,10 +18,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.effects.asymmetric_flow_gain import flow_factor
-from shake_ros.core.effects.position_dependent_friction import dry_level
-from shake_ros.core.effects.specimen_resonance import spring_force
-from shake_ros.core.effects.spool_deadband import effective_spool
+from shake_ros.core.effects.friction import dry_level
+from shake_ros.core.effects.structure import spring_force
+from shake_ros.core.effects.valve import effective_spool, flow_factor
 from shake_ros.core.plant.integration import delayed
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import REDUCED_LAYOUT

@@ -9,14 +9,9 @@ from __future__ import annotations
 import math
 
 from shake_ros.core.compiled import inlined_kernel, kernel
-from shake_ros.core.effects.base_flexibility import base_acceleration
-from shake_ros.core.effects.coupling_backlash import contact_force, has_play
-from shake_ros.core.effects.film_friction import film_rate
-from shake_ros.core.effects.oil_warming import thickness, warmer
-from shake_ros.core.effects.position_dependent_friction import dry_level
-from shake_ros.core.effects.presliding_friction import deflection
-from shake_ros.core.effects.specimen_resonance import spring_force
-from shake_ros.core.effects.supply_droop import pressure_rate
+from shake_ros.core.effects.friction import deflection, dry_level, film_rate
+from shake_ros.core.effects.hydraulics import pressure_rate, thickness, warmer
+from shake_ros.core.effects.structure import base_acceleration, contact_force, has_play, spring_force
 from shake_ros.core.effects.unlisted import (
     FORCE_OF_POSITION,
     FORCE_OF_VELOCITY,
@@ -41,7 +36,7 @@ from shake_ros.core.friction.tustin import CODE as TUSTIN
 from shake_ros.core.friction.tustin import direction, level
 from shake_ros.core.plant.cylinder import load_pressure
 from shake_ros.core.plant.hydraulics import chamber_pressure, pressure_rates
-from shake_ros.core.plant.shear_frame import foot_force, storey_rates
+from shake_ros.core.plant.specimen import foot_force, storey_rates
 from shake_ros.core.plant.states import (
     BASE,
     BASE_RATE,
@@ -69,7 +64,7 @@ from shake_ros.core.plant.states import (
     VELOCITY,
 )
 from shake_ros.core.valve.detailed import CODE as DETAILED
-from shake_ros.core.valve.flow_force import acts
+from shake_ros.core.valve.ports import acts
 from shake_ros.core.valve.simplified import spool_acceleration
 
 SHORTEST_LAG = 1e-4  # [s] of a sensor's state; of a shorter lag, which would only be stiff, the sensor shows a part

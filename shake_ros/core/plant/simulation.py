@@ -7,11 +7,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from shake_ros.core.plant.anti_alias import filter_step
 from shake_ros.core.plant.cylinder import rest_pressures
-from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, simulate
-from shake_ros.core.plant.pace import MOST
+from shake_ros.core.plant.integration import MOST, OUTPUTS, acceleration_now, simulate
 from shake_ros.core.plant.parameters import INDEX, TableParameters, records
+from shake_ros.core.plant.sensors import filter_step
 from shake_ros.core.plant.states import (
     CONTINUOUS,
     FRICTION_AT_STOP,
@@ -35,7 +34,7 @@ from shake_ros.core.valve.detailed import CODE as DETAILED
 from shake_ros.core.valve.detailed import VALVE_STATES, valve_at_rest
 
 TOLERANCE = 2e-6  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
-SMOOTH = 1e-6  # the same of a fit, whose batches follow the steps of their first run (pace.py)
+SMOOTH = 1e-6  # the same of a fit, whose batches follow the steps of their first run (integration.py)
 NOTHING = np.zeros(0)
 UNSEEN = np.zeros((0, 2))  # no measurement that draws the run
 NO_PACE = np.zeros((0, 1 + MOST))  # every run by its own steps
@@ -176,8 +175,8 @@ def run_batch(
 ) -> np.ndarray:
     """Simulate many parameter sets, under the same commands or each under its own, on all cores without the GIL.
 
-    Under the same commands all take the steps of the first one as far as their errors permit (pace.py), so that the
-    differences of the results are those of the parameters.
+    Under the same commands all take the steps of the first one as far as their errors permit (integration.py), so that
+    the differences of the results are those of the parameters.
 
     Parameters
     ----------
@@ -185,7 +184,7 @@ def run_batch(
     track : measured position, shape (n,) [m], or empty. standing : as in `run` [-].
     measured, injection : velocity [m/s] and acceleration [m/s²] of the first k samples, shape (k, 2), NaN where there
         is none, towards which the runs are drawn, and the rate [1/s].
-    cutoff : of the filter behind the accelerometer [Hz]; 0 where there is none, see anti_alias.py.
+    cutoff : of the filter behind the accelerometer [Hz]; 0 where there is none, see sensors.py.
     columns : which of COLUMNS to keep.
 
     Returns

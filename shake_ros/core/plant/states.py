@@ -7,7 +7,7 @@ of the friction laws, and the integrator's step.
 
 from __future__ import annotations
 
-from shake_ros.core.plant.shear_frame import LARGEST_STOREYS
+from shake_ros.core.plant.specimen import LARGEST_STOREYS
 
 POSITION = 0  # x_p, piston relative to the base [m]
 VELOCITY = 1  # ẋ_p [m/s]

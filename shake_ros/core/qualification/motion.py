@@ -21,8 +21,7 @@ from shake_ros.core.qualification.matching import correct, scale_amplitudes
 from shake_ros.core.qualification.required import RequiredSpectrum
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 from shake_ros.core.reference.baseline import end_at_rest, filtered
-from shake_ros.core.reference.envelope import envelope
-from shake_ros.core.reference.motion import smooth_step
+from shake_ros.core.reference.motion import envelope, smooth_step
 
 Array = NDArray[np.float64]
 COARSE = 0.004  # [s], about the time step at which a motion is matched

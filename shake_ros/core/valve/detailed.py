@@ -31,8 +31,7 @@ import numpy as np
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import Parameters, quantity
-from shake_ros.core.valve.flow_force import acts, flow_force
-from shake_ros.core.valve.ports import sroot
+from shake_ros.core.valve.ports import acts, flow_force, sroot
 
 CURRENT, FLAPPER, FLAPPER_RATE, NOZZLE_1, NOZZLE_2, OUTLET, SPOOL, SPOOL_RATE = range(8)
 CODE = 1

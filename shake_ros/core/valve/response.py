@@ -15,7 +15,7 @@ from shake_ros.core.packing import record
 from shake_ros.core.quantities import Parameters
 from shake_ros.core.valve import VALVES, detailed
 from shake_ros.core.valve.detailed import VALVE_STATES, carry_valve, valve_at_rest
-from shake_ros.core.valve.flow_force import no_load
+from shake_ros.core.valve.ports import no_load
 from shake_ros.core.valve.simplified import limited_motion
 
 SMALL = 1e-3  # [-] amplitude of the frequency response of the linearised valve

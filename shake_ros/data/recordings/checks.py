@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shake_ros.core.analysis.clipping import standing_at
+from shake_ros.core.analysis.stretches import standing_at
 from shake_ros.data.recordings.align import Grid
 from shake_ros.data.recordings.cdr import Floats
 from shake_ros.data.recordings.findings import Finding

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shake_ros.core.analysis.clipping import clipped, restored
+from shake_ros.core.analysis.stretches import clipped, restored
 
 WAVE = np.sin(np.arange(2000) / 20.0)
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from shake_ros.core.analysis.describing_function import describing_function
+from shake_ros.core.analysis.frequency_response import describing_function
 from shake_ros.core.quantities import ShakeError
 from shake_ros.settings import load_table
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.analysis.steady_part import steady_part
+from shake_ros.core.analysis.stretches import steady_part
 from shake_ros.core.quantities import ShakeError
 
 TIME = np.arange(10000) * 0.001

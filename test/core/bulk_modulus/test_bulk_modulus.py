@@ -7,17 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from shake_ros.core.bulk_modulus import (
-    BULK_MODULI,
-    BulkModulusLaw,
-    definitions,
-    ifas,
-    nykanen,
-    oil_spring,
-    pipe_compliance,
-)
+from shake_ros.core.bulk_modulus import BULK_MODULI, BulkModulusLaw, ifas, nykanen, stiffness
 from shake_ros.core.bulk_modulus.selected import moduli
-from shake_ros.core.effects.soft_zone import factor as soft_zone
+from shake_ros.core.effects.hydraulics import factor as soft_zone
 from shake_ros.settings import config_folder, load_variant
 
 NAMES = sorted(path.stem for path in (config_folder() / "bulk_modulus").glob("*.yaml"))
@@ -111,7 +103,7 @@ def test_Backe_and_Murrenhoff_relate_the_slope_to_the_first_volume(pressure: flo
 def test_IFAS_is_the_tangent_modulus_of_its_volume(pressure: float, m: float) -> None:
     numbers = (LIQUID, m, ALPHA, KAPPA, P_0)
     rate = slope(lambda p: ifas.relative_volume(p, *numbers), pressure)
-    expected = definitions.tangent(ifas.relative_volume(pressure, *numbers), 1.0 / rate)
+    expected = stiffness.tangent(ifas.relative_volume(pressure, *numbers), 1.0 / rate)
     assert modulus("ifas", pressure, slope=m, **MIXTURE) == pytest.approx(expected, rel=1e-6)
 
 
@@ -148,14 +140,14 @@ def test_warm_oil_is_softer_after_Eggerth() -> None:
 def test_adiabatic_and_isothermal_moduli_of_table_2_2_have_one_ratio() -> None:
     adiabatic_secant, adiabatic_tangent, isothermal_secant, isothermal_tangent = 2.15e9, 2.41e9, 1.88e9, 2.15e9
     ratio = adiabatic_tangent / isothermal_tangent  # C_p/C_v = 1.12
-    assert definitions.adiabatic_from_isothermal(isothermal_tangent, ratio) == adiabatic_tangent
-    assert definitions.adiabatic_from_isothermal(isothermal_secant, ratio) == pytest.approx(adiabatic_secant, rel=0.025)
+    assert stiffness.adiabatic_from_isothermal(isothermal_tangent, ratio) == adiabatic_tangent
+    assert stiffness.adiabatic_from_isothermal(isothermal_secant, ratio) == pytest.approx(adiabatic_secant, rel=0.025)
 
 
 @pytest.mark.parametrize(("secant", "tangent"), [(2.15e9, 2.41e9), (1.88e9, 2.15e9)])
 def test_tangent_moduli_of_table_2_2_follow_from_the_secant_ones(secant: float, tangent: float) -> None:
     # 50 MPa; the secant modulus of mineral oil rises by 5 to 6 per unit of pressure
-    assert definitions.tangent_from_secant(secant, 50e6, 5.3) == pytest.approx(tangent, rel=0.02)
+    assert stiffness.tangent_from_secant(secant, 50e6, 5.3) == pytest.approx(tangent, rel=0.02)
 
 
 def test_tangent_from_secant_is_the_derivative_of_the_volume() -> None:
@@ -165,10 +157,10 @@ def test_tangent_from_secant_is_the_derivative_of_the_volume() -> None:
         return 1.0 - p / (e_0 + m * p)  # (2.12) with V_0 = 1 and a secant modulus E_0 + m P
 
     for pressure in (1e6, 2e7, 1e8):
-        expected = definitions.tangent(volume(pressure), 1.0 / slope(volume, pressure))
-        secant = definitions.secant(pressure, volume(pressure), 0.0, 1.0)
+        expected = stiffness.tangent(volume(pressure), 1.0 / slope(volume, pressure))
+        secant = stiffness.secant(pressure, volume(pressure), 0.0, 1.0)
         assert secant == pytest.approx(e_0 + m * pressure, rel=1e-6)
-        assert definitions.tangent_from_secant(e_0 + m * pressure, pressure, m) == pytest.approx(expected, rel=1e-6)
+        assert stiffness.tangent_from_secant(e_0 + m * pressure, pressure, m) == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_tube_widens_as_Lame_says() -> None:
@@ -176,39 +168,39 @@ def test_a_tube_widens_as_Lame_says() -> None:
     ratio = (outer / inner) ** 2
     radial, hoop, axial = -p, p * (ratio + 1.0) / (ratio - 1.0), p / (ratio - 1.0)  # closed ends, at the bore
     growth = 2.0 * (hoop - poisson * (radial + axial)) / young + (axial - poisson * (radial + hoop)) / young
-    w = pipe_compliance.thick_wall(outer, inner, poisson)
+    w = stiffness.thick_wall(outer, inner, poisson)
     assert w * p / young == pytest.approx(growth, rel=1e-12)
     oil = 1.5e9
-    assert pipe_compliance.effective_modulus(oil, young, w) == pytest.approx(1.0 / (1.0 / oil + growth / p), rel=1e-12)
+    assert stiffness.effective_modulus(oil, young, w) == pytest.approx(1.0 / (1.0 / oil + growth / p), rel=1e-12)
 
 
 def test_a_thin_wall_is_the_limit_of_a_thick_one_within_its_five_per_cent() -> None:
     inner, wall = 0.1, 1e-5
-    thick = pipe_compliance.thick_wall(inner + 2.0 * wall, inner, 0.3)
-    assert thick / pipe_compliance.thin_wall(inner, wall) == pytest.approx((5.0 - 4.0 * 0.3) / 4.0, rel=1e-3)
+    thick = stiffness.thick_wall(inner + 2.0 * wall, inner, 0.3)
+    assert thick / stiffness.thin_wall(inner, wall) == pytest.approx((5.0 - 4.0 * 0.3) / 4.0, rel=1e-3)
 
 
 def test_oil_spring_is_the_force_of_trapped_oil_per_displacement() -> None:
     e, a_1, v_1, a_2, v_2 = 1.2e9, 1e-3, 2e-4, 0.8e-3, 1.5e-4
     move = 1e-7
     force = a_1 * e * math.log(v_1 / (v_1 - a_1 * move)) - a_2 * e * math.log(v_2 / (v_2 + a_2 * move))
-    assert oil_spring.stiffness(e, a_1, v_1, a_2, v_2) == pytest.approx(force / move, rel=1e-5)
+    assert stiffness.stiffness(e, a_1, v_1, a_2, v_2) == pytest.approx(force / move, rel=1e-5)
 
 
 def test_oil_spring_is_softest_in_the_middle_for_equal_areas() -> None:
     total, area = 2.4586e-4, 9.4562e-4
-    softest = oil_spring.softest_volume(area, area, total)
+    softest = stiffness.softest_volume(area, area, total)
     assert softest == pytest.approx(0.5 * total)
     volumes = np.linspace(0.1, 0.9, 81) * total
-    stiff = [oil_spring.stiffness_of_total(1e9, area, v, 0.7 * area, total) for v in volumes]
+    stiff = [stiffness.stiffness_of_total(1e9, area, v, 0.7 * area, total) for v in volumes]
     assert volumes[np.argmin(stiff)] == pytest.approx(
-        oil_spring.softest_volume(area, 0.7 * area, total), abs=0.01 * total
+        stiffness.softest_volume(area, 0.7 * area, total), abs=0.01 * total
     )
 
 
 def test_twice_the_mass_swings_slower_by_the_root_of_two() -> None:
-    assert oil_spring.natural_frequency(1e7, 1000.0) == 100.0
-    assert oil_spring.natural_frequency(1e7, 500.0) == pytest.approx(141.42, rel=1e-4)
+    assert stiffness.natural_frequency(1e7, 1000.0) == 100.0
+    assert stiffness.natural_frequency(1e7, 500.0) == pytest.approx(141.42, rel=1e-4)
 
 
 def test_soft_zone_has_the_values_of_table_6_9() -> None:

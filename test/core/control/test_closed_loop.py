@@ -10,9 +10,15 @@ import pytest
 from numpy.typing import NDArray
 
 from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.closed_loop import ClosedLoop, simulate_closed_loop
+from shake_ros.core.control.closed_loop import (
+    ClosedLoop,
+    command_travel,
+    normalised_cost,
+    simulate_closed_loop,
+    tracking_cost,
+    tune,
+)
 from shake_ros.core.control.runner import Controller
-from shake_ros.core.control.tuning import command_travel, normalised_cost, tracking_cost, tune
 from shake_ros.core.control.virtual_table import VirtualTable
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.runner import Controller, switch
-from shake_ros.core.control.selected import HEAD
+from shake_ros.core.control.runner import HEAD, Controller, switch
 from shake_ros.core.dispatch import kernel_of
 from shake_ros.core.packing import records
 from shake_ros.core.plant import reduced

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shake_ros.core.control import CONTROLLERS, input_filter, minimal_control_synthesis, pid, three_variable
+from shake_ros.core.control import CONTROLLERS, minimal_control_synthesis, pid, three_variable
+from shake_ros.core.control import law as input_filter
 from shake_ros.core.control import super_twisting_implicit as implicit
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.control.selected import HEAD, feedforward_law, step_law
+from shake_ros.core.control.runner import HEAD, Controller, feedforward_law, step_law
 from shake_ros.core.dispatch import kernel_of
 from shake_ros.core.packing import numbers, records
 from shake_ros.core.plant import reduced
-from shake_ros.core.reference import filter as reference_filter
+from shake_ros.core.reference import shaping as reference_filter
 from shake_ros.settings import load_variant
 
 DT = 0.001

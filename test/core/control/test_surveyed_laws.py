@@ -10,8 +10,7 @@ import pytest
 from scipy.linalg import expm, solve_discrete_lyapunov
 
 from shake_ros.core.control import CONTROLLERS, differential_pressure, linear_quadratic, reaction_compensation
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.control.selected import HEAD
+from shake_ros.core.control.runner import HEAD, Controller
 from shake_ros.settings import load_variant
 
 DT = 0.001

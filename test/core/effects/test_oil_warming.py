@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.effects.oil_warming import OilWarming
+from shake_ros.core.effects.hydraulics import OilWarming
 from shake_ros.core.fluid.oil import Oil
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter

@@ -6,7 +6,7 @@ import numpy as np
 
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
-from shake_ros.core.loop.benefit import benefit
+from shake_ros.core.loop.trials import benefit
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.loop.comparison import Outcome, by_load, summarise
-from shake_ros.core.loop.metrics import Judged, Metrics, judge, spectrum_of, tracking_delay
+from shake_ros.core.loop.metrics import Judged, Metrics, Outcome, by_load, judge, spectrum_of, summarise, tracking_delay
 
 DT, STROKE, OMEGA = 0.001, 0.26, 4.0 * math.pi
 TIME = np.arange(4000) * DT

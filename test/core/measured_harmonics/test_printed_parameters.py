@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from shake_ros.core.bulk_modulus.ifas import mixture
-from shake_ros.core.effects.soft_zone import factor
+from shake_ros.core.effects.hydraulics import factor
 from shake_ros.core.measured_harmonics.account import account
 from shake_ros.core.measured_harmonics.harmonics import HarmonicProblem, HarmonicRun
 from shake_ros.core.measured_harmonics.printed_parameters import PrintedParameters

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from shake_ros.core.dispatch import kernel_of
-from shake_ros.core.observer import OBSERVERS, linear, selected
+from shake_ros.core.observer import OBSERVERS, linear, runner
 from shake_ros.core.observer.runner import ABSENT, Observer
 from shake_ros.core.packing import records
 from shake_ros.core.plant import reduced
@@ -171,11 +171,11 @@ def test_linear_observer_has_no_steady_error_under_a_null_shift() -> None:
 
 def test_sliding_mode_feeds_a_stage_only_once_the_one_before_has_reached_its_surface() -> None:
     law = records(OBSERVERS, load_variant("observer", "sliding_mode", OBSERVERS)[1])
-    step = selected.step_of("sliding_mode")
+    step = runner.step_of("sliding_mode")
 
     def fed(position: float) -> Array:
         estimate = np.empty(3)
-        step(np.zeros(3), law, selected.NO_MODEL, np.array([position, *ABSENT]), 0.0, DT, selected.work(), estimate)
+        step(np.zeros(3), law, runner.NO_MODEL, np.array([position, *ABSENT]), 0.0, DT, runner.work(), estimate)
         return estimate
 
     far = fed(1e-3)  # 1 mm: far beyond dt λ_1 = 30 µm
@@ -243,11 +243,11 @@ def test_model_observer_sees_through_effects_that_its_table_has() -> None:
 
 def whole_run(observer: Observer, positions: Array, commands: Array) -> Array:
     """Estimates by the one compiled step."""
-    state, space, estimates = observer.initial_state(positions[0]), selected.work(), np.empty((len(positions), 3))
+    state, space, estimates = observer.initial_state(positions[0]), runner.work(), np.empty((len(positions), 3))
     for k, position in enumerate(positions):
         command = commands[k - 1] if k else 0.0
         measured = np.array([position, *ABSENT])
-        selected.step_observer(state, *observer.compiled, measured, command, DT, space, estimates[k])
+        runner.step_observer(state, *observer.compiled, measured, command, DT, space, estimates[k])
     return estimates
 
 
@@ -272,7 +272,7 @@ def test_run_refuses_series_that_do_not_fit(positions: list[float], commands: li
 def test_every_observer_has_a_number_of_its_own_above_zero() -> None:
     codes = {member.code for member in OBSERVERS.values()}
     assert len(codes) == len(OBSERVERS)
-    assert min(codes) > selected.NO_OBSERVER[0]["kind"] == 0.0
+    assert min(codes) > runner.NO_OBSERVER[0]["kind"] == 0.0
 
 
 @pytest.mark.parametrize("name", CONFIGURATIONS)
@@ -293,6 +293,6 @@ def test_compiled_observer_equals_plain_python(name: str) -> None:
     results = []
     for function in (observe, plain):
         state, estimate = parameters.started(np.array([0.0, 0.1, 1.0]), 0.0, DT, None), np.empty(3)
-        function(state, p, selected.NO_MODEL[0], np.array([2e-5, *ABSENT]), 0.1, DT, selected.work(), estimate)
+        function(state, p, runner.NO_MODEL[0], np.array([2e-5, *ABSENT]), 0.1, DT, runner.work(), estimate)
         results.append(np.append(state, estimate))
     np.testing.assert_allclose(*results, rtol=1e-14)  # numba takes a whole power by multiplication

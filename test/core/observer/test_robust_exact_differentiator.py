@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer import robust_exact_differentiator as red
 from shake_ros.core.observer.robust_exact_differentiator import RobustExactDifferentiator
-from shake_ros.core.observer.selected import NO_MODEL, step_of, work
+from shake_ros.core.observer.runner import NO_MODEL, step_of, work
 from shake_ros.core.packing import records
 
 DT = 0.001

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from shake_ros.core.plant.anti_alias import NONE, advance_filter, filter_step
+from shake_ros.core.plant.sensors import NONE, advance_filter, filter_step
 from shake_ros.core.plant.simulation import run
 from shake_ros.settings import load_table
 

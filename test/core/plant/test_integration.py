@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.plant import reference_model as reference
-from shake_ros.core.plant.dormand_prince import PATH, STAGE, dormand_prince, workspace
+from shake_ros.core.plant.dormand_prince import PATH, STAGE, dormand_prince, spool_path, workspace
 from shake_ros.core.plant.parameters import records
 from shake_ros.core.plant.right_hand_side import table_rates
 from shake_ros.core.plant.simulation import initial_state, run
-from shake_ros.core.plant.spool_path import spool_path
 from shake_ros.core.plant.states import DECLARED, VELOCITY
 from shake_ros.settings import load_table
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from shake_ros.core.bulk_modulus import BULK_MODULI
-from shake_ros.core.effects.soft_zone import factor as soft_zone
+from shake_ros.core.effects.hydraulics import factor as soft_zone
+from shake_ros.core.plant.cylinder import findings_of_run
 from shake_ros.core.plant.linearisation import linearise, oil_column_frequency, operating_point
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters, records
-from shake_ros.core.plant.pressure_bounds import findings_of_run
 from shake_ros.core.plant.right_hand_side import active_states, right_hand_side
 from shake_ros.core.plant.simulation import initial_state, run
 from shake_ros.core.plant.states import CONTINUOUS, LINE_FLOW_A, LINE_PRESSURE_A, PRESSURE_A, PRESSURE_B, VELOCITY

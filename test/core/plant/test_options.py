@@ -12,11 +12,10 @@ from scipy.integrate import solve_ivp
 from benchmarks.plant import reference_model as reference
 from shake_ros.core.fluid.oil import Oil
 from shake_ros.core.friction import FRICTIONS
-from shake_ros.core.plant.cavitation import acting_pressure
+from shake_ros.core.plant.chamber import acting_pressure, flow_rate, half_volume
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.plant.pipelines import flow_rate, half_volume
-from shake_ros.core.plant.shear_frame import ShearFrame, foot_force, natural_frequencies, storey_rates
 from shake_ros.core.plant.simulation import run
+from shake_ros.core.plant.specimen import ShearFrame, foot_force, natural_frequencies, storey_rates
 from shake_ros.core.plant.states import DECLARED, STOREY
 from shake_ros.core.plant.temperature import at_temperature
 from shake_ros.core.quantities import ShakeError

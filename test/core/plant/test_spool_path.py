@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from shake_ros.core.plant.dormand_prince import END, END_RATE, LENGTH, NODES, spool_path
 from shake_ros.core.plant.parameters import records
 from shake_ros.core.plant.simulation import initial_state, run
-from shake_ros.core.plant.spool_path import END, END_RATE, LENGTH, NODES, spool_path
 from shake_ros.core.plant.states import SPOOL, SPOOL_RATE
 from shake_ros.core.valve.simplified import motion_weights
 from shake_ros.settings import load_table

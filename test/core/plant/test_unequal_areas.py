@@ -10,15 +10,21 @@ from numpy.typing import NDArray
 from scipy.integrate import simpson
 
 from benchmarks.plant import reference_model as reference
-from shake_ros.core.plant.cylinder import pressure_left, rest_pressures, steady_speeds, volumes
+from shake_ros.core.plant.cylinder import (
+    findings_of_run,
+    highest_pressure,
+    pressure_left,
+    rest_pressures,
+    steady_speeds,
+    volumes,
+)
 from shake_ros.core.plant.linearisation import linearise, oil_column_frequency, operating_point
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.pressure_bounds import findings_of_run, highest_pressure
 from shake_ros.core.plant.reduced import closed_form
 from shake_ros.core.plant.reduced_simulation import run as run_reduced
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.plant.states import POSITION, PRESSURE_A, PRESSURE_B, SPOOL, VELOCITY
-from shake_ros.core.reference.envelope import envelope
+from shake_ros.core.reference.motion import envelope
 from shake_ros.settings import load_table
 
 Array = NDArray[np.float64]

@@ -7,10 +7,17 @@ import pytest
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.baseline import correct_baseline, filtered, integrate, resample
-from shake_ros.core.reference.earthquake import EarthquakeParameters, fit, motion, synthetic_record
-from shake_ros.core.reference.envelope import envelope as table_envelope
+from shake_ros.core.reference.earthquake import (
+    EarthquakeParameters,
+    accelerogram,
+    envelope,
+    fit,
+    ground_filter,
+    motion,
+    synthetic_record,
+)
 from shake_ros.core.reference.motion import EarthquakeRecord
-from shake_ros.core.reference.synthetic import accelerogram, envelope, ground_filter
+from shake_ros.core.reference.motion import envelope as table_envelope
 from shake_ros.data.reference_program import build_program, load_reference
 from shake_ros.settings import load_table
 

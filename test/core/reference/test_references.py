@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference import filter as reference_filter
 from shake_ros.core.reference import multisine, pulse, sine_beat, sweep
+from shake_ros.core.reference import shaping as reference_filter
 from shake_ros.core.reference.motion import smooth_step
 from shake_ros.core.reference.shaping import window
 

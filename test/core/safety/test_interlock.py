@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.core.safety import sensors
+from shake_ros.core.safety import causes as sensors
 from shake_ros.core.safety.causes import ACTIONS, CAUSES, HYDRAULIC, InterlockParameters
 from shake_ros.core.safety.interlock import ERROR, OK, WARN, Interlock
 from shake_ros.core.safety.stages import HIGH, LOW, OFF, RUN

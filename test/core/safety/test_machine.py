@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.safety.faults import BIASED, FROZEN, MACHINE_FAULTS, MISSING, NOISY, MachineFaultParameters
-from shake_ros.core.safety.machine import Machine
-from shake_ros.core.safety.power_unit import PowerUnitParameters
+from shake_ros.core.safety.machine import Machine, PowerUnitParameters
 from shake_ros.core.safety.stages import HIGH, LOW, OFF, RUN
 from shake_ros.settings import load_table
 

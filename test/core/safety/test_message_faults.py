@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.core.safety.message_faults import MessageFaultParameters, MessageFaults
+from shake_ros.core.safety.faults import MessageFaultParameters, MessageFaults
 
 MS = 1_000_000
 COUNT = 4000
