@@ -42,7 +42,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
 )
 # Arrows that go sideways or up, each with its reason.
 ALLOWED = {
-    ("shake_ros.api.demo_runs", "shake_ros.ros.experiment"),  # the demo runs the loop, in a function that needs ROS
+    ("shake_ros.api.demo_runs", "shake_ros.ros.graph"),  # the demo runs the loop, in a function that needs ROS
     ("shake_ros.cli.live", "shake_ros.ros.live_table"),  # likewise: a command that moves the table of a running graph
 }
 RANKS = {group: rank for rank, layer in enumerate(LAYERS) for group in layer}

@@ -16,9 +16,8 @@ import sys
 import time
 
 from shake_ros.bridge import wire
-from shake_ros.bridge.host import Host
-from shake_ros.bridge.target import TargetLink
-from shake_ros.bridge.vectors import vectors
+from shake_ros.bridge.ends import Host, TargetLink
+from shake_ros.cli.target_emulator import vectors
 
 KEY = bytes(range(32))
 BATCH = 32  # datagrams between two looks, fewer than a socket holds

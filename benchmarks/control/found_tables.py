@@ -55,7 +55,7 @@ from shake_ros.core.loop.trials import AT_REST
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer, work
 from shake_ros.core.plant.parameters import FIELDS, FULL_LAYOUT, TableParameters
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import load_table, load_variant
 

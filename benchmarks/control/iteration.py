@@ -32,7 +32,7 @@ from shake_ros.core.loop.metrics import spectrum_of
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 

@@ -41,7 +41,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.program import Program
-from shake_ros.data.reference_program import build_program, load_reference, make_program
+from shake_ros.data.reference_file import build_program, load_reference, make_program
 from shake_ros.settings import load_table, load_variant
 
 Array = NDArray[np.float64]

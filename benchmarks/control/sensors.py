@@ -32,7 +32,7 @@ from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.model import ModelObserver
 from shake_ros.core.observer.runner import Observer, step_observer, work
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.settings import load_table, load_variant
 
 SECONDS, LOST_AT = 8.0, 4.0  # [s] of the earthquake

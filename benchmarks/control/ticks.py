@@ -22,7 +22,7 @@ from shake_ros.core.observer.carried import work
 from shake_ros.core.observer.load import LoadTracker, LoadTracking, track
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.table import Table
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 DT, SAMPLES, FIRST = 1e-3, 3000, 500  # the first samples compile

@@ -19,7 +19,7 @@ from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.settings import load_table, load_variant
 
 SAMPLE_TIME = 0.001

@@ -28,7 +28,7 @@ from shake_ros.core.observer.load import LoadTracker, LoadTracking, track
 from shake_ros.core.observer.runner import step_observer, work
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.specimen import set_load
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.settings import find, load_table, read_yaml
 
 SECONDS, FIRST = 10.0, 2.0  # [s] of the earthquake; errors count from here on

@@ -28,7 +28,7 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.ros.graph import Graph, NodeSpec
 from shake_ros.ros.interface import DIAGNOSTICS
 from shake_ros.settings import find, load_table, load_variant, read_yaml

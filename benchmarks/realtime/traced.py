@@ -26,9 +26,9 @@ from typing import Any
 from shake_ros.__main__ import main as shake
 from shake_ros.ros import loop
 from shake_ros.ros.diagnostics import Diagnostics
+from shake_ros.ros.frame import Reader
 from shake_ros.ros.hardware_bridge_node import HardwareBridge
 from shake_ros.ros.interlock import NodeInterlock
-from shake_ros.ros.samples import Reader
 
 LIMIT = 2_000_000  # a step so much later than due is a pause [ns]
 PERIOD = 1_000_000  # [ns]

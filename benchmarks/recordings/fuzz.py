@@ -33,8 +33,8 @@ from tqdm import tqdm
 from benchmarks import ROOT
 from benchmarks.recordings import seeds
 from shake_ros import settings
-from shake_ros.bridge.channels import BridgeParameters
 from shake_ros.bridge.emulator import EmulatorParameters
+from shake_ros.bridge.table_link import BridgeParameters
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import ShakeError
@@ -42,7 +42,7 @@ from shake_ros.core.safety.machine import PowerUnitParameters
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.recordings import read_table_recording
 from shake_ros.data.recordings.bag import METADATA
-from shake_ros.data.reference_program import load_reference
+from shake_ros.data.reference_file import load_reference
 from shake_ros.realtime import RealtimeParameters
 
 LIMIT = 2.0  # of processor time for one input [s]

@@ -31,9 +31,9 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import BagWriter, iterate_table_recording, read_table_recording
 from shake_ros.data.recordings.bag import Bag
 from shake_ros.data.recordings.cdr import columns, typestore
-from shake_ros.data.recordings.mcap_writer import CHUNK_SIZE
 from shake_ros.data.recordings.series import SIGNALS
 from shake_ros.data.recordings.table_writer import serialised
+from shake_ros.data.recordings.writer import CHUNK_SIZE
 
 TOPICS = ("joint_states", "imu", "reference", "valve_command")
 PERIOD = 1_000_000  # [ns]

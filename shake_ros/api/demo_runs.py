@@ -56,7 +56,7 @@ def record_run(
     ----------
     work : folder of the bag and of what the run needs. model : a name of config/table, or the path of a file.
     """
-    from shake_ros.ros.experiment import Experiment, record
+    from shake_ros.ros.graph import Experiment, record
 
     carried = str(model.resolve()) if isinstance(model, Path) else model  # a relative one would lie beside these files
     role = "excitation" if name == "excitation" else "earthquake"

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.bridging import SHORT, bridged, longest_short_gap, without_repeats
+from shake_ros.data.fit_records import SHORT, bridged, longest_short_gap, without_repeats
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
-from shake_ros.data.recordings.findings import Finding
+from shake_ros.data.recordings.bag import Finding
 from shake_ros.data.second_file import brought, clock_between, clock_line
 from shake_ros.data.tables.proposal import LONGEST_STEP, Proposal, propose
 from shake_ros.data.tables.table import Column, ColumnTable, read_table

@@ -19,7 +19,7 @@ from shake_ros.core.iteration.model import iterate_model, refit
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.settings import find, load_table, read_yaml
 
@@ -56,7 +56,7 @@ def iterate(
 
     >>> import numpy as np
     >>> import shake_ros as sr
-    >>> from shake_ros.data.reference_program import build_program
+    >>> from shake_ros.data.reference_file import build_program
     >>> wanted = np.array(build_program("earthquake_rock", 0.002).states)
     >>> time, rest = np.arange(len(wanted)) * 0.002, np.zeros(len(wanted))
     >>> run = sr.recording("run", time, rest, 0.9 * wanted[:, 0], acceleration=0.9 * wanted[:, 2], reference=wanted)

@@ -14,7 +14,7 @@ from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.api.simulated_table import SimulatedTable
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.data.drive_file import write_drive
+from shake_ros.data.reference_file import write_drive
 from shake_ros.data.results import write_folder, write_json
 from shake_ros.settings import save_table
 

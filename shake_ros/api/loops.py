@@ -19,7 +19,7 @@ from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
-from shake_ros.data.reference_program import Reference, load_reference, make_program
+from shake_ros.data.reference_file import Reference, load_reference, make_program
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 Array = NDArray[np.float64]

@@ -31,7 +31,7 @@ from shake_ros.core.plant.reduced import REDUCED_LAYOUT
 from shake_ros.core.quantities import Parameters, ShakeError
 from shake_ros.data.recordings import TableRecording, write_table_recording
 from shake_ros.data.recordings.table import Provenance
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.settings import find, load_table, load_variant, read_yaml, table_of
 
 if TYPE_CHECKING:

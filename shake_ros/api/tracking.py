@@ -14,7 +14,7 @@ from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import Parameters, choice, quantity
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.settings import find, load_variant, read_yaml
 
 

@@ -24,7 +24,7 @@ from shake_ros.core.observer.model import ModelObserver
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.data.results import refuse_existing, write_json, writing
 from shake_ros.settings import find, load_table, read_yaml, save_table
 

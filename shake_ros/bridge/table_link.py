@@ -1,17 +1,201 @@
-"""A real table as the host sees it: samples with host stamps and SI values in, commands by their stamps out."""
+"""A real table as the host sees it: samples with host stamps and SI values in, commands by their stamps out.
+
+A channel takes a raw value to SI with scale, offset, sign and limits, and the command back.
+
+The target's clock on the host's: offset and drift from the quickest datagrams.
+
+d = arrival − target time is the offset plus the way of the datagram, which is never shorter than its least. So the
+smallest d of each BUCKET is kept, and a straight line through those of the last WINDOW buckets is offset and drift.
+The offset holds the least way, some 10 µs on a cable: only a second clock could tell the two apart.
+"""
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from typing import NamedTuple
+import dataclasses
+import math
+from collections import OrderedDict, deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from shake_ros.bridge import wire
-from shake_ros.bridge.channels import UNITS, BridgeParameters
-from shake_ros.bridge.clock import TargetClock
-from shake_ros.bridge.host import Host
-from shake_ros.bridge.session import key_for
+from shake_ros.bridge.ends import Host
+from shake_ros.bridge.wire import key_for
+from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
 from shake_ros.core.safety.causes import NUMBERS
 from shake_ros.core.safety.rates import LastSecond
+
+UNITS = {
+    "position": "m",
+    "acceleration": "m/s^2",
+    "pressure_a": "Pa",
+    "pressure_b": "Pa",
+    "pressure_supply": "Pa",
+}
+
+
+@dataclass(frozen=True)
+class IoChannel(Parameters):
+    """One measured channel: value = sign · scale · (raw − offset); beyond its limits it is no reading."""
+
+    raw_unit: str = choice("unit of the raw value")
+    unit: str = choice("unit of the value")
+    present: bool = quantity("", "whether the target has this channel")
+    scale: float = quantity("unit/raw_unit", "value for one raw unit", low=1e-12, high=1e12)
+    offset: float = quantity("raw_unit", "raw value at zero", low=-1e12, high=1e12)
+    sign: int = quantity("-", "1, or -1 where the channel counts the other way", low=-1, high=1)
+    lowest: float = quantity("unit", "smallest value that can be", low=-1e12, high=1e12)
+    highest: float = quantity("unit", "largest value that can be", low=-1e12, high=1e12)
+
+    def value(self, raw: float) -> float:
+        """SI value of a raw one; NaN where it is absent, not finite or beyond the limits.
+
+        >>> channel = IoChannel("V", "m", True, 0.015, 0.1, -1, -0.15, 0.15)
+        >>> round(channel.value(2.1), 6), channel.value(12.0)
+        (-0.03, nan)
+        """
+        value = self.sign * self.scale * (raw - self.offset)
+        return value if self.present and self.lowest <= value <= self.highest else math.nan
+
+
+@dataclass(frozen=True)
+class Valve(Parameters):
+    """The command: raw = sign · scale · u + offset, within ±limit of u."""
+
+    raw_unit: str = choice("unit of the raw value")
+    scale: float = quantity("raw_unit", "raw value of the full command", low=1e-12, high=1e12)
+    offset: float = quantity("raw_unit", "raw value of the valve's null", low=-1e12, high=1e12)
+    sign: int = quantity("-", "1, or -1 where the valve is connected the other way", low=-1, high=1)
+    limit: float = quantity("-", "largest command that is ever sent", low=0.0, high=1.0)
+
+    def raw(self, u: float) -> float:
+        """Raw value of a command."""
+        return self.sign * self.scale * min(max(u, -self.limit), self.limit) + self.offset
+
+
+@dataclass(frozen=True)
+class BridgeParameters(Parameters):
+    """Where the target computer is, and its channels."""
+
+    address: str = choice("of the target computer")
+    port: int = quantity("-", "UDP port of the target computer", low=1, high=65535)
+    local_address: str = choice("of this machine on that network")
+    key_file: str = choice("shared key in hexadecimal digits; empty: none, loopback addresses only")
+    period: float = quantity("s", "of the target's samples", low=1e-5, high=0.1)
+    channels: Any = dataclasses.field(default=None)
+    valve: Any = dataclasses.field(default=None)
+
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, Any], where: str) -> BridgeParameters:
+        """Build from a YAML mapping; `channels` holds every channel, `valve` the command."""
+        if not isinstance(mapping, Mapping) or not isinstance(mapping.get("channels"), Mapping):
+            raise ShakeError(f"{where}: expected names, and under 'channels' {', '.join(UNITS)}")
+        names = [f.name for f in dataclasses.fields(cls)]
+        strict_keys(mapping, names, where, names)
+        channels = {}
+        for name, content in strict_keys(mapping["channels"], UNITS, where, UNITS, kind="channel").items():
+            channel = channels[name] = IoChannel.from_mapping(content, f"{where}: channels.{name}")
+            if channel.unit != UNITS[name]:
+                raise ShakeError(f"{where}: channels.{name}.unit = '{channel.unit}' must be {UNITS[name]}")
+            if channel.sign == 0 or channel.lowest >= channel.highest:
+                raise ShakeError(f"{where}: channels.{name}: sign 0, or lowest not below highest")
+        valve = Valve.from_mapping(mapping["valve"], f"{where}: valve")
+        if valve.sign == 0:
+            raise ShakeError(f"{where}: valve.sign = 0")
+        rest = {key: value for key, value in mapping.items() if key not in ("channels", "valve")}
+        try:
+            return cls(**rest, channels=channels, valve=valve)
+        except ShakeError as error:
+            raise type(error)(f"{where}: {error}") from None
+
+
+SECOND = 1_000_000_000
+BUCKET = SECOND // 10  # [ns]
+WINDOW = 100  # buckets
+ENOUGH = 10  # buckets before a drift is fitted
+JUMP = 50_000_000  # a distance from the line that no way of a datagram explains [ns]
+PATIENCE = 20  # so many of them in a row are another clock
+
+
+class TargetClock:
+    """Maps the target's time to the host's."""
+
+    def __init__(self) -> None:
+        self.jumps = 0
+        self.last_jump = 0.0
+        self._restart()
+
+    def _restart(self) -> None:
+        self._least: deque[tuple[int, int]] = deque(maxlen=WINDOW)
+        self._bucket: tuple[int, int] | None = None
+        self._bucket_end = 0
+        self._origin = 0
+        self._offset = 0
+        self._drift = 0.0
+        self._far = 0
+        self.samples = 0
+
+    @property
+    def ready(self) -> bool:
+        """Whether a few datagrams have come, so that one slow one does not set the offset."""
+        return self.samples >= PATIENCE
+
+    @property
+    def offset(self) -> float:
+        """Host time minus target time at the newest bucket [s]."""
+        return self._offset / SECOND
+
+    @property
+    def drift(self) -> float:
+        """How much faster the host's clock goes than the target's [-]."""
+        return self._drift
+
+    def add(self, target_time: int, arrival: int) -> None:
+        """A datagram: when it was sent [ns, target's clock], and when it came [ns, host's clock]."""
+        distance = arrival - target_time
+        if self.samples and abs(distance - self._at(target_time)) > JUMP:
+            self._far += 1
+            if self._far < PATIENCE:
+                return
+            self.last_jump = abs(distance - self._at(target_time)) / SECOND
+            self.jumps += 1
+            self._restart()
+        self._far = 0
+        self.samples += 1
+        if self._bucket is None or target_time >= self._bucket_end:
+            self._close(target_time)
+            self._bucket = (target_time, distance)
+            self._bucket_end = target_time + BUCKET
+        elif distance < self._bucket[1]:
+            self._bucket = (target_time, distance)
+        if len(self._least) < ENOUGH:
+            smallest = min([one[1] for one in self._least] + [self._bucket[1]])
+            self._origin, self._offset, self._drift = target_time, smallest, 0.0
+
+    def _close(self, now: int) -> None:
+        if self._bucket is None:
+            return
+        self._least.append(self._bucket)
+        if len(self._least) < ENOUGH:
+            return
+        first = self._least[0]
+        t = np.array([one[0] - first[0] for one in self._least], dtype=np.float64)
+        d = np.array([one[1] - first[1] for one in self._least], dtype=np.float64)
+        middle, height = float(t.mean()), float(d.mean())
+        t -= middle
+        self._drift = float(t @ d) / float(t @ t)
+        self._origin = now
+        self._offset = first[1] + round(height + self._drift * (now - first[0] - middle))
+
+    def _at(self, target_time: int) -> int:
+        return self._offset + round(self._drift * (target_time - self._origin))
+
+    def to_host(self, target_time: int) -> int:
+        """Host time of a target time [ns]."""
+        return target_time + self._at(target_time)
+
 
 REMEMBERED = 1024  # samples whose stamp a command may bear
 CAUSE_NAMES = {number: name for name, number in NUMBERS.items()}

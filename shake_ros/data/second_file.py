@@ -1,18 +1,181 @@
-"""Signals of a second file, recorded on a clock of its own, on the stamps of the first file."""
+"""Signals of a second file, recorded on a clock of its own, on the stamps of the first file.
+
+The two clocks are compared by one motion that a sensor of each file has seen:
+
+    t₁ = (t₂ − b₂)(1 + ε) + b₁ + δ
+
+The acceleration in one file is the second derivative of the position in the other; b are the times of their first
+samples. Both go through one band; δ is where they are most alike over all lags, then δ and ε are of least squares. A
+motion that repeats itself, as a sine does, is as much alike a period later: then the files do not tell. A delay of the
+accelerometer's filter is part of δ.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
-from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfiltfilt
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.optimize import least_squares
+from scipy.signal import butter, correlate, sosfiltfilt
 
-from shake_ros.core.analysis.clocks import Clock, EvenSamples, clock_of
 from shake_ros.core.quantities import ShakeError
 
-Floats = npt.NDArray[np.float64]
+Floats = NDArray[np.float64]
+Curve = Callable[[Floats], Floats]
+LOWEST, HIGHEST = 1.0, 15.0  # band that is compared [Hz]
+OF_RATE = 0.25  # of the slower rate, above which nothing is compared
+FINE = 12.0  # samples of the comparison in a period of its highest frequency
+OVERLAP = 5.0  # of both files, at least [s]
+ALIKE = 0.6  # correlation from which two sensors have seen the same motion
+APART = 0.85  # correlation elsewhere, in parts of the best, from which it is not told when
+FIRST_SPAN = 30.0  # over which the first fit is made, then over twice as much again and again [s]
+SETTLED = 1.0  # at either end, where the band's filter has not [s]
+DRIFT = 1e-3  # of a clock at most [-]
+
+
+@dataclass(frozen=True)
+class EvenSamples:
+    """A signal of even samples. begin : time of the first on its own clock [s]. values : shape (n,)."""
+
+    begin: float
+    sample_time: float
+    values: Floats
+
+    @property
+    def time(self) -> Floats:
+        """(n,) on its own clock [s]."""
+        return np.asarray(self.begin + self.sample_time * np.arange(len(self.values)))
+
+    def band(self, low: float, high: float) -> Floats:
+        """The part between two frequencies [Hz], without phase."""
+        sections = butter(2, [low, high], "bandpass", fs=1.0 / self.sample_time, output="sos")
+        return np.asarray(sosfiltfilt(sections, self.values - np.mean(self.values)))
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The second clock on the first.
+
+    begins : of both files, on their own clocks [s]. shift : of the second file's begin after the first's [s], and
+    drift : ε [-], with standard deviations. correlation of what both have seen; turned : opposite signs.
+    """
+
+    begins: tuple[float, float]
+    shift: float
+    drift: float
+    shift_deviation: float
+    drift_deviation: float
+    correlation: float
+    turned: bool
+
+    def on_first(self, time: Floats) -> Floats:
+        """Times of the second clock on the first."""
+        first, second = self.begins
+        return np.asarray((time - second) * (1.0 + self.drift) + first + self.shift)
+
+
+def clock_of(position: EvenSamples, acceleration: EvenSamples) -> Clock:
+    """The clock of an acceleration on that of a position.
+
+    Raises
+    ------
+    ShakeError : the correlation does not tell.
+    """
+    high = min(HIGHEST, OF_RATE / max(position.sample_time, acceleration.sample_time))
+    if high < 2.0 * LOWEST:
+        raise ShakeError(f"sampled too slowly to be compared (up to {high:.2g} Hz)")
+    seen = make_interp_spline(position.time - position.begin, position.band(LOWEST, high), k=5).derivative(2)
+    felt = make_interp_spline(acceleration.time - acceleration.begin, acceleration.band(LOWEST, high), k=3)
+    lengths = [(len(s.values) - 1) * s.sample_time for s in (position, acceleration)]
+    step = 1.0 / (FINE * high)
+    grids = [np.arange(0.0, length, step) for length in lengths]
+    lag, turned = _lag(seen(grids[0]), felt(grids[1]), step)
+    fit = _Comparison(seen, felt, lengths, step)
+    shift, drift = fit.fitted(lag)
+    rest, deviations = fit.deviations(shift, drift)
+    correlation = float(np.sqrt(1.0 - rest))
+    begins = position.begin, acceleration.begin
+    return Clock(begins, shift, drift, float(deviations[0]), float(deviations[1]), correlation, turned)
+
+
+def _lag(seen: Floats, felt: Floats, step: float) -> tuple[float, bool]:
+    """Time by which the second signal begins after the first [s], and whether it has the other sign."""
+    count = np.ones(len(seen)), np.ones(len(felt))
+    cross = correlate(seen, felt)
+    power = np.maximum(correlate(seen**2, count[1]), 0.0) * np.maximum(correlate(count[0], felt**2), 0.0)
+    common = np.rint(correlate(count[0], count[1]))
+    enough = common * step >= min(OVERLAP, 0.5 * min(len(seen), len(felt)) * step)
+    least = 1e-3 * float(np.sum(seen**2) * np.sum(felt**2))
+    alike = np.where(enough & (power > least), cross / np.sqrt(np.maximum(power, least)), 0.0)
+    best = int(np.argmax(np.abs(alike)))
+    peak = float(abs(alike[best]))
+    if peak < ALIKE:
+        raise ShakeError(f"the two have not seen the same motion (correlation {peak:.2f} at best)")
+    sign = alike * np.sign(alike[best]) > 0.0
+    left = best - int(np.argmin(sign[: best + 1][::-1])) if not sign[: best + 1].all() else 0
+    right = best + int(np.argmin(sign[best:])) if not sign[best:].all() else len(alike)
+    others = np.abs(alike).copy()
+    others[left:right] = 0.0
+    second = int(np.argmax(others))
+    if others[second] > APART * peak:
+        apart = abs(second - best) * step
+        raise ShakeError(
+            f"the correlation does not tell when they began: {peak:.2f} at best, {others[second]:.2f} at {apart:.3g} s "
+            "from there; a motion that repeats itself is as much alike a period later"
+        )
+    return (best - (len(felt) - 1)) * step, bool(alike[best] < 0.0)
+
+
+class _Comparison:
+    """Residuals of the second signal against the first, by shift and drift."""
+
+    def __init__(self, seen: Curve, felt: Curve, lengths: list[float], step: float) -> None:
+        self.seen, self.felt, self.lengths, self.step = seen, felt, lengths, step
+
+    def residuals(self, x: Floats, time: Floats) -> Floats:
+        """What the first signal leaves of the second one beside a gain, in parts of its size."""
+        at = time * (1.0 + x[1]) + x[0]
+        inside = (at >= 0.0) & (at <= self.lengths[0])
+        a, b = np.where(inside, self.seen(np.clip(at, 0.0, self.lengths[0])), 0.0), self.felt(time) * inside
+        size = float(np.sqrt(b @ b))
+        return np.asarray((b - a * (a @ b) / max(float(a @ a), 1e-300)) / max(size, 1e-300))
+
+    def common(self, shift: float) -> tuple[float, float]:
+        """Where both are there and their filters have settled, on the second clock [s]."""
+        first, last = max(0.0, -shift), min(self.lengths[1], self.lengths[0] - shift)
+        edge = min(SETTLED, 0.15 * (last - first))
+        return first + edge, last - edge
+
+    def fitted(self, shift: float) -> tuple[float, float]:
+        """Shift [s] and drift [-] of least squares: over a part in the midst first, then over more of it."""
+        first, last = self.common(shift)
+        middle, span, x = 0.5 * (first + last), FIRST_SPAN, np.array([shift, 0.0])
+        while True:
+            low, high = max(first, middle - 0.5 * span), min(last, middle + 0.5 * span)
+            time = np.arange(low, high, self.step)
+            scale = np.array([self.step, self.step / max(high - low, 1.0)])
+            bounds = np.array([x[0] - 1.0, -DRIFT]), np.array([x[0] + 1.0, DRIFT])
+            x = least_squares(self.residuals, x, bounds=bounds, x_scale=scale, args=(time,), diff_step=1e-6).x
+            if span >= last - first:
+                return float(x[0]), float(x[1])
+            span *= 2.0
+
+    def deviations(self, shift: float, drift: float) -> tuple[float, Floats]:
+        """Mean square of what is left, in parts, and standard deviations of shift and drift."""
+        time = np.arange(*self.common(shift), self.step)
+        x, h = np.array([shift, drift]), np.array([1e-5, 1e-7])
+        rows = [(self.residuals(x + d, time) - self.residuals(x - d, time)) / (2.0 * d.sum()) for d in np.diag(h)]
+        rest = self.residuals(x, time)
+        left = float(rest @ rest)
+        variance = left / len(time) * FINE / 2.0  # FINE / 2 samples tell as much as one of white noise
+        covariance = np.linalg.inv(np.array(rows) @ np.array(rows).T) * variance
+        return min(left, 1.0), np.sqrt(np.diag(covariance))
+
+
 FASTER = 1.5  # times as fast as the first file, from which a second one is filtered before it is thinned
 PASSED = 0.4  # of the first file's rate, up to which it passes
 LOST = 1.5  # periods between two rows from which samples are missing there

@@ -1,8 +1,15 @@
-"""What the page wants of the graph. The node in ros/ answers; the server knows no more of it than this."""
+"""What the page asks of the graph, which the node in ros/ answers, and of `lab`.
+
+The line between `lab` and its page is JSON, a line each, over a socket in a folder that only this user can enter.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import json
+import socket
 from concurrent.futures import Future
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 
@@ -27,3 +34,87 @@ class Desk(Protocol):
     def ask(self, what: str, **how: Any) -> Future[Answer]:
         """`enable`, `stop`, `reset`, `set`, `record`, `stop_recording`, `restart`, `table`, `model`."""
         ...
+
+
+LARGEST = 1 << 20  # bytes of a line
+
+
+class Line:
+    """One end of the line: what came in as whole messages, what goes out without waiting."""
+
+    def __init__(self, end: socket.socket) -> None:
+        end.setblocking(False)
+        self.end = end
+        self._rest = b""
+        self.open = True
+
+    def fileno(self) -> int:
+        """For select."""
+        return self.end.fileno()
+
+    def send(self, message: dict[str, Any]) -> None:
+        """One message; where the other end is gone, nothing."""
+        try:
+            self.end.settimeout(1.0)
+            self.end.sendall(json.dumps(message).encode() + b"\n")
+        except OSError:
+            self.open = False
+        finally:
+            with contextlib.suppress(OSError):
+                self.end.setblocking(False)
+
+    def take(self) -> list[dict[str, Any]]:
+        """All messages that have come."""
+        while self.open:
+            try:
+                data = self.end.recv(65536)
+            except BlockingIOError:
+                break
+            except OSError:
+                data = b""
+            self.open = bool(data) and len(self._rest) < LARGEST
+            self._rest += data
+        *whole, self._rest = self._rest.split(b"\n")
+        return [json.loads(line) for line in whole]
+
+    def close(self) -> None:
+        """Hang up."""
+        self.open = False
+        self.end.close()
+
+
+class Exchange:
+    """The lab's end: one page at a time, the newest."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / "lab"
+        self.door = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.door.bind(str(self.path))
+        self.door.listen(1)
+        self.door.setblocking(False)
+        self.line: Line | None = None
+
+    def take(self) -> list[dict[str, Any]]:
+        """What the page asks for."""
+        with contextlib.suppress(BlockingIOError):
+            end, _ = self.door.accept()
+            self.line = Line(end)
+        return self.line.take() if self.line else []
+
+    def send(self, message: dict[str, Any]) -> None:
+        """To the page, where there is one."""
+        if self.line and self.line.open:
+            self.line.send(message)
+
+    def close(self) -> None:
+        """No more pages."""
+        if self.line:
+            self.line.close()
+        self.door.close()
+
+
+def call_lab(path: str) -> Line:
+    """The page's end."""
+    end = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    end.connect(path)
+    return Line(end)

@@ -1,4 +1,7 @@
-"""/diagnostics of every node at 1 Hz: rate, latency, missed deadlines, stale inputs, losses, limits, state."""
+"""/diagnostics of every node at 1 Hz: rate, latency, missed deadlines, stale inputs, losses, limits, state.
+
+A node says at its end what its timing was over a whole run in real time: jitter of the period, latencies.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from shake_ros.ros.whole_run import WholeRun
+from shake_ros.core.safety.rates import Durations
 
 LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 OK, WARN, ERROR = range(3)
@@ -181,3 +184,47 @@ class Diagnostics:
         message = DiagnosticArray(status=[self.status()])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
+
+
+SETTLING = 5_000_000_000  # of the start is left out [ns]
+
+
+class WholeRun:
+    """Counts durations in bins of a microsecond, so that its memory does not grow.
+
+    Parameters
+    ----------
+    period : nominal distance of two samples [ns].
+    """
+
+    def __init__(self, period: int) -> None:
+        self.jitter = Durations()
+        self.latencies = Durations()
+        self._period = period
+        self._first = self._last = -1
+
+    def sampled(self) -> None:
+        """A sample is taken, or has come, now: how far its distance from the last one is from the period."""
+        now = time.monotonic_ns()
+        if self._settled(now):
+            self.jitter.add(abs(now - self._last - self._period))
+        self._last = now
+
+    def latency(self, nanoseconds: int) -> None:
+        """Note one latency [ns]."""
+        if self._settled(time.monotonic_ns()):
+            self.latencies.add(nanoseconds)
+
+    def _settled(self, now: int) -> bool:
+        if self._first < 0:
+            self._first = now
+        return now - self._first > SETTLING
+
+    def lines(self) -> list[str]:
+        """A line on each that was counted."""
+        found = []
+        for name, spread in {"period jitter": self.jitter, "latency": self.latencies}.items():
+            if spread.count:
+                figures = " ".join(f"{part} {value:.0f}" for part, value in spread.percentiles().items())
+                found.append(f"whole run: {name} of {spread.count}: {figures} us")
+        return found

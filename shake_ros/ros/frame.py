@@ -1,8 +1,13 @@
-"""What every node is made of: the rclpy node, its parameter sets, its place on /diagnostics, writers and readers."""
+"""What every node is made of: the rclpy node, its parameter sets, its place on /diagnostics, writers and readers.
+
+Samples are packed, counted, and refused where they are none; work that need not be done at once waits for the pause
+between the answer to one sample and the next.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,13 +25,159 @@ from rclpy.subscription import Subscription
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
 from shake_ros.realtime import RealtimeParameters
 from shake_ros.ros.claims import Claims
-from shake_ros.ros.conversions import SECOND
-from shake_ros.ros.diagnostics import ERROR, WARN, Diagnostics
+from shake_ros.ros.conversions import SECOND, OtherJointError, codec
+from shake_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Input
 from shake_ros.ros.interface import CLOCK, CLOCK_QOS, DIAGNOSTICS, NAMESPACE, TOPICS, Topic, overriding
 from shake_ros.ros.parameters import LiveSet, NodeParameters
-from shake_ros.ros.pause import Pause
-from shake_ros.ros.samples import Reader, Writer
 from shake_ros.settings import find, read_yaml
+
+
+class Pause:
+    """What a node puts off while samples come.
+
+    A report on /diagnostics takes half a period; in the middle of the way from a sample to its command it makes that
+    command late.
+
+    >>> pause = Pause()
+    >>> pause.put_off(lambda: print("at once, no sample has come"))
+    at once, no sample has come
+    >>> pause.begins()
+    >>> pause.put_off(lambda: print("after the next sample"))
+    >>> pause.begins()
+    after the next sample
+    """
+
+    def __init__(self) -> None:
+        self._answered = False  # since something was last put off
+        self._waiting: list[Callable[[], None]] = []
+
+    def put_off(self, act: Callable[[], None]) -> None:
+        """Do it in the next pause; at once where no sample has been answered since this was last called."""
+        if self._answered:
+            self._waiting.append(act)
+        else:
+            self._do_all()
+            act()
+        self._answered = False
+
+    def begins(self) -> None:
+        """A sample has been answered."""
+        self._answered = True
+        if self._waiting:
+            self._do_all()
+
+    def _do_all(self) -> None:
+        waiting, self._waiting = self._waiting, []
+        for act in waiting:
+            act()
+
+
+AGAIN = 1e-4  # pause before a message is offered again [s]; at SCHED_FIFO the reader would never run without it
+BLOCKED = 30.0  # a reader that takes nothing for this long [s] has hung
+
+
+class Writer:
+    """Publishes the samples of one topic."""
+
+    def __init__(self, frame: Frame, topic: Topic) -> None:
+        self.publisher = frame.publisher(topic)
+        self._frame = frame
+        self._topic = topic
+        packer = self.codec = codec(topic)
+        self._encode = packer.encode
+        # what `publish` does with bytes, without its checks
+        self._publish = self.publisher.handle.publish_raw if packer.packed else self.publisher.publish
+
+    def send(self, stamp: int, *values: float) -> None:
+        """Publish a sample; where a lock-step reader is behind, wait for it."""
+        data = self._encode(stamp, values)
+        try:
+            self._publish(data)
+        except RuntimeError:
+            self._insist(data)
+
+    def _insist(self, data: Any) -> None:
+        give_up = time.monotonic() + BLOCKED
+        while not self._published(data):
+            if self._frame.stopping or not self._frame.node.context.ok():
+                return
+            if time.monotonic() > give_up:
+                raise RuntimeError(f"{self._topic.name}: a reader has taken nothing for {BLOCKED:g} s")
+            time.sleep(AGAIN)
+
+    def _published(self, data: Any) -> bool:
+        try:
+            self._publish(data)
+        except RuntimeError:
+            return False
+        return True
+
+
+class Reader:
+    """Takes the samples of one topic, counts them and passes on what is whole.
+
+    Parameters
+    ----------
+    accept : called with (stamp [ns], *numbers).
+    refuse : called with (stamp, reason) for NaN, infinity, unreadable and unstamped messages; −1 where unknown.
+    doubled : called with the stamp of a message that is not newer than the one before.
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        topic: Topic,
+        accept: Callable[..., None],
+        refuse: Callable[[int, str], None] | None = None,
+        doubled: Callable[[int], None] | None = None,
+    ) -> None:
+        self.input = Input(topic.name, frame.period)
+        frame.diagnostics.inputs[topic.name] = self.input
+        self._frame = frame
+        self._topic = topic
+        self._accept = accept
+        self._refuse = refuse
+        self._doubled = doubled
+        self.codec = codec(topic)
+        self._decode = self.codec.decode
+        self.subscription = frame.subscription(topic, self._arrived)
+
+    def _arrived(self, data: bytes) -> None:
+        try:
+            stamp, values = self._decode(data)
+        except OtherJointError as error:
+            self.input.others += 1
+            return self._frame.say(OK, f"{error}: left out", key=self._topic.name)
+        except ShakeError as error:
+            return self._refused(-1, str(error))
+        if stamp <= 0:
+            return self._refused(stamp, f"{self._topic.name}: no stamp (header.stamp is 0), refused")
+        if not self.input.count(stamp):
+            if self._doubled is not None:
+                self._doubled(stamp)
+            return None
+        for value in values:
+            if not math.isfinite(value):
+                return self._refused(stamp, f"{self._topic.name}: {value} at {stamp * 1e-9:.6f} s refused")
+        return self._accept(stamp, *values)
+
+    def _refused(self, stamp: int, reason: str) -> None:
+        self.input.refused += 1
+        self._frame.say(ERROR, reason, key=self._topic.name)
+        if self._refuse is not None:
+            self._refuse(stamp, reason)
+
+    def take(self) -> int:
+        """Take all that has come, without waiting; returns when the newest arrived [ns, wall clock], 0 if nothing."""
+        arrived = 0
+        handle: Any = self.subscription.handle
+        with handle:
+            while (taken := handle.take_message(self._topic.type, True)) is not None:
+                data, info = taken
+                arrived = info["received_timestamp"]
+                self._arrived(data)
+        return arrived
+
 
 P = TypeVar("P", bound=Parameters)
 FIRST_STAMP = SECOND  # lock-step time of sample 0 [ns]; zero would read as "no stamp"

@@ -2,12 +2,17 @@
 
 Used by the demo, the tests and the scripts; no launch file. The plant is told which readers to wait for, so
 that no loop starts half and a lock-step recording has every sample from the first.
+
+`python -m shake_ros.ros.graph SPECS` runs several in one process until a signal, as `lab --composed` does.
+
+`record` is a closed-loop run of plant, reference generator, observer, controller and recorder in lock-step over DDS.
 """
 
 from __future__ import annotations
 
 import ctypes
 import importlib
+import json
 import math
 import os
 import signal
@@ -15,18 +20,18 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import IO
+from typing import IO, Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from shake_ros.core.quantities import unknown_name
+from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.entry_points import NODES
 from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, REFERENCE, TOPICS
 from shake_ros.ros.loop import TAKEN_DOWN, NodeLoop, build_node, ros_context, stopped_by_signals
@@ -343,3 +348,84 @@ def run_composed(
                 loop.run()
         finally:
             loop.close(TAKEN_DOWN if until_signal else math.inf)
+
+
+def command(nodes: Sequence[NodeSpec], lockstep: bool) -> tuple[str, ...]:
+    """The command line that runs these nodes."""
+    content = {node.executable: dict(node.parameters) for node in nodes}
+    return (sys.executable, "-m", "shake_ros.ros.graph", json.dumps({"lockstep": lockstep, "nodes": content}))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run them; returns the exit code."""
+    content: Mapping[str, Any] = json.loads(arguments[0])
+    nodes = [NodeSpec(name, parameters) for name, parameters in content["nodes"].items()]
+    try:
+        run_composed(nodes, namespace=NAMESPACE, lockstep=content["lockstep"], until_signal=True)
+    except ShakeError as error:
+        print(f"shake_ros: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
+
+
+CHECKED_EVERY = 0.1  # [s]
+SLOWEST = 50.0  # steps/s below which a run counts as stuck
+STARTING = 300.0  # time that five processes may take to start, compiling on a slow and busy machine [s]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What runs: configurations by name or path, and the seed of the sensor noise."""
+
+    table: str
+    reference: str
+    observer: str
+    controller: str
+    seed: int
+    duration: float
+
+
+def free_domain() -> int:
+    """A ROS domain of this process's own, unless the environment names one."""
+    given = os.environ.get("ROS_DOMAIN_ID")
+    return int(given) if given else 1 + os.getpid() % 100
+
+
+def record(experiment: Experiment, bag: Path, progress: Callable[[float], None] = lambda _: None) -> float:
+    """Run an experiment as separate processes and record everything to a bag.
+
+    Parameters
+    ----------
+    progress : called with the part done, 0 … 1, estimated from the clock at the usual rate.
+
+    Returns
+    -------
+    Wall time of the run with start and stop [s].
+
+    Raises
+    ------
+    GraphError : a node died, or the run is stuck.
+    """
+    nodes = [
+        NodeSpec("recorder", {"output": str(bag)}),
+        NodeSpec("controller", {"controller": experiment.controller}),
+        NodeSpec("reference_generator", {"reference": experiment.reference}),
+        NodeSpec("plant", {"table": experiment.table, "seed": experiment.seed, "duration": experiment.duration}),
+        NodeSpec("observer", {"observer": experiment.observer}),
+    ]
+    started = time.monotonic()
+    usual, limit = 3.0 + experiment.duration, STARTING + experiment.duration * 1000.0 / SLOWEST
+    with Graph(nodes, domain_id=free_domain()) as graph:
+        while graph.processes["plant"].poll() is None:
+            graph.check()
+            elapsed = time.monotonic() - started
+            if elapsed > limit:
+                raise GraphError(f"the run has not ended after {limit:.0f} s")
+            progress(min(elapsed / usual, 0.97))
+            time.sleep(CHECKED_EVERY)
+        graph.check(ended=("plant",))
+    return time.monotonic() - started

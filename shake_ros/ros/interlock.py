@@ -1,15 +1,19 @@
-"""The interlock in a node, one door to it: parameters, services, console, /diagnostics; plant and bridge alike."""
+"""What plant and bridge alike have: the interlock, one door to it, and the sensors' topics.
+
+The interlock is parameters, services, lines on the console and a place on /diagnostics.
+"""
 
 from __future__ import annotations
 
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
+from shake_ros.core.plant.parameters import SensorParameters
 from shake_ros.core.quantities import Parameters, ShakeError, choice
 from shake_ros.core.safety.causes import CAUSES, INDICATE, InterlockParameters
 from shake_ros.core.safety.interlock import Interlock, Trip
@@ -17,8 +21,7 @@ from shake_ros.core.safety.rates import LastSecond
 from shake_ros.core.safety.stages import RUN, STAGES
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import ERROR, OK, WARN
-from shake_ros.ros.frame import Frame
-from shake_ros.ros.samples import Reader
+from shake_ros.ros.frame import Frame, Reader
 from shake_ros.settings import load_interlock
 
 LOOKING = 0.1  # from one look for a second commander to the next [s]
@@ -276,3 +279,34 @@ class NodeInterlock:
         what = "reset" if response.success else "reset refused"
         self._frame.say(OK if response.success else WARN, f"{what}: {response.message}")
         return response
+
+
+TOPICS = {
+    "position": interface.JOINT_STATES,
+    "acceleration": interface.IMU,
+    "pressure_a": interface.PRESSURE_A,
+    "pressure_b": interface.PRESSURE_B,
+    "pressure_supply": interface.PRESSURE_SUPPLY,
+}
+
+
+class SensorWriters:
+    """A writer for each sensor that is there."""
+
+    def __init__(self, frame: Frame, present: Collection[str] = tuple(TOPICS)) -> None:
+        self._writers = {name: frame.writer(topic) for name, topic in TOPICS.items() if name in present}
+
+    def send(self, stamp: int, readings: Mapping[str, float]) -> None:
+        """What the sensors say at `stamp` [ns]; one whose cable is off says NaN, and nothing is published."""
+        for name, writer in self._writers.items():
+            value = readings[name]
+            if not math.isnan(value):
+                writer.send(stamp, value)
+
+    def tell_noise(self, sensors: SensorParameters) -> None:
+        """What the messages say of the sensors' noise: variances [unit²]."""
+        pressure = sensors.pressure_noise**2
+        variances = dict.fromkeys(("pressure_a", "pressure_b", "pressure_supply"), pressure)
+        variances["acceleration"] = sensors.acceleration_noise**2
+        for name, writer in self._writers.items():
+            writer.codec.variance = variances.get(name, 0.0)

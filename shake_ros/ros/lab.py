@@ -16,14 +16,12 @@ from pathlib import Path
 
 from shake_ros.core.processors import processors
 from shake_ros.core.quantities import ShakeError
-from shake_ros.page.lab_link import Exchange
-from shake_ros.ros.composed import command
-from shake_ros.ros.graph import Graph, NodeSpec, awaited
+from shake_ros.page.desk import Exchange
+from shake_ros.ros.graph import Graph, NodeSpec, awaited, command
 from shake_ros.ros.interface import NAMESPACE
-from shake_ros.ros.lab_start import LabStart
 from shake_ros.ros.lab_watch import LabWatch
 from shake_ros.ros.loop import ros_context
-from shake_ros.ros.supervisor import Supervisor
+from shake_ros.ros.supervisor import LabStart, Supervisor
 
 Value = bool | int | float | str
 LOOP = "loop"  # the process of a composed graph

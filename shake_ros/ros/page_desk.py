@@ -17,8 +17,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Float64MultiArray
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.page.desk import Answer
-from shake_ros.page.lab_link import Line
+from shake_ros.page.desk import Answer, Line
 from shake_ros.page.library import Library
 from shake_ros.page.runs import RunMeter, amplitude_spectrum
 from shake_ros.page.samples import SampleStore
@@ -26,7 +25,7 @@ from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import LEVELS
 from shake_ros.ros.frame import Frame
 from shake_ros.ros.lab_watch import TABLES
-from shake_ros.ros.remote_parameters import RemoteParameters
+from shake_ros.ros.node_help import RemoteParameters
 from shake_ros.settings import find, load_table, read_yaml
 
 SILENT = 3.0  # a node that has not reported for so long is lost [s]

@@ -14,8 +14,7 @@ from shake_ros.core.safety.machine import Machine, PowerUnitParameters
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import FIRST_STAMP, Behaviour, Frame
-from shake_ros.ros.interlock import NodeInterlock
-from shake_ros.ros.sensor_writers import SensorWriters
+from shake_ros.ros.interlock import NodeInterlock, SensorWriters
 from shake_ros.settings import load_table
 
 

@@ -15,9 +15,8 @@ from shake_ros.data.recordings.bag import Bag, Message
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK
-from shake_ros.ros.frame import FAREWELL, SHARED, Behaviour, Frame
+from shake_ros.ros.frame import AGAIN, BLOCKED, FAREWELL, SHARED, Behaviour, Frame
 from shake_ros.ros.recorded_topics import interface_class
-from shake_ros.ros.samples import AGAIN, BLOCKED
 
 LONGEST_SLEEP = 0.1  # a pause looks for a stop this often [s]
 

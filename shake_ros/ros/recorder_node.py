@@ -20,8 +20,7 @@ from shake_ros.data.recordings import BagWriter, recover
 from shake_ros.ros import interface, loop
 from shake_ros.ros.diagnostics import OK
 from shake_ros.ros.frame import Behaviour, Frame
-from shake_ros.ros.recorded_topics import ReceiptClock, Reception, interface_class, matching
-from shake_ros.ros.writing_thread import WritingThread
+from shake_ros.ros.recorded_topics import ReceiptClock, Reception, WritingThread, interface_class, matching
 
 LOOK_FOR = 0.2  # unknown topics are looked for this often [s]
 MEBIBYTE = 1 << 20

@@ -17,7 +17,7 @@ from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.settings import config_folder, load_interlock, load_table, load_variant
 
 SOFT = {"bulk_modulus.modulus": 7e8}

@@ -16,7 +16,7 @@ from shake_ros.api.simulated_table import SimulatedTable
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.iteration.drive import integrate
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.settings import load_search
 
 FIXED = ("model_soft_zone", "super_twisting_model")

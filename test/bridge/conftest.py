@@ -9,10 +9,8 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from shake_ros.bridge import wire
-from shake_ros.bridge.emulator import Emulator, EmulatorParameters
-from shake_ros.bridge.faults import Switches, parse_fault
-from shake_ros.bridge.host import Host
-from shake_ros.bridge.target import TargetLink
+from shake_ros.bridge.emulator import Emulator, EmulatorParameters, Switches, parse_fault
+from shake_ros.bridge.ends import Host, TargetLink
 from shake_ros.core.safety.machine import PowerUnitParameters
 from shake_ros.core.safety.stages import RUN
 from shake_ros.settings import find, load_interlock, load_table, read_yaml

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.bridge.clock import TargetClock
+from shake_ros.bridge.table_link import TargetClock
 
 MS = 1_000_000
 SECOND = 1_000_000_000

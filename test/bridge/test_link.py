@@ -8,7 +8,7 @@ import socket
 import pytest
 
 from shake_ros.bridge import wire
-from shake_ros.bridge.faults import parse_fault
+from shake_ros.bridge.emulator import parse_fault
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.causes import NUMBERS
 from shake_ros.core.safety.stages import HIGH, LOW, OFF, RUN

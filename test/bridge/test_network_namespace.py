@@ -17,7 +17,7 @@ NETEM = "delay 300us 100us loss 2% duplicate 1% corrupt 1% reorder 2% 50%"
 
 SCENE = """
     import json, subprocess, sys, time
-    from shake_ros.bridge.host import Host
+    from shake_ros.bridge.ends import Host
     emulator = subprocess.Popen(
         [sys.executable, "-m", "shake_ros", "target_emulator", "--port", "0"],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,

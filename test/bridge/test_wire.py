@@ -13,14 +13,8 @@ from pathlib import Path
 import pytest
 
 from shake_ros.bridge import wire
-from shake_ros.bridge.session import (
-    ReplayWindow,
-    key_for,
-    read_key,
-    session_key,
-    write_key,
-)
-from shake_ros.bridge.vectors import COMMAND, HOST_NONCE, KEY, MEASUREMENT, TARGET_NONCE, vectors
+from shake_ros.bridge.wire import ReplayWindow, key_for, read_key, session_key, write_key
+from shake_ros.cli.target_emulator import HOST_NONCE, KEY, TARGET_NONCE, WORKED_COMMAND, WORKED_MEASUREMENT, vectors
 from shake_ros.core.quantities import ShakeError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,22 +39,22 @@ def reason(data: bytes, key: bytes = KEY) -> str:
 
 def test_layout_is_what_the_page_says_to_the_byte() -> None:
     key = session_key(KEY, HOST_NONCE, TARGET_NONCE)
-    data = wire.measurement(key, MEASUREMENT)
-    m = MEASUREMENT
+    data = wire.measurement(key, WORKED_MEASUREMENT)
+    m = WORKED_MEASUREMENT
     assert data[:8] == b"SHK1" + bytes([1, 3]) + struct.pack("<H", 120)
     assert struct.unpack_from("<QQq", data, 8) == (m.session, m.sequence, m.target_time)
     assert struct.unpack_from("<6d", data, 32) == m[3:9]
     assert struct.unpack_from("<QdII", data, 80) == m[9:]
     assert data[104:] == hmac.new(key, data[:104], hashlib.sha256).digest()[:16]
-    data = wire.command(key, COMMAND)
-    assert struct.unpack_from("<QdBB", data, 24) == COMMAND[2:]
+    data = wire.command(key, WORKED_COMMAND)
+    assert struct.unpack_from("<QdBB", data, 24) == WORKED_COMMAND[2:]
     assert data[42:48] == bytes(6)
     assert data[48:] == hmac.new(key, data[:48], hashlib.sha256).digest()[:16]
 
 
 def test_what_is_sealed_is_read_again() -> None:
-    assert wire.read_measurement(KEY, wire.measurement(KEY, MEASUREMENT)) == MEASUREMENT
-    assert wire.read_command(KEY, wire.command(KEY, COMMAND)) == COMMAND
+    assert wire.read_measurement(KEY, wire.measurement(KEY, WORKED_MEASUREMENT)) == WORKED_MEASUREMENT
+    assert wire.read_command(KEY, wire.command(KEY, WORKED_COMMAND)) == WORKED_COMMAND
     assert wire.read_hello(KEY, wire.hello(KEY, HOST_NONCE)) == HOST_NONCE
     assert wire.read_welcome(KEY, wire.welcome(KEY, 5, HOST_NONCE, TARGET_NONCE)) == (HOST_NONCE, TARGET_NONCE)
 
@@ -81,12 +75,12 @@ def test_every_flipped_bit_and_every_other_length_is_refused(name) -> None:
 
 
 def test_forged_tag_other_version_other_kind_and_bad_content_are_told_apart() -> None:
-    data = wire.command(KEY, COMMAND)
-    assert reason(wire.command(b"another key entirely", COMMAND)) == "tag"
+    data = wire.command(KEY, WORKED_COMMAND)
+    assert reason(wire.command(b"another key entirely", WORKED_COMMAND)) == "tag"
     assert reason(b"\x00" + data[1:]) == "magic"
     assert reason(data[:4] + b"\x02" + data[5:]) == "version"
     assert reason(data[:5] + b"\x09" + data[6:]) == "kind"
-    assert reason(wire.command(KEY, COMMAND._replace(mode=4))) == "content"
+    assert reason(wire.command(KEY, WORKED_COMMAND._replace(mode=4))) == "content"
 
 
 def test_random_datagrams_are_refused_without_any_other_error() -> None:

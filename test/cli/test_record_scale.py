@@ -10,7 +10,7 @@ from pages import read_page
 
 from shake_ros import __main__ as shake_ros
 from shake_ros.data.accelerograms import read_accelerogram
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 
 
 def main(arguments: list[str]) -> int:

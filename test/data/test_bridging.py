@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.data.bridging import bridged, longest_short_gap, without_repeats
+from shake_ros.data.fit_records import bridged, longest_short_gap, without_repeats
 
 TIME = np.arange(1000) / 250.0
 COLUMNS = {"time": TIME, "command": np.cos(8.0 * TIME), "position": np.sin(20.0 * TIME)}

@@ -15,7 +15,7 @@ from shake_ros.core.identification.recordings import SHORTEST, Record
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.fit_records import finding_lines
 from shake_ros.data.recordings import write_table_recording
-from shake_ros.data.recordings.findings import Finding
+from shake_ros.data.recordings.bag import Finding
 
 TIME = np.arange(4000) * 0.001
 ANGLE = 4.0 * np.pi * TIME

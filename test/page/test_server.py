@@ -24,8 +24,7 @@ from websockets.sync.client import connect
 from shake_ros.page.desk import Answer
 from shake_ros.page.jobs import Jobs
 from shake_ros.page.library import Library
-from shake_ros.page.prediction import Prediction
-from shake_ros.page.samples import HEADER, SampleStore
+from shake_ros.page.samples import HEADER, Prediction, SampleStore
 from shake_ros.page.server import Server, Site
 
 MS = 1_000_000

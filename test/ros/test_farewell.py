@@ -9,7 +9,7 @@ import pytest
 
 STUCK = """
 import ctypes, sys
-from shake_ros.ros.farewell import ends_within
+from shake_ros.ros.loop import ends_within
 with ends_within(float(sys.argv[1]), int(sys.argv[2])):
     ctypes.PyDLL(None).usleep(int(1e6 * float(sys.argv[3])))  # holds the interpreter's lock
 print("went on")

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from rclpy.task import Future
 
-from shake_ros.ros.lab_start import LabStart
 from shake_ros.ros.lab_watch import LabWatch
 from shake_ros.ros.loop import ros_context
+from shake_ros.ros.supervisor import LabStart
 
 DONE = SimpleNamespace(success=True, message="")
 REFUSED = SimpleNamespace(success=False, message="hydraulic interlock: waiting for reset")

@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import Parameters, ShakeError, UnknownName, choice, quantity
-from shake_ros.data.reference_program import load_reference
+from shake_ros.data.reference_file import load_reference
 from shake_ros.entry_points import NODES
 from shake_ros.realtime import RealtimeParameters
 from shake_ros.ros.controller_node import ControllerNodeParameters

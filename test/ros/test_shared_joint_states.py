@@ -11,13 +11,12 @@ import pytest
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 
-from shake_ros.page.prediction import Prediction
-from shake_ros.page.samples import ROW, SampleStore
+from shake_ros.page.samples import ROW, Prediction, SampleStore
 from shake_ros.ros import interface, observer_node, reference_node
 from shake_ros.ros.conversions import SECOND, time_message
 from shake_ros.ros.frame import Frame
 from shake_ros.ros.loop import build_node, ros_context
-from shake_ros.ros.sample_tap import SampleTap
+from shake_ros.ros.page_node import SampleTap
 
 COUNT, PERIOD, TIMEOUT = 60, 1_000_000, 60.0
 ARGUMENTS = ["--ros-args", "-p", "lockstep:=true"]

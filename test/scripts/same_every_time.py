@@ -23,7 +23,7 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.table import Table
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.ros.graph import Graph, NodeSpec, run_composed
 from shake_ros.settings import load_table, load_variant
 

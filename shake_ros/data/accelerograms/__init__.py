@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.accelerograms import columns, listed, networks, volumes
+from shake_ros.data.accelerograms import lists, networks, volumes
 from shake_ros.data.accelerograms.accelerogram import (
     LARGEST_FILE,
     UNITS,
@@ -23,7 +23,7 @@ from shake_ros.data.accelerograms.accelerogram import (
     shown,
 )
 from shake_ros.data.tables import containers
-from shake_ros.data.tables.text import first_bytes, read_text
+from shake_ros.data.tables.containers import first_bytes, read_text
 
 
 class Format(NamedTuple):
@@ -41,7 +41,7 @@ FORMATS: dict[str, Format] = {
     "cosmos_v2": Format(volumes.is_cosmos, volumes.cosmos),
     "cdmg_v1": Format(volumes.is_volume_1, volumes.volume_1),
     "cdmg_v2": Format(volumes.is_volume_2, volumes.volume_2),
-    "peer_at2": Format(listed.is_listed, listed.listed),
+    "peer_at2": Format(lists.is_listed, lists.listed),
 }
 
 
@@ -61,16 +61,17 @@ def read_accelerogram(path: Path | str, *, channel: int = 0, unit: str = "") -> 
     if unit and unit not in UNITS:
         raise unknown_name("unit", unit, UNITS)
     path = Path(path)
-    other = containers.reader_of(path, first_bytes(path))
+    head = first_bytes(path)
+    other = containers.is_workbook(head) or containers.reader_of(path, head)
     text = Text(path, [] if other else read_text(path, LARGEST_FILE).split("\n"))
     for name, form in FORMATS.items():
         if form.recognise(text.lines):
             return read_channel(text, form.channels(text), channel, unit, name)
     try:
-        return columns.read(text, channel, unit)
+        return lists.read(text, channel, unit)
     except ShakeError as error:
         if "no rows of numbers" not in str(error):
             raise
     first = next((line for line in text.lines if line.strip()), "")
-    known = ", ".join((*FORMATS, columns.NAME))
+    known = ", ".join((*FORMATS, lists.NAME))
     raise ShakeError(f"{path}: format not recognised (known: {known}); it begins '{shown(first.strip())}'")

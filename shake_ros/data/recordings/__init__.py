@@ -1,6 +1,6 @@
 """Recordings of shaking tables: rosbag2 folders and files, read on one time base and written."""
 
-from shake_ros.data.recordings.findings import Finding
+from shake_ros.data.recordings.bag import Finding
 from shake_ros.data.recordings.publishers import Take
 from shake_ros.data.recordings.table import Provenance, TableRecording, iterate_table_recording, read_table_recording
 from shake_ros.data.recordings.table_writer import write_table_recording

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from shake_ros.data.recordings.bag import Finding
 from shake_ros.data.recordings.cdr import Floats, Integers
-from shake_ros.data.recordings.findings import Finding
 from shake_ros.data.recordings.series import GAP_FACTOR, JITTER_LIMIT, Series, broken
 
 SAME_SAMPLE = 0.1  # share of a period within which two stamps mean the same sampling instant

@@ -1,4 +1,4 @@
-"""A recording as a whole: which files it has, which topics, and their messages in stored order.
+"""A recording as a whole: its files, its topics, their messages in stored order, and what a reader met in them.
 
 Every storage file is opened by itself and `metadata.yaml` is used only for the order of files and for a
 comparison of counts. `rosbags` joins the topics of metadata.yaml with those of the files on type, hash *and*
@@ -19,11 +19,56 @@ from typing import Any, NamedTuple
 import zstandard
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import mcap_reader, sqlite_reader
-from shake_ros.data.recordings.findings import Finding
-from shake_ros.data.recordings.mcap_reader import Channel, McapFile
-from shake_ros.data.recordings.sqlite_reader import SqliteFile
+from shake_ros.data.recordings import storage
+from shake_ros.data.recordings.storage import Channel, McapFile, SqliteFile
 from shake_ros.settings import read_yaml
+
+KINDS = (
+    "damage",  # the file itself: cut, checksum, metadata that do not fit
+    "skipped",  # channels that cannot be used, with the reason
+    "undecodable",  # messages that are not what their type says
+    "joint",  # other joints on the topic, or a joint of another name
+    "publishers",  # several of one joint, of which one was chosen
+    "covariance",  # data that are declared as not measured
+    "clock",  # stamps of another clock
+    "missing_stamp",
+    "reversed_time",
+    "restart",  # time jumps back to an earlier run
+    "duplicate",
+    "gap",
+    "jitter",
+    "not_a_number",
+    "clipping",
+    "constant",
+    "unit",  # a size that suggests another unit
+    "resampled",
+    "idle",  # the command was recorded but did not act
+    "absent",  # an optional signal that is not there or not usable
+)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One kind of trouble on one topic.
+
+    Attributes
+    ----------
+    kind : one of `KINDS`.
+    topic : full topic name, empty where the whole recording is meant.
+    count : how many samples, messages or places.
+    text : the sentence for a person, with the first place where it happens.
+    time : first place, seconds from the first sample [s]; None where it has none.
+    """
+
+    kind: str
+    topic: str
+    count: int
+    text: str
+    time: float | None = None
+
+    def __str__(self) -> str:
+        return f"{self.topic}: {self.text}" if self.topic else self.text
+
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 METADATA = "metadata.yaml"
@@ -125,7 +170,7 @@ class Bag:
             for channel, received, data in file.messages(lambda channel: channel.topic in names):
                 if data[:4] == ZSTD_MAGIC:
                     try:
-                        data = zstandard.ZstdDecompressor().stream_reader(data).read(mcap_reader.LARGEST_RECORD)
+                        data = zstandard.ZstdDecompressor().stream_reader(data).read(storage.LARGEST_RECORD)
                     except (zstandard.ZstdError, MemoryError):
                         self._damage(f"{file.path.name}: a message of '{channel.topic}' cannot be decompressed")
                         continue
@@ -186,9 +231,9 @@ class Bag:
             path = self._unpack(path)
             with path.open("rb") as file:
                 magic = file.read(16)
-        if magic.startswith(mcap_reader.MAGIC):
+        if magic.startswith(storage.MAGIC):
             return McapFile(path, self._damage)
-        if magic.startswith(sqlite_reader.MAGIC):
+        if magic.startswith(storage.SQLITE_MAGIC):
             return SqliteFile(path, self._damage)
         if magic.startswith(b"#ROSBAG V"):
             raise ShakeError(f"{path}: a ROS 1 bag; convert it with rosbags-convert")

@@ -8,8 +8,8 @@ import numpy as np
 
 from shake_ros.core.analysis.stretches import standing_at
 from shake_ros.data.recordings.align import Grid
+from shake_ros.data.recordings.bag import Finding
 from shake_ros.data.recordings.cdr import Floats
-from shake_ros.data.recordings.findings import Finding
 
 SCALE_SUSPECT = 3.0
 KEPT = 0.5  # of the acceleration's power, in means over steps from which the position's curvature is that of the motion

@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.data.recordings.bag import Finding
 from shake_ros.data.recordings.cdr import Integers
-from shake_ros.data.recordings.findings import Finding
 from shake_ros.data.recordings.series import RESTART_SAMPLES, SIGNALS, Collector, Publisher, Series
 
 Rows = npt.NDArray[np.bool_]

@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings.bag import Bag, BagTopic, Message
+from shake_ros.data.recordings.bag import Bag, BagTopic, Finding, Message
 from shake_ros.data.recordings.cdr import MISSING_STAMP, Floats, Integers, Layout, columns
-from shake_ros.data.recordings.findings import Finding
 
 BATCH = 4096
 RESTART_SAMPLES = 100

@@ -12,14 +12,12 @@ import numpy.typing as npt
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import checks
-from shake_ros.data.recordings.acting import TOPIC as DIAGNOSTICS
-from shake_ros.data.recordings.acting import TYPE as DIAGNOSTICS_TYPE
-from shake_ros.data.recordings.acting import Acting
 from shake_ros.data.recordings.align import Grid, hold, matched
-from shake_ros.data.recordings.bag import Bag
+from shake_ros.data.recordings.bag import Bag, Finding
 from shake_ros.data.recordings.cdr import Floats, Integers
-from shake_ros.data.recordings.clocks import ClockShift, shifts
-from shake_ros.data.recordings.findings import Finding
+from shake_ros.data.recordings.clocks import TOPIC as DIAGNOSTICS
+from shake_ros.data.recordings.clocks import TYPE as DIAGNOSTICS_TYPE
+from shake_ros.data.recordings.clocks import Acting, ClockShift, shifts
 from shake_ros.data.recordings.publishers import Choice, Take, choices, of_the_table
 from shake_ros.data.recordings.series import (
     SIGNALS,

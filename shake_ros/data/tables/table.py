@@ -16,10 +16,20 @@ from typing import NamedTuple
 import numpy as np
 
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.tables import cells, containers
-from shake_ros.data.tables.cells import BLANK, Floats
-from shake_ros.data.tables.layout import Dialect, find_layout
-from shake_ros.data.tables.text import first_bytes, read_text
+from shake_ros.data.tables import containers
+from shake_ros.data.tables.containers import first_bytes, read_text
+from shake_ros.data.tables.layout import (
+    BLANK,
+    CLOCK,
+    Dialect,
+    Floats,
+    clock,
+    find_layout,
+    is_number,
+    number,
+    over_midnight,
+    split,
+)
 from shake_ros.data.tables.units import BRACKETS, QUANTITIES, Unit, unit_of
 
 LONGEST_HEADER, FEW = 200, 12  # lines of a header, and of one heading in quotes
@@ -205,10 +215,27 @@ def read_table(
     ShakeError : one line with the file, and line, column and content where they are to blame.
     """
     path = Path(path)
+    if containers.is_workbook(first_bytes(path)):
+        return _of_workbook(path)
     if reader := containers.reader_of(path, first_bytes(path)):
         names, units, columns = reader(path)
         return ColumnTable(path, names, units, lambda places: [columns(i) for i in places], tuple(range(len(names))))
     return table_of(path, read_text(path, largest).split("\n"), skip, decimal)
+
+
+def _of_workbook(path: Path) -> ColumnTable:
+    """The first sheet of an Excel workbook that holds rows of numbers."""
+    refused = ShakeError(f"{path}: no rows of numbers found")
+    for lines in containers.sheets(path):
+        try:
+            table = table_of(path, lines, decimal=".")
+        except ShakeError as error:
+            refused = error
+            continue
+        width = max(i + 1 for i in table.numbers)
+        names = tuple(table.name(i) for i in range(width))
+        return ColumnTable(path, names, table.units, table.read, tuple(range(width)))
+    raise refused
 
 
 def _joined(lines: Sequence[str]) -> list[str]:
@@ -259,7 +286,7 @@ class _Rows:
                 for part, values in zip(parts, taken or self._careful(chunk, first, places, clocks), strict=True):
                     part.append(values)
         columns = [np.concatenate(part) for part in parts]
-        return [cells.over_midnight(c) if is_clock else c for c, is_clock in zip(columns, clocks, strict=True)]
+        return [over_midnight(c) if is_clock else c for c, is_clock in zip(columns, clocks, strict=True)]
 
     def line_of(self, row: int) -> str:
         """Where a row stands, for a message."""
@@ -271,8 +298,8 @@ class _Rows:
         line = self.lines[index]
         if not line.strip() or line.lstrip().startswith(("#", "%", "//")):
             return []
-        found = cells.split(line, self.layout.separator)
-        if len([cell for cell in found if cell]) == 1 and not any(map(cells.is_number, found)):
+        found = split(line, self.layout.separator)
+        if len([cell for cell in found if cell]) == 1 and not any(map(is_number, found)):
             note = f"line {index + 1}: '{line.strip()[:40]}' is no row; left out"
             if self.layout.width > 1 and note not in self.notes:
                 self.notes.append(note)
@@ -284,7 +311,7 @@ class _Rows:
     def _clocks(self, places: Sequence[int]) -> list[bool]:
         """Which columns hold times of day."""
         first = next(found for i in range(*self.layout.rows[0]) if (found := self._cells(i)))
-        return [place < len(first) and bool(cells.CLOCK.fullmatch(first[place])) for place in places]
+        return [place < len(first) and bool(CLOCK.fullmatch(first[place])) for place in places]
 
     def _fast(self, chunk: Sequence[str], places: Sequence[int]) -> list[Floats] | None:
         """Values of rows that hold nothing but plain numbers; None where some row holds anything else."""
@@ -323,13 +350,11 @@ class _Rows:
             where = f"{self.path}: line {index + 1}"
             if len(row) < needed:
                 raise ShakeError(f"{where} has {len(row)} columns, {needed} are needed")
-            if any(map(cells.is_number, row[self.layout.width :])):
+            if any(map(is_number, row[self.layout.width :])):
                 raise ShakeError(f"{where} has {len(row)} columns where {self.layout.width} should be")
             for column, place, is_clock in zip(values, places, clocks, strict=True):
                 try:
-                    column.append(
-                        cells.clock(row[place]) if is_clock else cells.number(row[place], self.layout.decimal)
-                    )
+                    column.append(clock(row[place]) if is_clock else number(row[place], self.layout.decimal))
                 except ValueError:
                     name = (self.layout.names[place : place + 1] or ("",))[0] or place + 1
                     raise ShakeError(f"{where}, column '{name}' holds '{row[place][:40]}', not a number") from None

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.analysis.clocks import EvenSamples, clock_of
 from shake_ros.core.quantities import ShakeError
+from shake_ros.data.second_file import EvenSamples, clock_of
 
 FREQUENCIES = np.random.default_rng(3).uniform(1.5, 12.0, 40)  # [Hz]
 PHASES = np.random.default_rng(4).uniform(0.0, 2.0 * np.pi, 40)

@@ -19,7 +19,7 @@ from shake_ros.core.plant.sensors import SensorNoise, normal_draws
 from shake_ros.core.plant.table import Measurement, Table
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.program import Program
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 DT, SAMPLES = 0.001, 250

@@ -12,7 +12,7 @@ from shake_ros.core.control.law import LawParameters
 from shake_ros.core.control.virtual_table import VirtualTable
 from shake_ros.core.loop.robust import Design, RobustSettings
 from shake_ros.core.loop.trials import Trial, TriedLaw, horizon
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.settings import find, load_table, read_yaml
 
 SETTINGS = RobustSettings.from_mapping(read_yaml(find("robust_tuning", "default"))["numbers"], "default")

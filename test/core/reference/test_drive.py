@@ -7,8 +7,7 @@ import pytest
 
 from shake_ros.core.iteration.drive import at_rest_in_the_end, integrate
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.drive_file import write_drive
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program, write_drive
 
 DT = 0.001
 

@@ -18,7 +18,7 @@ from shake_ros.core.reference.earthquake import (
 )
 from shake_ros.core.reference.motion import EarthquakeRecord
 from shake_ros.core.reference.motion import envelope as table_envelope
-from shake_ros.data.reference_program import build_program, load_reference
+from shake_ros.data.reference_file import build_program, load_reference
 from shake_ros.settings import load_table
 
 

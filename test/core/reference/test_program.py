@@ -13,7 +13,7 @@ from shake_ros.core.reference.program import Program, crossfade, keeps_phase
 from shake_ros.core.reference.shaping import Shaping
 from shake_ros.core.reference.sine import SineParameters
 from shake_ros.core.reference.step import StepParameters
-from shake_ros.data.reference_program import build_program, load_reference, make_program
+from shake_ros.data.reference_file import build_program, load_reference, make_program
 from shake_ros.settings import config_folder
 
 CONFIGURED = sorted(path.stem for path in (config_folder() / "reference").glob("*.yaml"))

@@ -12,7 +12,7 @@ from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.table import Table
 from shake_ros.core.safety.interlock import Interlock
 from shake_ros.core.safety.stages import RUN
-from shake_ros.data.reference_program import build_program
+from shake_ros.data.reference_file import build_program
 from shake_ros.settings import load_interlock, load_table, load_variant
 
 MS = 1_000_000

@@ -1,18 +1,24 @@
-"""config/reference/*.yaml and the record it names → a reference ready to be played."""
+"""References as files: config/reference/*.yaml and the record it names, and a drive written as such a pair."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
 from shake_ros.core.quantities import Parameters, ShakeError, member_from
 from shake_ros.core.reference import REFERENCES
+from shake_ros.core.reference.baseline import end_at_rest
 from shake_ros.core.reference.drive import DriveParameters
 from shake_ros.core.reference.earthquake import EarthquakeParameters
 from shake_ros.core.reference.motion import EarthquakeRecord
 from shake_ros.core.reference.program import Program
 from shake_ros.core.reference.shaping import Shaping
 from shake_ros.data.accelerograms import read_accelerogram
+from shake_ros.data.results import writing
 from shake_ros.settings import find, read_yaml
 
 
@@ -55,3 +61,24 @@ def make_program(reference: Reference, sample_time: float) -> Program:
 def build_program(name_or_path: str, sample_time: float) -> Program:
     """The program of config/reference/<name>.yaml or of a YAML file, `sample_time` in [s]."""
     return make_program(load_reference(name_or_path), sample_time)
+
+
+NAME = "drive.yaml"
+
+
+def write_drive(folder: Path, final: Path, drive: NDArray[np.float64], sample_time: float) -> Path:
+    """drive.csv and drive.yaml, which names the file where it will lie, in `final`; the path of drive.yaml there.
+
+    Parameters
+    ----------
+    drive : (n, 3) position, velocity, acceleration from rest to rest [m], [m/s], [m/s²]; what a recorded one has left
+        at its end is taken out by a smooth course. sample_time : [s].
+    """
+    acceleration = end_at_rest(drive[:, 2], sample_time)
+    time = np.arange(len(drive)) * sample_time
+    reference = {**read_yaml(find("reference", "drive")), "record": str((final / "drive.csv").resolve())}
+    text = "# A drive, played as it is.\n" + yaml.safe_dump(reference, sort_keys=False)
+    with writing():
+        np.savetxt(folder / "drive.csv", np.column_stack([time, acceleration]), fmt=("%.6f", "%.12e"), delimiter=",")
+        (folder / NAME).write_text(text, encoding="utf-8")
+    return final / NAME
