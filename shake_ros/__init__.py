@@ -17,53 +17,53 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 __version__ = "1.1.0"
 
 PUBLIC = {  # name → module
-    "Campaign": "shake_ros.api.campaign",
-    "campaign": "shake_ros.api.campaign",
+    "Campaign": "shake_ros.campaigns.campaign",
+    "campaign": "shake_ros.campaigns.campaign",
     "Discovery": "shake_ros.api.close_loop",
     "close_loop": "shake_ros.api.close_loop",
-    "Commission": "shake_ros.api.commission",
-    "commission": "shake_ros.api.commission",
+    "Commission": "shake_ros.commissioning.commission",
+    "commission": "shake_ros.commissioning.commission",
     "Comparison": "shake_ros.api.compare",
     "compare": "shake_ros.api.compare",
-    "Demo": "shake_ros.api.demo",
-    "demo": "shake_ros.api.demo",
-    "figures": "shake_ros.api.figures",
+    "Demo": "shake_ros.demonstration.demo",
+    "demo": "shake_ros.demonstration.demo",
+    "figures": "shake_ros.thesis.figures",
     "frequency_response": "shake_ros.api.frequency_response",
     "Identification": "shake_ros.api.identify",
     "identify": "shake_ros.api.identify",
     "import_csv": "shake_ros.api.import_csv",
     "import_proposal": "shake_ros.api.import_csv",
-    "iterate": "shake_ros.api.iterate",
-    "iterate_simulated": "shake_ros.api.iterate",
-    "Iterated": "shake_ros.api.iterated",
-    "MeasuredComparison": "shake_ros.api.measured_runs",
-    "measured_runs": "shake_ros.api.measured_runs",
+    "iterate": "shake_ros.iteration.iterate",
+    "iterate_simulated": "shake_ros.iteration.iterate",
+    "Iterated": "shake_ros.iteration.iterate",
+    "MeasuredComparison": "shake_ros.measured.runs",
+    "measured_runs": "shake_ros.measured.runs",
     "Model": "shake_ros.api.model",
     "model": "shake_ros.api.model",
     "multisine_split": "shake_ros.api.multisine_split",
-    "Qualification": "shake_ros.api.qualification",
-    "certified": "shake_ros.api.qualification",
-    "qualify": "shake_ros.api.qualify",
-    "qualify_sequence": "shake_ros.api.sequence",
+    "Qualification": "shake_ros.qualification.result",
+    "certified": "shake_ros.qualification.result",
+    "qualify": "shake_ros.qualification.qualify",
+    "qualify_sequence": "shake_ros.qualification.sequence",
     "Recordings": "shake_ros.api.read",
     "read": "shake_ros.api.read",
     "recording": "shake_ros.api.read",
     "ScaledRecord": "shake_ros.api.record_scale",
     "accelerogram": "shake_ros.api.record_scale",
     "record_scale": "shake_ros.api.record_scale",
-    "Reproduction": "shake_ros.api.reproduce",
-    "reproduce": "shake_ros.api.reproduce",
+    "Reproduction": "shake_ros.thesis.reproduce",
+    "reproduce": "shake_ros.thesis.reproduce",
     "ResponseSpectrum": "shake_ros.api.response_spectrum",
     "response_spectrum": "shake_ros.api.response_spectrum",
     "AccelerationSpectra": "shake_ros.api.response_spectrum",
     "acceleration_spectra": "shake_ros.api.response_spectrum",
     "ResultTable": "shake_ros.api.result_table",
-    "ScheduleComparison": "shake_ros.api.schedule",
-    "schedule": "shake_ros.api.schedule",
-    "sensitivity": "shake_ros.api.sensitivity",
+    "ScheduleComparison": "shake_ros.thesis.schedule",
+    "schedule": "shake_ros.thesis.schedule",
+    "sensitivity": "shake_ros.thesis.sensitivity",
     "Simulation": "shake_ros.api.simulate",
     "simulate": "shake_ros.api.simulate",
-    "SimulatedTable": "shake_ros.api.simulated_table",
+    "SimulatedTable": "shake_ros.iteration.table",
     "TableFile": "shake_ros.api.table",
     "table": "shake_ros.api.table",
     "thd": "shake_ros.api.thd",
@@ -74,60 +74,60 @@ PUBLIC = {  # name → module
 }
 
 if TYPE_CHECKING:  # the same for type checkers and editors
-    from shake_ros.api.campaign import Campaign as Campaign
-    from shake_ros.api.campaign import campaign as campaign
     from shake_ros.api.close_loop import Discovery as Discovery
     from shake_ros.api.close_loop import close_loop as close_loop
-    from shake_ros.api.commission import Commission as Commission
-    from shake_ros.api.commission import commission as commission
     from shake_ros.api.compare import Comparison as Comparison
     from shake_ros.api.compare import compare as compare
-    from shake_ros.api.demo import Demo as Demo
-    from shake_ros.api.demo import demo as demo
-    from shake_ros.api.figures import figures as figures
     from shake_ros.api.frequency_response import frequency_response as frequency_response
     from shake_ros.api.identify import Identification as Identification
     from shake_ros.api.identify import identify as identify
     from shake_ros.api.import_csv import import_csv as import_csv
     from shake_ros.api.import_csv import import_proposal as import_proposal
-    from shake_ros.api.iterate import iterate as iterate
-    from shake_ros.api.iterate import iterate_simulated as iterate_simulated
-    from shake_ros.api.iterated import Iterated as Iterated
-    from shake_ros.api.measured_runs import MeasuredComparison as MeasuredComparison
-    from shake_ros.api.measured_runs import measured_runs as measured_runs
     from shake_ros.api.model import Model as Model
     from shake_ros.api.model import model as model
     from shake_ros.api.multisine_split import multisine_split as multisine_split
-    from shake_ros.api.qualification import Qualification as Qualification
-    from shake_ros.api.qualification import certified as certified
-    from shake_ros.api.qualify import qualify as qualify
     from shake_ros.api.read import Recordings as Recordings
     from shake_ros.api.read import read as read
     from shake_ros.api.read import recording as recording
     from shake_ros.api.record_scale import ScaledRecord as ScaledRecord
     from shake_ros.api.record_scale import accelerogram as accelerogram
     from shake_ros.api.record_scale import record_scale as record_scale
-    from shake_ros.api.reproduce import Reproduction as Reproduction
-    from shake_ros.api.reproduce import reproduce as reproduce
     from shake_ros.api.response_spectrum import AccelerationSpectra as AccelerationSpectra
     from shake_ros.api.response_spectrum import ResponseSpectrum as ResponseSpectrum
     from shake_ros.api.response_spectrum import acceleration_spectra as acceleration_spectra
     from shake_ros.api.response_spectrum import response_spectrum as response_spectrum
     from shake_ros.api.result_table import ResultTable as ResultTable
-    from shake_ros.api.schedule import ScheduleComparison as ScheduleComparison
-    from shake_ros.api.schedule import schedule as schedule
-    from shake_ros.api.sensitivity import sensitivity as sensitivity
-    from shake_ros.api.sequence import qualify_sequence as qualify_sequence
     from shake_ros.api.simulate import Simulation as Simulation
     from shake_ros.api.simulate import simulate as simulate
-    from shake_ros.api.simulated_table import SimulatedTable as SimulatedTable
     from shake_ros.api.table import TableFile as TableFile
     from shake_ros.api.table import table as table
     from shake_ros.api.thd import thd as thd
     from shake_ros.api.tune import TunedController as TunedController
     from shake_ros.api.tune import tune as tune
     from shake_ros.api.tune_table import TunedTable as TunedTable
+    from shake_ros.campaigns.campaign import Campaign as Campaign
+    from shake_ros.campaigns.campaign import campaign as campaign
+    from shake_ros.commissioning.commission import Commission as Commission
+    from shake_ros.commissioning.commission import commission as commission
     from shake_ros.core.analysis.frequency_response import describing_function as describing_function
+    from shake_ros.demonstration.demo import Demo as Demo
+    from shake_ros.demonstration.demo import demo as demo
+    from shake_ros.iteration.iterate import Iterated as Iterated
+    from shake_ros.iteration.iterate import iterate as iterate
+    from shake_ros.iteration.iterate import iterate_simulated as iterate_simulated
+    from shake_ros.iteration.table import SimulatedTable as SimulatedTable
+    from shake_ros.measured.runs import MeasuredComparison as MeasuredComparison
+    from shake_ros.measured.runs import measured_runs as measured_runs
+    from shake_ros.qualification.qualify import qualify as qualify
+    from shake_ros.qualification.result import Qualification as Qualification
+    from shake_ros.qualification.result import certified as certified
+    from shake_ros.qualification.sequence import qualify_sequence as qualify_sequence
+    from shake_ros.thesis.figures import figures as figures
+    from shake_ros.thesis.reproduce import Reproduction as Reproduction
+    from shake_ros.thesis.reproduce import reproduce as reproduce
+    from shake_ros.thesis.schedule import ScheduleComparison as ScheduleComparison
+    from shake_ros.thesis.schedule import schedule as schedule
+    from shake_ros.thesis.sensitivity import sensitivity as sensitivity
 
 __all__ = list(PUBLIC)
 

@@ -53,7 +53,7 @@ def call(name: str, arguments: Sequence[str]) -> int:
         from shake_ros.ros import loop
 
         return loop.main(module.build, name, arguments)
-    return int(module.main(list(arguments)))
+    return int(getattr(module, ENTRY_POINTS[name].function)(list(arguments)))
 
 
 def missing(name: str, error: ModuleNotFoundError) -> ShakeError | ModuleNotFoundError:

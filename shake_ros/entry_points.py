@@ -7,14 +7,24 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Entry:
-    """An entry point: its module, imported when it is called, and what it does in a line.
+    """An entry point: where it is, imported when it is called, and what it does in a line.
 
-    A node's module has `build(frame)`, a command's module `main(arguments) -> exit code`; a node that can do
-    something without ROS has both.
+    A node's module has `build(frame)`. A command is a function of its arguments that returns the exit code: the one
+    named behind the module, else `main`. A node that can do something without ROS has both.
     """
 
-    module: str
+    place: str
     line: str
+
+    @property
+    def module(self) -> str:
+        """Dotted name of its module."""
+        return self.place.partition(":")[0]
+
+    @property
+    def function(self) -> str:
+        """Name of the command's function."""
+        return self.place.partition(":")[2] or "main"
 
     @property
     def is_node(self) -> bool:
@@ -41,37 +51,71 @@ ENTRY_POINTS: dict[str, Entry] = {
     "target_emulator": Entry(
         "shake_ros.cli.target_emulator", "a target computer without ROS: the table behind the bridge's datagrams"
     ),
-    "demo": Entry("shake_ros.cli.demo", "the main job end to end: measured data, loop, missing effect, tracking"),
-    "identify": Entry("shake_ros.cli.identify", "fit the declared model to recordings"),
-    "close_loop": Entry("shake_ros.cli.close_loop", "find what the declared model lacks, add it, before and after"),
-    "table": Entry("shake_ros.cli.table", "a table's configuration from nameplates; says what it assumed"),
-    "schedule": Entry("shake_ros.cli.schedule", "parameters by a neural network (thesis 6.3.5) beside the effect"),
-    "import_csv": Entry("shake_ros.cli.import_csv", "a laboratory's table of columns becomes a recording"),
-    "figures": Entry("shake_ros.cli.figures", "figures of the thesis drawn again: fluid, friction, valve, effects"),
-    "sensitivity": Entry("shake_ros.cli.sensitivity", "what each parameter does to the motion (thesis 6.3.4)"),
-    "reproduce": Entry("shake_ros.cli.reproduce", "chapter 6 of the thesis run again: claim by claim, holds or not"),
+    "demo": Entry(
+        "shake_ros.demonstration.demo:demo_command",
+        "the main job end to end: measured data, loop, missing effect, tracking",
+    ),
+    "identify": Entry("shake_ros.cli.repair:identify_command", "fit the declared model to recordings"),
+    "close_loop": Entry(
+        "shake_ros.cli.repair:close_loop_command", "find what the declared model lacks, add it, before and after"
+    ),
+    "table": Entry(
+        "shake_ros.cli.repair:table_command", "a table's configuration from nameplates; says what it assumed"
+    ),
+    "schedule": Entry(
+        "shake_ros.thesis.commands:schedule_command", "parameters by a neural network (thesis 6.3.5) beside the effect"
+    ),
+    "import_csv": Entry(
+        "shake_ros.cli.repair:import_csv_command", "a laboratory's table of columns becomes a recording"
+    ),
+    "figures": Entry(
+        "shake_ros.thesis.commands:figures_command",
+        "figures of the thesis drawn again: fluid, friction, valve, effects",
+    ),
+    "sensitivity": Entry(
+        "shake_ros.thesis.commands:sensitivity_command", "what each parameter does to the motion (thesis 6.3.4)"
+    ),
+    "reproduce": Entry(
+        "shake_ros.thesis.commands:reproduce_command", "chapter 6 of the thesis run again: claim by claim, holds or not"
+    ),
     "frequency_response": Entry(
-        "shake_ros.cli.frequency_response", "gain, delay and coherence in a recording, plotted"
+        "shake_ros.cli.signals:frequency_response_command", "gain, delay and coherence in a recording, plotted"
     ),
     "tune": Entry(
-        "shake_ros.cli.tune", "gains of a controller over loads and perturbed tables, as a new configuration"
+        "shake_ros.cli.control:tune_command",
+        "gains of a controller over loads and perturbed tables, as a new configuration",
     ),
-    "commission": Entry("shake_ros.cli.commission", "the guided way on a new table: run, learn, gains, go higher"),
-    "compare": Entry("shake_ros.cli.compare", "the controllers side by side on references, loads and perturbed tables"),
+    "commission": Entry(
+        "shake_ros.cli.laboratory:commission_command", "the guided way on a new table: run, learn, gains, go higher"
+    ),
+    "compare": Entry(
+        "shake_ros.cli.control:compare_command",
+        "the controllers side by side on references, loads and perturbed tables",
+    ),
     "campaign": Entry(
-        "shake_ros.cli.campaign", "a study of many fits or loops, here or on a cluster; it can go on later"
+        "shake_ros.cli.control:campaign_command",
+        "a study of many fits or loops, here or on a cluster; it can go on later",
     ),
-    "thd": Entry("shake_ros.cli.thd", "harmonic table of a recording"),
-    "spectrum": Entry("shake_ros.cli.spectrum", "response spectra of recordings, at several dampings"),
+    "thd": Entry("shake_ros.cli.signals:thd_command", "harmonic table of a recording"),
+    "spectrum": Entry("shake_ros.cli.signals:spectrum_command", "response spectra of recordings, at several dampings"),
     "multisine_split": Entry(
-        "shake_ros.cli.multisine_split", "linear, even and odd parts and noise of a multi-sine's response"
+        "shake_ros.cli.signals:multisine_split_command",
+        "linear, even and odd parts and noise of a multi-sine's response",
     ),
     "measured_runs": Entry(
-        "shake_ros.cli.measured_runs", "the real table's harmonics against printed and fitted models"
+        "shake_ros.thesis.commands:measured_runs_command",
+        "the real table's harmonics against printed and fitted models",
     ),
-    "iterate": Entry("shake_ros.cli.iterate", "the drive of the next run from what the last one missed"),
-    "qualify": Entry("shake_ros.cli.qualify", "a required response spectrum becomes a motion, a test, a certificate"),
-    "record_scale": Entry("shake_ros.cli.record_scale", "read, correct and scale an accelerogram into the envelope"),
+    "iterate": Entry(
+        "shake_ros.cli.laboratory:iterate_command", "the drive of the next run from what the last one missed"
+    ),
+    "qualify": Entry(
+        "shake_ros.cli.laboratory:qualify_command",
+        "a required response spectrum becomes a motion, a test, a certificate",
+    ),
+    "record_scale": Entry(
+        "shake_ros.cli.signals:record_scale_command", "read, correct and scale an accelerogram into the envelope"
+    ),
 }
 NODES = {name: entry for name, entry in ENTRY_POINTS.items() if entry.is_node}
 COMMANDS = {name: entry for name, entry in ENTRY_POINTS.items() if not entry.is_node}

@@ -84,21 +84,21 @@ class Parsed(Exception):
     """The command line was understood; carries what the parser made of it."""
 
 
-def parse(module: str, arguments: list[str]) -> argparse.Namespace:
+def parse(module: str, arguments: list[str], function: str = "main") -> argparse.Namespace:
     """Let a program's own parser read the arguments, and go no further."""
     real = argparse.ArgumentParser.parse_args
 
     def stop(self: argparse.ArgumentParser, args: list[str] | None = None, namespace: object = None) -> None:
         raise Parsed(real(self, args, namespace))  # type: ignore[call-overload]
 
-    program = importlib.import_module(module)
+    program = getattr(importlib.import_module(module), function)
     with (
         patch.object(argparse.ArgumentParser, "parse_args", stop),
         patch.object(sys, "argv", [module, *arguments]),
         patch.object(argparse.ArgumentParser, "error", refuse),
     ):
         try:
-            program.main(arguments) if program.main.__code__.co_argcount else program.main()
+            program(arguments) if program.__code__.co_argcount else program()
         except Parsed as parsed:
             namespace: argparse.Namespace = parsed.args[0]
             return namespace
@@ -223,7 +223,7 @@ class Checker:
         if rest == ["--help"] or name == "ros2":
             return
         filled = [re.sub(r"^(" + "|".join(PLACEHOLDERS) + r")\b", "run1", word) for word in rest]
-        found = parse(COMMANDS[name].module, filled)
+        found = parse(COMMANDS[name].module, filled, COMMANDS[name].function)
         for key in CONFIGURED & set(vars(found)):
             self.configuration(key, getattr(found, key))
         if name in RUN and filled == rest and rest not in RAN:

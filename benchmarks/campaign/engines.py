@@ -29,9 +29,9 @@ from pathlib import Path
 
 import shake_ros as sr
 from benchmarks import ROOT
-from shake_ros.data.campaign_file import CampaignFile
-from shake_ros.engine.batches import Task, TaskOutcome, run
-from shake_ros.engine.engine import Engine, engine
+from shake_ros.campaigns.batches import Task, TaskOutcome, run
+from shake_ros.campaigns.engine import Engine, engine
+from shake_ros.campaigns.rows import CampaignFile
 
 TASKS = "benchmarks.campaign.tasks"
 FIT = "benchmarks.identification.interval_coverage:measure"

@@ -20,13 +20,11 @@ from pathlib import Path
 
 import numpy as np
 
-from shake_ros.api.own_loop import OwnLoop, own_loop
+from shake_ros.api.live_table import OwnLoop, own_loop
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.iteration.drive import Iteration, iterate
-from shake_ros.core.iteration.model import iterate_model, refit
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.loop.metrics import spectrum_of
 from shake_ros.core.observer import OBSERVERS
@@ -34,6 +32,8 @@ from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.data.reference_file import build_program
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.iteration.drive import Iteration, iterate
+from shake_ros.iteration.model import iterate_model, refit
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 SAMPLE_TIME, LATE, RUNS = 0.001, 1, 3

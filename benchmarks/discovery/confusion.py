@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.api.ending import Ending
 from shake_ros.api.fitted import names_of
-from shake_ros.api.progress import Progress
+from shake_ros.api.progress import Ending, Progress
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.close_loop import LoopClosure, close_loop
 from shake_ros.core.identification.end_stops import within_stroke

@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from shake_ros.api.demo import demo
+from shake_ros.demonstration.demo import demo
 from shake_ros.settings import find, read_yaml
 
 

@@ -14,7 +14,8 @@ def help_of(name: str) -> str:
     """What `./shake NAME --help` prints."""
     out = io.StringIO()
     with redirect_stdout(out), suppress(SystemExit):
-        importlib.import_module(COMMANDS[name].module).main(["--help"])
+        command = COMMANDS[name]
+        getattr(importlib.import_module(command.module), command.function)(["--help"])
     return out.getvalue().strip()
 
 

@@ -10,14 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shake_ros.api import fitted
-from shake_ros.api.ending import Ending
-from shake_ros.api.latent_forces import LatentForces
+from shake_ros.api.fitted import LatentForces, seen_alike, unseen_records, with_test
 from shake_ros.api.model import Model
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Ending, Progress, Told
 from shake_ros.api.result_table import ResultTable
-from shake_ros.api.tracking import tracking
-from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tune_table
-from shake_ros.api.unseen import seen_alike, unseen_records, with_test
+from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tracking, tune_table
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.declared_fit import FittedModel
@@ -239,7 +236,7 @@ class Discovery(fitted.FittedResult):
 
         """
         from shake_ros.report.close_loop_page import close_loop_page
-        from shake_ros.report.written import write_page
+        from shake_ros.report.page import write_page
 
         sets = self.estimation, self.validation, self.test
         names = [fitted.names_of(records) for records in sets]

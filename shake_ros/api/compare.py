@@ -1,7 +1,9 @@
-"""`compare`: the controllers side by side on the same references, loads and perturbed tables."""
+"""`compare`: the controllers side by side on the same references, loads and perturbed tables; compare.json."""
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,14 +13,56 @@ from shake_ros.api.loops import Combination, Course, Setup, combinations, load_s
 from shake_ros.api.progress import Progress, Told
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.compiled import Loop, run_batch
-from shake_ros.core.loop.metrics import Outcome, Summary, judge, summarise
+from shake_ros.core.loop.metrics import MEANINGS, UNITS, Metrics, Outcome, Summary, judge, summarise
 from shake_ros.core.quantities import unknown_name
-from shake_ros.data.comparison import comparison_json
 from shake_ros.data.results import write_folder, write_json
-from shake_ros.report.comparison_text import HEAD, aligned, load_rows, summary_rows, trouble
+from shake_ros.report.comparison_page import HEAD, aligned, load_rows, summary_rows, trouble
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+SCHEMA = "shake_ros.compare/1"
+
+
+def metrics_json(metrics: Metrics) -> dict[str, float | bool | None]:
+    """Figures by name; null for what a run does not have."""
+    values = dataclasses.asdict(metrics)
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()}
+
+
+def _outcome_json(outcome: Outcome) -> dict[str, Any]:
+    table = {"perturbed_table": outcome.table} if outcome.table >= 0 else {}
+    return {
+        "entry": outcome.entry,
+        "reference": outcome.reference,
+        "load": outcome.load,
+        **table,
+        **metrics_json(outcome.metrics),
+    }
+
+
+def _summary_json(summary: Summary) -> dict[str, Any]:
+    found = {name: metrics_json(getattr(summary, name)) for name in ("mean", "worst", "perturbed_worst")}
+    for figures in found.values():
+        for name in ("end_stop", "unstable"):
+            del figures[name]
+    return {"entry": summary.entry, **found, "unstable": summary.unstable, "end_stops": summary.end_stops}
+
+
+def comparison_json(
+    outcomes: Sequence[Outcome], summaries: Sequence[Summary], settings: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Content of compare.json (schema shake_ros.compare/1)."""
+    return {
+        "schema": SCHEMA,
+        "units": {**UNITS, "load": "kg"},
+        "meanings": MEANINGS,
+        "settings": dict(settings),
+        "summaries": [_summary_json(s) for s in summaries],
+        "runs": [_outcome_json(o) for o in outcomes if o.table < 0],
+        "perturbed_runs": [_outcome_json(o) for o in outcomes if o.table >= 0],
+    }
 
 
 @dataclass(frozen=True)
@@ -55,7 +99,7 @@ class Comparison:
 
     def plot(self) -> Figure:
         """Errors of each controller over the case that is drawn."""
-        from shake_ros.report.charts_comparison import error_chart
+        from shake_ros.report.comparison_page import error_chart
         from shake_ros.report.static_figure import static_figure
 
         return static_figure(error_chart(self.runs, self.drawn))
@@ -63,7 +107,7 @@ class Comparison:
     def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
         """Write compare.json and report.html into a new folder; options as of `Discovery.report`."""
         from shake_ros.report.comparison_page import comparison_page
-        from shake_ros.report.written import write_page
+        from shake_ros.report.page import write_page
 
         def fill(folder: Path) -> None:
             write_json(folder / "compare.json", comparison_json(self.outcomes, self.summaries, self.settings))

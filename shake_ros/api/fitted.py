@@ -1,26 +1,89 @@
-"""What results of `identify` and `close_loop` share: their data, and errors, parameters and folders of results."""
+"""What results of `identify` and `close_loop` share: data, errors, parameters, folders, test data, missing force.
+
+Test data are recordings that no decision has seen, run with every model of an answer once the answer stands.
+
+Scale of the command, clock and filter of the sensors are those that the other recordings have shown. What a recording
+needs of its own (offsets of its sensors, the valve's null; slow changes of a force-driven axis) comes from itself, as
+it does for validation data. Nothing of them goes back into the answer.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
 from shake_ros.api.result_table import ResultTable, percent
+from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.identification.axis_model import forecast_errors, slow_changes
+from shake_ros.core.discovery.latent_force import LatentForce
+from shake_ros.core.identification.axis_model import AXIS, forecast_errors, slow_changes
+from shake_ros.core.identification.end_stops import within_stroke
 from shake_ros.core.identification.identified import identified
+from shake_ros.core.identification.knowledge import Knowledge, own_null_shifts
+from shake_ros.core.identification.late_command import earlier
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.slow_changes import SlowChange
+from shake_ros.core.identification.sensor_filter import filter_of
+from shake_ros.core.identification.slow_changes import SlowChange, with_own
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
+
+
+class LatentForces(Sequence[LatentForce]):
+    """Histories of the force that the final model lacks: validation data first; by number or by recording."""
+
+    def __init__(self, forces: Sequence[LatentForce]) -> None:
+        self._forces = tuple(forces)
+
+    def __len__(self) -> int:
+        return len(self._forces)
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, str):
+            return {force.recording: force for force in self._forces}[key]
+        return self._forces[key]
+
+    def __iter__(self) -> Iterator[LatentForce]:
+        return iter(self._forces)
+
+    @property
+    def zero(self) -> bool:
+        """Whether every force stays within its confidence band."""
+        return all(force.kinds.zero for force in self)
+
+    @property
+    def frame(self) -> ResultTable:
+        """A row for each recording."""
+        heads = ("recording", "role", "rms", "peak", "unit", "of inertia", "kinds", "depends on")
+        rows = [
+            (
+                force.recording,
+                "validation" if force.held_out else "estimation",
+                force.rms,
+                force.peak,
+                force.unit,
+                force.of_inertia,
+                "zero" if force.kinds.zero else ", ".join(force.kinds.kinds) or None,
+                ", ".join(force.kinds.depends_on) or None,
+            )
+            for force in self
+        ]
+        return ResultTable(heads, rows)
+
+    def __repr__(self) -> str:
+        return repr(self.frame)
+
+    def _repr_html_(self) -> str:
+        return self.frame._repr_html_()
+
 
 Data = TableRecording | Sequence[TableRecording]
 CHANNELS = ("velocity", "acceleration")
@@ -173,3 +236,45 @@ def html_of(parts: Sequence[tuple[str, Any]]) -> str:
 def text_of(parts: Sequence[tuple[str, Any]]) -> str:
     """Titled frames or texts for a terminal."""
     return "\n\n".join(f"{title}\n{part}" for title, part in parts)
+
+
+def unseen_records(
+    model: Model, test: Data | None, others: Sequence[Data | None]
+) -> tuple[list[Record], tuple[str, ...]]:
+    """Test data as records between the end stops, and a line on each recording that meets one.
+
+    Raises
+    ------
+    ShakeError : a recording cannot be run, or is among the others.
+    """
+    given = recordings(test)
+    for role, other in zip(("estimation", "validation"), others, strict=True):
+        check_apart(recordings(other), given, (role, "test"))
+    records = given.records(model.declared.driven_by)
+    return within_stroke(records, model.stroke) if model.stroke is not None else (records, ())
+
+
+def seen_alike(
+    model: Model, records: Sequence[Record], data: Prepared, found: LoopClosure
+) -> tuple[list[Record], Prepared]:
+    """Test records as the models see recordings; and the other recordings with what was taken out of these as well."""
+    declared = model.declared
+    if declared is AXIS:
+        return with_own(data.estimation, records)[1], data
+    if not declared.nuisances:
+        return list(records), data
+    seen, offsets = data.alike(records)
+    seen = [filter_of(data.estimation[0]).seen(earlier(r, data.ahead) if data.ahead else r) for r in seen]
+    shifts = own_null_shifts(declared, found.final.fit, (), seen)
+    offsets = tuple(replace(n, null_shift=n.null_shift + shifts.get(n.recording, 0.0)) for n in offsets)
+    return [Knowledge(shifts=shifts).seen(r) for r in seen], replace(data, nuisances=(*data.nuisances, *offsets))
+
+
+def with_test(found: LoopClosure, records: Sequence[Record]) -> LoopClosure:
+    """The answer with the errors of all of its models on test data."""
+    problem = RecordingProblem(list(records), found.model)
+
+    def tested(model: FittedModel) -> FittedModel:
+        return replace(model, test=problem.errors(model.fit.vector))
+
+    return replace(found, baseline=tested(found.baseline), models=tuple(map(tested, found.models)))

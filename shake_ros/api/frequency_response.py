@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from shake_ros.api.read import Source, naming, one_recording
 from shake_ros.api.result_table import ResultTable
-from shake_ros.api.signals import Source, naming, one_recording
 from shake_ros.core.analysis import frequency_response as analysis
 from shake_ros.core.analysis.frequency_response import FrequencyResponse
 from shake_ros.core.quantities import ShakeError, unknown_name
@@ -59,7 +59,7 @@ class RecordedResponse:
         return static_figure(self._chart())
 
     def _chart(self) -> Chart:
-        from shake_ros.report.frequency_page import response_chart
+        from shake_ros.report.signal_pages import response_chart
 
         highest = min(2.0 * max(row[0] for row in self.rows), float(self.found.frequency[-1]))
         return response_chart(self.found, highest, self.unit)
@@ -69,8 +69,8 @@ class RecordedResponse:
         write_folder(Path(out), lambda folder: self._fill(folder, figures, command), force=force)
 
     def _fill(self, folder: Path, figures: str | None, command: str) -> None:
-        from shake_ros.report.frequency_page import response_page
-        from shake_ros.report.written import write_page
+        from shake_ros.report.page import write_page
+        from shake_ros.report.signal_pages import response_page
 
         lines = {
             "frequency_hz": self.found.frequency.tolist(),

@@ -89,7 +89,7 @@ class Identification(fitted.FittedResult):
         `command` is the line that the page names as its origin.
         """
         from shake_ros.report.close_loop_page import identify_page
-        from shake_ros.report.written import write_page
+        from shake_ros.report.page import write_page
 
         names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
         content = {

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shake_ros.api.signals import Source, naming, one_recording
+from shake_ros.api.read import Source, naming, one_recording
 from shake_ros.core.analysis import multisine_split as analysis
 from shake_ros.core.analysis.multisine_split import MultisineSplit
 from shake_ros.core.quantities import ShakeError, unknown_name
@@ -48,7 +48,7 @@ class RecordedSplit:
 
     def plot(self) -> Figure:
         """Amplitudes of all lines, by what stands on them."""
-        from shake_ros.report.figures_multisine import split_figure
+        from shake_ros.report.signal_pages import split_figure
 
         title = f"{self.name}: {self.channel}, {self.lines.periods} periods of {self.period:g} s"
         highest = SHOWN_BAND * float(self.lines.frequency[self.lines.excited].max())

@@ -1,12 +1,13 @@
-"""`read`: recordings from bags or from a laboratory's tables; `recording`: one from arrays."""
+"""`read`: recordings from bags or from a laboratory's tables; `recording`: one from arrays; signals of one, by name."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, overload, runtime_checkable
 
 import numpy.typing as npt
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from shake_ros.core.identification.recordings import Record
+
 
 TABLES = (".csv", ".txt", ".dat", ".tsv", ".mat")
 SIGNALS = (
@@ -129,7 +131,7 @@ class Recordings(Sequence[TableRecording]):
 
     def plot(self) -> Figure:
         """Command, position and acceleration over time, a column for each recording."""
-        from shake_ros.report.figures_recordings import recordings_figure
+        from shake_ros.report.static_figure import recordings_figure
 
         return recordings_figure(self._recordings)
 
@@ -213,3 +215,42 @@ def recording(
     with tempfile.TemporaryDirectory(prefix="shake_ros-recording-") as folder:
         path = write_table_recording(Path(folder) / "bag", time, command, position, **signals)  # type: ignore[arg-type]
         return Recordings([replace(read_table_recording(path), name=name)])
+
+
+@runtime_checkable
+class Recorded(Protocol):
+    """A result that can be looked at as a recording, such as a simulation's."""
+
+    @property
+    def recordings(self) -> Recordings:
+        """It as recordings."""
+
+
+Source: TypeAlias = str | Path | TableRecording | Recordings | Recorded
+
+
+def one_recording(source: Source) -> TableRecording:
+    """The one recording that a path, recordings or a simulation stand for.
+
+    Raises
+    ------
+    ShakeError : it cannot be read, or there are several.
+    """
+    if isinstance(source, str | Path):
+        return read_table_recording(source)
+    found = source.recordings if isinstance(source, Recorded) else source
+    if isinstance(found, TableRecording):
+        return found
+    if len(found) != 1:
+        raise ShakeError(f"one recording is needed, {len(found)} are given: {', '.join(found.names)}")
+    return found[0]
+
+
+@contextmanager
+def naming(source: Source) -> Iterator[None]:
+    """Errors in the block begin with the recording's path, or its name where it was not read here."""
+    try:
+        yield
+    except ShakeError as error:
+        where = source if isinstance(source, str | Path) else one_recording(source).name
+        raise ShakeError(f"{where}: {error}") from None

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from shake_ros.report.page import Page
-    from shake_ros.report.record_page import Curve
+    from shake_ros.report.signal_pages import Curve
 
 FILL = "fill"
 LARGEST_FACTOR = 1e4
@@ -86,13 +86,13 @@ class ScaledRecord:
 
     def plot(self) -> Figure:
         """Histories of the record and of the motion for the table."""
-        from shake_ros.report.record_page import record_chart
+        from shake_ros.report.signal_pages import record_chart
         from shake_ros.report.static_figure import static_figure
 
         return static_figure(record_chart("motion", self._curves()))
 
     def _curves(self) -> list[Curve]:
-        from shake_ros.report.record_page import Curve
+        from shake_ros.report.signal_pages import Curve
 
         fitted, read = self.fitted, self.read
         pad = (fitted.acceleration.size - read.acceleration.size) / 2 * fitted.time_step
@@ -101,7 +101,7 @@ class ScaledRecord:
 
     def page(self, command: str = "") -> Page:
         """What was changed, histories and response spectra; `command` is the line that the page names as its origin."""
-        from shake_ros.report.record_page import record_page
+        from shake_ros.report.signal_pages import record_page
 
         p = self.parameters
         limits = (p.acceleration_limit, p.velocity_limit, p.position_limit)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from shake_ros.api.read import Source, naming, one_recording
 from shake_ros.api.result_table import ResultTable
-from shake_ros.api.signals import Source, naming, one_recording
 from shake_ros.core.analysis import response_spectrum as analysis
 from shake_ros.core.loop import metrics
 from shake_ros.core.quantities import ShakeError
@@ -57,7 +57,7 @@ class ResponseSpectrum:
 
     def plot(self) -> Figure:
         """Absolute acceleration and relative displacement over the period."""
-        from shake_ros.report.record_page import spectrum_chart
+        from shake_ros.report.signal_pages import spectrum_chart
         from shake_ros.report.static_figure import static_figure
 
         spectra = {self.name: (self.periods, self.displacement, self.acceleration)}
@@ -98,7 +98,7 @@ class AccelerationSpectra:
 
     def plot(self) -> Figure:
         """Acceleration over the frequency, a curve a damping."""
-        from shake_ros.report.style import COLOURS, new_figure, tidy
+        from shake_ros.report.static_figure import COLOURS, new_figure, tidy
 
         figure = new_figure(8.0, 4.5)
         axes = figure.subplots()

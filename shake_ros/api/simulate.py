@@ -119,7 +119,7 @@ class Simulation:
 
     def plot(self) -> Figure:
         """Command, position and acceleration over time, and the reference where there is one."""
-        from shake_ros.report.figures_recordings import recordings_figure
+        from shake_ros.report.static_figure import recordings_figure
 
         return recordings_figure([self.recording])
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from shake_ros.api.signals import Source, naming, one_recording
+from shake_ros.api.read import Source, naming, one_recording
 from shake_ros.core.analysis import thd as analysis
 from shake_ros.core.analysis.stretches import steady_part
 from shake_ros.core.analysis.thd import Harmonics, fundamental_frequency, nearby_fundamental

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shake_ros.api.configuration_text import text_of
 from shake_ros.api.loops import MODELS, Combination, Course, Setup, load_setup, strict
 from shake_ros.api.progress import Progress, Told
-from shake_ros.api.tune_table import tune_table
+from shake_ros.api.tune_table import text_of, tune_table
 from shake_ros.core.control import CONTROLLERS, closed_loop
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.law import LawParameters

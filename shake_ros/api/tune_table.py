@@ -1,4 +1,7 @@
-"""`tune` of a table: observer and controller designed for it and held against its neighbours, as two configurations."""
+"""`tune` of a table: observer and controller designed for it and held against its neighbours, as configurations.
+
+`close_loop` shows with it how a controller would track better with the found table: the loop before and after.
+"""
 
 from __future__ import annotations
 
@@ -13,20 +16,39 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.api.configuration_text import text_of
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable, percent
+from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
+from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.loop.linear_loop import LAWS, Margins
 from shake_ros.core.loop.robust import Load, RobustSettings, Search, Uncertainty, neighbours, uncertainty_of
-from shake_ros.core.loop.trials import Trials, TriedLaw, horizon, try_laws
+from shake_ros.core.loop.trials import TrackingBenefit, Trials, TriedLaw, benefit, horizon, try_laws
+from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.model import ModelObserver
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
+from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys, unknown_name
 from shake_ros.data.reference_file import build_program
 from shake_ros.data.results import refuse_existing, write_json, writing
-from shake_ros.settings import find, load_table, read_yaml, save_table
+from shake_ros.settings import find, load_table, load_variant, read_yaml, save_table
+
+
+def text_of(kind: str, parameters: Parameters, comment: Sequence[str]) -> str:
+    """The YAML of a controller or an observer with units and meanings."""
+    lines = [f"# {line}" for line in comment] + [f"kind: {kind}"]
+    for f in dataclasses.fields(parameters):
+        value, unit = getattr(parameters, f.name), f.metadata.get("unit", "")
+        if isinstance(value, str):
+            if value:
+                lines.append(f"{f.name}: {value}")
+            continue
+        if isinstance(value, bool):
+            value = str(value).lower()
+        note = f"{unit}, {f.metadata['meaning']}" if unit not in ("", "-") else str(f.metadata["meaning"])
+        lines.append(f"{f'{f.name}: {value} ':36s}# {note}")
+    return "\n".join(lines) + "\n"
+
 
 KEYS = ("reference", "seconds", "loads", "numbers")
 FILES = ("controller.yaml", "observer.yaml", "tune.json")
@@ -301,3 +323,53 @@ def read_uncertainty(path: Path) -> Uncertainty:
         if name not in FULL_LAYOUT.fields:
             raise unknown_name("parameter", name, FULL_LAYOUT.fields, str(path))
     return Uncertainty(names, matrix)
+
+
+@dataclass(frozen=True)
+class TrackingSettings(Parameters):
+    """Content of config/identification/tracking.yaml."""
+
+    observer: str = choice("observer, a name of config/observer")
+    controller: str = choice("controller, a name of config/controller")
+    reference: str = choice("reference, a name of config/reference")
+    sample_time: float = quantity("s", "sample time of the loop", low=1e-5, high=0.1)
+    delay: int = quantity("-", "samples by which a command reaches the valve late", low=0, high=100)
+
+
+def tracking(
+    result: LoopClosure, known: Uncertainty | None = None, tuned: TunedTable | None = None
+) -> TrackingBenefit | None:
+    """The identified table under the declared model and under the final one; None where nothing was added.
+
+    None also for declared models that have no valve to control.
+
+    Parameters
+    ----------
+    known : of the final table's parameters; the loop is looked at on neighbours within it as well.
+    tuned : observer and gains made for the final table, which run beside.
+    """
+    table, declared = result.final.table, result.baseline.table
+    if result.model.layout is not FULL_LAYOUT or not (result.search.steps or tuned):
+        return None
+    path = find("identification", "tracking")
+    settings = TrackingSettings.from_mapping(read_yaml(path), str(path))
+
+    def loops(model: TableParameters) -> tuple[Observer, Controller]:
+        observer = Observer(*load_variant("observer", settings.observer, OBSERVERS), settings.sample_time, model)
+        law = Controller(*load_variant("controller", settings.controller, CONTROLLERS), settings.sample_time, model)
+        return observer, law
+
+    program = build_program(settings.reference, settings.sample_time)
+    content, s = load_robust("default")
+    around = neighbours(table, known or uncertainty_of(table, s), content["loads"], s)
+    return benefit(
+        table,
+        declared,
+        table,
+        loops,
+        program.samples(0, program.length),
+        settings.reference,
+        delay=settings.delay,
+        tuned=(tuned.loop(settings.sample_time), tuned.margins) if tuned else None,
+        neighbours=around,
+    )

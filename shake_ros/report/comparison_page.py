@@ -1,17 +1,146 @@
-"""The page of a comparison of controllers."""
+"""A comparison of controllers: charts of figures 6.61 and 6.62, tables as text, the page."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.loop.metrics import Outcome, Summary, summarise
-from shake_ros.report.charts_comparison import error_chart, spectrum_chart
-from shake_ros.report.comparison_text import HEAD, load_rows, number, summary_rows, trouble
+from shake_ros.core.loop.metrics import Outcome, Summary, by_load, summarise
+from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.page import Bar, Made, Page
-from shake_ros.report.style import COLOURS
+from shake_ros.report.static_figure import COLOURS
 from shake_ros.report.text import percent
+
+QUANTITIES = (("position", "mm"), ("velocity", "mm/s"))
+HIGHEST_SHOWN = 30.0  # [Hz]
+LEAST_SHOWN = 1e-5  # of the reference's largest line: a synthetic reference has next to nothing beyond its band
+
+
+def error_chart(runs: Mapping[str, ClosedLoop], case: str = "", part: int = 1) -> Chart:
+    """Figure 6.61: position and velocity error of each controller over time."""
+    panels = []
+    for column, (name, unit) in enumerate(QUANTITIES):
+        time = np.arange(max(len(run.command) for run in runs.values())) * next(iter(runs.values())).sample_time
+        series = []
+        for k, (label, run) in enumerate(runs.items()):
+            error = np.full(len(time), np.nan)
+            error[: len(run.truth)] = 1e3 * (run.truth[:, column] - run.reference[:, column])
+            series.append(ChartSeries(label, error, f"c{k % 6}"))
+        panels.append(Panel(f"{name} error [{unit}]", time, tuple(series)))
+    return Chart(f"errors_{part}", "time [s]", tuple(panels), f"Position and velocity error{case and f', {case}'}")
+
+
+def response_chart(number: str, run: ClosedLoop, caption: str) -> Chart:
+    """Position and velocity of one run over its reference, and the command, as figures 6.43 to 6.60."""
+    time = np.arange(len(run.command)) * run.sample_time
+    panels = [
+        Panel(
+            f"{name} [{unit}]",
+            time,
+            (
+                ChartSeries("reference", 1e3 * run.reference[:, column], "measured", width=1.8),
+                ChartSeries("table", 1e3 * run.truth[:, column], "after"),
+            ),
+        )
+        for column, (name, unit) in enumerate(QUANTITIES)
+    ]
+    panels.append(Panel("command [-]", time, (ChartSeries("command", run.command, "before"),)))
+    return Chart(f"figure_{number.split(',', maxsplit=1)[0]}", "time [s]", tuple(panels), caption)
+
+
+def amplitudes(signal: Array, sample_time: float) -> tuple[Array, Array]:
+    """Frequencies [Hz] and amplitudes of the signal's lines up to 30 Hz [unit of the signal]."""
+    spectrum = 2.0 * np.abs(np.fft.rfft(signal - signal.mean())) / len(signal)
+    frequency = np.asarray(np.fft.rfftfreq(len(signal), sample_time), dtype=np.float64)
+    shown = (frequency > 0.0) & (frequency <= HIGHEST_SHOWN)
+    return frequency[shown], spectrum[shown]
+
+
+def spectrum_chart(runs: Mapping[str, ClosedLoop], case: str = "", part: int = 1) -> Chart:
+    """Figure 6.62: spectra of position and velocity of the reference and under each controller."""
+    panels = []
+    first = next(iter(runs.values()))
+    sound = {label: run for label, run in runs.items() if np.isfinite(run.truth).all()}
+    for column, (name, unit) in enumerate(QUANTITIES):
+        frequency, wanted = amplitudes(1e3 * first.reference[:, column], first.sample_time)
+        least = LEAST_SHOWN * float(np.max(wanted, initial=0.0))
+
+        def shown(lines: Array, least: float = least) -> Array:
+            return np.where(lines >= least, lines, np.nan)
+
+        series = [ChartSeries("reference", shown(wanted), "measured", width=1.8)]
+        for label, run in sound.items():
+            found = amplitudes(1e3 * run.truth[:, column], run.sample_time)[1]
+            if len(found) == len(frequency):
+                series.append(ChartSeries(label, shown(found), f"c{list(runs).index(label) % 6}"))
+        panels.append(Panel(f"{name} [{unit}]", frequency, tuple(series), log=True))
+    caption = f"Amplitude spectra of position and velocity{case and f', {case}'}"
+    return Chart(f"spectra_{part}", "frequency [Hz]", tuple(panels), caption)
+
+
+HEAD = (
+    "controller", "J1 [ms]", "position", "worst", "velocity", "worst", "acceleration", "worst", "spectrum", "THD",
+    "travel [1/s]", "at limit", "perturbed", "unstable", "end stop",
+)  # fmt: skip
+
+
+def number(value: float, digits: int = 2) -> str:
+    """A number, a dash where there is none."""
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
+
+
+def summary_rows(summaries: Sequence[Summary]) -> list[list[str]]:
+    """One row per controller under HEAD: mean and worst over references and loads, worst over the perturbed tables."""
+    rows = []
+    for s in summaries:
+        m, w = s.mean, s.worst
+        rows.append(
+            [s.entry, number(1e3 * m.delay)]
+            + [
+                percent(value)
+                for name in ("position_error", "velocity_error", "acceleration_error")
+                for value in (getattr(m, name), getattr(w, name))
+            ]
+            + [percent(m.spectrum_error), percent(m.thd), number(m.command_travel), percent(m.time_at_limit)]
+            + [percent(s.perturbed_worst.position_error), str(s.unstable), str(s.end_stops)]
+        )
+    return rows
+
+
+def load_rows(outcomes: Sequence[Outcome]) -> tuple[list[str], list[list[str]]]:
+    """Head and rows: mean position error and command travel of each controller by load."""
+    loads = sorted({o.load for o in outcomes if o.table < 0})
+    head = ["controller"] + [f"position, {load:g} kg" for load in loads] + [f"travel, {load:g} kg" for load in loads]
+    rows = []
+    for entry in dict.fromkeys(o.entry for o in outcomes):
+        errors, travels = (by_load(outcomes, entry, name) for name in ("position_error", "command_travel"))
+        rows.append([entry, *(percent(errors[x]) for x in loads), *(number(travels[x]) for x in loads)])
+    return head, rows
+
+
+def trouble(outcomes: Sequence[Outcome]) -> list[str]:
+    """A line for each run that was unstable or touched an end stop."""
+    lines = []
+    for o in outcomes:
+        what = [text for text, flag in (("unstable", o.metrics.unstable), ("end stop", o.metrics.end_stop)) if flag]
+        if what:
+            table = f"perturbed table {o.table}" if o.table >= 0 else "declared table"
+            lines.append(f"{o.entry}: {o.reference}, {o.load:g} kg, {table}: {' and '.join(what)}")
+    return lines
+
+
+def aligned(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of text, the first column to the left."""
+    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
+    lines = []
+    for row in [head, *rows]:
+        cells = [f"{row[0]:<{widths[0]}}"] + [f"{c:>{w}}" for c, w in zip(row[1:], widths[1:], strict=True)]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
+
 
 CASE_HEAD = (
     "controller", "load [kg]", "J1 [ms]", "position", "peak", "velocity", "peak", "acceleration", "spectrum",

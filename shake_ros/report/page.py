@@ -1,4 +1,7 @@
-"""One self-contained HTML page: contents, text, tables and charts, to read and to zoom without a network."""
+"""One self-contained HTML page: contents, text, tables and charts, to read and to zoom without a network.
+
+`write_page` puts it into a result folder, with static copies of its charts where they are wanted.
+"""
 
 from __future__ import annotations
 
@@ -239,3 +242,12 @@ def _chart(chart: Chart) -> str:
         f"<figcaption><span>{html.escape(chart.caption)}</span>{buttons}</figcaption>"
         f"<script type='application/json'>{content}</script></figure>"
     )
+
+
+def write_page(page: Page, folder: Path, figures: str | None = None, name: str = "report") -> None:
+    """Write `name`.html; with `figures` (pdf, svg or png) the charts into the folder `name`_figures as well."""
+    (folder / f"{name}.html").write_text(page.render(), encoding="utf-8")
+    if figures:
+        from shake_ros.report.static_figure import save_figures  # brings matplotlib, which is slow to load
+
+        save_figures(page.charts, folder / f"{name}_figures", figures)

@@ -1,4 +1,8 @@
-"""Sections that several pages have: measured against simulated, errors, what remains, parameters, tracking."""
+"""Sections that several pages have: measured against simulated, errors, what remains, parameters, tracking.
+
+Some are lines of a terminal as well: what of a residual is predictable, and what each recording of a force-driven axis
+has of its own.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +14,114 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.discovery.declared_fit import FittedModel
+from shake_ros.core.identification.axis_model import forecast_errors, position_errors, slow_changes
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.experiments import stated
+from shake_ros.core.identification.innovations import HORIZONS, RATES, Innovations
 from shake_ros.core.identification.nuisances import Prepared
+from shake_ros.core.identification.predictability import Predictability
+from shake_ros.core.identification.predictability import verdict as predictability_verdict
 from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
+from shake_ros.core.identification.slow_changes import SlowChange
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.trials import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.report import charts_fit
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page, Source
-from shake_ros.report.predictable import innovations_table, predictable_table
-from shake_ros.report.readable import bound_text, estimate_text, rounded, unit_of
-from shake_ros.report.text import percent, sentence
+from shake_ros.report.text import bound_text, estimate_text, percent, rounded, sentence, unit_of
+
+
+def predictable_table(page: Page, parts: Sequence[Predictability]) -> None:
+    """What of each residual is predictable at all, in shares of its mean square."""
+    page.subheading("What of it is predictable at all")
+    page.paragraph(sentence(predictability_verdict(parts)))
+    page.paragraph(
+        "Shares of the residual's mean square. The filter may look ahead, holds the command, its magnitude, its sign "
+        "and its square with sign, and has not seen the recording that it is judged by. What does not repeat between "
+        "equal commands, beyond the sensor noise, no model that the command drives can have: process noise, or a state "
+        "that the recording began with.",
+        note=True,
+    )
+    rows = []
+    for p in parts:
+        shares = ["–" if s is None else f"{100.0 * s:.0f} %" for s in (p.linear, p.filtered, p.repeated, p.different)]
+        role = "validation" if p.held_out else "estimation"
+        sizes = f"{p.ratio:.2f} × noise", f"{100.0 * p.noise:.0f} %"
+        rows.append([f"{p.name} ({role})", p.channel, *sizes, *shares, f"{p.least_ratio:.2f} × noise"])
+    heads = (
+        "recording",
+        "residual of",
+        "size",
+        "sensor noise",
+        "coherent",
+        "a filter takes",
+        "repeats",
+        "does not repeat",
+    )
+    page.table((*heads, "at best"), rows)
+
+
+def innovations_table(page: Page, found: Innovations) -> None:
+    """Errors of runs that are drawn towards the measurement, by rate, and of predictions, by horizon."""
+    page.subheading("Error of prediction against horizon")
+    page.paragraph(sentence(found.text))
+    page.paragraph(
+        "Rms over validation data in multiples of the sensor noise. A drawn run is corrected at a rate towards what is "
+        "measured, as an observer is; beside it stands what sensor noise alone makes of such a run. A prediction is "
+        "free from the instant it is made; the measured velocity has looked some 10 ms ahead of that.",
+        note=True,
+    )
+    rows = []
+    for channel, errors in found.errors.items():
+        cells = zip(errors, found.by_noise[channel], strict=True)
+        rows.append([channel, *(f"{e:.2f} ({alone:.2f})" for e, alone in cells)])
+    page.table(["drawn at (noise alone)", "free run", *(f"{rate:g} 1/s" for rate in RATES[1:])], rows)
+    rows = [[channel, *(f"{e:.2f}" for e in errors)] for channel, errors in found.horizons.items()]
+    page.table(["predicted ahead by", *(f"{1e3 * h:g} ms" for h in HORIZONS)], rows)
+
+
+OWN = (
+    "Estimated from the recording's own position, as friction and amplifiers warm up between recordings and within "
+    "them; the level counts all friction against the first recording learned from. The errors of the free run on this "
+    "page are with them. From its force alone a run errs by what the last column says."
+)
+
+
+def slow_change_lines(changes: Sequence[SlowChange]) -> list[str]:
+    """A line for each recording that has something of its own."""
+    return [
+        f"of its own, {c.recording}: friction {c.level:.4f} of the level learned, offset {c.offset:+.3f} N, "
+        f"drift {c.drift:+.4f} N/s"
+        for c in changes
+    ]
+
+
+def position_lines(errors: Mapping[str, Sequence[float]], forecast: Mapping[str, float]) -> list[str]:
+    """Position errors of the free runs, and those from the force alone, a line for each recording [m]."""
+    return [
+        f"position of the free run, {name}: {' → '.join(f'{1e3 * value:.3f}' for value in values)} mm rms"
+        + ("" if forecast[name] == values[-1] else f", from its force alone {1e3 * forecast[name]:.3f} mm")
+        for name, values in errors.items()
+    ]
+
+
+def slow_changes_section(page: Page, table: TableParameters, records: Sequence[Record]) -> None:
+    """What each recording has of its own under a table; nothing where none has."""
+    found = slow_changes(table, records)
+    if not found:
+        return
+    errors = [of(table, records) for of in (position_errors, forecast_errors)]
+    page.subheading("What each recording has of its own")
+    page.paragraph(OWN)
+    rows = [
+        [c.recording, f"{c.level:.4f}", f"{c.offset:+.3f} N", f"{c.drift:+.4f} N/s"]
+        + [f"{1e3 * e[c.recording]:.3f} mm" for e in errors]
+        for c in found
+    ]
+    heads = ("recording", "level of friction", "offset", "drift", "position error", "from its force alone")
+    page.table(heads, rows)
+
 
 ERROR = "Error of the free run: rms(measured − simulated) / rms(measured − mean), simulated from the command alone."
 TEST = "Validation data have chosen what the model contains; of test data no decision knew."

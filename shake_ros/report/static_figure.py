@@ -1,17 +1,68 @@
-"""The static copy of a chart, for a paper, a notebook or a printed page."""
+"""Figures for a paper, a notebook or a printed page: how they look, static copies of charts, recordings over time."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from shake_ros.core.quantities import unknown_name
+from shake_ros.data.recordings import TableRecording
 from shake_ros.report.chart import FORMATS, Chart
-from shake_ros.report.style import COLOUR, GREY, MEASURED, new_figure, tidy
+
+MEASURED, BEFORE, AFTER = "#1d2733", "#c8553d", "#2a7f62"
+COLOURS = ("#1d4e89", "#c8553d", "#2a7f62", "#b8860b", "#6a4c93", "#5b6770")
+"""Of curves that are equals."""
+GREY = "#9aa5b1"
+GRID = "#e3e8ee"
+COLOUR = {
+    "measured": MEASURED,
+    "before": BEFORE,
+    "after": AFTER,
+    "grey": GREY,
+    **{f"c{k}": colour for k, colour in enumerate(COLOURS)},
+}
+"""Of the curves of a chart by name; the page has the same names in both themes (web/page.css)."""
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of a size [inch]."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def tidy(axes: Axes, x: str, y: str, title: str = "") -> None:
+    """Labels, a light grid behind the curves, no box."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    if title:
+        axes.set_title(title, fontsize=10)
+    axes.grid(True, color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def name_decades(axis: Axis) -> None:
+    """1, 2 and 5 of each decade on a logarithmic axis, as plain numbers."""
+    low, high = axis.get_view_interval()
+    marks = [m * 10.0**k for k in range(-9, 10) for m in (1.0, 2.0, 5.0) if low <= m * 10.0**k <= high]
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_ticks(marks, [f"{m:g}" for m in marks])
+
+
+def png(figure: Figure) -> bytes:
+    """A figure as PNG."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110, bbox_inches="tight")
+    return buffer.getvalue()
+
 
 POINT = 0.72  # of a line's width in pixels [point]
 UNDATED = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": None}
@@ -71,3 +122,26 @@ def save_figures(charts: Sequence[Chart], folder: Path, kind: str) -> None:
         figure = static_figure(chart)
         with rc_context({"svg.hashsalt": chart.name}):
             figure.savefig(folder / f"{chart.name}.{kind}", dpi=200, bbox_inches="tight", metadata=UNDATED[kind])
+
+
+CHANNELS = (("valve_command", "command [-]", 1.0), ("position", "position [mm]", 1e3))
+REFERENCE = {"position": 0, "acceleration": 2}  # column of a reference
+ACCELERATION = ("acceleration", "acceleration [m/s²]", 1.0)
+
+
+def recordings_figure(recordings: Sequence[TableRecording]) -> Figure:
+    """A column for each recording, a row for each signal."""
+    channels = [*CHANNELS, *([ACCELERATION] if any(r.acceleration is not None for r in recordings) else [])]
+    figure = new_figure(5.0 + 4.5 * (len(recordings) - 1), 2.2 * len(channels))
+    grid = figure.subplots(len(channels), len(recordings), squeeze=False, sharex="col", sharey="row")
+    for column, recording in enumerate(recordings):
+        grid[0, column].set_title(recording.name)
+        for row, (signal, label, scale) in enumerate(channels):
+            axes, values = grid[row, column], getattr(recording, signal)
+            if signal in REFERENCE and recording.reference is not None:
+                wanted = scale * recording.reference[:, REFERENCE[signal]]
+                axes.plot(recording.time, wanted, color=BEFORE, linewidth=0.8, label="reference")
+            if values is not None:
+                axes.plot(recording.time, scale * values, color=MEASURED, linewidth=0.8)
+            tidy(axes, "time [s]" if row == len(channels) - 1 else "", label if column == 0 else "")
+    return figure

@@ -11,8 +11,8 @@ from live_tables import SimulatedLiveTable
 
 import shake_ros as sr
 from shake_ros.__main__ import main
-from shake_ros.api.commission import Commission
-from shake_ros.api.commission_files import HELD, interlock_of, load_commission
+from shake_ros.commissioning.commission import Commission
+from shake_ros.commissioning.steps import HELD, interlock_of, load_commission
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import ShakeError
@@ -157,7 +157,7 @@ def test_close_loop_seeks_at_the_highest_level_and_the_run_before_decides(
         asked.append(([run.name for run in estimation], validation.name))
         return Nothing()
 
-    monkeypatch.setattr("shake_ros.api.commission.close_loop", seek)
+    monkeypatch.setattr("shake_ros.commissioning.commission.close_loop", seek)
     given = settings(tmp_path, levels=[0.3, 0.5], search_from=0.5)
     found = sr.commission("bergamo", settings=given, progress=False)
     assert found.complete

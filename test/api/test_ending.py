@@ -7,8 +7,7 @@ import time
 
 import pytest
 
-from shake_ros.api.ending import Ending
-from shake_ros.api.progress import Progress
+from shake_ros.api.progress import Ending, Progress
 from shake_ros.core.discovery.problem import Stopped, patiently
 from shake_ros.core.quantities import ShakeError
 

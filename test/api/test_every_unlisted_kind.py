@@ -15,8 +15,8 @@ import yaml
 
 import shake_ros as sr
 from shake_ros.api import model as opening
-from shake_ros.api import tracking
-from shake_ros.cli.close_loop import lines
+from shake_ros.api import tune_table
+from shake_ros.cli.repair import discovery_lines
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep
@@ -134,8 +134,8 @@ def test_unlisted_effect_ends_in_a_whole_report(
 ) -> None:
     monkeypatch.setattr(closing, "forward_selection", search_for(kind))
     monkeypatch.setattr(closing, "judged", kept)
-    monkeypatch.setattr(tracking, "neighbours", lambda table, *_: [table])
-    monkeypatch.setattr(tracking, "read_yaml", lambda path: {**read_yaml(path), "reference": "pulse"})
+    monkeypatch.setattr(tune_table, "neighbours", lambda table, *_: [table])
+    monkeypatch.setattr(tune_table, "read_yaml", lambda path: {**read_yaml(path), "reference": "pulse"})
     monkeypatch.setattr(
         opening, "staged_start", lambda m, free, effects, data, _: StartingPoint.declared(m.table, data)
     )
@@ -155,4 +155,4 @@ def test_unlisted_effect_ends_in_a_whole_report(
         assert content["function"]["place"] == kind.place
         files |= {"tracking.json", "uncertainty.json"}
     assert {p.name for p in out.iterdir()} == files
-    assert list(lines(found, force=False))
+    assert list(discovery_lines(found, force=False))

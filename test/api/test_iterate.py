@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shake_ros.api.iterate import iterate, iterate_simulated
-from shake_ros.api.iterated import Iterated
-from shake_ros.api.lacking import lacking
 from shake_ros.api.read import recording
-from shake_ros.api.simulated_table import SimulatedTable
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.iteration.drive import integrate
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.reference_file import build_program
+from shake_ros.iteration.drive import integrate
+from shake_ros.iteration.iterate import Iterated, iterate, iterate_simulated
+from shake_ros.iteration.model import lacking
+from shake_ros.iteration.table import SimulatedTable
 from shake_ros.settings import load_search
 
 FIXED = ("model_soft_zone", "super_twisting_model")

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shake_ros.api.qualification_files import load_required, load_rules, load_settings, required_from
 from shake_ros.core.analysis.response_spectrum import response_spectrum
-from shake_ros.core.iteration.drive import integrate
-from shake_ros.core.qualification.judge import arias_times, coherence, judge, longest_run, strong_part
-from shake_ros.core.qualification.motion import check_sampling, demand, refusal, synthesise
-from shake_ros.core.qualification.required import GRAVITY, Ac156
 from shake_ros.core.quantities import ShakeError
+from shake_ros.iteration.drive import integrate
+from shake_ros.qualification.asked import load_required, load_rules, load_settings, required_from
+from shake_ros.qualification.judge import arias_times, coherence, judge, longest_run, strong_part
+from shake_ros.qualification.motion import check_sampling, demand, refusal, synthesise
+from shake_ros.qualification.required import GRAVITY, Ac156
 from shake_ros.settings import load_table
 
 STEP = 0.001

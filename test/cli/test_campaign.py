@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from shake_ros.__main__ import main
-from shake_ros.api import campaign as face
+from shake_ros.campaigns import campaign as face
 
 STUDY = """
 title: Sums of random numbers

@@ -13,14 +13,15 @@ import pytest
 from closed_loops import command, recording
 
 from shake_ros import __main__
-from shake_ros.api import demo, demo_runs, measured_runs
+from shake_ros.api.fitted import with_test
 from shake_ros.api.progress import Progress
-from shake_ros.api.unseen import with_test
 from shake_ros.core.effects import EFFECTS
-from shake_ros.core.measured_harmonics.variants import MeasuredRuns
 from shake_ros.core.quantities import UnknownName
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
-from shake_ros.report.demo_page import Tracking
+from shake_ros.demonstration import demo
+from shake_ros.demonstration.page import Tracking
+from shake_ros.measured import runs
+from shake_ros.measured.models import MeasuredRuns
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
 SETTINGS = read_yaml(find("demo", "demo"))
@@ -37,10 +38,10 @@ def measured() -> MeasuredRuns:
     def short(path: Path) -> object:
         return few if path.name == "variants.yaml" else read_yaml(path)
 
-    study = measured_runs.study
+    study = runs.study
     with (
-        mock.patch.object(measured_runs, "read_yaml", short),
-        mock.patch.object(measured_runs, "study", lambda *a, **m: study(*a, **{**m, "starts": 3})),
+        mock.patch.object(runs, "read_yaml", short),
+        mock.patch.object(runs, "study", lambda *a, **m: study(*a, **{**m, "starts": 3})),
         contextlib.redirect_stderr(io.StringIO()),
         Progress("test") as bar,
     ):
@@ -75,18 +76,18 @@ def test_variant_earns_its_parameters_by_the_information_criterion(measured: Mea
 
 
 def test_seed_draws_the_same_hidden_table_every_time() -> None:
-    assert demo_runs.hide(SETTINGS, 3, None) == demo_runs.hide(SETTINGS, 3, None)
+    assert demo.hide(SETTINGS, 3, None) == demo.hide(SETTINGS, 3, None)
 
 
 def test_seeds_draw_different_effects_and_tables() -> None:
-    drawn = [demo_runs.hide(SETTINGS, seed, None) for seed in range(12)]
+    drawn = [demo.hide(SETTINGS, seed, None) for seed in range(12)]
     assert len({h.effect for h in drawn}) >= 5
     assert len({h.table.value("bulk_modulus.modulus") for h in drawn}) == 12
 
 
 @pytest.mark.parametrize("effect", sorted(SETTINGS["hidden"]))
 def test_hidden_table_has_one_effect_that_the_declared_table_has_not(effect: str) -> None:
-    hidden = demo_runs.hide(SETTINGS, 1, effect)
+    hidden = demo.hide(SETTINGS, 1, effect)
     assert hidden.effect == effect
     assert effect in EFFECTS
     assert set(hidden.table.effects) == {effect}
@@ -97,7 +98,7 @@ def test_hidden_table_has_one_effect_that_the_declared_table_has_not(effect: str
 
 
 def test_named_effect_does_not_change_the_tables_own_values() -> None:
-    chosen, other = (demo_runs.hide(SETTINGS, 4, e).table for e in ("soft_zone", "command_delay"))
+    chosen, other = (demo.hide(SETTINGS, 4, e).table for e in ("soft_zone", "command_delay"))
     assert dataclasses.replace(chosen, effects={}) == dataclasses.replace(other, effects={})
 
 
@@ -105,7 +106,7 @@ def test_effect_that_the_demo_cannot_hide_is_refused_before_anything_is_done(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(UnknownName, match="did you mean 'soft_zone'"):
-        demo_runs.hide(SETTINGS, 1, "soft_zon")
+        demo.hide(SETTINGS, 1, "soft_zon")
     assert __main__.main(["demo", "--hidden", "soft_zon", "--out", str(tmp_path / "out")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
@@ -141,7 +142,7 @@ def test_recorded_runs_have_sensor_noise_of_their_own(tmp_path: Path, monkeypatc
     with contextlib.redirect_stderr(io.StringIO()), Progress("test") as bar:
         for seed in (1, 2):
             for name in ("excitation", "earthquake", "earthquake_again"):
-                demo_runs.record_run(tmp_path, name, SETTINGS, demo_runs.hide(SETTINGS, seed, None), "bergamo", bar)
+                demo.record_run(tmp_path, name, SETTINGS, demo.hide(SETTINGS, seed, None), "bergamo", bar)
     assert len(set(seeds)) == 6
 
 
@@ -155,9 +156,9 @@ def test_found_table_is_handed_over_wherever_the_demo_is_started(
     work.mkdir()
     found.parent.mkdir()
     save_table(found, load_table("bergamo"), "found")
-    hidden = demo_runs.hide(SETTINGS, 1, None)
+    hidden = demo.hide(SETTINGS, 1, None)
     with contextlib.redirect_stderr(io.StringIO()), Progress("test") as bar:
-        demo_runs.record_run(work, "earthquake_again", SETTINGS, hidden, found, bar)
+        demo.record_run(work, "earthquake_again", SETTINGS, hidden, found, bar)
     for kind in ("observer", "controller"):
         assert read_yaml(work / f"{kind}_earthquake_again.yaml")["model"] == str(tmp_path / found)
 
@@ -179,14 +180,14 @@ def followed(path: Path, share: float) -> TableRecording:
 
 
 def test_tracking_error_of_a_motion_that_falls_short_is_its_share(tmp_path: Path) -> None:
-    error = demo_runs.tracking(followed(tmp_path / "run", 0.03))
+    error = demo.tracking(followed(tmp_path / "run", 0.03))
     assert error == pytest.approx({"position": 0.03, "velocity": 0.03, "acceleration": 0.03}, rel=1e-3)
 
 
 def test_summary_keeps_the_contract_and_tells_right_from_wrong(measured: MeasuredRuns, tmp_path: Path) -> None:
     before, after = followed(tmp_path / "before", 0.05), followed(tmp_path / "after", 0.01)
-    tracks = Tracking(before, after, demo_runs.tracking(before), demo_runs.tracking(after))
-    hidden = demo_runs.hide(SETTINGS, 1, "spool_deadband")
+    tracks = Tracking(before, after, demo.tracking(before), demo.tracking(after))
+    hidden = demo.hide(SETTINGS, 1, "spool_deadband")
     result = with_test(command("spool_deadband").result, [recording("spool_deadband", 3, "third")])
     summary = demo.summarise(measured, hidden, result, tracks, 101.25)
     assert set(summary) == {"harmonics", "hidden", "tracking", "seconds"}
@@ -205,9 +206,9 @@ def test_summary_keeps_the_contract_and_tells_right_from_wrong(measured: Measure
 
 def test_summary_says_that_nothing_was_named(measured: MeasuredRuns, tmp_path: Path) -> None:
     run = followed(tmp_path / "run", 0.05)
-    tracks = Tracking(run, run, demo_runs.tracking(run), demo_runs.tracking(run))
+    tracks = Tracking(run, run, demo.tracking(run), demo.tracking(run))
     result = with_test(command("nothing").result, [recording("nothing", 3, "third")])
-    summary = demo.summarise(measured, demo_runs.hide(SETTINGS, 1, None), result, tracks, 1.0)
+    summary = demo.summarise(measured, demo.hide(SETTINGS, 1, None), result, tracks, 1.0)
     assert summary["hidden"]["named"] is None
     assert "named: nothing (not the hidden one)" in demo.lines(summary, tracks)
 
@@ -216,11 +217,11 @@ def test_run_over_dds_leaves_a_recording_that_a_fit_can_read(
     tmp_path: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("rclpy")
-    monkeypatch.setattr(demo_runs, "DURATION", {"excitation": 1.5, "earthquake": 1.5})
-    hidden = demo_runs.hide(SETTINGS, 2, "soft_zone")
+    monkeypatch.setattr(demo, "DURATION", {"excitation": 1.5, "earthquake": 1.5})
+    hidden = demo.hide(SETTINGS, 2, "soft_zone")
     save_table(tmp_path / "hidden_table.yaml", hidden.table, "hidden")
     with contextlib.redirect_stderr(io.StringIO()), Progress("test") as bar:
-        bag = demo_runs.record_run(tmp_path, "excitation", SETTINGS, hidden, SETTINGS["declared"], bar)
+        bag = demo.record_run(tmp_path, "excitation", SETTINGS, hidden, SETTINGS["declared"], bar)
     recording = read_table_recording(bag)
     assert recording.segments == (slice(0, len(recording)),)
     assert len(recording) == pytest.approx(1500, abs=2)
@@ -228,4 +229,4 @@ def test_run_over_dds_leaves_a_recording_that_a_fit_can_read(
     for values in (recording.acceleration, recording.reference, recording.estimate, recording.truth):
         assert values is not None
     assert np.std(recording.position) > 1e-4
-    assert demo_runs.tracking(recording)["position"] < 0.5
+    assert demo.tracking(recording)["position"] < 0.5

@@ -14,7 +14,7 @@ from closed_loops import LEAN, bag
 
 from shake_ros import __main__
 from shake_ros.api import close_loop as verb
-from shake_ros.cli import close_loop as cli
+from shake_ros.cli import repair as cli
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery import forward_selection as forward
 from shake_ros.core.discovery.decision import ForwardStep
@@ -41,7 +41,7 @@ STEPS: list[tuple[ModuleType, str, str]] = [
     (close_loop_page, "found_section", "page, what was found"),
     (close_loop_page, "model_sections", "page, measured against simulated"),
     (close_loop_page, "close_loop_page", "page"),
-    (cli, "close_loop_lines", "text"),
+    (cli, "discovery_lines", "text"),
 ]
 FIRST = ("search", "judgement", "final fit", "diagnosis", "page", "text")  # the others are of the second tier
 CASES = [pytest.param(*one, id=one[2], marks=[] if one[2] in FIRST else pytest.mark.second_tier) for one in STEPS]

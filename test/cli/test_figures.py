@@ -9,8 +9,8 @@ import pytest
 from matplotlib.image import imread
 
 from shake_ros import __main__ as shake_ros
-from shake_ros.api.figures import FIGURES
-from shake_ros.report import figures_fluid
+from shake_ros.thesis import figures_laws
+from shake_ros.thesis.figures import FIGURES
 
 
 def main(arguments: list[str]) -> int:
@@ -35,7 +35,7 @@ def test_every_row_of_the_table_names_a_function_that_exists() -> None:
 
 
 def test_figure_2_4_shows_four_models_for_each_air_content() -> None:
-    figure = figures_fluid.entrained_air()
+    figure = figures_laws.entrained_air()
     assert [len(axes.lines) for axes in figure.axes] == [4, 4, 4, 4]
     low = [axes.lines[0].get_ydata()[50] for axes in figure.axes]  # type: ignore[index]
     assert np.all(np.diff(low) < 0.0)  # the more air, the softer

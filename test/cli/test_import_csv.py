@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shake_ros.cli.import_csv import main
+from shake_ros.cli.repair import import_csv_command
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import read_table_recording
 
@@ -17,7 +17,7 @@ TABLE = "t,u,x_mm,a\n" + "".join(f"{0.01 * k:.2f},{0.1 * k:.1f},{k},{k + 0.5}\n"
 def run(tmp_path: Path, text: str, *arguments: str, columns: str = "--time t --command u --position x_mm*1e-3"):
     file = tmp_path / "table.csv"
     file.write_text(text, encoding="utf-8")
-    assert main([str(file), *columns.split(), *arguments, "--out", str(tmp_path / "bag")]) == 0
+    assert import_csv_command([str(file), *columns.split(), *arguments, "--out", str(tmp_path / "bag")]) == 0
     return read_table_recording(tmp_path / "bag")
 
 
@@ -108,7 +108,7 @@ def test_every_run_of_the_electric_table_is_imported(shared, tmp_path):
     for file in files:
         out = tmp_path / file.stem
         columns = "--time t_s --command ut --position position*0.001"
-        assert main([str(file), *columns.split(), "--out", str(out)]) == 0
+        assert import_csv_command([str(file), *columns.split(), "--out", str(out)]) == 0
         recording = read_table_recording(out)
         expected = np.loadtxt(file, delimiter=",", skiprows=1)
         assert recording.sample_time == 0.005
@@ -120,7 +120,7 @@ def test_every_run_of_the_electric_table_is_imported(shared, tmp_path):
 def test_the_servo_hydraulic_actuator_is_imported_with_its_force(shared, tmp_path, name, count):
     columns = "--rate 1000 --command CHANNEL2*0.01 --position CHANNEL0*0.01 --force CHANNEL1*9806.65"
     file = shared / "data/mts_actuator" / name
-    assert main([str(file), *columns.split(), "--out", str(tmp_path / "bag")]) == 0
+    assert import_csv_command([str(file), *columns.split(), "--out", str(tmp_path / "bag")]) == 0
     recording = read_table_recording(tmp_path / "bag")
     assert len(recording) == count
     assert recording.force is not None

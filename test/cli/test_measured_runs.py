@@ -16,10 +16,9 @@ import yaml
 from pages import read_page
 
 from shake_ros import __main__ as shake_ros
-from shake_ros.api import measured_runs
-from shake_ros.core.measured_harmonics import left_out_runs
-from shake_ros.core.measured_harmonics import variants as studies
-from shake_ros.core.measured_harmonics.account import account
+from shake_ros.measured import models, runs
+from shake_ros.measured import models as studies
+from shake_ros.measured.harmonics import account
 from shake_ros.settings import find, load_table
 
 
@@ -59,13 +58,13 @@ def written(tmp_path: Path, content: object) -> str:
 @contextlib.contextmanager
 def hurried() -> Iterator[None]:
     """Fits of few steps from few starts: enough for the files, not for the figures."""
-    study = measured_runs.study
+    study = runs.study
     with (
         mock.patch.object(studies, "SHORT", 2),
         mock.patch.object(studies, "LONG", 3),
-        mock.patch.object(left_out_runs, "SHORT", 2),
-        mock.patch.object(left_out_runs, "LONG", 2),
-        mock.patch.object(measured_runs, "study", lambda *a, **m: study(*a, **{**m, "starts": 1})),
+        mock.patch.object(models, "SHORT", 2),
+        mock.patch.object(models, "LONG", 2),
+        mock.patch.object(runs, "study", lambda *a, **m: study(*a, **{**m, "starts": 1})),
         contextlib.redirect_stderr(io.StringIO()),
     ):
         yield
@@ -82,7 +81,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 
 def test_distortion_after_the_fit_is_within_five_points_of_the_measured() -> None:
-    problem, table = measured_runs.read_problem(find("measured", "harmonics"))
+    problem, table = runs.read_problem(find("measured", "harmonics"))
     result = account(problem, table.with_values(FITTED).vector())
     assert result.rms <= 0.10
     assert np.all(np.abs(100 * result.distortion - [49.5, 22.6, 17.1, 71.2, 21.2]) < 5.0)
@@ -176,9 +175,9 @@ def test_an_unknown_name_is_one_line_that_lists_the_known(
 
 
 def test_an_extension_draws_the_same_starts_whatever_is_tried_beside_it() -> None:
-    known = measured_runs.read_extensions()
-    assert [v.name for v in measured_runs.chosen(["all"], known.single, "--extend")] == list(known.single)
-    (alone,) = measured_runs.chosen(["soft_zone"], known.single, "--extend")
+    known = runs.read_extensions()
+    assert [v.name for v in runs.chosen(["all"], known.single, "--extend")] == list(known.single)
+    (alone,) = runs.chosen(["soft_zone"], known.single, "--extend")
     assert alone == known.second["soft_zone"]
     shared = {"exchanged_volume"}  # looks at the starts of soft_zone, which it is held against
     assert known.second["exchanged_volume"].seed == known.second["soft_zone"].seed

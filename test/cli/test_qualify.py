@@ -17,12 +17,12 @@ from pages import read_page
 
 from shake_ros.__main__ import main
 from shake_ros.api.live_table import NotReleasedError
-from shake_ros.api.qualification import certified
-from shake_ros.api.qualify import qualify
-from shake_ros.api.sequence import qualify_sequence
 from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import read_table_recording
+from shake_ros.qualification.qualify import qualify
+from shake_ros.qualification.result import certified
+from shake_ros.qualification.sequence import qualify_sequence
 from shake_ros.settings import find, load_table, read_yaml
 
 SPECTRUM: dict[str, Any] = {

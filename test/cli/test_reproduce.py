@@ -9,12 +9,18 @@ import pytest
 import yaml
 
 from shake_ros import __main__ as shake_ros
-from shake_ros.api.experiments import EXPERIMENTS, bulk_modulus, controllers, neural_schedule, reduced_model
-from shake_ros.api.measured_runs import PRINTED, printed_tables
 from shake_ros.api.progress import Progress
-from shake_ros.api.reproduce import figure_list
 from shake_ros.entry_points import ENTRY_POINTS
+from shake_ros.measured.runs import PRINTED, printed_tables
 from shake_ros.settings import find, load_table, read_yaml
+from shake_ros.thesis.reproduce import (
+    EXPERIMENTS,
+    bulk_modulus,
+    controllers,
+    figure_list,
+    neural_schedule,
+    reduced_model,
+)
 
 
 def main(arguments: list[str]) -> int:

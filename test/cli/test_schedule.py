@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 
 from shake_ros.__main__ import main
-from shake_ros.api.schedule import read_settings
-from shake_ros.api.schedule_models import simulated
 from shake_ros.core.identification.schedule import pieces
 from shake_ros.settings import load_table
+from shake_ros.thesis.schedule import read_settings, simulated
 
 
 @pytest.mark.parametrize(

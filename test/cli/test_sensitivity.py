@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from shake_ros import __main__ as shake_ros
-from shake_ros.api.sensitivity import sensitivity, values_of
 from shake_ros.settings import load_table
+from shake_ros.thesis.sensitivity import sensitivity, values_of
 
 
 def main(arguments: list[str]) -> int:

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shake_ros.core.iteration.drive import integrate
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.played_motion import played
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
+from shake_ros.iteration.drive import integrate
 
 DT, REST = 0.001, 400
 

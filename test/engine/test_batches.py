@@ -12,10 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from shake_ros.campaigns.batches import BATCH, Task, TaskOutcome, function_of, run
+from shake_ros.campaigns.engine import Engine, ProcessWorkers, WorkerDied, engine
 from shake_ros.core.quantities import ShakeError
-from shake_ros.engine.batches import BATCH, Task, TaskOutcome, function_of, run
-from shake_ros.engine.engine import Engine, engine
-from shake_ros.engine.processes import ProcessWorkers, WorkerDied
 
 TASKS = "benchmarks.campaign.tasks"
 EACH = 0.005  # [s]

@@ -9,10 +9,9 @@ import subprocess
 
 import pytest
 
+from shake_ros.campaigns.batches import Task, function_of, run
+from shake_ros.campaigns.engine import check_address, engine
 from shake_ros.core.quantities import ShakeError
-from shake_ros.engine.batches import Task, function_of, run
-from shake_ros.engine.cluster import check_address
-from shake_ros.engine.engine import engine
 
 HERE = importlib.util.find_spec("distributed") is not None
 without = pytest.mark.skipif(not HERE, reason="distributed is not installed: pip install 'shake_ros[cluster]'")
@@ -114,13 +113,13 @@ def test_an_encrypted_cluster_is_reached_with_the_certificates_of_dasks_configur
 
 @needs_dask
 def test_where_nobody_answers_a_line_says_so(monkeypatch):
-    monkeypatch.setattr("shake_ros.engine.cluster.WAIT", 0.5)
+    monkeypatch.setattr("shake_ros.campaigns.engine.WAIT", 0.5)
     with pytest.raises(ShakeError, match="no connection"), engine("tcp://127.0.0.1:9"):
         pass
 
 
 @needs_dask
 def test_without_certificates_an_encrypted_address_says_so(monkeypatch):
-    monkeypatch.setattr("shake_ros.engine.cluster.WAIT", 0.5)
+    monkeypatch.setattr("shake_ros.campaigns.engine.WAIT", 0.5)
     with pytest.raises(ShakeError, match=r"engine tls://127\.0\.0\.1:9"), engine("tls://127.0.0.1:9"):
         pass

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from shake_ros.api.schedule_models import SeedResult
 from shake_ros.core.identification.network import Split, Training, first_network
 from shake_ros.core.identification.recordings import Record
-from shake_ros.report.schedule_page import answer, learning_chart, schedule_page, verdict
+from shake_ros.thesis.schedule import SeedResult, answer, learning_chart, schedule_page, verdict
 
 DRAW = np.random.default_rng(1)
 NETWORK = first_network(DRAW.uniform(size=(20, 2)), DRAW.uniform(size=(20, 3)), 1, (3, 3))

@@ -23,7 +23,7 @@ def test_without_a_name_every_entry_is_listed_with_a_line(capsys) -> None:
 @pytest.mark.parametrize("name", list(ENTRY_POINTS))
 def test_every_entry_leads_to_something(name) -> None:
     module = importlib.import_module(ENTRY_POINTS[name].module)
-    assert callable(getattr(module, "build" if name in NODES else "main"))
+    assert callable(getattr(module, "build" if name in NODES else ENTRY_POINTS[name].function))
 
 
 def test_listing_imports_neither_ros_nor_compiled_code() -> None:

@@ -9,9 +9,9 @@ from lab_process import Started
 from shake_ros.__main__ import main
 from shake_ros.api.live_table import InterlockHeldError, LiveLaboratory, write_loop
 from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.iteration.drive import integrate
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import ShakeError
+from shake_ros.iteration.drive import integrate
 from shake_ros.ros.interface import VALVE_COMMAND
 from shake_ros.ros.live_table import live_table
 from shake_ros.settings import load_table, load_variant

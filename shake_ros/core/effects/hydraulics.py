@@ -117,7 +117,7 @@ class SoftZone(Effect):
     0 and 1 far away. Table 6.9: d = 0.84, P_Lt = 9.2 bar. Absent at d = 0.
 
     A modulus of chamber A that depends on the pressure of B is no property of oil: around a closed cycle of the two
-    pressures (6.18), (6.19) take up work, or give it the other way round (`plant/chamber_work.py`), and lose or
+    pressures (6.18), (6.19) take up work, or give it the other way round (`thesis/bulk_modulus.py`), and lose or
     make oil. `exchange` is the same softness without that: both chambers keep E, and a volume V_x(P_L) passes from
     A to B as of a seal or a separating part that yields,
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.iteration.drive import at_rest_in_the_end, integrate
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.reference_file import build_program, write_drive
+from shake_ros.iteration.drive import at_rest_in_the_end, integrate
 
 DT = 0.001
 

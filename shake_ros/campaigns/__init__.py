@@ -1,0 +1,1 @@
+"""Studies of many independent tasks, on this machine's cores or on a cluster: the same rows, to the last bit."""

@@ -1,0 +1,151 @@
+"""What the studies of config/studies list and measure: plain functions of a row's values.
+
+`compare` runs each controller on each reference, load and perturbed table of config/compare; `tune` tunes the gains of
+each controller on several draws of perturbed tables; `archive` fits a laboratory's recordings in pairs: which tables
+changed, when, and by which parameter.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from pathlib import Path
+from typing import Any
+
+from shake_ros.api.compare import metrics_json
+from shake_ros.api.identify import identify
+from shake_ros.api.loops import Combination, Course, Setup, combinations, load_setup
+from shake_ros.api.model import model
+from shake_ros.api.read import read
+from shake_ros.api.tune import tune
+from shake_ros.core.loop.compiled import run_batch
+from shake_ros.core.loop.metrics import judge
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import ShakeError, unknown_name
+
+DECLARED = -1  # number of the table that is as declared
+
+
+def rows(settings: str = "default") -> list[dict[str, Any]]:
+    """Every combination on every reference and load, and on the perturbed tables with the references in turn."""
+    setup = _setup(settings)
+    references, loads = setup.settings["references"], setup.settings["loads"]
+    cases = [(reference, load, DECLARED) for load in loads for reference in references]
+    cases += [(references[i % len(references)], load, i) for i, (load, _) in enumerate(_perturbed(settings))]
+    names = ("reference", "load", "table")
+    return [
+        {"settings": settings, "entry": entry.label, **dict(zip(names, case, strict=True))}
+        for entry in combinations(setup)
+        for case in cases
+    ]
+
+
+def loop(settings: str, entry: str, reference: str, load: float, table: int) -> dict[str, Any]:
+    """The figures of one closed loop; None for what it does not have.
+
+    Parameters
+    ----------
+    settings : config/compare. entry : label of a controller there. reference : config/reference. load : [kg].
+    table : number of the perturbed table, −1 for the declared one.
+    """
+    setup, known = _setup(settings), {c.label: c for c in combinations(_setup(settings))}
+    if entry not in known:
+        raise unknown_name("controller", entry, known, setup.where)
+    course = _course(settings, reference)
+    run = _loop(setup, known[entry], course, load, table, settings)
+    (metrics,) = run_batch(
+        [run], lambda _, made: judge(made, course.part, run.controller.parameters.limit, run.table.body.stroke)
+    )
+    return metrics_json(metrics)
+
+
+def _loop(setup: Setup, entry: Combination, course: Course, load: float, table: int, settings: str) -> Any:
+    if table == DECLARED:
+        return setup.loop(entry, course, load, setup.table(load), int(setup.settings["delay"]))
+    return setup.loop(entry, course, load, _perturbed(settings)[table][1], 0)
+
+
+@functools.cache
+def _setup(settings: str) -> Setup:
+    return load_setup(settings)
+
+
+@functools.cache
+def _course(settings: str, reference: str) -> Course:
+    return _setup(settings).courses([reference])[0]
+
+
+@functools.cache
+def _perturbed(settings: str) -> list[tuple[float, TableParameters]]:
+    setup = _setup(settings)
+    return setup.perturbed(int(setup.settings["perturbed"]["count"]))
+
+
+def gains(controller: str, settings: str, seed: int, evaluations: int) -> dict[str, Any]:
+    """Cost before and after, and the gains.
+
+    Parameters
+    ----------
+    controller : config/controller. settings : config/tune. seed : of the perturbed tables.
+    evaluations : sets of gains that are tried, at most.
+    """
+    found = tune(controller, settings, progress=False, seed=seed, evaluations=evaluations)
+    return {
+        "before": found.before,
+        "after": found.after,
+        "ratio": found.after / found.before,
+        "better": found.after < found.before,
+        "gains": [
+            {"gain": name, "value": value, "times the first": value / found.start[name]}
+            for name, value in found.gains.items()
+        ],
+    }
+
+
+NAME = re.compile(r"(?P<table>.+)_(?P<when>[^_]+)_(?P<role>learn|hold)(\.mcap|\.db3)?")
+ROLES = ("learn", "hold")
+
+
+def pairs(folder: str) -> list[dict[str, Any]]:
+    """The pairs of a folder, TABLE_WHEN_learn beside TABLE_WHEN_hold, by table and time.
+
+    WHEN sorts as text, such as 2026-03-14.
+    """
+    root, found = Path(folder).expanduser(), dict[tuple[str, str], dict[str, str]]()
+    if not root.is_dir():
+        raise ShakeError(f"{folder}: is no folder")
+    for path in sorted(root.iterdir()):
+        name = NAME.fullmatch(path.name)
+        if name:
+            found.setdefault((name["table"], name["when"]), {})[name["role"]] = str(path)
+    if not found:
+        raise ShakeError(f"{folder}: no recording is named TABLE_WHEN_learn or TABLE_WHEN_hold")
+    for (table, when), pair in found.items():
+        for role in ROLES:
+            if role not in pair:
+                raise ShakeError(f"{folder}: {table}_{when}_{role} is missing beside the other of the pair")
+    return [{"table": table, "when": when, **pair} for (table, when), pair in sorted(found.items())]
+
+
+def fitted(table: str, when: str, learn: str, hold: str, config: str, kind: str = "full") -> dict[str, Any]:
+    """The declared model fitted to one pair: its parameters with standard errors, and its errors.
+
+    Parameters
+    ----------
+    table, when : whose and of which time, for the report. learn, hold : recordings. config : declared table.
+    kind : of model.
+    """
+    assert table and when
+    found = identify(model(kind, config), read(learn), read(hold), progress=False)
+    errors = {
+        f"{channel} error, {role}": max(e[channel] for e in runs.values())
+        for role, runs in (("learn", found.fit.estimation), ("hold", found.fit.validation))
+        for channel in ("velocity", "acceleration")
+        if all(channel in e for e in runs.values())
+    }
+    return {
+        **errors,
+        "parameters": {
+            p.name: {"value": p.value, "std_error": p.std_error, "unit": p.unit} for p in found.fit.parameters
+        },
+    }

@@ -1,0 +1,181 @@
+"""What commands share: options, the recordings and the model that they name, the live table, the line in a report."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypedDict
+
+from shake_ros.api.fitted import check_apart
+from shake_ros.api.live_table import LiveTable
+from shake_ros.api.model import Model, model
+from shake_ros.api.read import Recordings, read
+from shake_ros.core.identification.models import MODELS
+from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.recordings.bag import SUFFIXES
+from shake_ros.data.results import check_folder
+from shake_ros.declared import DEFAULT_TABLE
+from shake_ros.report.chart import FORMATS
+
+CHOSEN = ("joint", "publishers", "covariance", "clock")  # kinds of findings on what was read in place of what
+
+
+class Reporting(TypedDict):
+    """Arguments of a result's `report`."""
+
+    figures: str | None
+    command: str
+
+
+def add_figures(command: argparse.ArgumentParser) -> None:
+    """The option --figures."""
+    command.add_argument("--figures", choices=FORMATS, help="write the report's charts as files as well, for a paper")
+
+
+def reporting(name: str, given: argparse.Namespace, arguments: Sequence[str]) -> Reporting:
+    """What `report` is told."""
+    return {"figures": given.figures, "command": shlex.join(["./shake", name, *map(str, arguments)])}
+
+
+def add_take(command: argparse.ArgumentParser) -> None:
+    """The option --take."""
+    command.add_argument(
+        "--take",
+        action="append",
+        default=[],
+        metavar="SIGNAL=WHAT",
+        help="of several, read this topic (/…), joint (name) or publisher (number): joint_states=x_axis; repeatable",
+    )
+
+
+def taken(given: argparse.Namespace) -> dict[str, list[str | int]]:
+    """What --take names, by signal."""
+    found: dict[str, list[str | int]] = {}
+    for text in given.take:
+        name, equals, what = text.partition("=")
+        if not (equals and what):
+            raise ShakeError(f"--take {text}: expected SIGNAL=WHAT, as joint_states=x_axis")
+        found.setdefault(name, []).append(what)
+    return found
+
+
+def source(path: Path, given: argparse.Namespace) -> Recordings | Path:
+    """A recording, whose choice of topic, joint, publisher and clock goes to standard error; or another file's path."""
+    if path.is_file() and not path.name.endswith(SUFFIXES):
+        return path
+    runs = read(path, take=taken(given))
+    for recording in runs:
+        for finding in recording.findings:
+            if finding.kind in CHOSEN:
+                print(f"{recording.name}: {finding}", file=sys.stderr)
+    return runs
+
+
+def add_data(command: argparse.ArgumentParser, needed: Sequence[str] = ()) -> None:
+    """The recordings, of which some are needed ("estimation", "validation"), and the result folder."""
+    for name, short, text in (
+        ("estimation", "learn", "recordings to fit"),
+        ("validation", "hold", "recordings that are not fitted: validation data"),
+    ):
+        options = (f"--{short}", f"--{name}")
+        command.add_argument(
+            *options, dest=name, type=Path, nargs="+", required=name in needed, default=[], metavar="BAG", help=text
+        )
+    add_take(command)
+    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    command.add_argument("--force", action="store_true", help="replace an existing result folder")
+
+
+def add_arguments(command: argparse.ArgumentParser, *, validation_needed: bool) -> None:
+    """Arguments of both commands."""
+    add_data(command, ("estimation", "validation") if validation_needed else ("estimation",))
+    command.add_argument(
+        "--model", choices=sorted([*MODELS, UNKNOWN]), default="full", help="declared model (default: full)"
+    )
+    command.add_argument(
+        "--config",
+        metavar="FILE",
+        help="declared table: a name of config/table or a YAML file "
+        f"(default: {DEFAULT_TABLE}; `unknown`: no data sheet; models other than full start from the recordings)",
+    )
+    command.add_argument(
+        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="change a declared value"
+    )
+
+
+def inputs(given: argparse.Namespace) -> tuple[Model, Recordings, Recordings]:
+    """Model, estimation and validation data of the arguments; what they bring to tell goes to standard error."""
+    check_folder(given.out, given.force)
+    declared = model(given.model, given.config, dict(map(change, given.set)))
+    estimation, validation = read_data(given)
+    check_apart(estimation, validation)
+    if declared.declared.driven_by == "valve_command":
+        for line in [*(estimation + validation).doubts, *declared.contradictions(estimation)]:
+            print(line, file=sys.stderr)
+    for note in declared.notes:
+        print(note, file=sys.stderr)
+    return declared, estimation, validation
+
+
+def read_data(given: argparse.Namespace) -> tuple[Recordings, Recordings]:
+    """Estimation and validation data of the arguments; what reading met goes to standard error."""
+    return read_set(given, given.estimation), read_set(given, given.validation)
+
+
+def read_set(given: argparse.Namespace, bags: Sequence[Path]) -> Recordings:
+    """Recordings of one set; what reading met goes to standard error."""
+    found = read(*bags, take=taken(given))
+    for finding in found.findings:
+        print(finding, file=sys.stderr)
+    return found
+
+
+def change(text: str) -> tuple[str, float]:
+    """Name and value of `KEY=VALUE`."""
+    key, _, value = text.partition("=")
+    try:
+        return key, float(value)
+    except ValueError:
+        raise ShakeError(f"--set {text}: expected KEY=NUMBER") from None
+
+
+def live_arguments(parser: argparse.ArgumentParser) -> None:
+    """`--live` and `--namespace`."""
+    parser.add_argument("--live", action="store_true", help="on the table of the running graph, enabled")
+    parser.add_argument("--namespace", default="/shake", metavar="NS", help="of that graph (default: /shake)")
+
+
+@contextmanager
+def live(given: argparse.Namespace) -> Iterator[LiveTable | None]:
+    """The live table where one is asked for; ShakeError where there is no graph, or none that may move."""
+    if not given.live:
+        yield None
+        return
+    try:
+        from shake_ros.ros.live_table import live_table
+    except ImportError as error:
+        raise ShakeError(f"--live: needs ROS 2 ({error})") from None
+    before = {number: signal.signal(number, _interrupted) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with live_table(given.namespace) as table:
+            yield table
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _interrupted(*_: object) -> None:
+    """Ctrl-C, or the end of the command from outside: what plays comes to rest, what was set is set back."""
+    raise KeyboardInterrupt
+
+
+def released_by(state: str, name: str) -> str:
+    """Who releases what is told; asked at the terminal where no name is given, empty where nobody is there."""
+    print(state, flush=True)
+    return name or (input("released by (empty: stop here): ").strip() if sys.stdin.isatty() else "")

@@ -1,0 +1,181 @@
+"""Commands on controllers, and on studies of many runs: tune, compare, campaign."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from shake_ros.api.compare import compare
+from shake_ros.api.loops import MODELS
+from shake_ros.api.tune import check_target, tune
+from shake_ros.api.tune_table import FILES, tune_table
+from shake_ros.campaigns.campaign import campaign
+from shake_ros.cli.arguments import add_figures, reporting
+from shake_ros.core.loop.linear_loop import LAWS
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.results import refuse_existing
+from shake_ros.settings import value_of
+
+
+def tune_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = argparse.ArgumentParser(
+        prog="tune",
+        description="tune: gains as a new configuration: of one controller, which minimise (6.42) over loads "
+        "and perturbed tables; or with --table observer and controller for a table that was found, "
+        "several laws side by side, sound on its neighbours.",
+    )
+    p.add_argument(
+        "controller",
+        nargs="?",
+        metavar="CONTROLLER",
+        help="config/controller/NAME.yaml or a file: law and first gains",
+    )
+    p.add_argument(
+        "--table", metavar="TABLE", help="config/table/NAME.yaml or a file, with uncertainty.json beside it if known"
+    )
+    p.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="PATH",
+        help="the new configuration, .yaml; with --table the folder for controller.yaml, observer.yaml and tune.json",
+    )
+    p.add_argument(
+        "--settings", default="default", metavar="NAME", help="config/tune/NAME.yaml (config/robust_tuning) or a file"
+    )
+    p.add_argument("--laws", nargs="+", metavar="LAW", help=f"with --table: those tried, of {', '.join(LAWS)}")
+    p.add_argument("--loads", type=float, nargs="+", metavar="KG", help="specimens")
+    p.add_argument("--references", nargs="+", metavar="NAME", help="config/reference/NAME.yaml or files")
+    p.add_argument("--observer", metavar="NAME", help="config/observer/NAME.yaml or a file")
+    p.add_argument(
+        "--model", choices=MODELS, help="feedforward of a virtual table: none, of each load, of a fixed load"
+    )
+    p.add_argument(
+        "--perturbed", type=int, metavar="N", help="tables around the middle load, the worst of which counts"
+    )
+    p.add_argument("--evaluations", type=int, metavar="N", help="sets of gains that are tried, at most")
+    p.add_argument("--force", action="store_true", help="overwrite PATH; with --table, write gains that ring as well")
+    return p
+
+
+def tune_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    options = vars(tune_parser().parse_args(list(arguments)))
+    out, force = options.pop("out"), options.pop("force")
+    table, laws = options.pop("table"), options.pop("laws")
+    if (table is None) == (options["controller"] is None):
+        raise ShakeError("tune: give either a CONTROLLER or --table TABLE")
+    if table is not None:
+        return for_table(table, laws, options, out, force)
+    if laws:
+        raise ShakeError("--laws: only with --table")
+    check_target(out, force)
+    found = tune(**options)
+    found.write(out, f"./shake tune {shlex.join(arguments)}", force)
+    print(found)
+    print(f"written: {out}")
+    return 0
+
+
+def for_table(table: str, laws: Sequence[str] | None, options: dict[str, Any], out: Path, force: bool) -> int:
+    """Observer and controller for a table."""
+    settings = options.pop("settings")
+    given = [name for name, value in options.items() if value is not None]
+    if given:
+        raise ShakeError(f"--{given[0]}: not with --table, see config/robust_tuning")
+    refuse_existing(*(out / name for name in FILES), force=force)
+    found = tune_table(table, settings, laws=tuple(laws or LAWS))
+    print(found)
+    found.write(out, force)
+    print(f"written: {', '.join(str(out / name) for name in FILES)}")
+    return 0
+
+
+def compare_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = argparse.ArgumentParser(
+        prog="compare",
+        description="compare: the controllers side by side on the same references, loads and perturbed tables.",
+    )
+    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="result folder")
+    p.add_argument("--quick", action="store_true", help="two references, one load, four perturbed tables")
+    p.add_argument("--settings", default="default", metavar="NAME", help="config/compare/NAME.yaml or a file")
+    p.add_argument(
+        "--record", nargs="+", default=(), metavar="FILE", help="accelerograms in place of the synthetic earthquakes"
+    )
+    p.add_argument("--only", nargs="+", metavar="LABEL", help="these controllers of the settings alone")
+    p.add_argument("--force", action="store_true", help="replace DIR")
+    add_figures(p)
+    return p
+
+
+def compare_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    given = compare_parser().parse_args(list(arguments))
+    refuse_existing(given.out, force=given.force)
+    began, spent = time.monotonic(), time.process_time()
+    found = compare(given.settings, quick=given.quick, records=given.record, only=given.only)
+    found.report(given.out, given.force, **reporting("compare", given, arguments))
+    wall, processor = time.monotonic() - began, time.process_time() - spent
+    print(found)
+    print(f"{len(found.outcomes)} loops in {wall:.0f} s, {processor:.0f} s of processor time")
+    print(f"report: {given.out / 'report.html'}")
+    return 0
+
+
+def campaign_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = argparse.ArgumentParser(
+        prog="campaign",
+        description="campaign: a study of many independent fits or loops: on this machine's cores or on a "
+        "cluster, each row once, in one file that an interrupted study goes on with; tables and "
+        "figures of what was found.",
+    )
+    p.add_argument("study", metavar="STUDY", help="config/studies/STUDY.yaml or a file")
+    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the rows; of an earlier start too")
+    p.add_argument(
+        "--set", nargs="+", action="extend", default=[], metavar="NAME=VALUE", help="other values of the study, in YAML"
+    )
+    p.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one for each core)")
+    p.add_argument(
+        "--engine", metavar="ADDRESS", help="a Dask scheduler: tls://HOST:PORT, or tcp://HOST:PORT on this machine"
+    )
+    p.add_argument("--minutes", type=float, metavar="M", help="begin no further row after so long; 0: report alone")
+    p.add_argument("--retry", action="store_true", help="run the rows again that failed")
+    p.add_argument("--compare", type=Path, metavar="OTHER", help="folder of an older campaign of the same study")
+    add_figures(p)
+    return p
+
+
+def campaign_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    given = campaign_parser().parse_args(list(arguments))
+    if given.minutes is not None and not 0.0 <= given.minutes < float("inf"):
+        raise ShakeError(f"--minutes {given.minutes:g}: must be 0 or more")
+    options = {name: getattr(given, name) for name in ("engine", "workers", "minutes", "retry")}
+    try:
+        found = campaign(given.study, given.out, changes=changes_of(given.set), **options)
+    except KeyboardInterrupt:
+        print(f"stopped; what was finished is in {given.out}, and the same command goes on", file=sys.stderr)
+        raise
+    page = found.report(given.compare, **reporting("campaign", given, arguments))
+    print(found)
+    print(f"report: {page}")
+    return 1 if found.failed else 0
+
+
+def changes_of(given: Sequence[str]) -> dict[str, Any]:
+    """NAME=VALUE by name, the values read as YAML."""
+    found = {}
+    for text in given:
+        name, sign, value = text.partition("=")
+        if not sign or not name:
+            raise ShakeError(f"--set {text}: is not NAME=VALUE")
+        found[name] = value_of(value, f"--set {name}")
+    return found

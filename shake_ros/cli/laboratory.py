@@ -1,0 +1,371 @@
+"""Commands that move a table run by run: commission, iterate, qualify."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from shake_ros.api.live_table import OWN, NotReleasedError
+from shake_ros.api.read import read
+from shake_ros.api.record_scale import accelerogram
+from shake_ros.cli.arguments import add_figures, add_take, change, live, live_arguments, released_by, reporting, taken
+from shake_ros.commissioning.commission import commission
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.results import check_folder
+from shake_ros.iteration.iterate import Iterated, iterate, iterate_simulated
+from shake_ros.iteration.table import SimulatedTable
+from shake_ros.qualification.qualify import qualify
+from shake_ros.qualification.result import Qualification, certified
+from shake_ros.qualification.sequence import FILE, TestSequence, qualify_sequence, sequence_of
+
+COMMISSION_METHOD = """\
+A gentle motion under a loop that knows nothing; the model fitted to it; observer and gains for that model; a higher
+level, and again, until the full motion has been run with gains of its own; at the highest level close_loop seeks what
+the model lacks. With --live this is done on the table of the running graph (./shake lab), whose interlock gets each
+level's limits. Before each run its largest values and those limits are shown, and Enter releases it; the limits grow
+with the level. DIR gets table.yaml, controller.yaml, observer.yaml, interlock.yaml, commission.html, commission.json
+and the recordings. Exit code 1 where it ended before the last step, with the reason on the last line."""
+
+
+def commission_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = argparse.ArgumentParser(
+        prog="commission",
+        description="Bring a table into service step by step, a simulated one or that of a running graph.",
+        epilog=COMMISSION_METHOD,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    p.add_argument("--table", default="bergamo", help="the table as it is declared (default: bergamo)")
+    p.add_argument(
+        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="where the simulated table differs"
+    )
+    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for table, gains and evidence")
+    p.add_argument("--config", default="default", help="config/commission/NAME.yaml or a file (default: default)")
+    p.add_argument("--delay", type=int, default=1, help="samples by which a command acts late (default: 1)")
+    live_arguments(p)
+    p.add_argument("--yes", action="store_true", help="release every step, for scripts")
+    p.add_argument("--force", action="store_true", help="replace an existing DIR")
+    return p
+
+
+def asked(text: str) -> bool:
+    """Show a step and ask the operator."""
+    print(text, flush=True)
+    try:
+        return input("Enter releases it, anything else ends here: ").strip() == ""
+    except EOFError:
+        raise ShakeError("commission: nobody at the terminal releases the step (--yes releases all)") from None
+
+
+def shown(text: str) -> bool:
+    """Show a step that is released beforehand."""
+    print(text, flush=True)
+    return True
+
+
+def commission_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    given = commission_parser().parse_args(list(arguments))
+    if given.delay < 0:
+        raise ShakeError(f"--delay {given.delay}: samples, 0 or more")
+    check_folder(given.out, given.force)
+    with live(given) as table:
+        found = commission(
+            given.table,
+            set=dict(map(change, given.set)),
+            settings=given.config,
+            delay=given.delay,
+            live=table,
+            release=shown if given.yes else asked,
+        )
+    print(found.frame)
+    if found.steps:
+        found.report(given.out, given.force, f"./shake commission {shlex.join(arguments)}")
+        print(f"written: {given.out}")
+    if not found.complete:
+        print(f"ended: {found.reason}", file=sys.stderr)
+    return 0 if found.complete else 1
+
+
+ITERATE_METHOD = """\
+BAG… are runs of the same motion, oldest first, each recorded from the start of its reference, with imu and reference.
+DIR gets report.html, drive.csv (time and acceleration) and drive.yaml, a reference: -p reference:=DIR/drive.yaml
+plays it.
+With --simulate the runs are made on the closed loop of the core, under gains that are made for the table, and the
+response spectra are in the report; the specimen is weighed by the forces of the first run, and DIR gets model.yaml.
+Runs are ranked by what they missed within the band; exit code 1 where they diverge or have not converged, with the
+effect that the model lacks, as close_loop finds it in the runs.
+With --refit the motion stays as it is and the model of the feedforward is fitted to the last run, the parameters of
+config/identification/full.yaml and those of the named effects; DIR gets model.yaml, which the controller's and the
+observer's configurations name as their model for the next run."""
+
+
+def iterate_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = argparse.ArgumentParser(
+        prog="iterate",
+        description="Correct the drive of a shaking table by what the last run missed.",
+        epilog=ITERATE_METHOD,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    p.add_argument("bags", nargs="*", metavar="BAG", type=Path)
+    add_take(p)
+    p.add_argument("--wanted", required=True, metavar="REFERENCE", help="the motion that the table should make")
+    p.add_argument("--out", required=True, metavar="DIR", type=Path)
+    p.add_argument("--config", default="default", help="config/iteration/NAME.yaml or a file (default: default)")
+    p.add_argument("--simulate", type=int, metavar="N", help="make at most N runs on the simulated table")
+    p.add_argument("--table", default="bergamo", help="with --simulate: the table (default: bergamo)")
+    p.add_argument(
+        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="with --simulate: change it"
+    )
+    p.add_argument("--observer", default=OWN, help="with --simulate (default: own, made for --table)")
+    p.add_argument("--controller", default=OWN, help="with --simulate (default: own, made for --table)")
+    p.add_argument(
+        "--model",
+        help="table of the model feedforward and of an observer that has a model (default with --simulate: --table as "
+        "it is declared, without --set)",
+    )
+    p.add_argument("--delay", type=int, default=0, help="with --simulate: samples a command is late (default: 0)")
+    p.add_argument(
+        "--refit", nargs="*", metavar="EFFECT", help="fit --model, with these effects, instead of correcting the drive"
+    )
+    p.add_argument("--force", action="store_true", help="replace an existing DIR")
+    add_figures(p)
+    return p
+
+
+def iterate_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    given = iterate_parser().parse_args(list(arguments))
+    if bool(given.bags) == (given.simulate is not None):
+        raise ShakeError("give either recordings or --simulate N")
+    result = _from_recordings(given) if given.simulate is None else _simulated(given)
+    result.report(given.out, given.force, **reporting("iterate", given, arguments))
+    if given.simulate is not None:
+        return _iteration_told(result)
+    for path, error in zip(given.bags, result.missed, strict=True):
+        print(f"{path}: acceleration missed by {100.0 * error:.2f} % within the band")
+    if result.factor < 1.0:
+        print(f"the next drive was scaled by {result.factor:.3f} to stay within its limits")
+    if result.drive is not None:
+        print(f"next drive: {given.out / 'drive.yaml'}")
+    else:
+        print(f"model of the next run: {given.out / 'model.yaml'}")
+    return _iteration_told(result)
+
+
+def _iteration_told(result: Iterated) -> int:
+    """What is wrong, why, and what to do, on standard error; the exit code."""
+    if not result.wrong:
+        return 0
+    print(f"the iteration {result.wrong}", file=sys.stderr)
+    if result.first_model is None:
+        print("--model TABLE names the table as it is known; what it lacks is then sought in the runs", file=sys.stderr)
+    else:
+        print("close_loop on the runs, for what the model lacks; a minute or more", flush=True)
+        print(result.lacking(progress=False), file=sys.stderr)
+    return 1
+
+
+def _from_recordings(given: argparse.Namespace) -> Iterated:
+    runs = read(*given.bags, take=taken(given))
+    if given.refit is not None:
+        for finding in runs[-1:].findings:
+            print(finding, file=sys.stderr)
+    return iterate(given.wanted, runs, settings=given.config, model=given.model, refit=given.refit)
+
+
+def _simulated(given: argparse.Namespace) -> Iterated:
+    table = SimulatedTable(
+        given.table,
+        given.observer,
+        given.controller,
+        given.delay,
+        progress=lambda text, _: print(text),
+        changes=dict(map(change, given.set)),
+    )
+    more = {"settings": given.config, "model": given.model, "refit": given.refit}
+    result = iterate_simulated(given.wanted, table, runs=given.simulate, **more)
+    best = f"run {result.best + 1}, which missed {100.0 * result.missed[result.best]:.2f} % within the band"
+    print(f"{result.reason}; the best is {best}")
+    return result
+
+
+QUALIFY_METHOD = """\
+RRS is a name of config/required_spectra or a YAML file: a code's formula, or points at any damping; its key `rules`
+names the code that judges (config/qualification_rules). A motion with a strong part of 20 s is synthesised and matched
+to it, refused where it does not fit the table, run on the simulated table and corrected until the test response
+spectrum passes. With --live the table of the running graph (./shake lab) is moved instead, once somebody has released
+the test: at the prompt, or by --acknowledge NAME. DIR gets certificate.html, certificate.pdf (A4), certificate.json
+and the recordings with their SHA-256. Exit code 1 where the test did not pass, with the reason on the last line."""
+
+
+def qualify_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = argparse.ArgumentParser(
+        prog="qualify",
+        description="Qualify a specimen on the shaking table against a required response spectrum.",
+        epilog=QUALIFY_METHOD,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    p.add_argument("required", nargs="?", metavar="RRS", help="required spectrum: a known name or a YAML file")
+    p.add_argument("--table", default="bergamo", help="the simulated table (default: bergamo)")
+    p.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="change a value of it")
+    p.add_argument("--model", help="identified table of the feedforward (default: --table as it is declared)")
+    p.add_argument("--out", type=Path, metavar="DIR", help="folder for the certificate and the recordings")
+    p.add_argument("--scale", type=float, default=1.0, help="factor on the required levels (default: 1)")
+    p.add_argument("--rules", help="code that judges, in place of the one that RRS names")
+    p.add_argument("--record", metavar="FILE", help="accelerogram to start from, in place of random phases")
+    p.add_argument("--channel", type=int, default=0, help="its component, from 1, where it has several")
+    p.add_argument("--refit", nargs="*", metavar="EFFECT", help="fit --model, with these effects, between the runs")
+    p.add_argument("--runs", type=int, help="most runs (default: of config/qualification)")
+    p.add_argument("--seed", type=int, default=0, help="of phases and sensor noise (default: 0)")
+    p.add_argument("--delay", type=int, default=0, help="samples by which a command acts late (default: 0)")
+    p.add_argument("--specimen", default="", help="what is tested, for the certificate")
+    p.add_argument("--config", default="default", help="config/qualification/NAME.yaml or a file (default: default)")
+    p.add_argument(
+        "--sequence",
+        metavar="PLAN",
+        help="tests in turn, by config/qualification_sequences; goes on where it stopped",
+    )
+    p.add_argument("--acknowledge", default="", metavar="NAME", help="who releases the next test")
+    p.add_argument("--acknowledge-all", default="", metavar="NAME", help="who releases all tests that are left")
+    live_arguments(p)
+    p.add_argument(
+        "--from", dest="source", type=Path, metavar="DIR", help="judge the recordings of a certificate again"
+    )
+    p.add_argument("--force", action="store_true", help="replace an existing DIR")
+    return p
+
+
+def qualify_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    given = qualify_parser().parse_args(list(arguments))
+    if (given.required is None) == (given.source is None):
+        raise ShakeError("give either a required spectrum or --from DIR")
+    if given.source is not None:
+        return _again(given.source)
+    if given.out is None:
+        raise ShakeError("give --out DIR, the folder for the certificate")
+    if given.sequence is not None:
+        return _sequence(given)
+    return _test(given)
+
+
+def _test(given: argparse.Namespace) -> int:
+    """One test and its certificate."""
+    check_folder(given.out, given.force)
+    try:
+        with live(given) as table:
+            result = qualify(
+                given.required,
+                given.table,
+                record=None if given.record is None else accelerogram(given.record, given.channel),
+                refit=given.refit,
+                live=table,
+                release=lambda state: released_by(state, given.acknowledge or given.acknowledge_all),
+                **_asked(given),
+            )
+    except NotReleasedError as error:
+        print(f"{error}; --acknowledge NAME says who releases it", file=sys.stderr)
+        return 1
+    result.report(given.out, given.force)
+    print(result.verdicts)
+    for when, found in (("before", result.before), ("after", result.after)):
+        if found is not None:
+            print(f"resonance {when} the test: {found}")
+    print(f"certificate: {given.out / 'certificate.html'}, {given.out / 'certificate.pdf'}")
+    if result.passed:
+        print(f"passed in {_runs(result)}")
+        return 0
+    print(f"not passed: {result.reason or result.moved or 'a rule does not hold'}", file=sys.stderr)
+    if given.refit is None:
+        print("the drive was corrected; --refit EFFECT … fits the model to the runs instead", file=sys.stderr)
+    return 1
+
+
+def _asked(given: argparse.Namespace) -> dict[str, Any]:
+    """What a test and a sequence of tests are both asked with."""
+    return {
+        "model": given.model,
+        "rules": given.rules,
+        "scale": given.scale,
+        "set": dict(map(change, given.set)),
+        "settings": given.config,
+        "runs": given.runs,
+        "seed": given.seed,
+        "delay": given.delay,
+        "specimen": given.specimen,
+        "progress": lambda text, _: print(text),
+    }
+
+
+def _sequence(given: argparse.Namespace) -> int:
+    """The tests of a sequence that can be run now."""
+    if given.record is not None or given.refit is not None:
+        raise ShakeError("--sequence goes without --record and --refit")
+    if given.force:
+        raise ShakeError("--sequence goes on where it stopped and replaces nothing; remove the folder to begin anew")
+    names = [given.acknowledge] if given.acknowledge else []
+
+    def acknowledge(state: str) -> str:
+        print(state)
+        if given.acknowledge_all:
+            return str(given.acknowledge_all)
+        asked = not given.acknowledge and sys.stdin.isatty()
+        return input("released by (empty: stop here): ").strip() if asked else names.pop() if names else ""
+
+    with live(given) as table:
+        found = qualify_sequence(
+            given.required,
+            given.out,
+            acknowledge,
+            given.table,
+            plan=given.sequence,
+            live=table,
+            **_asked(given),
+        )
+    return _sequence_told(found, given.out)
+
+
+def _sequence_told(found: TestSequence, out: Path) -> int:
+    """What came of a sequence, and the exit code."""
+    for done in found.done:
+        print(f"{done.stage.name}: {'passed' if done.test.passed else 'not passed'} in {_runs(done.test)}")
+        for shift in found.shifts(done):
+            print(f"  resonance since the first test: {shift}")
+    print(f"sequence: {out / 'sequence.html'}")
+    if found.passed:
+        print(f"passed: {len(found.done)} of {len(found.plan.stages)} tests")
+        return 0
+    waits = "waits for an acknowledgement; --acknowledge NAME releases one test, --acknowledge-all NAME all"
+    print(f"not passed: {found.reason}" if found.reason else waits, file=sys.stderr)
+    return 1
+
+
+def _runs(result: Qualification) -> str:
+    """How many runs, in words."""
+    return f"{len(result.runs)} {'run' if len(result.runs) == 1 else 'runs'}"
+
+
+def _again(source: Path) -> int:
+    """The verdicts of a certificate's recordings, and whether they are those that it tells."""
+    if (source / FILE).is_file():
+        found, differences = sequence_of(source)
+        for line in differences:
+            print(line, file=sys.stderr)
+        if not differences:
+            print(f"reproduced: {len(found.done)} tests, every file and every figure as certified")
+        return 1 if differences else 0
+    result, differences = certified(source)
+    print(result.verdicts)
+    for line in differences:
+        print(line, file=sys.stderr)
+    if differences:
+        return 1
+    print(f"reproduced: {_runs(result)}, every file and every figure as certified")
+    return 0

@@ -1,0 +1,244 @@
+"""Commands from a laboratory's file to a repaired model: import_csv, table, identify, close_loop."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from shake_ros.api.close_loop import SEARCHES, Discovery, close_loop
+from shake_ros.api.identify import METHODS, identify
+from shake_ros.api.import_csv import OF_SECOND, SIGNALS, import_csv, import_proposal
+from shake_ros.api.table import table
+from shake_ros.cli import arguments as fitting
+from shake_ros.cli.arguments import add_figures, reporting
+from shake_ros.core.identification.models import MODELS
+from shake_ros.core.plant.parameters import FULL_LAYOUT
+from shake_ros.core.quantities import ShakeError
+from shake_ros.report.sections import position_lines, slow_change_lines
+from shake_ros.report.text import (
+    close_loop_lines,
+    diagnosis_lines,
+    error_lines,
+    identified_lines,
+    parameter_lines,
+    predictable_lines,
+    tracking_lines,
+)
+
+ALSO = "--also"
+NEEDED = {
+    "command": "what drives the valve; a motion alone does not tell a table",
+    "position": "velocity and place of the table come from it; an acceleration alone tells neither",
+    "out": "the folder of the recording",
+}
+
+
+def import_csv_parser() -> argparse.ArgumentParser:
+    """Arguments of the command, and of its first file."""
+    command = argparse.ArgumentParser(
+        prog="import_csv",
+        usage="import_csv FILE | FILE --time COL --command COL --position COL [--acceleration COL …] --out BAG "
+        f"[options] [{ALSO} FILE --time COL --acceleration COL …]",
+        description="Columns of a table (text, .xlsx, .tdms, .mat) become topics of a recording: valve_command, "
+        "joint_states, imu, force, pressures. FILE alone prints its columns and the command that imports them.",
+        epilog="COL is a column's name or its number from 1, or the name of a variable of a .mat file. The unit in its "
+        "heading takes it to SI units; '*scale' stands in for that, and '*scale+offset' moves its zero as well: "
+        "'CHANNEL0*0.01', 'mA*0.125-1.5' for 4 to 20 mA. "
+        f"Options behind {ALSO} belong to that file: its time and its acceleration, and force and pressures if it has "
+        "them. Where its clock stands to the first is found by the correlation of acceleration and position, and told.",
+    )
+    _add_file(command, SIGNALS)
+    command.add_argument("--out", type=Path, metavar="BAG", help="folder of the recording")
+    command.add_argument(
+        "--bridge", type=int, default=0, metavar="N", help="fill gaps of up to N samples by interpolation"
+    )
+    command.add_argument(
+        "--same-clock", action="store_true", help=f"the time of the files behind {ALSO} is that of the first"
+    )
+    command.add_argument("--overwrite", action="store_true", help="replace an existing recording")
+    return command
+
+
+def _add_file(command: argparse.ArgumentParser, signals: Iterable[str]) -> None:
+    """The arguments of one file."""
+    command.add_argument("file", type=Path)
+    clock = command.add_mutually_exclusive_group()
+    clock.add_argument("--time", metavar="COL[*scale]", help="time [s]")
+    clock.add_argument("--rate", type=float, metavar="HZ", help="sampling rate, where no column holds the time")
+    for name in signals:
+        command.add_argument(f"--{name}", metavar="COL[*scale[+offset]]", help=SIGNALS[name])
+    command.add_argument("--skip", type=int, metavar="N", help="lines above the table, where they are not found right")
+    command.add_argument("--decimal", choices=(".", ","), default="", help="where the numbers do not decide it")
+
+
+def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
+    """The arguments of the first file, and in `also` those of each further one."""
+    places = [i for i, word in enumerate(arguments) if word == ALSO]
+    first, *others = (arguments[a:b] for a, b in pairwise([0, *places, len(arguments)]))
+    second = argparse.ArgumentParser(prog=f"import_csv {ALSO}", allow_abbrev=False)
+    _add_file(second, OF_SECOND)
+    read, rest = [], list[str]()
+    for words in others:
+        more, left = second.parse_known_args(words[1:])  # --out and the like may stand behind it too
+        read.append({name: value for name, value in vars(more).items() if value is not None})
+        rest += left
+    named = import_csv_parser().parse_args([*first, *rest])
+    named.also = read
+    return named
+
+
+def import_csv_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    given = read_arguments(list(arguments))
+    if not any(getattr(given, name) is not None for name in ("time", "rate", "out", *SIGNALS)):
+        print(import_proposal(given.file, skip=given.skip, decimal=given.decimal))
+        return 0
+    for name, why in NEEDED.items():
+        if getattr(given, name) is None:
+            raise ShakeError(f"{given.file}: --{name} is needed: {why}")
+    recording = import_csv(**vars(given))
+    ranges = ", ".join(
+        f"{name} {np.nanmin(values):.4g} … {np.nanmax(values):.4g}"
+        for name in SIGNALS
+        if (values := recording.valve_command if name == "command" else getattr(recording, name)) is not None
+    )
+    print(f"{given.out}: {len(recording)} samples, every {recording.sample_time * 1e3:.6g} ms, {ranges}")
+    for finding in recording.findings:
+        print(f"  {finding}")
+    if any(getattr(recording, name) is not None for name in SIGNALS if name.startswith("pressure")):
+        print("  pressures: kept in the recording; identify and close_loop do not use them")
+    return 0
+
+
+OPTIONS = (  # option, factor to SI, help
+    ("bore", 1e-3, "bore of the cylinder [mm]"),
+    ("rod", 1e-3, "diameter of the rod, the same on both sides unless --single-rod [mm]"),
+    ("stroke", 1e-3, "full stroke [mm]"),
+    ("rated-flow", 1.0 / 60000.0, "rated flow of the valve [l/min]"),
+    ("rated-drop", 1e5, "pressure drop of the rated flow, both edges together [bar] (default: 70)"),
+    ("supply", 1e5, "supply pressure, absolute [bar]"),
+    ("table-mass", 1.0, "table with rod and piston [kg]"),
+    ("specimen-mass", 1.0, "specimen [kg] (default: 0)"),
+    ("hose-volume", 1e-3, "oil in both lines between valve and cylinder [l] (default: 0)"),
+    ("valve-frequency", 1.0, "frequency of the valve at -90 degrees of phase [Hz]"),
+    ("valve-damping", 1.0, "damping ratio of the valve [-]"),
+)
+
+
+def table_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    command = argparse.ArgumentParser(
+        prog="table",
+        description="`table`: a configuration from nameplates: cylinder, valve, supply, masses; says what it assumed.",
+    )
+    for name, _, text in OPTIONS:
+        command.add_argument(f"--{name}", type=float, metavar="NUMBER", help=text)
+    command.add_argument("--single-rod", action="store_true", help="the rod is on side B alone: unequal areas")
+    command.add_argument("--out", type=Path, required=True, metavar="FILE", help="YAML file to write")
+    command.add_argument("--force", action="store_true", help="replace an existing file")
+    given = vars(command.parse_args(list(arguments)))
+    values = {name.replace("-", "_"): factor for name, factor, _ in OPTIONS}
+    numbers = {name: given[name] * factor for name, factor in values.items() if given[name] is not None}
+    made = table(single_rod=given["single_rod"], **numbers)
+    path = made.save(given["out"], given["force"])
+    print("\n".join([*(f"assumed: {line}" for line in made.assumed), f"table: {path}"]))
+    return 0
+
+
+def identify_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    command = argparse.ArgumentParser(
+        prog="identify",
+        description="`identify`: fit the declared model to recordings; parameters with standard errors, error "
+        "on every recording.",
+    )
+    fitting.add_arguments(command, validation_needed=False)
+    command.add_argument(
+        "--method",
+        choices=METHODS,
+        default="free_run",
+        help="what is fitted: the error of the free run, or (model axis) that of the force (default: free_run)",
+    )
+    add_figures(command)
+    given = command.parse_args(list(arguments))
+    result = identify(*fitting.inputs(given), method=given.method)
+    result.report(given.out, given.force, **reporting("identify", given, arguments))
+    print("\n".join(parameter_lines(result.fit.parameters) + error_lines(result.fit)))
+    print("\n".join([*identified_lines(result.told, result.data), *diagnosis_lines(result.diagnosis)]))
+    errors = {name: (error,) for name, error in result.position_error.items()}
+    for line in [*slow_change_lines(result.own), *position_lines(errors, result.forecast_error)]:
+        print(line)
+    print(f"report: {given.out / 'report.html'}")
+    return 0
+
+
+def close_loop_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    command = argparse.ArgumentParser(
+        prog="close_loop",
+        description="`close_loop`: find the residual of the declared model, trace it to an effect, add it, "
+        "report before and after.",
+    )
+    fitting.add_arguments(command, validation_needed=True)
+    add_figures(command)
+    command.add_argument(
+        "--tune", action="store_true", help="make controller.yaml and observer.yaml for the found table"
+    )
+    command.add_argument(
+        "--minutes",
+        type=float,
+        metavar="N",
+        help="end the search after N minutes with the best answer so far; judging it may take a quarter more",
+    )
+    command.add_argument(
+        "--test", type=Path, nargs="+", default=[], metavar="BAG", help="recordings that no decision sees: test data"
+    )
+    command.add_argument(
+        "--search",
+        choices=SEARCHES,
+        default=SEARCHES[0],
+        help="one effect after the other by free runs, or sets of effects at once by prediction errors (model full)",
+    )
+    given = command.parse_args(list(arguments))
+    if given.tune and MODELS[given.model].layout is not FULL_LAYOUT:
+        raise ShakeError(f"--tune: needs a valve and hydraulics, which the model {given.model} does not have")
+    found = close_loop(
+        *fitting.inputs(given),
+        test=fitting.read_set(given, given.test),
+        minutes=given.minutes,
+        tune=given.tune,
+        search=given.search,
+    )
+    found.report(given.out, given.force, **reporting("close_loop", given, arguments))
+    text = list[str]()
+    with found.failures.step("text"):
+        text.extend(discovery_lines(found, given.force))
+    print("\n".join(text))
+    page = given.out / "report.html"
+    print(f"report: {page if page.exists() else given.out / 'report.json'}")
+    for failure in found.failures:
+        print(f"shake_ros close_loop: {failure}", file=sys.stderr)
+    return 1 if len(found.failures) else 0
+
+
+def discovery_lines(found: Discovery, force: bool) -> Iterator[str]:
+    """The report for a terminal, line by line. force : whether gains under which the loop rings were written."""
+    if found.tuned:
+        yield str(found.tuned)
+        if not found.tuned.sound and not force:
+            yield "controller.yaml and observer.yaml are not written: the loop rings (--force writes them)"
+    yield from close_loop_lines(found.closed)
+    if found.diagnosis:
+        yield from predictable_lines(found.closed, found.diagnosis)
+    yield from identified_lines(found.told, found.data)
+    if found.tracking:
+        yield from tracking_lines(found.tracking)
+    if found.diagnosis:
+        yield from diagnosis_lines(found.diagnosis)
+    yield from slow_change_lines(found.own)
+    yield from position_lines(found.position_error, found.forecast_error)

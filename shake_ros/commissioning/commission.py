@@ -1,0 +1,249 @@
+"""`commission`: the guided way on a new table: gentle motion, model, gains, higher level, each step released."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from shake_ros.api.close_loop import close_loop
+from shake_ros.api.identify import identify
+from shake_ros.api.live_table import LiveTable
+from shake_ros.api.model import Model
+from shake_ros.api.model import model as model_of
+from shake_ros.api.progress import Progress, Told
+from shake_ros.api.read import Recordings
+from shake_ros.api.result_table import ResultTable, percent
+from shake_ros.api.simulate import Simulation
+from shake_ros.api.tune_table import TunedTable, tune_table
+from shake_ros.commissioning.page import Array, commission_page
+from shake_ros.commissioning.stage import CommissionStage, LiveStage, SimulatedStage
+from shake_ros.commissioning.steps import (
+    CommissionSettings,
+    Step,
+    announced,
+    interlock_of,
+    load_commission,
+    page_run,
+    tracked,
+)
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.uncertainty import known_covariance
+from shake_ros.core.loop.metrics import come_to_rest
+from shake_ros.core.loop.robust import Uncertainty
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.recordings import TableRecording
+from shake_ros.data.reference_file import build_program
+from shake_ros.data.results import write_folder, write_json
+from shake_ros.settings import load_table, save_table
+
+
+@dataclass(frozen=True, repr=False)
+class Commission:
+    """What came of it. steps : that were run. reason : why it ended before the last one, empty where it did not."""
+
+    steps: tuple[Step, ...]
+    settings: CommissionSettings
+    reason: str
+
+    @property
+    def complete(self) -> bool:
+        """Whether every step was released, run and sound."""
+        return not self.reason
+
+    @property
+    def tuned(self) -> TunedTable | None:
+        """The last observer and gains that are sound, with their table."""
+        return next((s.tuned for s in reversed(self.steps) if s.tuned is not None and s.tuned.sound), None)
+
+    @property
+    def frame(self) -> ResultTable:
+        """The steps: level, loop, errors, what the model explains."""
+        rows = [
+            (f"{step.level:g}", step.loop, *(step.error or (np.nan,) * 3), step.explained, step.held or "no hold")
+            for step in self.steps
+        ]
+        names = ("position", "velocity", "acceleration", "model's error")
+        return ResultTable(("level", "loop", *names, "interlock"), rows, dict.fromkeys(names, percent))
+
+    def report(self, folder: str | Path, force: bool = False, command: str = "") -> Path:
+        """Write table.yaml, controller.yaml, observer.yaml, interlock.yaml, the page, its figures and the recordings.
+
+        Raises
+        ------
+        ShakeError : the folder is there and `force` is not given.
+        """
+
+        def fill(out: Path) -> None:
+            if self.tuned is not None:
+                save_table(out / "table.yaml", self.tuned.table, "Found by commission.")
+                self.tuned.write(out)
+            text = yaml.safe_dump(dict(self.steps[-1].interlock), sort_keys=False) if self.steps else ""
+            head = f"# Limits of level {self.steps[-1].level:g}, by commission.\n" if self.steps else ""
+            (out / "interlock.yaml").write_text(head + text, encoding="utf-8")
+            page = commission_page([page_run(i, step) for i, step in enumerate(self.steps)], *self._told(), command)
+            (out / "commission.html").write_text(page, encoding="utf-8")
+            write_json(out / "commission.json", self.content())
+            for step in self.steps:
+                Simulation(step.run).write(out / "recordings" / step.run.name)
+
+        write_folder(Path(folder), fill, force=force)
+        return Path(folder)
+
+    def _told(self) -> tuple[str, list[str]]:
+        """The verdict, and lines on table and gains."""
+        last = self.steps[-1] if self.steps else None
+        verdict = "Complete: every step was released, run and sound." if self.complete else f"Ended: {self.reason}."
+        if self.tuned is None:
+            return verdict, ["No gains that are sound were found."]
+        lines = [
+            "table.yaml is the fitted table, controller.yaml and observer.yaml the loop that was made for it; "
+            "the nodes take them by path.",
+            f"{self.tuned.best.kind}, {self.tuned.best.design.bandwidth:.1f} rad/s; margins on the linear model where "
+            f"least robust: {self.tuned.margins.text}.",
+            *self.tuned.findings,
+        ]
+        return verdict, lines + ([f"interlock.yaml has the limits of level {last.level:g}."] if last else [])
+
+    def content(self) -> dict[str, Any]:
+        """All figures, for JSON."""
+        steps = [
+            {
+                "level": step.level,
+                "loop": step.loop,
+                "limits": dict(step.limits),
+                "error": list(step.error) if step.error else None,
+                "held": step.held,
+                "model_error": step.explained,
+                "effects": list(step.added),
+                "gains": step.tuned.content() if step.tuned else None,
+            }
+            for step in self.steps
+        ]
+        return {"schema": "shake_ros.commission/1", "complete": self.complete, "reason": self.reason, "steps": steps}
+
+    def __repr__(self) -> str:
+        return f"{self.frame!r}\n{self.reason or 'complete'}"
+
+
+@dataclass
+class _Way:
+    """What moves the table, the motion, and what is known of the table so far."""
+
+    stage: CommissionStage
+    declared: Model
+    settings: CommissionSettings
+    tell: Told
+    runs: list[TableRecording] = field(default_factory=list)
+
+    def motion(self, level: float) -> Array:
+        """The reference at a level, faded to rest, (n, 3)."""
+        dt = self.settings.numbers.sample_time
+        rows = build_program(self.settings.reference, dt).samples(0, round(self.settings.seconds / dt))
+        return level * come_to_rest(rows, dt)
+
+    def play(self, level: float, tuned: TunedTable | None, interlock: Mapping[str, Any]) -> Step:
+        """Run a level under a loop; what lies behind a hold of the interlock does not count."""
+        name = f"step_{len(self.runs) + 1}_level_{level:g}"
+        kind = self.settings.controller if tuned is None else tuned.best.kind
+        made = self.stage.run(self.motion(level), tuned, interlock, name, len(self.runs) + 1)
+        self.runs.append(made.recording)
+        limits = {cause: float(interlock["causes"][cause]["threshold"]) for cause in self.stage.limited}
+        error = None if made.held else tracked(made.recording)
+        return Step(level, kind, limits, interlock, made.recording, error, made.held)
+
+    def learn(self, level: float) -> tuple[float, TunedTable, tuple[str, ...]]:
+        """Model and gains by all runs so far: the model's error on the newest one, the gains, the effects added."""
+        fitted = identify(self.declared, Recordings(self.runs), progress=self.tell)
+        table, error = fitted.table, float(fitted.error["acceleration"][-1])  # of the newest run
+        blocks = RecordingProblem(list(fitted.estimation)).blocks()
+        known, added = Uncertainty(*known_covariance(fitted.fit.fit, blocks)), tuple[str, ...]()
+        if level >= self.settings.search_from and len(self.runs) > 1:
+            found = close_loop(self.declared, [*self.runs[:-2], self.runs[-1]], self.runs[-2], progress=self.tell)
+            added = tuple(effect.name for effect in found.effects)
+            if added:
+                table, known = found.table, found.uncertainty
+                error = float(list(found.closed.final.estimation.values())[-1]["acceleration"])
+        tuned = tune_table(table, uncertainty=known, laws=self.settings.laws, progress=self.tell)
+        return error, tuned, added
+
+
+def commission(
+    table: str | Path | TableParameters = "bergamo",
+    *,
+    set: Mapping[str, float] | None = None,  # noqa: A002 (the command's option has this name)
+    model: Model | None = None,
+    settings: str = "default",
+    delay: int = 1,
+    live: LiveTable | None = None,
+    release: Callable[[str], bool] = lambda _: True,
+    progress: Told = True,
+) -> Commission:
+    """Bring a table into service: run, learn, make gains, go higher; each run is released before it.
+
+    Parameters
+    ----------
+    table : the table as it is declared: a name of config/table, a YAML file, or a table.
+    set : values in which the simulated table differs from that, by dotted name or its last part; nothing is told them.
+    model : what is fitted; the declared table's full model where not given.
+    settings : config/commission/NAME.yaml or a file.
+    delay : samples by which a command reaches the simulated valve late.
+    live : the table of a running graph in the simulated one's place, as `shake_ros.ros.live_table.live_table` gives it.
+    release : is told what the next run will be, and says whether it may begin.
+    progress : show it, or a function to tell what is being done and which part is done.
+
+    Raises
+    ------
+    ShakeError
+        Unknown names; a loop that is lost; an interlock that does not let commands act.
+
+    Examples
+    --------
+    >>> import shake_ros as sr
+    >>> refused = sr.commission("bergamo", release=lambda text: False, progress=False)
+    >>> refused.complete, refused.reason
+    (False, 'level 0.1 was not released')
+    """
+    s = load_commission(settings)
+    declared = table if isinstance(table, TableParameters) else load_table(str(table))
+    if declared.layout is not FULL_LAYOUT:
+        raise ShakeError(f"commission needs a table with a valve and hydraulics, not one of {declared.layout.name}")
+    changes = {FULL_LAYOUT.full_name(name, "set"): float(value) for name, value in (set or {}).items()}
+    known = model or model_of("full", declared)
+    if live is None:
+        stage: CommissionStage = SimulatedStage(declared.with_values(changes), s, delay)
+    else:
+        stage = LiveStage.on(live, s, changes)
+        s = stage.settings
+    with Progress("commission", progress) as bar:
+        steps, reason = _climb(_Way(stage, known, s, bar), release)
+    return Commission(tuple(steps), s, reason)
+
+
+def _climb(way: _Way, release: Callable[[str], bool]) -> tuple[list[Step], str]:
+    """The steps up to the first one that is not released, held or not sound; why, empty where none."""
+    s, steps = way.settings, list[Step]()
+    tuned, named = None, f"{s.controller}, {s.observer}"
+    for number, level in enumerate((*s.levels, s.levels[-1])):
+        last = number == len(s.levels)
+        interlock = way.stage.within(interlock_of(s, way.motion(level), s.levels[0] / level))
+        told = announced(number, level, way.motion(level), named, interlock, way.stage.limited, last)
+        if not release(f"{told}{way.stage.words}"):
+            return steps, f"level {level:g} was not released"
+        step = way.play(level, tuned, interlock)
+        steps.append(step)
+        if step.held:
+            return steps, f"level {level:g}: the interlock held: {step.held}"
+        if last:
+            break
+        explained, tuned, added = way.learn(level)
+        steps[-1] = replace(step, explained=explained, tuned=tuned, added=added)
+        if not tuned.sound:
+            return steps, f"after level {level:g} no gains are sound: {'; '.join(tuned.findings)}"
+        named = f"{tuned.best.kind} of level {level:g}"
+    return steps, ""

@@ -1,0 +1,228 @@
+"""The steps of `commission`: levels and limits from config/, what the operator reads, the interlock, what is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.api.simulate import Simulation
+from shake_ros.api.tune_table import TunedTable
+from shake_ros.commissioning.page import CommissionRun
+from shake_ros.core.control.closed_loop import normalised_error
+from shake_ros.core.loop.linear_loop import LAWS
+from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
+from shake_ros.core.safety.causes import PROGRAM_HOLD, InterlockParameters
+from shake_ros.core.safety.interlock import Interlock
+from shake_ros.core.safety.stages import RUN
+from shake_ros.data.recordings import TableRecording
+from shake_ros.settings import find, read_yaml
+
+KEYS = ("reference", "seconds", "levels", "search_from", "controller", "observer", "interlock", "laws", "numbers")
+HELD = ("position_hard", "velocity", "acceleration", "tracking_error")  # limits that grow with the level
+
+
+@dataclass(frozen=True)
+class CommissionNumbers(Parameters):
+    """Sample time and the limits of a level."""
+
+    sample_time: float = quantity("s", "sample time", low=1e-5, high=0.1)
+    margin: float = quantity("-", "limits over the largest values of the level's motion", low=1.0, high=10.0)
+    least_position: float = quantity("m", "added to the limit of the position", low=0.0, high=1.0)
+    least_velocity: float = quantity("m/s", "added to the limit of the velocity", low=0.0, high=10.0)
+    least_acceleration: float = quantity("m/s^2", "added to the limit of the acceleration", low=0.0, high=1e3)
+    distance: float = quantity("m", "from the reference at the first level; grows as the limits do", low=1e-4, high=1.0)
+
+
+@dataclass(frozen=True)
+class CommissionSettings:
+    """A file of config/commission.
+
+    `search_from` : level from which `close_loop` seeks what the model lacks, in all runs so far; above 1 it never does.
+    """
+
+    reference: str
+    seconds: float
+    levels: tuple[float, ...]
+    search_from: float
+    controller: str
+    observer: str
+    interlock: str
+    laws: tuple[str, ...]
+    numbers: CommissionNumbers
+
+
+def load_commission(name: str) -> CommissionSettings:
+    """config/commission/<name>.yaml, or a YAML file given by path.
+
+    Raises
+    ------
+    ShakeError : unknown or missing keys, levels that do not grow to at most 1, an unknown law.
+    """
+    path = find("commission", name)
+    content = dict(strict_keys(read_yaml(path), KEYS, str(path), KEYS, kind="key"))
+    try:
+        levels, seconds = tuple(float(level) for level in content["levels"]), float(content["seconds"])
+        search_from = float(content["search_from"])
+    except (TypeError, ValueError):
+        raise ShakeError(f"{path}: levels, seconds and search_from: expected numbers") from None
+    grows = all(low < high for low, high in zip((0.0, *levels), levels, strict=False))
+    if not levels or not grows or levels[-1] > 1.0 or not 1.0 < seconds < 1e4:
+        raise ShakeError(f"{path}: levels {list(levels)} must grow from above 0 to at most 1, seconds be above 1")
+    for law in content["laws"]:
+        if law not in LAWS:
+            raise unknown_name("law", law, LAWS, str(path))
+    numbers = CommissionNumbers.from_mapping(content["numbers"], f"{path}: numbers")
+    own: dict[str, Any] = {"levels": levels, "seconds": seconds, "search_from": search_from, "numbers": numbers}
+    own["laws"] = tuple(content["laws"])
+    return CommissionSettings(**{**content, **own})
+
+
+def interlock_of(settings: CommissionSettings, motion: NDArray[np.float64], first: float) -> dict[str, Any]:
+    """The interlock of a level as its YAML content: limits around its motion (n, 3), never beyond the outermost ones.
+
+    `first` is the first level over this one. The causes that it holds at ramp the command to zero.
+    """
+    path, n = find("interlock", settings.interlock), settings.numbers
+    content = read_yaml(path)
+    outermost = InterlockParameters.from_mapping(content, str(path))
+    largest = n.margin * np.max(np.abs(motion), axis=0)
+    wanted = (
+        largest[0] + n.least_position,
+        largest[1] + n.least_velocity,
+        largest[2] + n.least_acceleration,
+        n.distance / first,
+    )
+    causes: dict[str, Any] = {name: dict(value) for name, value in content["causes"].items()}
+    for name, value in zip(HELD, wanted, strict=True):
+        limit = float(min(value, outermost.response(name).threshold))
+        causes[name] |= {"threshold": float(f"{limit:.4g}"), "action": PROGRAM_HOLD}
+    soft, hard = causes["position_soft"], causes["position_hard"]
+    soft["threshold"] = min(soft["threshold"], hard["threshold"])
+    return {**content, "causes": causes}
+
+
+def interlock_parameters(content: Mapping[str, Any]) -> InterlockParameters:
+    """The interlock of such a content."""
+    return InterlockParameters.from_mapping(content, "interlock of the level")
+
+
+Array = NDArray[np.float64]
+SECOND = 1_000_000_000  # [ns]
+UNITS = {"position_hard": "m", "velocity": "m/s", "acceleration": "m/s²", "tracking_error": "m"}
+LONGEST_START = 60.0  # [s] within which the interlock must let commands act
+
+
+@dataclass(frozen=True)
+class Step:
+    """A run that was released, and what was learnt of it.
+
+    Attributes
+    ----------
+    level : part of the reference. loop : of the law. limits : of the interlock, by the names of `HELD`.
+    run : whole, or up to where the interlock held. error : of position, velocity, acceleration [-], of a whole run.
+    held : what the interlock said, empty where it did not. explained : error of the fitted model's acceleration on
+    the newest run [-]. tuned : observer and gains for the model that was fitted. added : effects that close_loop found.
+    """
+
+    level: float
+    loop: str
+    limits: Mapping[str, float]
+    interlock: Mapping[str, Any]
+    run: TableRecording
+    error: tuple[float, float, float] | None
+    held: str = ""
+    explained: float | None = None
+    tuned: TunedTable | None = None
+    added: tuple[str, ...] = ()
+
+
+def watched(run: Simulation, content: Mapping[str, Any]) -> tuple[str, float]:
+    """What the interlock would say to a run first, and when [s]; empty and the run's length where it lets it pass."""
+    lock, dt = Interlock(interlock_parameters(content), enabled=True), run.sample_time
+    r, now = run.recording, 0
+    assert r.pressure_supply is not None and r.acceleration is not None and r.reference is not None
+    assert r.valve_command is not None
+    period = round(dt * SECOND)
+    while lock.stage != RUN:  # pressure comes up at rest
+        if now > LONGEST_START * SECOND:
+            raise ShakeError("commission: the interlock does not come to the stage `run`")
+        lock.command(now, 0.0)
+        lock.act(now)
+        now += period
+    for k in range(len(r.time)):
+        lock.observe(now, r.position[k], r.acceleration[k], r.pressure_supply[k], r.reference[k, 0])
+        lock.command(now, r.valve_command[k])
+        lock.act(now)
+        for trip in lock.trips:
+            if trip.cause in HELD:
+                return f"{trip.cause} {trip.value:.3g} beyond {trip.limit:.3g} at {k * dt:.3f} s", k * dt
+        now += period
+    return "", len(r.time) * dt
+
+
+def motion_of(run: TableRecording) -> Array:
+    """Position, velocity, acceleration of a run (n, 3): the true ones where they are told, else measured, and the
+    velocity as the observer has it."""
+    if run.truth is not None:
+        return run.truth
+    assert run.estimate is not None and run.acceleration is not None
+    return np.column_stack([run.position, run.estimate[:, 1], run.acceleration])
+
+
+def tracked(run: TableRecording) -> tuple[float, float, float]:
+    """Errors of position, velocity and acceleration behind the reference [-]."""
+    assert run.reference is not None
+    x, v, a = normalised_error(run.reference, motion_of(run)).tolist()
+    return x, v, a
+
+
+def announced(
+    number: int,
+    level: float,
+    motion: Array,
+    loop: str,
+    interlock: Mapping[str, Any],
+    limited: Sequence[str],
+    last: bool,
+) -> str:
+    """What the operator reads before a run is released."""
+    x, v, a = np.max(np.abs(motion), axis=0).tolist()
+    limit = {name: float(interlock["causes"][name]["threshold"]) for name in HELD}
+    distance = f", or {1e3 * limit['tracking_error']:.1f} mm from the reference" if "tracking_error" in limited else ""
+    return (
+        f"step {number + 1}, level {level:g}{', for the evidence' if last else ''}: {1e3 * x:.1f} mm, {v:.3f} m/s, "
+        f"{a:.2f} m/s²; loop: {loop}; the interlock holds beyond {1e3 * limit['position_hard']:.1f} mm, "
+        f"{limit['velocity']:.3f} m/s, {limit['acceleration']:.2f} m/s²{distance}"
+    )
+
+
+def page_run(number: int, step: Step) -> CommissionRun:
+    """A step as the page shows it."""
+    r = step.run
+    assert r.reference is not None and r.valve_command is not None and r.acceleration is not None
+    learnt = []
+    if step.explained is not None:
+        learnt.append(
+            f"The model fitted to all runs so far misses {100.0 * step.explained:.2f} % of this one's acceleration."
+        )
+    if step.added:
+        learnt.append(f"close_loop found in all runs so far: {', '.join(step.added)}.")
+    if step.tuned is not None:
+        learnt.append(f"Gains for it: {step.tuned.best.kind}; {step.tuned.margins.text}.")
+        learnt += step.tuned.findings
+    return CommissionRun(
+        f"Step {number + 1}, level {step.level:g}",
+        step.loop,
+        [(name, f"{value:.4g} {UNITS[name]}") for name, value in step.limits.items()],
+        step.error,
+        step.held,
+        learnt,
+        r.time,
+        r.reference,
+        np.column_stack([r.position, motion_of(r)[:, 1], r.acceleration]),
+        r.valve_command,
+    )

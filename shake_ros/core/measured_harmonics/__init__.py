@@ -1,1 +1,0 @@
-"""Harmonic amplitudes that a real table left behind in print (tables 6.1 and 6.2): which model explains them?"""

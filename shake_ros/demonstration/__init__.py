@@ -1,0 +1,1 @@
+"""The main job end to end, over DDS and on measured data."""

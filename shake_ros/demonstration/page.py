@@ -1,0 +1,191 @@
+"""The page of the demo, and the demo in one picture: harmonics, acceleration and tracking, before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from shake_ros.core.discovery.close_loop import LoopClosure
+from shake_ros.core.identification.recordings import Record
+from shake_ros.data.recordings import TableRecording
+from shake_ros.measured.models import MeasuredRuns
+from shake_ros.measured.page import harmonics_chart
+from shake_ros.report.charts_fit import fastest_stretch, free_runs
+from shake_ros.report.close_loop_page import MODELS, model_sections, step_text
+from shake_ros.report.page import Bar, Page
+from shake_ros.report.sections import Track, made_of, parameter_table, tracking_section
+from shake_ros.report.static_figure import AFTER, BEFORE, MEASURED, new_figure, png, tidy
+from shake_ros.report.text import percent, sentence
+
+
+def harmonic_axes(axes: Axes, runs: MeasuredRuns, index: int) -> None:
+    """Bars of one measured run: measured, declared model, best variant."""
+    run = runs.problem.runs[index]
+    first = sum(len(r.orders) for r in runs.problem.runs[:index])
+    span = slice(first, first + len(run.orders))
+    curves = (
+        (run.measured, MEASURED, "measured on the table"),
+        (runs.amplitudes(runs.declared)[span], BEFORE, "declared model"),
+        (runs.amplitudes(runs.best)[span], AFTER, f"with {runs.best.name or 'nothing added'}"),
+    )
+    place = np.arange(len(run.orders))
+    for i, (values, colour, label) in enumerate(curves):
+        axes.bar(place + (i - 1) * 0.27, values, width=0.25, color=colour, label=label)
+    axes.set_xticks(place, [str(k) for k in run.orders])
+    axes.set_yscale("log")
+    axes.set_ylim(0.04, 20.0)
+    axes.set_title(f"u = {run.amplitude:g} sin(2π {run.frequency:g} t)", fontsize=10)
+    tidy(axes, "harmonic", "")
+
+
+def tracking_axes(axes: Axes, tracks: Mapping[str, Track]) -> None:
+    """Position error of the true motion over time."""
+    for (label, track), colour in zip(tracks.items(), (BEFORE, AFTER), strict=True):
+        error = 1e3 * (track.motion[:, 0] - track.reference[:, 0])
+        axes.plot(track.time, error, color=colour, linewidth=1.0, label=label)
+    tidy(axes, "time [s]", "position error [mm]")
+
+
+def overview(runs: MeasuredRuns, result: LoopClosure, hold: list[Record], tracks: Mapping[str, Track]) -> bytes:
+    """One picture of the whole result as PNG: harmonics, acceleration of the validation data, tracking error."""
+    figure = new_figure(12.5, 7.2)
+    grid = figure.add_gridspec(2, 2)
+    bars = figure.add_subplot(grid[0, 0])
+    harmonic_axes(bars, runs, 0)
+    bars.set_ylabel("acceleration amplitude [m/s²]")
+    bars.set_title(
+        f"real table, u = {runs.problem.runs[0].amplitude:g} at {runs.problem.runs[0].frequency:g} Hz", fontsize=10
+    )
+    bars.legend(frameon=False, fontsize=9)
+    record = hold[0]
+    runs_of_record = free_runs(record, result.baseline.table, result.final.table)
+    span = fastest_stretch(record, 1.2)
+    time = np.arange(len(record.commands))[span] * record.sample_time
+    history = figure.add_subplot(grid[0, 1])
+    if record.acceleration is not None:
+        history.plot(time, record.acceleration[span], color=MEASURED, linewidth=1.6, label="measured (validation)")
+    history.plot(time, runs_of_record[0][span, 2], color=BEFORE, linewidth=1.1, label="declared model")
+    named = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing added"
+    history.plot(time, runs_of_record[1][span, 2], color=AFTER, linewidth=1.1, linestyle="--", label=f"with {named}")
+    tidy(history, "time [s]", "acceleration [m/s²]")
+    history.legend(frameon=False, fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    error = figure.add_subplot(grid[1, :])
+    tracking_axes(error, tracks)
+    error.legend(frameon=False, loc="upper right", fontsize=9)
+    return png(figure)
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """The same earthquake with the declared and with the extended model inside observer and controller."""
+
+    before: TableRecording
+    after: TableRecording
+    error_before: Mapping[str, float]
+    error_after: Mapping[str, float]
+
+
+def measured_section(page: Page, runs: MeasuredRuns) -> None:
+    """The five measured runs of the real table."""
+    page.heading("Five measured runs of the real table")
+    page.paragraph(
+        f"{len(runs.problem.measured)} harmonic amplitudes of the acceleration under open-loop sines. The declared "
+        f"model (constant bulk modulus) misses them by {runs.declared.rms:.3f} m/s² rms; "
+        + (
+            f"with {runs.best.name}, by {runs.best.rms:.3f} m/s²."
+            if runs.best.name
+            else "no extension justifies its extra parameters."
+        )
+    )
+    best = f"with {runs.best.name or 'nothing added'}"
+    drawn = [("declared model", runs.amplitudes(runs.declared), "before"), (best, runs.amplitudes(runs.best), "after")]
+    page.chart(harmonics_chart(runs.problem, drawn))
+    models = [runs.declared, *runs.variants]
+    widest = max(v.rms for v in models)
+    rows: list[list[str | Bar]] = [
+        [v.name or "declared model", Bar(v.rms / widest, f"{v.rms:.3f}"), str(len(v.fit.x)), f"{v.criterion:.1f}"]
+        for v in models
+    ]
+    head = ("model", "rms error [m/s²]", "parameters", "information criterion")
+    page.table(head, rows, best=models.index(runs.best), start=0)
+
+
+def tracks_of(tracking: Tracking) -> dict[str, Track]:
+    """The true motions as the figures take them."""
+    tracks = {}
+    for name, run, errors in (
+        ("declared model", tracking.before, tracking.error_before),
+        ("extended model", tracking.after, tracking.error_after),
+    ):
+        assert run.reference is not None and run.truth is not None
+        tracks[name] = Track(run.time, run.reference, run.truth, errors)
+    return tracks
+
+
+def demo_page(
+    runs: MeasuredRuns,
+    hidden: str,
+    result: LoopClosure,
+    learn: Sequence[Record],
+    hold: Sequence[Record],
+    test: Sequence[Record],
+    tracks: Tracking,
+    summary: Mapping[str, Any],
+    command: str = "",
+) -> Page:
+    """The whole page."""
+    named = summary["hidden"]["named"] or "nothing"
+    page = Page(
+        "Closing the loop with measured data",
+        "A simulated table with an effect that the model is missing: recorded over DDS, found from the recording, "
+        "added, and tracked again; and the declared model against harmonics measured on the real table.",
+        made_of(command, learn, hold, test),
+    )
+    page.heading("What was found, and how sure")
+    page.cards(
+        [
+            (named, f"found from the recording; the hidden effect was {hidden}"),
+            (
+                f"{percent(summary['hidden']['hold_before'])} → {percent(summary['hidden']['hold_after'])}",
+                "acceleration error of the free run, validation data",
+            ),
+            (
+                f"{percent(summary['hidden']['test_before'])} → {percent(summary['hidden']['test_after'])}",
+                "acceleration error of the free run, test data",
+            ),
+            (
+                f"{percent(tracks.error_before['position'])} → {percent(tracks.error_after['position'])}",
+                "position error under the earthquake",
+            ),
+            (
+                f"{runs.declared.rms:.3f} → {runs.best.rms:.3f} m/s²",
+                f"error of the real table's harmonics, with {runs.best.name}",
+            ),
+        ]
+    )
+    for step, model in zip(result.search.steps, result.models, strict=True):
+        page.paragraph(step_text(step, model))
+    page.paragraph(
+        "Plant, reference generator, observer, controller and recorder ran in lock-step as separate processes: "
+        f"{sum(len(r.commands) for r in learn)} samples of an excitation for estimation and "
+        f"{len(tracks.before.time)} samples of the earthquake for validation. The earthquake under the extended model "
+        "is test data: no decision knew it."
+    )
+    model_sections(page, result, learn, hold, test)
+    page.heading("What remains")
+    page.paragraph(sentence(result.remaining.text))
+    page.heading("The same earthquake, tracked with each model")
+    page.paragraph(
+        "Observer and controller carry a copy of the table's model: in the first run the declared model, in the second "
+        "the model identified and extended from the recordings. Errors are those of the true motion against the "
+        "reference."
+    )
+    tracking_section(page, tracks_of(tracks))
+    page.heading("Parameters")
+    parameter_table(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)))
+    measured_section(page, runs)
+    return page

@@ -1,1 +1,0 @@
-"""Many independent tasks on this machine's cores or on a cluster: the same rows, to the last bit, on every engine."""

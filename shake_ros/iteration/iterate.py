@@ -1,0 +1,367 @@
+"""`iterate`: the drive, or the model, of the next run from the acceleration that the last one missed; its page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.api.fitted import Data, recordings
+from shake_ros.api.progress import Told
+from shake_ros.api.result_table import ResultTable
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.loop.metrics import FREQUENCIES, HIGHEST, LOWEST
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.data.recordings import TableRecording
+from shake_ros.data.reference_file import build_program, write_drive
+from shake_ros.data.results import write_folder, write_json
+from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.iteration.drive import Iteration, Run, drive_from_best, error_in_band, verdict
+from shake_ros.iteration.drive import iterate as corrected
+from shake_ros.iteration.model import iterate_model, refit
+from shake_ros.iteration.table import SimulatedTable
+from shake_ros.report.chart import Chart, ChartSeries, Panel
+from shake_ros.report.page import Made, Page
+from shake_ros.report.text import percent
+from shake_ros.settings import find, load_table, read_yaml, save_table
+
+Array = NDArray[np.float64]
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from shake_ros.report.chart import Chart
+
+
+def error_chart(runs: Sequence[str], curves: Sequence[tuple[str, Sequence[float], str]]) -> Chart:
+    """Errors run by run; curves : label, error of each run [-], colour."""
+    number = np.arange(1, len(runs) + 1, dtype=np.float64)
+    series = tuple(
+        ChartSeries(label, 100.0 * np.asarray(values, dtype=np.float64), colour, kind="marks")
+        for label, values, colour in curves
+    )
+    ticks = dict(zip(number.tolist(), runs, strict=True))
+    view = (0.5, len(runs) + 0.5)
+    panel = Panel("error [%]", number, series, height=210)
+    return Chart("errors", "run", (panel,), "Error of the runs in their order", view=view, ticks=ticks)
+
+
+def spectrum_chart(wanted: Array, spectra: Sequence[Array], best: int) -> Chart:
+    """Response spectra [m/s²] as of `loop.metrics.spectrum_of`: wanted, of the first run and of the best."""
+    frequencies = np.geomspace(LOWEST, HIGHEST, FREQUENCIES)
+    series = [ChartSeries("wanted", wanted, "measured", width=2.4)]
+    if best:
+        series.append(ChartSeries("run 1", spectra[0], "before"))
+    series.append(ChartSeries(f"run {best + 1}, the best", spectra[best], "after"))
+    panel = Panel("response [m/s²]", frequencies, tuple(series), height=230)
+    caption = "Response spectrum at 5 % damping: largest acceleration of an oscillator of each frequency"
+    return Chart("spectra", "frequency [Hz]", (panel,), caption, log_x=True)
+
+
+def iteration_page(
+    runs: Sequence[str],
+    missed: Sequence[float],
+    charts: Sequence[Chart],
+    true: Sequence[float] = (),
+    reason: str = "",
+    command: str = "",
+) -> Page:
+    """The runs and what each missed.
+
+    Parameters
+    ----------
+    missed : error of each run's measured acceleration within the band [-]. true : that of the true acceleration, where
+    the runs were simulated.
+    """
+    best = int(np.argmin(missed))
+    page = Page("The drive, run by run", "Each run is corrected by what the last one missed.", Made(command))
+    page.heading("What was found")
+    page.cards(
+        [
+            (f"{percent(missed[0])} → {percent(missed[best])}", f"error within the band, {runs[0]} and {runs[best]}"),
+            (runs[best], f"the best of {len(runs)} run{'s' * (len(runs) > 1)}, by the error within the band"),
+        ]
+    )
+    if reason:
+        page.paragraph(f"It ended because: {reason}.")
+    page.heading("Errors, run by run")
+    page.paragraph("The acceleration missed, rms over that of the wanted one.")
+    head = ["run", "measured, within the band", *(["true, all frequencies"] if true else [])]
+    rows = [
+        [name, percent(m), *([percent(true[k])] if true else [])]
+        for k, (name, m) in enumerate(zip(runs, missed, strict=True))
+    ]
+    page.table(head, rows, best=best)
+    for chart in charts:
+        page.chart(chart)
+    return page
+
+
+@dataclass(frozen=True)
+class Iterated:
+    """The next run of an iteration.
+
+    Attributes
+    ----------
+    runs : names of the runs so far. missed : error of their acceleration within the band [-].
+    drive : position, velocity, acceleration of the next run, shape (n, 3) [m, m/s, m/s²]; None where the model is
+    fitted. sample_time : [s]. factor : by which the drive was scaled to stay within its limits [-].
+    model : fitted to the last run, or that of the best run where its drive was corrected on a simulated table.
+    simulated : the simulated table, where the runs were made on it. reason : why its runs ended.
+    wrong : that the runs diverge or have not converged; empty where nothing is wrong.
+    first_model : of the first run's feedforward, where there was one. records : the runs as a fit takes them.
+    """
+
+    runs: tuple[str, ...]
+    missed: tuple[float, ...]
+    sample_time: float
+    drive: Array | None = None
+    factor: float = 1.0
+    model: TableParameters | None = None
+    simulated: SimulatedTable | None = None
+    reason: str = ""
+    wrong: str = ""
+    first_model: TableParameters | None = None
+    records: tuple[Record, ...] = ()
+
+    def lacking(self, progress: Told = True) -> str:
+        """Which effect the model of the runs lacks, in a sentence, as `close_loop` finds it in them."""
+        from shake_ros.iteration.model import lacking
+
+        if self.first_model is None:
+            return "no model of the table is given, whose gaps could be sought in the runs"
+        return lacking(self.first_model, self.records, progress=progress)
+
+    @property
+    def best(self) -> int:
+        """Index of the run that missed least."""
+        return int(np.argmin(self.missed))
+
+    @property
+    def error(self) -> ResultTable:
+        """Acceleration that each run missed within the band, relative to the wanted one [-]."""
+        return ResultTable(("run", "error"), list(zip(self.runs, self.missed, strict=True)), {"error": percent})
+
+    def plot(self) -> Figure:
+        """Errors of the runs in their order."""
+        from shake_ros.report.static_figure import static_figure
+
+        return static_figure(self._charts()[0])
+
+    def _charts(self) -> list[Chart]:
+
+        curves = [("measured, within the band", self.missed, "c0")]
+        if self.simulated is None:
+            return [error_chart(self.runs, curves)]
+        curves.append(("true, all frequencies", tuple(self.simulated.errors), "c1"))
+        spectra = spectrum_chart(self.simulated.aim, self.simulated.spectra, self.best)
+        return [error_chart(self.runs, curves), spectra]
+
+    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
+        """Write drive.csv and drive.yaml, or model.yaml; iteration.json; report.html. Options as `Discovery.report`."""
+        from shake_ros.report.page import write_page
+
+        out = Path(folder)
+
+        def fill(work: Path) -> None:
+            if self.model is not None:
+                save_table(work / "model.yaml", self.model, "The model of the next run, by iterate.")
+            if self.drive is not None:
+                write_drive(work, out, self.drive, self.sample_time)
+            write_json(work / "iteration.json", {"schema": "shake_ros.iterate/1", "error_in_band": list(self.missed)})
+            true = tuple(self.simulated.errors) if self.simulated else ()
+            page = iteration_page(self.runs, self.missed, self._charts(), true, self.reason, command)
+            write_page(page, work, figures)
+
+        write_folder(out, fill, force=force)
+        return out
+
+
+OTHER_LOAD = 0.02  # of the moved mass, from which a weighed specimen is another
+Learn = Callable[[TableParameters, Sequence[Record]], TableParameters]
+
+
+def iterate(
+    wanted: str | Path,
+    runs: Data,
+    *,
+    settings: str | Iteration = "default",
+    model: str | TableParameters | None = None,
+    refit: Sequence[str] | None = None,
+) -> Iterated:
+    """The next run of the same motion from the runs so far.
+
+    Parameters
+    ----------
+    wanted : the motion that the table should make: a name of config/reference or a YAML file.
+    runs : recordings of it, oldest first, each from the start of its reference, with imu and reference.
+    settings : how a drive is corrected: a name of config/iteration, a YAML file, or the settings.
+    model, refit : where given, the drive stays and this table, with these effects, is fitted to the last run.
+
+    Raises
+    ------
+    ShakeError
+        A recording lacks a topic or is too short, or sample times differ.
+
+    Examples
+    --------
+    A run in which the table reached nine tenths of the wanted acceleration:
+
+    >>> import numpy as np
+    >>> import shake_ros as sr
+    >>> from shake_ros.data.reference_file import build_program
+    >>> wanted = np.array(build_program("earthquake_rock", 0.002).states)
+    >>> time, rest = np.arange(len(wanted)) * 0.002, np.zeros(len(wanted))
+    >>> run = sr.recording("run", time, rest, 0.9 * wanted[:, 0], acceleration=0.9 * wanted[:, 2], reference=wanted)
+    >>> following = sr.iterate("earthquake_rock", run)
+    >>> following.error
+    run    error
+    run  10.00 %
+    >>> following.drive.shape == wanted.shape
+    True
+    """
+    parameters = load_iteration(settings)
+    found = recordings(runs)
+    if not found:
+        raise ShakeError("iterate: no recording of a run")
+    learn, before = learning(model, refit)
+    sample_time = round(found[0].sample_time, 7)
+    target = build_program(str(wanted), sample_time).states[:, 2]
+    made = [_run(recording, len(target), sample_time) for recording in found]
+    missed = tuple(error_in_band(target, run.achieved, sample_time, parameters) for run in made)
+    wrong = _growth(missed, parameters)
+    carried = load_table(model) if isinstance(model, str) else model
+    known: dict[str, Any] = {"wrong": wrong, "first_model": carried, "records": tuple(found.records()) if wrong else ()}
+    if before is not None:
+        fitted = learn(before, found[-1:].records())
+        return Iterated(found.names, missed, sample_time, model=fitted, **known)
+    drive, factor = drive_from_best(target, made, missed, sample_time, parameters)
+    return Iterated(found.names, missed, sample_time, drive, factor, **known)
+
+
+def iterate_simulated(
+    wanted: str | Path,
+    table: SimulatedTable | str = "bergamo",
+    *,
+    runs: int | None = None,
+    settings: str | Iteration = "default",
+    model: str | TableParameters | None = None,
+    refit: Sequence[str] | None = None,
+) -> Iterated:
+    """Runs of one motion on a simulated table, each from what the last one missed, until nothing is gained.
+
+    Parameters
+    ----------
+    wanted, settings, refit : as in `iterate`. table : the simulated table, or the name of its configuration.
+    runs : most runs. model : of the feedforward and of an observer that has a model, with `refit` of the first run; the
+        table as it is declared where not given. Without `refit` its specimen is weighed by the forces of the first run.
+
+    Raises
+    ------
+    ShakeError
+        A run left the finite numbers.
+    """
+    parameters = load_iteration(settings) if runs is None else load_iteration(settings).replace(runs=runs)
+    played = SimulatedTable(table) if isinstance(table, str) else table
+    carried = load_table(model) if isinstance(model, str) else model or played.declared
+    learn, before = learning(carried, refit)
+    first = np.array(build_program(str(wanted), played.sample_time).states)
+    played.begin(first, parameters)
+    dt = played.sample_time
+    if before is not None:
+        models, missed, reason = iterate_model(first[:, 2], before, played.record, learn, parameters)
+    else:
+        player = _Player(played, carried)
+        references, missed, reason = corrected(first[:, 2], first, player.play, dt, parameters, player.learnt)
+    names, best = tuple(f"run {k + 1}" for k in range(len(missed))), int(np.argmin(missed))
+    known: dict[str, Any] = {
+        "simulated": played,
+        "reason": reason,
+        "wrong": verdict(missed, parameters),
+        "first_model": carried,
+        "records": tuple(played.records),
+    }
+    if before is not None:
+        return Iterated(names, tuple(missed), dt, model=models[best], **known)
+    return Iterated(names, tuple(missed), dt, references[best], model=player.models[best], **known)
+
+
+class _Player:
+    """Plays drives under a model whose specimen is weighed after the first run.
+
+    Attributes
+    ----------
+    models : that each run was made under.
+    """
+
+    def __init__(self, table: SimulatedTable, model: TableParameters) -> None:
+        self.table, self.model, self.models = table, model, list[TableParameters]()
+
+    def play(self, reference: Array, number: int) -> Array:
+        """The accelerometer's record of a run."""
+        self.models.append(self.model)
+        return self.table.acceleration(self.model, reference, number)
+
+    def learnt(self) -> bool:
+        """Whether the first run's forces tell another specimen than the model has."""
+        if len(self.models) > 1:
+            return False
+        weighed = self.table.weighed(self.model)
+        changed = abs(weighed.moved_mass / self.model.moved_mass - 1.0) > OTHER_LOAD
+        self.model = weighed if changed else self.model
+        return changed
+
+
+def _growth(missed: Sequence[float], parameters: Iteration) -> str:
+    """That the runs given so far diverge; empty where they do not, or where a single one tells nothing."""
+    text = verdict(missed, parameters) if len(missed) > 1 else ""
+    return text if text.startswith("diverges") else ""
+
+
+def load_iteration(settings: str | Iteration) -> Iteration:
+    """Settings of config/iteration by name or file, or as given."""
+    if isinstance(settings, Iteration):
+        return settings
+    path = find("iteration", settings)
+    return Iteration.from_mapping(read_yaml(path), str(path))
+
+
+def learning(
+    model: str | TableParameters | None, effects: Sequence[str] | None
+) -> tuple[Learn, TableParameters | None]:
+    """`refit` of the declared parameters and those of named effects, and the model of the first run where wanted."""
+    if effects is None:
+        return lambda table, _: table, None
+    if model is None:
+        raise ShakeError("--refit: needs --model, the table that is fitted")
+    free, known = free_parameters(), {c.effect: c for c in effect_candidates()}
+    for effect in effects:
+        if effect not in known:
+            raise unknown_name("effect", effect, known, "--refit")
+    chosen = [known[effect] for effect in effects]
+    before = load_table(model) if isinstance(model, str) else model
+    return lambda table, records: refit(table, free, chosen, records), before
+
+
+def _run(recording: TableRecording, samples: int, sample_time: float) -> Run:
+    """The played and the measured acceleration of a recording from the first sample of its reference on."""
+    part, name = recording.longest, recording.name
+    for topic, content in (("imu", part.acceleration), ("reference", part.reference)):
+        if content is None:
+            raise ShakeError(f"{name}: no topic {topic}")
+    assert part.acceleration is not None and part.reference is not None
+    known = np.flatnonzero(np.isfinite(part.reference).all(axis=1))
+    first = int(known[0]) if known.size else len(part.time)
+    played = part.reference[first : first + samples, 2]
+    if len(played) < samples or not np.isfinite(played).all():
+        raise ShakeError(f"{name}: {known.size} unbroken samples of the reference, the wanted motion has {samples}")
+    if abs(part.sample_time - sample_time) > 1e-3 * sample_time:
+        raise ShakeError(
+            f"{name}: a sample every {part.sample_time:g} s, the recordings before every {sample_time:g} s"
+        )
+    return Run(played, part.acceleration[first : first + samples])

@@ -1,0 +1,187 @@
+"""A simulated table in closed loop that plays a motion again and again, and weighs what stands on it.
+
+The moved mass follows from the forces of a run, what the chamber pressures push over the acceleration:
+
+    A (P_A − α P_B) = M a + c tanh(v/v_c) + b v + F_0
+
+is fitted by least squares to the samples at which the table slides, all signals below the same zero-phase filter; the
+friction's form only has to take what is in phase with the velocity. A specimen that sways counts with what it moves on
+average. Newton's law; not in the thesis.
+Verified against: simulated tables of known loads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.api.live_table import OWN, OwnLoop, own_loop
+from shake_ros.api.progress import Progress, Told
+from shake_ros.api.simulate import controller_of, observer_of
+from shake_ros.core.control.closed_loop import ClosedLoop
+from shake_ros.core.control.runner import Controller
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.velocity_filter import derivative, low_pass
+from shake_ros.core.loop.compiled import Loop, simulate
+from shake_ros.core.loop.metrics import spectrum_of
+from shake_ros.core.observer.runner import Observer
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.quantities import ShakeError
+from shake_ros.iteration.drive import Iteration, error_in_band
+from shake_ros.settings import load_table
+
+Array = NDArray[np.float64]
+SLIDING = 0.2  # of the velocity's rms, above which the table surely slides
+
+
+class Weighed(NamedTuple):
+    """Moved mass M and its standard error [kg]."""
+
+    mass: float
+    std_error: float
+
+
+def weigh(force: Array, acceleration: Array, position: Array, sample_time: float) -> Weighed:
+    """M of a run from the force of the pressures [N], acceleration [m/s²] and position [m], (n,) each.
+
+    Raises
+    ------
+    ShakeError : a run that hardly moves, or arrays of different lengths.
+
+    Examples
+    --------
+    >>> t = np.arange(4000) / 1000
+    >>> a, x = -np.sin(9.0 * t), np.sin(9.0 * t) / 81.0
+    >>> round(weigh(650.0 * a + 100.0 * np.tanh(20.0 * np.cos(9.0 * t)), a, x, 0.001).mass)
+    650
+    """
+    if len({len(force), len(acceleration), len(position)}) != 1:
+        raise ShakeError("weigh: needs force, acceleration and position of one length")
+    velocity = derivative(position, sample_time)
+    usual = float(np.sqrt(np.mean(velocity**2)))
+    sliding = np.abs(velocity) > SLIDING * usual
+    if not usual > 0.0 or np.count_nonzero(sliding) < 100:
+        raise ShakeError("weigh: the run hardly moves")
+    pushed, felt = low_pass(force, sample_time)[sliding], low_pass(acceleration, sample_time)[sliding]
+    v = velocity[sliding]
+    columns = np.column_stack([felt, np.tanh(v / (SLIDING * usual)), v, np.ones_like(v)])
+    found, *_ = np.linalg.lstsq(columns, pushed, rcond=None)
+    left = float(np.mean((pushed - columns @ found) ** 2))
+    spread = np.linalg.inv(columns.T @ columns)[0, 0]
+    return Weighed(float(found[0]), float(np.sqrt(left * spread)))
+
+
+SPECIMEN = "body.specimen_mass"
+
+
+@dataclass
+class SimulatedTable:
+    """A table with its loop, and the true figures of the runs made on it.
+
+    Attributes
+    ----------
+    table : configuration of the table. changes : values to change in it, by dotted name or its last part, of which
+    the model knows nothing. observer, controller : names of configurations, or `own`, both, for a loop made for the
+    table as it is declared. delay : samples by which a command reaches the valve late. sample_time : of the loop [s].
+    progress : told the figures of each run. errors : of the true acceleration, one a run [-]. spectra : response
+    spectra of the runs, `aim` that of the wanted motion [m/s²]. records : the runs as a fit takes them. last : the
+    last run.
+    """
+
+    table: str | TableParameters = "bergamo"
+    observer: str = OWN
+    controller: str = OWN
+    delay: int = 0
+    sample_time: float = 0.001
+    progress: Told = True
+    changes: Mapping[str, float] = field(default_factory=dict)
+    wanted: Array = field(default_factory=lambda: np.zeros((0, 3)), init=False)
+    aim: Array = field(default_factory=lambda: np.zeros(0), init=False)
+    errors: list[float] = field(default_factory=list, init=False)
+    spectra: list[Array] = field(default_factory=list, init=False)
+    judged_by: Iteration | None = field(default=None, init=False)
+    records: list[Record] = field(default_factory=list, init=False)
+    last: ClosedLoop | None = field(default=None, init=False)
+
+    @property
+    def declared(self) -> TableParameters:
+        """The table as its configuration declares it, the first model where none is given."""
+        return load_table(self.table) if isinstance(self.table, str) else self.table
+
+    @property
+    def plant(self) -> TableParameters:
+        """The table as it is, with its changes."""
+        return self.declared.with_values(
+            {FULL_LAYOUT.full_name(name, "set"): float(value) for name, value in self.changes.items()}
+        )
+
+    @cached_property
+    def own(self) -> OwnLoop:
+        """The loop made for the table as it is declared."""
+        return own_loop(self.declared)
+
+    def loop(self, model: TableParameters | None) -> tuple[Observer, Controller]:
+        """Observer and controller that carry a model."""
+        dt = self.sample_time
+        if (self.observer == OWN) is not (self.controller == OWN):
+            raise ShakeError(f"controller {self.controller} and observer {self.observer}: 'own' goes for both or none")
+        if self.observer == OWN:
+            return self.own.of(self.declared if model is None else model, dt, self.delay * dt)
+        return observer_of(self.observer, dt, model), controller_of(self.controller, dt, model)
+
+    def weighed(self, model: TableParameters) -> TableParameters:
+        """The model with the specimen that the forces of the last run tell."""
+        body, run = model.body, self.last
+        if run is None or run.measured.shape[1] < 4:
+            raise ShakeError("no run with pressures that could be weighed")
+        force = body.piston_area * (run.measured[:, 2] - body.area_ratio * run.measured[:, 3])
+        found = weigh(force, run.measured[:, 1], run.measured[:, 0], self.sample_time)
+        return model.with_values({SPECIMEN: max(0.0, found.mass - (model.moved_mass - model.value(SPECIMEN)))})
+
+    def begin(self, wanted: Array, judged_by: Iteration | None = None) -> None:
+        """Forget earlier runs; `wanted` is the motion of the next ones, shape (n, 3), `judged_by` has their band."""
+        self.judged_by = judged_by
+        self.wanted, self.aim = wanted, spectrum_of(wanted[:, 2], self.sample_time)
+        self.errors, self.spectra, self.records = [], [], []
+
+    def run(self, model: TableParameters | None, reference: Array, number: int) -> ClosedLoop:
+        """One run of a reference under a model.
+
+        Raises
+        ------
+        ShakeError : the run left the finite numbers.
+        """
+        dt = self.sample_time
+        observer, controller = self.loop(model)
+        run, finite = simulate(Loop(self.plant, observer, controller, reference, seed=number, delay=self.delay))
+        if finite < len(reference):
+            raise ShakeError(f"run {number + 1} left the finite numbers after {finite * dt:.3f} s")
+        self.last = run
+        true, wanted = run.truth[:, 2], self.wanted[:, 2]
+        measured = run.measured[:, :2].T
+        self.records.append(Record(f"run {number + 1}", dt, run.command, *measured))
+        self.errors.append(float(np.sqrt(np.mean((true - wanted) ** 2)) / np.std(wanted)))
+        self.spectra.append(spectrum_of(true, dt))
+        off = float(np.max(np.abs(self.spectra[-1] / self.aim - 1.0)))
+        text = f"acceleration {100.0 * self.errors[-1]:.2f} %, response spectrum {100.0 * off:.2f} %"
+        if self.judged_by is not None:
+            missed = error_in_band(wanted, run.measured[:, 1], dt, self.judged_by)
+            text = f"missed {100.0 * missed:.2f} % within the band (true {text})"
+        text = f"run {number + 1}: {text}"
+        with Progress("iterate", self.progress) as bar:
+            bar(text, 1.0)
+        return run
+
+    def acceleration(self, model: TableParameters | None, reference: Array, number: int) -> Array:
+        """The accelerometer's record of a run of a reference."""
+        return self.run(model, reference, number).measured[:, 1]
+
+    def record(self, model: TableParameters, number: int) -> Record:
+        """The recording of a run of the wanted motion under a model."""
+        self.run(model, self.wanted, number)
+        return self.records[-1]

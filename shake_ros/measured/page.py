@@ -1,0 +1,247 @@
+"""The comparison of models with the measured runs: charts, lines for a terminal, the page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from shake_ros.core.identification.uncertainty import Estimate, at_bound
+from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, measured_distortion
+from shake_ros.measured.models import HarmonicComparison, MeasuredModel
+from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
+from shake_ros.report.page import Bar, Made, Page
+from shake_ros.report.text import bound_text, estimate_text, unit_of
+
+COLOURS = ("c5", "c3", "before")  # of the printed models, the last one counts
+
+
+def title(run: HarmonicRun) -> str:
+    """A run's command."""
+    return f"u = {run.amplitude:g} sin(2π {run.frequency:g} t)"
+
+
+def harmonics_chart(problem: HarmonicProblem, models: Sequence[tuple[str, Array, str]]) -> Chart:
+    """Amplitudes of every run, measured and of each model given as name, amplitudes of all runs and colour."""
+    panels, first = [], 0
+    for run in problem.runs:
+        span = slice(first, first + len(run.orders))
+        first += len(run.orders)
+        series = [
+            ChartSeries(f"{title(run)}: measured", np.asarray(run.measured, dtype=np.float64), "measured", kind="rings")
+        ]
+        series += [ChartSeries(name, values[span], colour, kind="points") for name, values, colour in models]
+        panels.append(Panel("[m/s²]", np.asarray(run.orders, dtype=np.float64), tuple(series), log=True, height=150))
+    orders = sorted({int(k) for run in problem.runs for k in run.orders})
+    caption = "Amplitude of the acceleration by harmonic, run by run, on a logarithmic scale; rings: measured"
+    ticks = {float(k): str(k) for k in orders}
+    return Chart("harmonics", "harmonic", tuple(panels), caption, view=(0.5, orders[-1] + 0.5), ticks=ticks)
+
+
+def traces_chart(comparison: HarmonicComparison) -> Chart:
+    """One period of the acceleration of every run; phases are not printed, so there is no measured curve."""
+    problem, panels = comparison.problem, []
+    for i, run in enumerate(problem.runs):
+        samples = round(1.0 / (run.frequency * problem.sample_time))
+        angle = np.arange(samples) / samples
+        series = tuple(
+            ChartSeries(f"{title(run)}: {m.name}" if k == 0 else m.name, m.account.traces[i][:samples], colour)
+            for k, (m, colour) in enumerate(shown(comparison))
+        )
+        panels.append(Panel("[m/s²]", angle, series, height=130))
+    caption = "One period of the simulated acceleration of every run (the thesis prints no phases to compare with)"
+    return Chart("traces", "part of the period from the command's peak", tuple(panels), caption)
+
+
+def shown(comparison: HarmonicComparison) -> list[tuple[MeasuredModel, str]]:
+    """The models drawn with their colours: the printed ones and the best fitted one."""
+    printed = comparison.printed
+    colours = COLOURS[-len(printed) :] if printed else ()
+    return [*zip(printed, colours, strict=True), (comparison.chosen, "after")]
+
+
+NAME = 45  # width of a model's name
+
+
+def run_lines(comparison: HarmonicComparison, index: int) -> list[str]:
+    """One run: a row per order's amplitude of each model shown, its error and its THD."""
+    problem = comparison.problem
+    run, span = problem.runs[index], problem.spans[index]
+    measured = measured_distortion(problem)[index]
+    title = f"u = {run.amplitude:g} sin(2π {run.frequency:g} t)"
+    lines = [f"{title:<{NAME}}" + "".join(f"{k:>7}" for k in run.orders) + f"{'rms':>9}{'THD [%]':>10}"]
+    lines.append(f"{'  measured':<{NAME}}{_numbers(run.measured)}{'':>9}{100 * measured:>10.1f}")
+    for model in (*comparison.printed, *comparison.fitted):
+        result = model.account
+        numbers = _numbers(result.amplitudes[span])
+        thd = f"{100 * result.distortion[index]:.1f} ({100 * result.whole_distortion[index]:.1f})"
+        lines.append(f"{'  ' + model.name:<{NAME}}{numbers}{result.run_rms[index]:>9.3f}{thd:>14}")
+    return lines
+
+
+def _numbers(values: np.ndarray) -> str:
+    return "".join(f"{value:>7.2f}" for value in values)
+
+
+def model_line(model: MeasuredModel) -> str:
+    """A model in a row: parameters fitted, errors, THD errors."""
+    fitted, left = model.fitted, model.left_out
+    count = str(len(fitted.fit.x)) if fitted else "–"
+    criterion = f"{fitted.criterion:.1f}" if fitted else "–"
+    points = 100 * model.account.distortion_error
+    return (
+        f"{model.name:<{NAME}}{count:>7}{model.account.rms:>8.3f}{criterion:>11}"
+        f"{f'{left.rms:.3f}' if left else '–':>10}   " + "".join(f"{p:>+7.1f}" for p in points)
+    )
+
+
+def left_out_lines(models: tuple[MeasuredModel, ...]) -> list[str]:
+    """Error of each run while it is left out."""
+    shown = [m for m in models if m.left_out]
+    if not shown:
+        return []
+    lines = ["", "rms of each run [m/s²], predicted by the model fitted to the others"]
+    for model in shown:
+        assert model.left_out is not None
+        lines.append(f"{model.name:<{NAME}}" + "".join(f"{value:>7.3f}" for value in model.left_out.run_rms))
+    return lines
+
+
+def comparison_lines(comparison: HarmonicComparison) -> list[str]:
+    """Runs harmonic by harmonic, then all models against each other."""
+    lines = ["amplitude of the acceleration [m/s²] by order; THD of these orders, in brackets of all orders simulated"]
+    for index in range(len(comparison.problem.runs)):
+        lines += ["", *run_lines(comparison, index)]
+    lines += [
+        "",
+        f"{'':<{NAME}}{'fitted':>7}{'rms':>8}{'criterion':>11}{'left out':>10}"
+        "   THD minus measured [points], run by run",
+        *(model_line(model) for model in comparison.models),
+        "",
+        "criterion: the Bayesian one, lower is better; left out: every run predicted by the model fitted to the others",
+        *left_out_lines(comparison.models),
+        *exchanged_lines(comparison),
+        "",
+        f"best without a second effect: {comparison.chosen.name}",
+        *second_lines(comparison),
+    ]
+    return lines
+
+
+def exchanged_lines(comparison: HarmonicComparison) -> list[str]:
+    """The last printed model with one group of parameters from the fit at a time."""
+    if not comparison.exchanged:
+        return []
+    return [
+        "",
+        f"{comparison.printed[-1].name}: where it differs from {comparison.chosen.name}",
+        *("  " + model_line(model)[: NAME - 2] + model_line(model)[NAME:] for model in comparison.exchanged),
+    ]
+
+
+def second_lines(comparison: HarmonicComparison) -> list[str]:
+    """Whether a second effect pays, by the criterion and by the runs left out."""
+    base = comparison.chosen
+    if not comparison.seconds or base.fitted is None or base.left_out is None:
+        return []
+    by_criterion, by_prediction = [], []
+    for model in comparison.seconds:
+        assert model.fitted is not None and model.left_out is not None
+        if model.fitted.criterion < base.fitted.criterion:
+            by_criterion.append(model.fitted.name)
+        if model.left_out.rms < base.left_out.rms:
+            by_prediction.append(model.fitted.name)
+    both = [name for name in by_criterion if name in by_prediction]
+    return [
+        f"better with a second effect, by the criterion:     {', '.join(by_criterion) or 'none'}",
+        f"better with a second effect, by the runs left out: {', '.join(by_prediction) or 'none'}",
+        f"by both: {', '.join(both) or 'none'}",
+    ]
+
+
+def measured_page(comparison: HarmonicComparison, command: str = "") -> Page:
+    """What explains the real table's harmonics, how well, and why not another model."""
+    problem, chosen = comparison.problem, comparison.chosen
+    count = len(problem.runs)
+    page = Page(
+        "The real table's measured runs",
+        f"{len(problem.measured)} amplitudes of {count} run{'s' * (count > 1)} under open-loop sines against printed "
+        "and fitted models.",
+        Made(command),
+    )
+    page.heading("What was found, and how sure")
+    cards = [(chosen.name, "explains the runs best by the information criterion")]
+    if comparison.printed:
+        last = comparison.printed[-1]
+        cards.append((f"{last.account.rms:.3f} → {chosen.account.rms:.3f} m/s²", f"rms error, from {last.name}"))
+    if chosen.left_out:
+        cards.append((f"{chosen.left_out.rms:.3f} m/s²", "rms error where each run is predicted from the others"))
+    page.cards(cards)
+    for line in second_lines(comparison):
+        page.paragraph(line)
+    page.heading("Measured against simulated")
+    page.chart(harmonics_chart(problem, [(m.name, m.account.amplitudes, colour) for m, colour in shown(comparison)]))
+    page.chart(traces_chart(comparison))
+    _errors(page, comparison)
+    page.heading("Why this model and not another")
+    page.paragraph(
+        "The Bayesian information criterion makes a model earn its parameters; lower is better. Left out: every run "
+        "predicted by the model fitted to the others. Bars start at zero."
+    )
+    _models(page, comparison.models, comparison.models.index(chosen))
+    if comparison.exchanged:
+        page.subheading(f"Where {comparison.printed[-1].name} differs")
+        page.paragraph("The printed model with one group of parameters from the fit at a time.", note=True)
+        _models(page, comparison.exchanged)
+    _parameters(page, chosen)
+    return page
+
+
+def _errors(page: Page, comparison: HarmonicComparison) -> None:
+    page.heading("Errors, run by run")
+    page.paragraph(
+        "Rms error of the amplitudes of each run [m/s²], and total harmonic distortion of the same orders: measured, "
+        "and each model's."
+    )
+    models = [m for m, _ in shown(comparison)]
+    measured = measured_distortion(comparison.problem)
+    rows = []
+    for i, run in enumerate(comparison.problem.runs):
+        errors = [f"{m.account.run_rms[i]:.3f}" for m in models]
+        thd = [f"{100.0 * measured[i]:.1f} %", *(f"{100.0 * m.account.distortion[i]:.1f} %" for m in models)]
+        rows.append([title(run), *errors, *thd])
+    head = ["run", *(f"error, {m.name}" for m in models), "THD, measured", *(f"THD, {m.name}" for m in models)]
+    page.table(head, rows)
+
+
+def _models(page: Page, models: tuple[MeasuredModel, ...], best: int | None = None) -> None:
+    widest = max(m.account.rms for m in models)
+    rows: list[list[str | Bar]] = [
+        [
+            m.name,
+            str(len(m.fitted.fit.x)) if m.fitted else "–",
+            Bar(m.account.rms / widest, f"{m.account.rms:.3f}"),
+            f"{m.left_out.rms:.3f}" if m.left_out else "–",
+            f"{m.fitted.criterion:.1f}".replace("-", "−") if m.fitted else "–",
+        ]
+        for m in models
+    ]
+    page.table(("model", "parameters fitted", "rms error [m/s²]", "left out [m/s²]", "criterion"), rows, best=best)
+
+
+def _parameters(page: Page, model: MeasuredModel) -> None:
+    if model.fitted is None:
+        return
+    page.heading("Parameters")
+    fit = model.fitted.fit
+    rows, warn = [], []
+    for i, (f, value, resting) in enumerate(
+        zip(fit.free.free, (fit.x * fit.free.scale).tolist(), at_bound(fit), strict=True)
+    ):
+        text = estimate_text(Estimate(f.name, value, None, f.unit))
+        if resting:
+            warn.append(i)
+            text += f",\n{bound_text(value, f.low, f.high)}"
+        meaning = str(model.table.fields[f.name].metadata["meaning"])
+        rows.append([f.name.removeprefix("effects."), text, unit_of(f.unit)[1], meaning])
+    page.table(("parameter", model.name, "unit", "meaning"), rows, warn=warn)

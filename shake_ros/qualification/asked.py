@@ -1,0 +1,223 @@
+"""What a qualification is asked for, with everything looked up in config/; its files; its release on a live table."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from shake_ros.api.live_table import OWN, LiveTable, NotReleasedError, OwnLoop, Release
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.quantities import Parameters, ShakeError, choice, member_from, quantity, strict_keys
+from shake_ros.iteration.iterate import Learn, learning
+from shake_ros.qualification.judge import Rules, SpectrumJudgement
+from shake_ros.qualification.motion import MotionParameters, check_sampling
+from shake_ros.qualification.required import FORMULAS, POINTS, RequiredSpectrum, from_points
+from shake_ros.qualification.resonance import SearchBand, SearchParameters
+from shake_ros.qualification.run import RunParameters, Test
+from shake_ros.settings import find, load_table, read_yaml
+
+SPECTRA, RULES = "required_spectra", "qualification_rules"
+
+
+@dataclass(frozen=True)
+class QualificationLoop(Parameters):
+    """The loop under which a test runs."""
+
+    controller: str = choice("a name of config/controller, or own")
+    observer: str = choice("a name of config/observer, or own")
+    sample_time: float = quantity("s", "of the loop", low=1e-4, high=0.02)
+
+    @property
+    def is_own(self) -> bool:
+        """Whether observer and controller are made for the model; ShakeError where one of them alone is."""
+        if (self.controller == OWN) is not (self.observer == OWN):
+            raise ShakeError(f"loop: controller {self.controller}, observer {self.observer}: own goes for both or none")
+        return self.controller == OWN
+
+
+@dataclass(frozen=True)
+class QualificationSettings:
+    """Content of config/qualification."""
+
+    motion: Mapping[str, Any]
+    running: RunParameters
+    loop: QualificationLoop
+    search: SearchParameters
+
+    def motion_for(self, rules: Rules) -> MotionParameters:
+        """How a motion is made for these rules."""
+        return MotionParameters.from_mapping({**self.motion, "aim": rules.aim, "aim_last": rules.aim_last}, "motion")
+
+
+def load_settings(name: str) -> QualificationSettings:
+    """config/qualification/<name>.yaml, or a YAML file."""
+    path = find("qualification", name)
+    keys = ("motion", "running", "loop", "search")
+    content = strict_keys(read_yaml(path), keys, str(path), keys, kind="key")
+    return QualificationSettings(
+        dict(content["motion"]),
+        RunParameters.from_mapping(content["running"], f"{path}: running"),
+        QualificationLoop.from_mapping(content["loop"], f"{path}: loop"),
+        SearchParameters.from_mapping(content["search"], f"{path}: search"),
+    )
+
+
+def load_rules(name: str) -> Rules:
+    """config/qualification_rules/<name>.yaml, or a YAML file."""
+    path = find(RULES, name)
+    return Rules.from_mapping(read_yaml(path), str(path))
+
+
+def load_required(name: str) -> tuple[RequiredSpectrum, str]:
+    """A required spectrum of config/required_spectra, or of a YAML file, and the name of its rules."""
+    path = find(SPECTRA, name)
+    return required_from(read_yaml(path), str(path))
+
+
+def required_from(content: Any, where: str) -> tuple[RequiredSpectrum, str]:
+    """A required spectrum from a mapping, and the name of its rules."""
+    if not isinstance(content, Mapping) or "rules" not in content:
+        raise ShakeError(f"{where}: missing key 'rules' (a name of config/{RULES} or a YAML file)")
+    rest = {key: value for key, value in content.items() if key != "rules"}
+    rules = str(content["rules"])
+    if rest.get("kind") == "points":
+        return from_points(strict_keys(rest, POINTS, where, POINTS, kind="key"), where), rules
+    if rest.get("kind") not in FORMULAS:
+        known = ", ".join(sorted((*FORMULAS, "points")))
+        raise ShakeError(f"{where}: kind '{rest.get('kind')}' is not known; known: {known}")
+    _, formula = member_from(rest, FORMULAS, where, kind="required spectrum")  # type: ignore[type-var]
+    return formula.required(), rules
+
+
+def required_json(required: RequiredSpectrum) -> dict[str, Any]:
+    """A required spectrum as points, which `required_of` reads."""
+    return {
+        "name": required.name,
+        "frequencies": required.frequencies.tolist(),
+        "levels": required.levels.tolist(),
+        "damping": required.damping,
+        "zero_period": required.zero_period,
+        "source": required.source,
+    }
+
+
+def judgement_json(judgement: SpectrumJudgement) -> dict[str, Any]:
+    """Verdicts and spectra of a run."""
+    return {
+        "passed": judgement.passed,
+        "rules": [
+            {"rule": v.rule, "asked": v.asked, "measured": v.measured, "passed": v.passed} for v in judgement.verdicts
+        ],
+        "frequencies": judgement.frequencies.tolist(),
+        "required": judgement.required.tolist(),
+        "found": judgement.found.tolist(),
+    }
+
+
+def checksums(folder: Path) -> dict[str, str]:
+    """SHA-256 of each file below a folder, by its path from there."""
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a qualification is asked for, with everything looked up.
+
+    Attributes
+    ----------
+    test : spectrum, rules, table, settings. model : of the feedforward. learn : the fit between runs; None corrects
+    the drive. about : table, model, instruments, for the certificate.
+    """
+
+    test: Test
+    settings: QualificationSettings
+    model: TableParameters
+    learn: Learn | None
+    about: dict[str, str]
+
+    @property
+    def band(self) -> SearchBand:
+        """Where resonances are sought."""
+        body, search = self.test.table.body, self.settings.search
+        return SearchBand(search.low, search.high, body.piston_area, body.area_ratio)
+
+
+def asked_of(
+    required: str | Path | RequiredSpectrum,
+    table: str | Path | TableParameters,
+    *,
+    model: str | Path | TableParameters | None,
+    rules: str | None,
+    scale: float,
+    set: Mapping[str, float] | None,  # noqa: A002 (as of `qualify`)
+    settings: str,
+    refit: Sequence[str] | None,
+    runs: int | None,
+) -> Asked:
+    """The files that the arguments of `qualify` name."""
+    chosen = load_settings(settings)
+    if runs is not None:
+        chosen = replace(chosen, running=chosen.running.replace(runs=runs))
+    wanted, own = (
+        (required, rules or "ieee_344") if isinstance(required, RequiredSpectrum) else load_required(str(required))
+    )
+    code, wanted = load_rules(rules or own), wanted.scaled(scale)
+    declared = table if isinstance(table, TableParameters) else load_table(str(table))
+    plant = declared.with_values({FULL_LAYOUT.full_name(k, "set"): float(v) for k, v in (set or {}).items()})
+    carried = declared if model is None else model if isinstance(model, TableParameters) else load_table(str(model))
+    step = chosen.loop.sample_time
+    check_sampling(wanted, step)
+    learn, _ = learning(carried, refit)
+    about = {
+        "specimen": f"simulated, {plant.value('body.specimen_mass'):g} kg",
+        "table": _named(table, "table"),
+        "model": "as the table is declared" if model is None else _named(model, "given"),
+        "instruments": f"simulated sensors, accelerometer noise {plant.sensors.acceleration_noise:g} m/s² rms",
+        "search": chosen.search.words,
+    }
+    test = Test(wanted, code, plant, chosen.motion_for(code), chosen.running, step)
+    return Asked(test, chosen, carried, None if refit is None else learn, about)
+
+
+def _named(table: str | Path | TableParameters, otherwise: str) -> str:
+    return otherwise if isinstance(table, TableParameters) else str(table)
+
+
+def makes_loop(asked: Asked, live: LiveTable | None, model: object, refit: Sequence[str] | None) -> bool:
+    """Whether gains are made for the model; a live table keeps its own where none is given."""
+    return asked.settings.loop.is_own and (live is None or model is not None or refit is not None)
+
+
+def asked_live(asked: Asked, live: LiveTable, set: Mapping[str, float] | None) -> Asked:  # noqa: A002 (as of `qualify`)
+    """The same on a live table; ShakeError where it cannot be asked for there."""
+    if set:
+        raise ShakeError(f"set {', '.join(set)}: values of the simulated table; a live one has its own")
+    if abs(live.sample_time - asked.test.sample_time) > 1e-9:
+        wanted = f"the qualification's loop has one every {asked.test.sample_time:g} s"
+        raise ShakeError(f"live: a sample every {live.sample_time:g} s, {wanted} (sample_time in config/qualification)")
+    given = asked.about["specimen"]
+    about = {
+        **asked.about,
+        "specimen": "on the live table" if given.startswith("simulated, ") else given,
+        "table": f"{live.words}; declared as {asked.about['table']}",
+        "instruments": "of the live table, as recorded",
+    }
+    return replace(asked, about=about)
+
+
+def released(asked: Asked, live: LiveTable, own: OwnLoop | None, words: str, release: Release) -> Asked:
+    """Who lets a test move the live table, noted for the certificate; NotReleasedError where nobody does."""
+    loop = live.loop if own is None else f"{own.kind} made for the model, exchanged while the pressure is off"
+    search = "" if asked.settings.search.level == 0.0 else f"{asked.settings.search.words} before and after; "
+    by = release(f"{live.words}; loop: {loop}; {search}{words}; at most {asked.test.running.runs} runs")
+    if not by:
+        raise NotReleasedError("not released; nothing was moved")
+    carried = {} if own else {"model": "none was handed over; the loop as the laboratory runs it"}
+    return replace(asked, about={**asked.about, **carried, "released by": by})

@@ -1,0 +1,353 @@
+"""The certificate of a qualification: an HTML page, and a PDF on A4 of the same content, from certificate.json."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, ScalarFormatter
+from numpy.typing import NDArray
+
+from shake_ros.qualification.judge import SpectrumJudgement
+from shake_ros.report.chart import Chart, ChartSeries, Panel
+from shake_ros.report.page import Page
+from shake_ros.report.static_figure import AFTER, BEFORE, COLOURS, GREY, new_figure, tidy
+
+Array = NDArray[np.float64]
+BAND = 0.9, 1.3  # of the RRS, drawn as the tolerance band
+
+
+def spectra_axes(axes: Axes, f: Array, required: Array, found: Array) -> None:
+    """RRS with its band from 0.9 to 1.3, and TRS."""
+    axes.fill_between(f, BAND[0] * required, BAND[1] * required, color=GREY, alpha=0.25, label="0.9 to 1.3 RRS")
+    axes.loglog(f, required, color=COLOURS[1], linewidth=2.0, label="required, RRS")
+    axes.loglog(f, found, color=COLOURS[0], linewidth=1.4, label="test, TRS")
+    for side in (axes.xaxis, axes.yaxis):
+        side.set_major_formatter(ScalarFormatter())
+        side.set_minor_formatter(NullFormatter())
+    marks = [m for m in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0) if f[0] <= m <= f[-1]]
+    axes.set_xticks(marks, [f"{m:g}" for m in marks])
+    low, high = axes.get_ylim()
+    levels = [m * 10.0**k for k in range(-3, 4) for m in (1.0, 2.0, 5.0) if low <= m * 10.0**k <= high]
+    axes.set_yticks(levels, [f"{m:g}" for m in levels])
+    tidy(axes, "frequency [Hz]", "absolute acceleration [m/s²]")
+    axes.legend(frameon=False)
+
+
+def motions(motion: Array, sample_time: float, drift: float) -> list[tuple[str, Array]]:
+    """Measured acceleration, and its velocity and displacement above the frequency of its drift [Hz], with labels."""
+    f = np.fft.rfftfreq(motion.size, sample_time)
+    slope = np.where(f >= drift, 1.0 / (2j * np.pi * np.maximum(f, drift)), 0.0)
+    spectrum = np.fft.rfft(motion)
+    velocity, displacement = (np.fft.irfft(spectrum * slope**order, motion.size) for order in (1, 2))
+    return [
+        ("acceleration [m/s²]", motion),
+        ("velocity [m/s]", velocity),
+        ("displacement [mm]", 1e3 * displacement),
+    ]
+
+
+def motion_axes(axes: Sequence[Axes], motion: Array, sample_time: float, drift: float) -> None:
+    """As many of `motions` as there are axes."""
+    time = np.arange(len(motion)) * sample_time
+    for place, (label, signal) in zip(axes, motions(motion, sample_time, drift), strict=False):
+        place.plot(time, signal, color=COLOURS[0], linewidth=0.6)
+        tidy(place, "time [s]" if place is axes[-1] else "", label)
+
+
+def convergence_axes(axes: Axes, errors: Sequence[float]) -> None:
+    """Error of the spectrum, run by run."""
+    axes.plot(np.arange(1, len(errors) + 1), 100.0 * np.asarray(errors), "o-", color=COLOURS[0])
+    axes.set_ylim(bottom=0.0)
+    axes.set_xticks(np.arange(1, len(errors) + 1))
+    tidy(axes, "run", "spectrum missed, rms of ln [%]")
+
+
+def qualification_figure(
+    judgement: SpectrumJudgement, motion: Array, sample_time: float, errors: Sequence[float]
+) -> Figure:
+    """Spectra, motion and convergence in one figure."""
+    figure = new_figure(10.0, 6.0)
+    parts = np.atleast_1d(np.asarray(figure.subfigures(2, 1, height_ratios=(3, 2)), dtype=object))
+    top, bottom = parts
+    spectra_axes(top.subplots(), judgement.frequencies, judgement.required, judgement.found)
+    left, right = bottom.subplots(1, 2, width_ratios=(3, 1))
+    motion_axes([left], motion, sample_time, 0.4 * float(judgement.frequencies[0]))
+    convergence_axes(right, errors)
+    return figure
+
+
+A4 = 8.27, 11.69  # [inch]
+WORDS = {True: "pass", False: "FAIL", None: "told"}
+TEXT_CELLS = "table.data td { white-space: normal; overflow-wrap: anywhere }"
+# of a sequence: dates whole, and words to the left that begin with a number
+SEQUENCE_CELLS = f"""{TEXT_CELLS}
+table.data.many td:nth-child(4) {{ white-space: nowrap }}
+table.data:not(.many) :is(td, th) {{ text-align: left }}"""
+MARGIN, LINE = 0.09, 0.0145  # of the page
+
+
+def certificate_pages(content: Mapping[str, Any], motion: Array, sample_time: float, folder: Path) -> None:
+    """Write certificate.html and certificate.pdf."""
+    (folder / "certificate.html").write_text(_html(content, motion, sample_time), encoding="utf-8")
+    made = content["about"]["date"]
+    with PdfPages(folder / "certificate.pdf", metadata={"Title": _title(content), "CreationDate": None}) as pdf:
+        figures = [_first(content), _spectra(content), _motion(content, motion, sample_time), *_files(content)]
+        for number, figure in enumerate(figures, start=1):
+            foot = f"{content['required']['name']} · {made} · page {number} of {len(figures)}"
+            figure.text(0.5, 0.03, foot, ha="center", fontsize=7, color="#566474")
+            pdf.savefig(figure)
+
+
+def _title(content: Mapping[str, Any]) -> str:
+    return "Seismic qualification test: passed" if content["passed"] else "Seismic qualification test: not passed"
+
+
+def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What was tested, where, with what, against what."""
+    required, rules = content["required"], content["rules"]
+    about = [(key.capitalize(), text) for key, text in content["about"].items()]
+    return [
+        *about,
+        ("Required spectrum", f"{required['name']}, {100.0 * required['damping']:g} % damping"),
+        ("Its source", required["source"]),
+        ("Rules", rules["name"]),
+        ("Their source", rules["source"]),
+        (
+            "Measured acceleration",
+            f"low-passed at {rules['low_pass']:g} Hz without phase shift, mean at rest taken off",
+        ),
+        *([("Not passed because", content["reason"])] if content["reason"] else []),
+    ]
+
+
+def _verdicts(content: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    rows = content["runs"][-1]["rules"]
+    return [(r["rule"], r["asked"], r["measured"], WORDS[r["passed"]]) for r in rows]
+
+
+def _resonances(content: Mapping[str, Any]) -> list[tuple[str, str, str, str, str]]:
+    """Every resonance of every search."""
+    rows = []
+    for when, found in content["resonance"].items():
+        if found is None:
+            continue
+        name, coherence = f"{when} the test", f"{found['coherence']:.2f}"
+        rows += [
+            (name, f"{r['frequency']:.2f} Hz", f"{100.0 * r['damping']:.1f} %", f"{r['mass']:.0f} kg", coherence)
+            for r in found["resonances"]
+        ]
+        if not found["resonances"]:
+            rows.append((name, "none", "–", "–", coherence))
+    return rows
+
+
+def _shifts(content: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """What became of each resonance."""
+    rows = []
+    for pair in content["resonance_shifts"]:
+        before, after = (f"{r['frequency']:.2f} Hz" if r else "–" for r in (pair["before"], pair["after"]))
+        whole = pair["before"] and pair["after"]
+        frequency, damping = (f"{100.0 * pair[key]:+.1f} %" for key in ("frequency", "damping"))
+        if not whole:
+            frequency, damping = "gone" if pair["before"] else "new", "–"
+        rows.append((before, after, frequency, damping))
+    return rows
+
+
+def _history(content: Mapping[str, Any]) -> list[tuple[str, str, str, str, str]]:
+    rows = []
+    for number, run in enumerate(content["runs"], start=1):
+        ratio = np.array(run["found"]) / np.array(run["required"])
+        share = f"{100.0 * run['error']:.1f} %", f"{ratio.min():.3f}", f"{ratio.max():.3f}"
+        rows.append((str(number), *share, "passed" if run["passed"] else "not passed"))
+    return rows
+
+
+def _search(content: Mapping[str, Any]) -> str:
+    """The motion of the searches."""
+    return str(content["about"].get("search", "a low motion"))
+
+
+def _drift(content: Mapping[str, Any]) -> float:
+    """Below which a measured motion is drift [Hz]."""
+    return 0.4 * float(content["required"]["frequencies"][0])
+
+
+VERDICTS = ("rule", "asked", "measured", "")
+RESONANCES = ("resonance search", "frequency", "damping", "moving mass", "coherence")
+SHIFTS = ("resonance before", "after", "frequency moved", "damping moved")
+HISTORY = ("run", "spectrum missed", "lowest TRS/RRS", "largest TRS/RRS", "")
+
+
+def _charts(content: Mapping[str, Any], motion: Array, sample_time: float) -> tuple[Chart, Chart]:
+    """Spectra and motion, to zoom on the page."""
+    last = content["runs"][-1]
+    f, required, found = (np.array(last[key]) for key in ("frequencies", "required", "found"))
+    band = [ChartSeries(f"{share:g} RRS", share * required, "grey", kind="dashed") for share in BAND]
+    curves = (
+        *band,
+        ChartSeries("required, RRS", required, "before", width=2.4),
+        ChartSeries("test, TRS", found, "c0", width=1.8),
+    )
+    spectra = Panel("absolute acceleration [m/s²]", f, curves, log=True, height=320)
+    caption = "Required and test response spectrum of the last run on the code's own grid"
+    time = np.arange(len(motion)) * sample_time
+    panels = tuple(
+        Panel(label, time, (ChartSeries(label, values, "c0"),))
+        for label, values in motions(motion, sample_time, _drift(content))
+    )
+    drift = f"{_drift(content):.2g} Hz"
+    told = f"Measured acceleration of the last run; velocity and displacement from it, high-passed at {drift}"
+    return Chart("spectra", "frequency [Hz]", (spectra,), caption, log_x=True), Chart(
+        "motion", "time [s]", panels, told
+    )
+
+
+def _html(content: Mapping[str, Any], motion: Array, sample_time: float) -> str:
+    spectra, history = _charts(content, motion, sample_time)
+    page = Page(_title(content), f"{content['required']['name']}, judged by {content['rules']['name']}")
+    page.heading("What was tested")
+    page.table(("", ""), _facts(content))
+    page.heading("Rules")
+    page.table(VERDICTS, _verdicts(content))
+    page.heading("Required and test response spectrum")
+    page.chart(spectra)
+    page.heading("Motion")
+    page.chart(history)
+    page.heading("Runs")
+    page.table(HISTORY, _history(content))
+    if _resonances(content):
+        page.heading("Resonance searches")
+        page.table(RESONANCES, _resonances(content))
+        if _shifts(content):
+            page.table(SHIFTS, _shifts(content))
+        page.paragraph(f"From the force of the cylinder over the table's acceleration under {_search(content)}.")
+    page.heading("Recordings")
+    page.table(("file", "SHA-256"), list(content["sha256"].items()))
+    page.paragraph("./shake qualify --from THIS_FOLDER checks these sums and judges the recordings again.")
+    return page.render().replace("</style>", f"{TEXT_CELLS}</style>", 1)
+
+
+def sequence_page(content: Mapping[str, Any]) -> str:
+    """sequence.html: the tests of a sequence in turn, and what became of the resonances."""
+    end = "passed" if content["passed"] else "not passed" if content["reason"] else "not ended"
+    page = Page(f"Sequence of qualification tests: {end}", content["name"])
+    page.table(
+        ("", ""),
+        [
+            ("Source", content["source"]),
+            ("Ended because", content["reason"] or "–"),
+            ("Waits for", content["waiting"] or "–"),
+        ],
+    )
+    page.heading("Tests")
+    rows = [
+        (
+            t["test"],
+            f"{100.0 * t['share']:g} %",
+            t["released_by"],
+            t["date"].replace("T", " ").replace("+00:00", " UTC"),
+            str(t["runs"]),
+            f"{t['lowest']:.3f}",
+            f"{t['largest']:.3f}",
+            t["interlock"] or "clear",
+            "passed" if t["passed"] else "not passed",
+        )
+        for t in content["tests"]
+    ]
+    page.table(("test", "of the RRS", "released by", "at", "runs", *HISTORY[2:4], "interlock", ""), rows)
+    page.heading("Resonances")
+    searched = [("before the first test", content["resonance_before"] or "–", "")]
+    searched += [
+        (f"after {t['test']}", t["resonance"], "; ".join(t["shifts"])) for t in content["tests"] if t["resonance"]
+    ]
+    page.table(("search", "found", "since the first"), searched)
+    page.paragraph("Each test has its own certificate and recordings in the folder of its name.")
+    return page.render().replace("</style>", f"{SEQUENCE_CELLS}</style>", 1)
+
+
+def _sheet(title: str) -> Figure:
+    figure = Figure(figsize=A4)
+    figure.text(MARGIN, 0.945, title, fontsize=13, weight="bold")
+    return figure
+
+
+def _rows(
+    figure: Figure,
+    top: float,
+    rows: Sequence[Sequence[str]],
+    widths: Sequence[int],
+    size: float = 7.5,
+    head: bool = True,
+) -> float:
+    """Rows of wrapped text from `top` down; widths in characters, a bold `head` first. Returns where they end."""
+    whole = sum(widths)
+    starts = [MARGIN + (1.0 - 2.0 * MARGIN) * sum(widths[:k]) / whole for k in range(len(widths))]
+    for number, row in enumerate(rows):
+        cells = [textwrap.wrap(str(text), width) or [""] for text, width in zip(row, widths, strict=True)]
+        for x, lines in zip(starts, cells, strict=True):
+            word = lines[0] if len(lines) == 1 else ""
+            colour = {"pass": AFTER, "FAIL": BEFORE}.get(word, "#1d2733")
+            weight = "bold" if (number == 0 and head) or word == "FAIL" else "normal"
+            figure.text(
+                x, top, "\n".join(lines), fontsize=size, va="top", color=colour, weight=weight, linespacing=1.25
+            )
+        top -= LINE * max(map(len, cells)) + 0.006
+        figure.add_artist(_line(top + 0.004))
+    return top - 0.015
+
+
+def _line(y: float) -> Any:
+    from matplotlib.lines import Line2D
+
+    return Line2D([MARGIN, 1.0 - MARGIN], [y, y], color=GREY, linewidth=0.4)
+
+
+def _first(content: Mapping[str, Any]) -> Figure:
+    figure = _sheet(_title(content))
+    top = _rows(figure, 0.92, _facts(content), (24, 86), head=False)
+    figure.text(MARGIN, top, "Rules", fontsize=11, weight="bold", va="top")
+    _rows(figure, top - 0.025, [VERDICTS, *_verdicts(content)], (50, 28, 34, 8))
+    for x, who in ((MARGIN, "Tested by"), (0.52, "Witnessed by")):
+        figure.text(x, 0.075, f"{who}:  ______________________________", fontsize=8)
+    return figure
+
+
+def _spectra(content: Mapping[str, Any]) -> Figure:
+    figure = _sheet("Required and test response spectrum")
+    last = content["runs"][-1]
+    f, required, found = (np.array(last[key]) for key in ("frequencies", "required", "found"))
+    spectra_axes(figure.add_axes((0.13, 0.55, 0.76, 0.36)), f, required, found)
+    top = _rows(figure, 0.49, [HISTORY, *_history(content)], (8, 24, 24, 24, 20))
+    if _resonances(content):
+        top = _rows(figure, top, [RESONANCES, *_resonances(content)], (26, 20, 18, 20, 16))
+        if _shifts(content):
+            top = _rows(figure, top, [SHIFTS, *_shifts(content)], (26, 20, 26, 28))
+    if len(content["runs"]) > 1:
+        place = figure.add_axes((0.13, 0.08, 0.4, min(0.2, top - 0.12)))
+        convergence_axes(place, [run["error"] for run in content["runs"]])
+    return figure
+
+
+def _motion(content: Mapping[str, Any], motion: Array, sample_time: float) -> Figure:
+    figure = _sheet("Motion of the last run")
+    places = [figure.add_axes((0.13, y, 0.76, 0.24)) for y in (0.68, 0.39, 0.10)]
+    motion_axes(places, motion, sample_time, _drift(content))
+    return figure
+
+
+def _files(content: Mapping[str, Any]) -> list[Figure]:
+    """The recordings with their sums, as many pages as they need."""
+    rows, pages = list(content["sha256"].items()), []
+    for first in range(0, len(rows), 34):
+        figure = _sheet("Recordings")
+        _rows(figure, 0.92, [("file", "SHA-256"), *rows[first : first + 34]], (40, 68), 7.0)
+        pages.append(figure)
+    return pages

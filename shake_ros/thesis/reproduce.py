@@ -1,0 +1,196 @@
+"""`reproduce`: the experiments of the thesis's chapter 6 run again, each claim beside what is found here; its pages."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from shake_ros.api.progress import Progress, Told
+from shake_ros.api.result_table import ResultTable
+from shake_ros.core.quantities import unknown_name
+from shake_ros.data.results import write_folder, write_json
+from shake_ros.report.page import Made, Page
+from shake_ros.settings import find, read_yaml
+from shake_ros.thesis.experiment import Claim, ExperimentReport
+
+if TYPE_CHECKING:
+    from shake_ros.thesis.experiment import ExperimentReport
+
+
+class ThesisExperiment(NamedTuple):
+    """The function that runs an experiment and gives an `Experiment`, and a line about it."""
+
+    run_by: str
+    line: str
+
+
+EXPERIMENTS: dict[str, ThesisExperiment] = {
+    "sensitivity": ThesisExperiment("shake_ros.thesis.sensitivity:run", "6.3.4, what θ_5, θ_6 and θ_7 do"),
+    "reduced_model": ThesisExperiment("shake_ros.thesis.reduced_model:run", "6.3.7, 6.4.1, (6.36) over frequency"),
+    "parameters": ThesisExperiment("shake_ros.thesis.parameters:run", "6.3.3, 6.3.4, tables 6.5 to 6.8"),
+    "neural_schedule": ThesisExperiment(
+        "shake_ros.thesis.neural_schedule:run", "6.3.5, parameters scheduled by a neural network"
+    ),
+    "bulk_modulus": ThesisExperiment("shake_ros.thesis.bulk_modulus:run", "6.3.6, table 6.10, the soft zone"),
+    "controllers": ThesisExperiment("shake_ros.thesis.controllers:run", "6.4.2–6.4.5, the three controllers"),
+}
+
+
+INDEX = "index.html"
+HEAD = ("section", "the thesis says", "printed", "here", "verdict")
+
+
+def claim_rows(claims: Sequence[Claim]) -> list[list[str]]:
+    """A row for each claim."""
+    return [[c.source, c.statement, c.printed, c.found, c.verdict] for c in claims]
+
+
+def experiment_page(experiment: ExperimentReport, command: str = "") -> Page:
+    """The page of one experiment."""
+    page = Page(experiment.title, experiment.lead, Made(command))
+    page.link("all claims of the chapter", INDEX)
+    page.heading("What the thesis says")
+    page.table(HEAD, claim_rows(experiment.claims))
+    for claim in experiment.claims:
+        if claim.remark:
+            page.paragraph(f"{claim.statement}: {claim.remark}")
+    if experiment.remarks:
+        page.heading("Assumptions and remarks")
+    for remark in experiment.remarks:
+        page.paragraph(remark)
+    for title, head, rows in experiment.tables:
+        page.heading(title)
+        page.table(head, rows)
+    if experiment.charts:
+        page.heading("Figures")
+    for chart in experiment.charts:
+        page.chart(chart)
+    return page
+
+
+def index_page(
+    experiments: Mapping[str, ExperimentReport], command: str = "", figures: Mapping[str, str] | None = None
+) -> Page:
+    """The page of all claims, by experiment, and of the figures of the chapter with what draws them or why not."""
+    page = Page("Chapter 6 of the thesis, run again", count_of(experiments), Made(command))
+    for name, experiment in experiments.items():
+        page.heading(experiment.title)
+        page.link("its tables, figures and remarks", f"{name}.html")
+        page.table(HEAD, claim_rows(experiment.claims))
+    if figures:
+        page.heading("Figures of the chapter")
+        page.table(("figure", "drawn by, or why not"), [list(row) for row in figures.items()])
+    return page
+
+
+def count_of(experiments: Mapping[str, ExperimentReport]) -> str:
+    """How many claims hold, in a sentence."""
+    verdicts = [c.holds for e in experiments.values() for c in e.claims]
+    counts = [verdicts.count(v) for v in (True, False, None)]
+    return f"{len(verdicts)} claims: {counts[0]} hold, {counts[1]} do not, {counts[2]} cannot be told."
+
+
+def _left(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of text, every column to the left."""
+    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
+    return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in [head, *rows])
+
+
+def tables_text(experiments: Mapping[str, ExperimentReport]) -> str:
+    """All tables, aligned for a terminal."""
+    parts = [
+        f"{title} ({name})\n{_left(head, [list(map(str, row)) for row in rows])}\n"
+        for name, experiment in experiments.items()
+        for title, head, rows in experiment.tables
+    ]
+    return "\n".join(parts)
+
+
+def claims_text(experiments: Mapping[str, ExperimentReport]) -> str:
+    """All claims, aligned for a terminal."""
+    parts = [count_of(experiments)]
+    for name, experiment in experiments.items():
+        parts += ["", f"{experiment.title} ({name})", _left(HEAD, claim_rows(experiment.claims))]
+    return "\n".join(parts)
+
+
+ALL = "all"
+
+
+@dataclass(frozen=True, repr=False)
+class Reproduction:
+    """Experiments of the thesis by name, each with its claims, tables and figures."""
+
+    experiments: Mapping[str, ExperimentReport]
+
+    @property
+    def claims(self) -> ResultTable:
+        """Every claim: experiment, section, statement, what is printed, what is found, verdict."""
+        rows = [(name, *c[:4], c.verdict) for name, e in self.experiments.items() for c in e.claims]
+        return ResultTable(("experiment", "section", "statement", "printed", "found", "verdict"), rows)
+
+    def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
+        """Write index.html, a page for each experiment, claims.txt, claims.json, tables.txt; as Discovery.report."""
+        write_folder(Path(out), lambda folder: self._fill(folder, figures, command), force=force)
+
+    def _fill(self, folder: Path, figures: str | None, command: str) -> None:
+        from shake_ros.report.page import write_page
+
+        write_page(index_page(self.experiments, command, figure_list()), folder, name="index")
+        for name, experiment in self.experiments.items():
+            write_page(experiment_page(experiment, command), folder, figures, name)
+        (folder / "claims.txt").write_text(f"{self!r}\n", encoding="utf-8")
+        (folder / "tables.txt").write_text(tables_text(self.experiments), encoding="utf-8")
+        content = {name: [c._asdict() for c in e.claims] for name, e in self.experiments.items()}
+        write_json(folder / "claims.json", {"schema": "shake_ros.reproduce/1", "claims": content})
+
+    def __repr__(self) -> str:
+
+        return claims_text(self.experiments)
+
+
+def figure_list() -> dict[str, str]:
+    """Figures of chapter 6 by number, or numbers from to, and what draws them or why nothing does."""
+    content: dict[str, str] = read_yaml(find("reproduce", "figures"))
+    return content
+
+
+def known_experiments(names: Sequence[str]) -> list[str]:
+    """The names once each, all of them for none or "all"; raises UnknownName."""
+    for name in names:
+        if name not in (*EXPERIMENTS, ALL):
+            raise unknown_name("experiment", name, [*EXPERIMENTS, ALL])
+    return list(EXPERIMENTS) if ALL in names or not names else list(dict.fromkeys(names))
+
+
+def reproduce(*names: str, progress: Told = True) -> Reproduction:
+    """Run experiments of the thesis's chapter 6 again; minutes for all of them.
+
+    Parameters
+    ----------
+    names : of experiments; none or "all" stands for every one. progress : whether it is shown, or who is told.
+
+    Raises
+    ------
+    UnknownName
+        With the experiments there are.
+
+    Examples
+    --------
+    >>> import shake_ros as sr
+    >>> found = sr.reproduce("sensitivity", progress=False)
+    >>> found.claims["verdict"][0]
+    'does not hold'
+    """
+    wanted = known_experiments(names)
+    found = {}
+    with Progress("reproduce", progress) as tell:
+        for i, name in enumerate(wanted):
+            tell.span(i / len(wanted), (i + 1) / len(wanted))
+            tell(EXPERIMENTS[name].line, 0.0)
+            module, function = EXPERIMENTS[name].run_by.split(":")
+            found[name] = getattr(importlib.import_module(module), function)(tell)
+    return Reproduction(found)

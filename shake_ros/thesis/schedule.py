@@ -1,0 +1,430 @@
+"""`schedule`: the thesis's neural schedule of θ_1 … θ_7 (6.3.5) beside the physical effect, on the same recordings.
+
+The three models are fitted to the same windows and run over the same validation data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from shake_ros.api.fitted import Data, fit_data
+from shake_ros.api.progress import Progress, Told
+from shake_ros.api.result_table import ResultTable
+from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.network import Training, radial_basis, train
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import FULL, Record, relative_error
+from shake_ros.core.identification.schedule import WINDOW, pieces, run_scheduled, window_fits
+from shake_ros.core.identification.velocity_filter import filtered_velocity
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.simulation import run
+from shake_ros.core.quantities import ShakeError, strict_keys
+from shake_ros.data.results import write_folder, write_json
+from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.report.chart import Chart, ChartSeries, Panel
+from shake_ros.report.page import Page
+from shake_ros.report.sections import made_of
+from shake_ros.report.text import percent
+from shake_ros.settings import find, load_table, read_yaml
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+ENOUGH = 8  # windows on which one set of parameters and the effect are fitted, evenly spread
+
+
+@dataclass(frozen=True)
+class SeedResult:
+    """A network of one seed, on the windows that it has not seen.
+
+    Attributes
+    ----------
+    seed : of split and weights. training : with its curves. radial_basis : mean square of the scaled error on the test
+    part of a radial-basis network, beside `training.test`.
+    errors : mean relative error of the free run over the windows to test on, of velocity and acceleration, by what
+    gives the parameters: "one set", "network", "fit to the window", the least that any schedule could have.
+    """
+
+    seed: int
+    training: Training
+    radial_basis: float
+    errors: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class ValidationRuns:
+    """Free runs over one recording by the name of the model, columns as plant/simulation.py:COLUMNS."""
+
+    record: Record
+    runs: dict[str, np.ndarray]
+
+    def error(self, name: str, first: float = 0.0, last: float = np.inf) -> dict[str, float]:
+        """Relative errors between two times [s]."""
+        r, dt = self.record, self.record.sample_time
+        span = slice(max(r.start, round(first / dt)), len(r.commands) if last == np.inf else round(last / dt))
+        found = {"velocity": relative_error(r.velocity[span], filtered_velocity(self.runs[name][:, 1], dt)[span])}
+        if r.acceleration is not None:
+            found["acceleration"] = relative_error(r.acceleration[span], self.runs[name][span, 2])
+        return found
+
+
+def simulated(settings: Mapping[str, Any], table: TableParameters) -> tuple[list[Record], list[Record]]:
+    """Sines to learn from; the doubled amplitude and a sum of sines to validate."""
+    truth, dt = table.with_values(settings["truth"]), float(settings["sample_time"])
+    rng = np.random.default_rng(int(settings["seed"]))
+
+    def recorded(name: str, command: np.ndarray) -> Record:
+        out = run(truth, command, dt)
+        noise = rng.standard_normal((2, len(command)))
+        position = out[:, 0] + truth.sensors.position_noise * noise[0]
+        return Record(name, dt, command, position, out[:, 2] + truth.sensors.acceleration_noise * noise[1])
+
+    time = np.arange(round(WINDOW / dt)) * dt
+    grid = [(float(a), float(f)) for a in settings["amplitudes"] for f in settings["frequencies"]]
+    learn = [recorded(f"{a:g} at {f:g} Hz", a * np.cos(2.0 * np.pi * f * time)) for a, f in grid]
+    step, several = settings["doubling"], settings["sum"]
+    time = np.arange(round(step["seconds"] / dt)) * dt
+    doubled = np.where(time < step["at"], 1.0, 2.0) * step["amplitude"] * np.sin(2.0 * np.pi * step["frequency"] * time)
+    time = np.arange(round(several["seconds"] / dt)) * dt
+    waves = zip(several["amplitudes"], several["frequencies"], strict=True)
+    total = np.sum([a * np.cos(2.0 * np.pi * f * time) for a, f in waves], axis=0)
+    return learn, [recorded("amplitude doubled", doubled), recorded("sum of sines", total)]
+
+
+def with_effect(settings: Mapping[str, Any], declared: Fit, windows: list[Record]) -> TableParameters:
+    """The table with the physical effect, fitted from the best of its trials."""
+    candidate = next((c for c in effect_candidates() if c.effect == settings["effect"]), None)
+    if candidate is None:
+        raise ShakeError(f"config/schedule: unknown effect '{settings['effect']}'")
+    free = declared.free.extended(candidate.free)
+    problem = RecordingProblem(windows[:: max(len(windows) // ENOUGH, 1)])
+    values = dict(zip(declared.free.names, (declared.x * declared.free.scale).tolist(), strict=True))
+    starts = np.array([free.x_of({**values, **trial}) for trial in candidate.trials])
+    costs = np.sum(np.nan_to_num(problem.residuals(free.vectors(starts)), nan=1e3) ** 2, axis=1)
+    found = fit(problem, free, starts[int(np.argmin(costs))], evaluations=15, tolerance=1e-3)
+    return free.table(found.x)
+
+
+def window_errors(windows: Sequence[Record], free: FreeParameters, rows: np.ndarray) -> tuple[float, float]:
+    """Mean relative error of velocity and acceleration over windows, each with its row of parameters."""
+    found = []
+    for window, vector in zip(windows, free.vectors(np.clip(rows, free.low, free.high)), strict=True):
+        error = RecordingProblem([window]).errors(vector)[window.name]
+        found.append((error["velocity"], error.get("acceleration", np.nan)))
+    velocity, acceleration = np.mean(found, axis=0)
+    return float(velocity), float(acceleration)
+
+
+def trained(
+    seed: int, windows: Sequence[Record], free: FreeParameters, one: np.ndarray, data: tuple[np.ndarray, np.ndarray]
+) -> SeedResult:
+    """Train on the windows' features and parameters, and run the windows that were held out; one : the constant set."""
+    training = train(*data, seed)
+    test = training.split.test
+    held = [windows[k] for k in test]
+    rows = {
+        "one set": np.tile(one, (len(test), 1)),
+        "network": training.network(data[0][test]),
+        "fit to the window": data[1][test],
+    }
+    errors = {name: window_errors(held, free, values) for name, values in rows.items()}
+    return SeedResult(seed, training, radial_basis(*data, training.split), errors)
+
+
+def compare(
+    settings: Mapping[str, Any], table: TableParameters, learn: list[Record], hold: list[Record], bar: Progress
+) -> tuple[list[SeedResult], list[ValidationRuns]]:
+    """Fit, train once for each seed, and run all three models over the validation data.
+
+    The network that runs over the validation data is that with the least error on the part to stop by.
+    """
+    windows = pieces(learn)
+    if not windows:
+        raise ShakeError(f"--learn: no stretch of {WINDOW:g} s")
+    known = {f.name: f for f in free_parameters()}
+    missing = [name for name in settings["parameters"] if name not in known]
+    if missing:
+        raise ShakeError(f"config/schedule: parameter '{missing[0]}' is not in config/identification/full.yaml")
+    free = FreeParameters(table, [known[name] for name in settings["parameters"]])
+    bar("one set of parameters", 0.0)
+    spread = windows[:: max(len(windows) // ENOUGH, 1)]
+    declared = fit(RecordingProblem(spread), free, free.start(), evaluations=15, tolerance=1e-3)
+    bar("parameters of every window", 0.1)
+    data = window_fits(windows, free, declared.x)
+    seeds = []
+    for k, seed in enumerate(settings["seeds"]):
+        bar(f"training of the network, seed {seed}", 0.3 + 0.5 * k / len(settings["seeds"]))
+        seeds.append(trained(int(seed), windows, free, declared.x, data))
+    bar("the physical effect", 0.8)
+    extended = with_effect(settings, declared, windows)
+    bar("recordings held out", 0.9)
+    fixed, network = free.table(declared.x), chosen(seeds).network
+    compared = []
+    for record in hold:
+        runs = {
+            "one set": FULL.run(fixed, record),
+            "schedule": run_scheduled(network, free, record),
+            settings["effect"]: FULL.run(extended, record),
+        }
+        compared.append(ValidationRuns(record, runs))
+    return seeds, compared
+
+
+def chosen(seeds: Sequence[SeedResult]) -> Training:
+    """The training with the least error on the part to stop by, in spreads of the parameters."""
+    return min((one.training for one in seeds), key=lambda t: t.stop)
+
+
+SMOOTH = 0.5  # of the running error shown [s]
+
+
+def running_chart(record: Record, runs: Mapping[str, np.ndarray], change: float | None) -> Chart:
+    """Root mean square of the acceleration's error over SMOOTH, of each model; the blind window shaded."""
+    assert record.acceleration is not None
+    dt, n = record.sample_time, max(round(SMOOTH / record.sample_time), 1)
+    time = np.arange(record.start, len(record.commands)) * dt
+    series = []
+    for (name, out), colour in zip(runs.items(), ("measured", "before", "after"), strict=False):
+        square = np.convolve((record.acceleration - out[:, 2]) ** 2, np.ones(n) / n, mode="same")
+        series.append(ChartSeries(name, np.sqrt(np.maximum(square[record.start :], 0.0)), colour, width=1.5))
+    spans = tuple((first, first + WINDOW) for first in ([0.0] if change is None else [0.0, change]))
+    panel = Panel("error of the acceleration [m/s²]", time, tuple(series), height=230)
+    caption = f"{record.name}: rms error over {SMOOTH:g} s; shaded: the window does not yet cover the change"
+    return Chart(f"error_{record.name}", "time [s]", (panel,), caption, shaded=spans)
+
+
+def learning_chart(training: Training) -> Chart:
+    """Mean squares of the scaled error after every epoch, on the three parts."""
+    names = ("to learn", "before"), ("to stop by", "measured"), ("to test", "after")
+    series = (ChartSeries(n, training.curves[:, k], colour) for k, (n, colour) in enumerate(names))
+    panel = Panel("mean square error [-]", np.arange(float(len(training.curves))), tuple(series), log=True)
+    caption = f"Error over the training; predicting the mean gives 1. Kept are the weights of epoch {training.kept}."
+    return Chart("training", "epoch", (panel,), caption)
+
+
+def better_than_one_set(seeds: Sequence[Any]) -> int:
+    """How many networks leave less of the acceleration of the windows held out."""
+    return sum(s.errors["network"][1] < s.errors["one set"][1] for s in seeds)
+
+
+def verdict(seeds: Sequence[Any]) -> str:
+    """Whether the networks beat one constant set on the windows held out, with the figures."""
+    one, network, least = (
+        float(np.mean([s.errors[n][1] for s in seeds])) for n in ("one set", "network", "fit to the window")
+    )
+    wins = better_than_one_set(seeds)
+    beats = "beat" if wins == len(seeds) else "do not always beat"
+    return (
+        f"The networks {beats} one constant set ({wins} of {len(seeds)} seeds): the mean error of the acceleration is "
+        f"{percent(network)} with them, {percent(one)} with one set, and {percent(least)} with parameters fitted to "
+        "the very window, below which no schedule of these parameters can come."
+    )
+
+
+def answer(errors: Mapping[str, Mapping[str, Mapping[str, float]]]) -> str:
+    """Which model leaves the least of the acceleration in the free run, with the errors of all, by recording."""
+    means = {
+        model: float(np.mean([by_model[model]["acceleration"] for by_model in errors.values()]))
+        for model in next(iter(errors.values()))
+    }
+    best = min(means, key=lambda model: means[model])
+    others = ", ".join(f"{percent(value)} with {model}" for model, value in means.items() if model != best)
+    return f"{best} leaves {percent(means[best])} of the acceleration unexplained, against {others}."
+
+
+def schedule_page(
+    seeds: Sequence[Any],
+    training: Training,
+    compared: Sequence[tuple[Record, dict[str, np.ndarray]]],
+    content: dict[str, Any],
+    change: float | None,
+    command: str = "",
+) -> Page:
+    """The whole page."""
+    lead = f"{answer(content['error'])} Both estimated from the same windows of two seconds."
+    made = made_of(command, (), [record for record, _ in compared])
+    page = Page("Scheduled parameters or a physical effect?", lead, made)
+    page.paragraph(
+        "The network gives θ_1 … θ_7 for the amplitude and the frequency of the command over the last two seconds; "
+        "the other model has one effect more and a single set of parameters. "
+        "The network has two hidden layers of 100 sigmoid neurons and is trained with Levenberg–Marquardt on the "
+        "parameters fitted to each window, 80 % of them to learn, 10 % to stop by, 10 % to test."
+    )
+    page.heading("Error of the free run on the validation data")
+    errors_of = dict(content["error"])
+    for key, title in (("within_window", "first two seconds after the change"), ("later", "later")):
+        if "after_change" in content:
+            errors_of[title] = content["after_change"][key]
+    table = [
+        [title, name, *(percent(e.get(c)) for c in ("velocity", "acceleration"))]
+        for title, models in errors_of.items()
+        for name, e in models.items()
+    ]
+    page.table(["recording", "model", "velocity", "acceleration"], table)
+    for k, (record, runs) in enumerate(compared):
+        if record.acceleration is not None:
+            page.chart(running_chart(record, runs, change if k == 0 else None))
+    page.heading("What the networks make of windows that they have not seen")
+    page.paragraph(verdict(seeds))
+    names = list(seeds[0].errors)
+    rows = [
+        [
+            *(str(n) for n in (one.seed, one.training.epochs, one.training.kept)),
+            *(f"{n:.2g}" for n in (one.training.learn, one.training.stop, one.training.test, one.radial_basis)),
+            *(percent(one.errors[name][1]) for name in names),
+        ]
+        for one in seeds
+    ]
+    errors = ["learn", "stop by", "test", "test, radial basis"]
+    page.table(["seed", "epochs", "kept", *errors, *(f"acceleration, {name}" for name in names)], rows)
+    page.chart(learning_chart(training))
+    return page
+
+
+CHANNELS = ("velocity", "acceleration")
+KEYS = {
+    *("table", "truth", "effect", "parameters", "sample_time", "amplitudes", "frequencies", "doubling", "sum", "seed"),
+    "seeds",
+}
+
+
+@dataclass(frozen=True)
+class ScheduleComparison:
+    """One set of parameters, the neural schedule, and the physical effect side by side.
+
+    Attributes
+    ----------
+    seeds : one network for each, on the windows that it has not seen. compared : free runs over the validation data.
+    change : when the amplitude doubles in the first of them [s]; None for recordings of one's own.
+    """
+
+    seeds: Sequence[SeedResult]
+    compared: Sequence[ValidationRuns]
+    change: float | None
+
+    @property
+    def training(self) -> Training:
+        """Of the network that runs over the validation data: the one with the least error on the part to stop by."""
+        return chosen(self.seeds)
+
+    @property
+    def windows(self) -> ResultTable:
+        """Error of the free run over the windows held out, by seed and by what gives the parameters [-]."""
+        entries = [(one.seed, name, *errors) for one in self.seeds for name, errors in one.errors.items()]
+        return ResultTable(("seed", "parameters", *CHANNELS), entries, dict.fromkeys(CHANNELS, percent))
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """Content of report.json."""
+        t, first = self.training, self.compared[0]
+        content: dict[str, Any] = {
+            "schema": "shake_ros.schedule/1",
+            "training": {"learn": t.learn, "stop": t.stop, "test": t.test, "epochs": t.epochs},
+            "seeds": [
+                {
+                    "seed": one.seed,
+                    "epochs": one.training.epochs,
+                    "kept": one.training.kept,
+                    "learn": one.training.learn,
+                    "stop": one.training.stop,
+                    "test": one.training.test,
+                    "radial_basis": one.radial_basis,
+                    "windows": {n: dict(zip(CHANNELS, e, strict=True)) for n, e in one.errors.items()},
+                }
+                for one in self.seeds
+            ],
+            "error": {c.record.name: {name: c.error(name) for name in c.runs} for c in self.compared},
+        }
+        if self.change is not None:
+            content["after_change"] = {
+                "within_window": {n: first.error(n, self.change, self.change + WINDOW) for n in first.runs},
+                "later": {n: first.error(n, self.change + WINDOW) for n in first.runs},
+            }
+        return content
+
+    @property
+    def error(self) -> ResultTable:
+        """Error of the free run over the validation data by model; of the first recording also after its change [-]."""
+        content = self.content
+        rows = dict(content["error"])
+        for key, title in (("within_window", f"first {WINDOW:g} s after the change"), ("later", "later")):
+            if "after_change" in content:
+                rows[title] = content["after_change"][key]
+        entries = [(title, name, *map(e.get, CHANNELS)) for title, models in rows.items() for name, e in models.items()]
+        return ResultTable(("recording", "model", *CHANNELS), entries, dict.fromkeys(CHANNELS, percent))
+
+    def plot(self, recording: int = 0) -> Figure:
+        """Running error of the acceleration of all models over a recording, by its number."""
+        from shake_ros.report.static_figure import static_figure
+
+        chosen = self.compared[recording]
+        return static_figure(running_chart(chosen.record, chosen.runs, self.change if recording == 0 else None))
+
+    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
+        """Write report.json and report.html; options as of `Discovery.report`."""
+        from shake_ros.report.page import write_page
+
+        content = self.content
+        data = [(c.record, c.runs) for c in self.compared]
+        page = schedule_page(self.seeds, self.training, data, content, self.change, command)
+
+        def fill(out: Path) -> None:
+            write_json(out / "report.json", content)
+            write_page(page, out, figures)
+
+        write_folder(Path(folder), fill, force=force)
+        return Path(folder)
+
+
+def schedule(
+    estimation: Data | None = None,
+    validation: Data | None = None,
+    *,
+    settings: str | Mapping[str, Any] = "default",
+    progress: Told = True,
+) -> ScheduleComparison:
+    """Compare one set of parameters, the neural schedule and the physical effect.
+
+    Parameters
+    ----------
+    estimation, validation : recordings to train on and to compare on; without them, data are simulated.
+    settings : a name of config/schedule, a YAML file, or its content.
+    progress : show it, or a function to tell what is being done and which part is done.
+
+    Raises
+    ------
+    ShakeError
+        One of the two sets alone, no stretch of two seconds, or an unknown name in the settings.
+
+    Examples
+    --------
+    >>> import shake_ros as sr
+    >>> sr.schedule(sr.recording("short", [0.0, 0.1], [0.0, 0.0], [0.0, 0.0]))
+    Traceback (most recent call last):
+        ...
+    shake_ros.core.quantities.ShakeError: schedule: estimation and validation data, both or neither
+    """
+    if (estimation is None) != (validation is None):
+        raise ShakeError("schedule: estimation and validation data, both or neither")
+    content = read_settings(settings) if isinstance(settings, str) else dict(settings)
+    table, change = load_table(content["table"]), None
+    if estimation is None:
+        first, second = simulated(content, table)
+        change = float(content["doubling"]["at"])
+    else:
+        first, second = fit_data(estimation, validation, "valve_command")
+    with Progress("schedule", progress) as bar:
+        return ScheduleComparison(*compare(content, table, first, second, bar), change)
+
+
+def read_settings(name: str) -> dict[str, Any]:
+    """The content of a configuration; missing and unknown keys are errors."""
+    path = find("schedule", name)
+    return dict(strict_keys(read_yaml(path), KEYS, str(path), sorted(KEYS), kind="key"))
