@@ -17,7 +17,7 @@ import time
 
 from shake_ros.bridge import wire
 from shake_ros.bridge.ends import Host, TargetLink
-from shake_ros.cli.target_emulator import vectors
+from shake_ros.bridge.wire import vectors
 
 KEY = bytes(range(32))
 BATCH = 32  # datagrams between two looks, fewer than a socket holds

@@ -284,3 +284,27 @@ class Session:
 def new_counts() -> Counter[str]:
     """Rejected datagrams by reason."""
     return Counter(dict.fromkeys(REASONS, 0))
+
+
+# worked datagrams: fixed keys, nonces and values, for whoever writes the other side
+WORKED_KEY = bytes(range(32))
+HOST_NONCE = bytes(range(0x10, 0x20))
+TARGET_NONCE = bytes(range(0xA0, 0xB0))
+WORKED_SESSION = int.from_bytes(TARGET_NONCE[:8], "little")
+WORKED_MEASUREMENT = TableDatagram(
+    WORKED_SESSION, 7, 123_456_789_000, 0.0125, -1.5, 9.5e6, 1.05e7, 2.06e7, 0.03125, 6, 0.05, STAGE_MASK, 0
+)
+WORKED_COMMAND = Command(WORKED_SESSION, 8, 7, -0.25, 3, 0)
+
+
+def vectors() -> dict[str, bytes]:
+    """Name → bytes of the keys and of one datagram of each kind."""
+    key = session_key(WORKED_KEY, HOST_NONCE, TARGET_NONCE)
+    return {
+        "shared key": WORKED_KEY,
+        "hello": hello(WORKED_KEY, HOST_NONCE),
+        "welcome": welcome(WORKED_KEY, WORKED_SESSION, HOST_NONCE, TARGET_NONCE),
+        "session key": key,
+        "measurement": measurement(key, WORKED_MEASUREMENT),
+        "command": command(key, WORKED_COMMAND),
+    }

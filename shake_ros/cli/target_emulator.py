@@ -11,37 +11,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from shake_ros.bridge import wire
 from shake_ros.bridge.emulator import FAULTS, Emulator, EmulatorParameters, Switches, parse_fault
 from shake_ros.bridge.ends import TargetLink
-from shake_ros.bridge.wire import key_for, session_key, write_key
+from shake_ros.bridge.wire import key_for, vectors, write_key
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.machine import PowerUnitParameters
 from shake_ros.realtime import ANY, RealtimeParameters, ask_for, hold_collector
 from shake_ros.settings import find, load_interlock, load_table, read_yaml
-
-KEY = bytes(range(32))
-HOST_NONCE = bytes(range(0x10, 0x20))
-TARGET_NONCE = bytes(range(0xA0, 0xB0))
-SESSION = int.from_bytes(TARGET_NONCE[:8], "little")
-WORKED_MEASUREMENT = wire.TableDatagram(
-    SESSION, 7, 123_456_789_000, 0.0125, -1.5, 9.5e6, 1.05e7, 2.06e7, 0.03125, 6, 0.05, wire.STAGE_MASK, 0
-)
-WORKED_COMMAND = wire.Command(SESSION, 8, 7, -0.25, 3, 0)
-
-
-def vectors() -> dict[str, bytes]:
-    """Name → bytes of the keys and of one datagram of each kind."""
-    key = session_key(KEY, HOST_NONCE, TARGET_NONCE)
-    return {
-        "shared key": KEY,
-        "hello": wire.hello(KEY, HOST_NONCE),
-        "welcome": wire.welcome(KEY, SESSION, HOST_NONCE, TARGET_NONCE),
-        "session key": key,
-        "measurement": wire.measurement(key, WORKED_MEASUREMENT),
-        "command": wire.command(key, WORKED_COMMAND),
-    }
-
 
 WHERE = "config/emulator/default.yaml"
 

@@ -13,8 +13,21 @@ from pathlib import Path
 import pytest
 
 from shake_ros.bridge import wire
-from shake_ros.bridge.wire import ReplayWindow, key_for, read_key, session_key, write_key
-from shake_ros.cli.target_emulator import HOST_NONCE, KEY, TARGET_NONCE, WORKED_COMMAND, WORKED_MEASUREMENT, vectors
+from shake_ros.bridge.wire import (
+    HOST_NONCE,
+    TARGET_NONCE,
+    WORKED_COMMAND,
+    WORKED_MEASUREMENT,
+    ReplayWindow,
+    key_for,
+    read_key,
+    session_key,
+    vectors,
+    write_key,
+)
+from shake_ros.bridge.wire import (
+    WORKED_KEY as KEY,
+)
 from shake_ros.core.quantities import ShakeError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,7 +69,10 @@ def test_what_is_sealed_is_read_again() -> None:
     assert wire.read_measurement(KEY, wire.measurement(KEY, WORKED_MEASUREMENT)) == WORKED_MEASUREMENT
     assert wire.read_command(KEY, wire.command(KEY, WORKED_COMMAND)) == WORKED_COMMAND
     assert wire.read_hello(KEY, wire.hello(KEY, HOST_NONCE)) == HOST_NONCE
-    assert wire.read_welcome(KEY, wire.welcome(KEY, 5, HOST_NONCE, TARGET_NONCE)) == (HOST_NONCE, TARGET_NONCE)
+    assert wire.read_welcome(KEY, wire.welcome(KEY, 5, HOST_NONCE, TARGET_NONCE)) == (
+        HOST_NONCE,
+        TARGET_NONCE,
+    )
 
 
 @pytest.mark.parametrize("name", ["hello", "welcome", "measurement", "command"])
