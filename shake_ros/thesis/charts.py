@@ -2,8 +2,6 @@
 
 A study is what a single parameter of (6.15) does to the table's motion and to the harmonics of its acceleration, thesis
 6.3.4.
-
-Figures 6.19–6.24 are the motion and the acceleration's spectrum for several values of one parameter.
 """
 
 from __future__ import annotations
@@ -12,13 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import initial_state, run_batch
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
-from shake_ros.report.static_figure import COLOURS, new_figure, tidy
 
 Floats = NDArray[np.float64]
 
@@ -83,48 +79,10 @@ HIGHEST_HARMONIC = 15
 LOWEST_SHOWN = 1e-2  # [m/s²]
 
 
-def label(study: ParameterStudy, value: float) -> str:
+def value_label(study: ParameterStudy, value: float) -> str:
     """Legend of one run."""
     symbol, unit = SYMBOLS[study.name]
     return f"{symbol} = {value:g} {unit}".rstrip()
-
-
-def motion_figure(study: ParameterStudy, frequency: float) -> Figure:
-    """Figures 6.19, 6.21, 6.23: position, velocity and acceleration over the last periods."""
-    figure = new_figure(9.0, 7.0)
-    panels = figure.subplots(3, 1, sharex=True)
-    shown = round(SHOWN_PERIODS / frequency / study.sample_time)
-    t = np.arange(len(study.commands))[-shown:] * study.sample_time
-    for axes, (name, column) in zip(np.ravel(panels), ROWS, strict=True):
-        for i, value in enumerate(study.values):
-            run = study.motion[i, -shown:, column]
-            run = run - run.mean() if column == 0 else run
-            axes.plot(t, run, color=COLOURS[i % len(COLOURS)], linewidth=1.4, label=label(study, float(value)))
-        tidy(axes, "time [s]" if column == ROWS[-1][1] else "", name)
-    np.ravel(panels)[0].legend(
-        frameon=False, fontsize=9, ncols=len(study.values), loc="lower right", bbox_to_anchor=(1.0, 1.0)
-    )
-    return figure
-
-
-def spectrum_figure(study: ParameterStudy, frequency: float, samples: int) -> Figure:
-    """Figures 6.20, 6.22, 6.24: amplitudes of the acceleration over frequency."""
-    figure = new_figure(9.0, 4.0)
-    axes = figure.subplots()
-    frequencies, amplitudes = study.spectrum(samples)
-    harmonics = np.arange(1, HIGHEST_HARMONIC + 1)
-    places = [int(np.argmin(np.abs(frequencies - k * frequency))) for k in harmonics]
-    width = 0.8 / len(study.values)
-    for i, value in enumerate(study.values):
-        offset = (i - 0.5 * (len(study.values) - 1)) * width
-        heights = amplitudes[i, places]
-        axes.bar(harmonics + offset, heights, width, color=COLOURS[i % len(COLOURS)], label=label(study, float(value)))
-    axes.set_xticks(harmonics, [f"{k * frequency:g}" for k in harmonics])
-    axes.set_yscale("log")
-    axes.set_ylim(bottom=LOWEST_SHOWN)
-    axes.legend(frameon=False, fontsize=9)
-    tidy(axes, "frequency [Hz]", "acceleration [m/s²]")
-    return figure
 
 
 CHANNELS = ("velocity", "acceleration")
@@ -181,7 +139,7 @@ def study_motion(name: str, study: ParameterStudy, frequency: float, caption: st
     for title, column in ROWS:
         runs = study.motion[:, -shown:, column]
         runs = runs - runs.mean(axis=1, keepdims=True) if column == 0 else runs
-        series = [ChartSeries(label(study, float(v)), runs[i], f"c{i}") for i, v in enumerate(study.values)]
+        series = [ChartSeries(value_label(study, float(v)), runs[i], f"c{i}") for i, v in enumerate(study.values)]
         panels.append(Panel(title, time, tuple(series)))
     return Chart(name, "time [s]", tuple(panels), caption)
 
@@ -192,7 +150,7 @@ def study_spectrum(name: str, study: ParameterStudy, frequency: float, samples: 
     harmonics = frequency * np.arange(1, HIGHEST_HARMONIC + 1)
     places = [int(np.argmin(np.abs(found - f))) for f in harmonics]
     series = [
-        ChartSeries(label(study, float(v)), amplitudes[i, places], f"c{i}", kind="marks")
+        ChartSeries(value_label(study, float(v)), amplitudes[i, places], f"c{i}", kind="marks")
         for i, v in enumerate(study.values)
     ]
     panel = Panel("acceleration [m/s²]", harmonics, tuple(series), log=True)

@@ -1,4 +1,4 @@
-"""Figures of valve and table: steps, frequency responses (6.10, 6.11), flow force, describing functions, oil spring."""
+"""Figures of valve and table: steps and responses (6.10, 6.11), flow force, oil spring, parameters (6.19–6.24)."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from shake_ros.core.valve.ports import steady_force
 from shake_ros.core.valve.response import linear_response, valve_response
 from shake_ros.report.static_figure import COLOURS, name_decades, new_figure, tidy
 from shake_ros.settings import find, load_table, load_variant, read_yaml
+from shake_ros.thesis.charts import HIGHEST_HARMONIC, LOWEST_SHOWN, ROWS, SHOWN_PERIODS, ParameterStudy, value_label
 
 PERIODS = 6
 POINTS = 25
@@ -189,4 +190,44 @@ def oil_spring() -> Figure:
         axes.plot(1e3 * places, poles, "o", color=colour, markersize=4, label=f"poles, {mass:g} kg")
     axes.legend(frameon=False, fontsize=9, ncols=3)
     tidy(axes, "position [mm]", "frequency [Hz]")
+    return figure
+
+
+def motion_figure(study: ParameterStudy, frequency: float) -> Figure:
+    """Figures 6.19, 6.21, 6.23: position, velocity and acceleration over the last periods."""
+    figure = new_figure(9.0, 7.0)
+    panels = figure.subplots(3, 1, sharex=True)
+    shown = round(SHOWN_PERIODS / frequency / study.sample_time)
+    t = np.arange(len(study.commands))[-shown:] * study.sample_time
+    for axes, (name, column) in zip(np.ravel(panels), ROWS, strict=True):
+        for i, value in enumerate(study.values):
+            run = study.motion[i, -shown:, column]
+            run = run - run.mean() if column == 0 else run
+            axes.plot(t, run, color=COLOURS[i % len(COLOURS)], linewidth=1.4, label=value_label(study, float(value)))
+        tidy(axes, "time [s]" if column == ROWS[-1][1] else "", name)
+    np.ravel(panels)[0].legend(
+        frameon=False, fontsize=9, ncols=len(study.values), loc="lower right", bbox_to_anchor=(1.0, 1.0)
+    )
+    return figure
+
+
+def spectrum_figure(study: ParameterStudy, frequency: float, samples: int) -> Figure:
+    """Figures 6.20, 6.22, 6.24: amplitudes of the acceleration over frequency."""
+    figure = new_figure(9.0, 4.0)
+    axes = figure.subplots()
+    frequencies, amplitudes = study.spectrum(samples)
+    harmonics = np.arange(1, HIGHEST_HARMONIC + 1)
+    places = [int(np.argmin(np.abs(frequencies - k * frequency))) for k in harmonics]
+    width = 0.8 / len(study.values)
+    for i, value in enumerate(study.values):
+        offset = (i - 0.5 * (len(study.values) - 1)) * width
+        heights = amplitudes[i, places]
+        axes.bar(
+            harmonics + offset, heights, width, color=COLOURS[i % len(COLOURS)], label=value_label(study, float(value))
+        )
+    axes.set_xticks(harmonics, [f"{k * frequency:g}" for k in harmonics])
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=LOWEST_SHOWN)
+    axes.legend(frameon=False, fontsize=9)
+    tidy(axes, "frequency [Hz]", "acceleration [m/s²]")
     return figure

@@ -64,7 +64,7 @@ class Sensitivity:
 
     def plot(self) -> dict[str, Figure]:
         """Figures 6.19 to 6.24 by number."""
-        from shake_ros.thesis.charts import motion_figure, spectrum_figure
+        from shake_ros.thesis.figures_table import motion_figure, spectrum_figure
 
         found = {}
         for name, (motion, spectrum) in NUMBERS.items():
