@@ -13,14 +13,8 @@ from shake_ros.api.progress import Progress
 from shake_ros.entry_points import ENTRY_POINTS
 from shake_ros.measured.runs import PRINTED, printed_tables
 from shake_ros.settings import find, load_table, read_yaml
-from shake_ros.thesis.reproduce import (
-    EXPERIMENTS,
-    bulk_modulus,
-    controllers,
-    figure_list,
-    neural_schedule,
-    reduced_model,
-)
+from shake_ros.thesis import bulk_modulus, controllers, neural_schedule, reduced_model
+from shake_ros.thesis.reproduce import EXPERIMENTS, figure_list
 
 
 def main(arguments: list[str]) -> int:

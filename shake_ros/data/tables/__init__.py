@@ -1,0 +1,1 @@
+"""Tables that somebody else wrote (text, .xlsx, .tdms, .mat) → columns in SI units."""
