@@ -11,9 +11,9 @@ from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.metrics import Outcome, Summary, by_load, summarise
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.page import Bar, Made, Page
-from shake_ros.report.static_figure import COLOURS
 from shake_ros.report.text import percent
 
+CURVES = 6  # of a chart, a colour each: no more than static_figure.COLOURS
 QUANTITIES = (("position", "mm"), ("velocity", "mm/s"))
 HIGHEST_SHOWN = 30.0  # [Hz]
 LEAST_SHOWN = 1e-5  # of the reference's largest line: a synthetic reference has next to nothing beyond its band
@@ -226,10 +226,10 @@ def comparison_page(
     page.table(head, rows)
     page.heading("Errors and spectra")
     groups = list(runs.items())
-    for start in range(0, len(groups), len(COLOURS)):
-        part = dict(groups[start : start + len(COLOURS)])
-        page.chart(error_chart(part, figure_case, start // len(COLOURS) + 1))
-        page.chart(spectrum_chart(part, figure_case, start // len(COLOURS) + 1))
+    for start in range(0, len(groups), CURVES):
+        part = dict(groups[start : start + CURVES])
+        page.chart(error_chart(part, figure_case, start // CURVES + 1))
+        page.chart(spectrum_chart(part, figure_case, start // CURVES + 1))
     page.heading("Unstable runs and end stops")
     lines = trouble(outcomes)
     page.paragraph("None." if not lines else f"{len(lines)} runs:")
