@@ -69,10 +69,6 @@ class ClosedLoop:
         """(3,) rms(truth − reference)/rms(reference − mean) of position, velocity, acceleration from a sample on."""
         return normalised_error(self.reference[first:], self.truth[first:])
 
-    def estimation_error(self, first: int = 0) -> Array:
-        """(3,) rms(estimate − truth)/rms(truth − mean) of position, velocity, acceleration from a sample on."""
-        return normalised_error(self.truth[first:], self.estimate[first:])
-
 
 def normalised_error(wanted: Array, found: Array) -> Array:
     """Root mean square of found − wanted over that of wanted − its mean, column by column.
