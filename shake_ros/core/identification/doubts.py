@@ -23,6 +23,7 @@ UNITS = {
     1e3: "acceleration in mm/s²? import it with the scale 0.001",
     1e-3 / GRAVITY: "position in millimetres and acceleration in g?",
 }
+DELAYS = np.arange(0.0, 0.03, 1e-3)  # of an accelerometer's filter [s]
 FOLLOWS = 0.6  # correlation of the slow velocity with the command from which a table follows its valve
 TWICE = 1.6  # factor between the velocity gains of two recordings from which these are of two tables
 SHORT = 12.0  # of all recordings together: two of 5 s, one of them held out, are less [s]
@@ -43,7 +44,8 @@ def _acceleration(record: Record) -> list[str]:
         return []
     low = omega < 2.0 * np.pi * PROMPT
     low = low if np.count_nonzero(low) >= FEWEST else np.ones(len(omega), dtype=bool)
-    ratio = float(np.sum((weight * response.real)[low]) / np.sum(weight[low]))
+    sums = np.exp(1j * np.outer(DELAYS, omega[low])) @ (weight * response)[low] / np.sum(weight[low])
+    ratio = float(max(sums.real, key=abs))  # at the delay of its filter, which would turn the phase
     size = abs(ratio)
     if ratio < 0.0:
         return [turned(record, ratio)]

@@ -1,10 +1,11 @@
 """A command that is recorded after it acted: the table seems to move before it is told to.
 
 A logger that takes the command from another program, or through a filter, has it late. The delay of the linear table
-nearest to the response (linear_table.py) contains dead time and lag of the valve, and is above zero for every table;
-below zero the recorded command is late for certain. No dead time of a model explains that, so the commands are moved
-to where a delay is left. By how much they were late is not told beyond that: the dead time that is found counts from
-where they are then.
+nearest to the response (linear_table.py) contains dead time and lag of the valve, and is above zero for every table.
+Where a delay below zero explains the response clearly better than any above, the recorded command is late; where the
+lines do not reach the hydraulic frequency, its damping explains either, and nothing is moved. No dead time of a model
+explains a late command, so the commands are moved to where a delay is left. The dead time that is found counts from
+there.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from shake_ros.core.identification.linear_table import linear_table
+from shake_ros.core.identification.linear_table import WORTH, linear_table
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
@@ -23,16 +24,18 @@ LEAD = 0.02  # by which commands are earlier for a look at a delay below zero [s
 LEFT = 5e-3  # delay that a late command is left with: dead time and valve of a usual table [s]
 
 
-def response_delay(records: Sequence[Record]) -> float:
-    """Delay from the held command to the motion [s], below zero where the motion comes first; inf where nothing tells.
+def lead(records: Sequence[Record]) -> float:
+    """Time by which the motion comes before the held command [s]; 0 where a delay explains the response as well.
 
     A command that is held from sample to sample is half a sample late by itself, in a simulation as well.
     """
     held = 0.5 * min(r.sample_time for r in records)
     try:
-        return linear_table([earlier(r, LEAD) for r in records]).delay - LEAD - held
-    except ShakeError:
-        return float("inf")
+        moved = linear_table([earlier(r, LEAD) for r in records])
+        late = moved.cost < WORTH * linear_table(records).cost
+    except ShakeError:  # no coherent line
+        return 0.0
+    return max(LEAD + held - moved.delay, 0.0) if late else 0.0
 
 
 def earlier(record: Record, time: float) -> Record:
@@ -48,10 +51,10 @@ def earlier(record: Record, time: float) -> Record:
 
 def in_time(data: Prepared) -> Prepared:
     """The recordings with their commands moved to where they are before the motion, where they were behind it."""
-    delay = response_delay(data.estimation)
-    if not delay < 0.0:
+    first = lead(data.estimation)
+    if not first:
         return data
     step = max(r.sample_time for r in data.estimation)
-    ahead = step * np.ceil((LEFT - delay) / step)
+    ahead = step * np.ceil((LEFT + first) / step)
     both = [[earlier(r, ahead) for r in records] for records in (data.estimation, data.validation)]
     return replace(data, estimation=both[0], validation=both[1], ahead=float(ahead))

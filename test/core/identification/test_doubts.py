@@ -42,6 +42,14 @@ def test_a_clean_sine_raises_no_doubt_of_units(frequency: float, rate: float, re
     assert not [line for line in doubts([sine(frequency, rate, resolution)]) if "second derivative" in line]
 
 
+def test_delay_of_a_filter_is_no_other_unit() -> None:
+    late = good()
+    assert late.acceleration is not None
+    samples = round(9e-3 / SAMPLE_TIME)
+    felt = np.concatenate([np.zeros(samples), late.acceleration[:-samples]])
+    assert doubts([replace(late, acceleration=felt)]) == []
+
+
 @pytest.mark.parametrize(
     ("change", "hint"),
     [

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from foreign_run import foreign_run
 
-from shake_ros.core.identification.late_command import LEFT, earlier, in_time, response_delay
+from shake_ros.core.identification.late_command import LEFT, earlier, in_time, lead
 from shake_ros.core.identification.nuisances import prepared
 from shake_ros.core.identification.recordings import Record
 
-LATE = 4  # samples of 2 ms
+LATE = 6  # samples of 2 ms
 
 
 def late(record: Record, samples: int) -> Record:
@@ -19,18 +19,29 @@ def late(record: Record, samples: int) -> Record:
 
 
 @pytest.mark.parametrize("seed", [425, 422])
-def test_delay_below_zero_is_seen_to_a_fraction_of_a_sample(seed: int) -> None:
-    before, after = response_delay([foreign_run(seed)]), response_delay([late(foreign_run(seed), LATE)])
+def test_lead_is_seen_to_a_fraction_of_a_sample(seed: int) -> None:
+    before, after = lead([late(foreign_run(seed), LATE)]), lead([late(foreign_run(seed), LATE + 3)])
     assert before > 0.0
-    assert after == pytest.approx(before - 0.002 * LATE, abs=2e-4)
+    assert after == pytest.approx(before + 0.006, abs=2e-4)
 
 
 def test_late_command_is_moved_to_where_a_delay_is_left() -> None:
-    data = in_time(prepared([late(foreign_run(422), LATE)], [late(foreign_run(422), LATE)]))
-    assert LEFT - 2e-4 < response_delay(data.estimation) < LEFT + 0.002 + 2e-4
+    recorded = late(foreign_run(422), LATE)
+    data = in_time(prepared([recorded], [recorded]))
+    assert LEFT <= data.ahead - lead([recorded]) < LEFT + 0.002
+    assert lead(data.estimation) == 0.0
     assert data.ahead > 0.002 * LATE
     assert len(data.validation[0].commands) == len(foreign_run(422).commands) - round(data.ahead / 0.002)
     assert "moves before its recorded command" in data.promptness()
+
+
+def test_command_is_left_alone_where_damping_explains_the_response_as_well_as_a_lead() -> None:
+    time = np.arange(0.0, 30.0, 0.005)
+    command = sum(0.1 * np.sin(2.0 * np.pi * f * time + f**2) for f in np.arange(0.75, 5.0, 0.5))  # far below 50 Hz
+    velocity = np.convolve(command, np.full(4, 0.25))[: len(time)]
+    noise = np.random.default_rng(1).normal(0.0, 1e-5, len(time))
+    record = Record("slow", 0.005, command, np.cumsum(velocity) * 0.005 + noise, None)
+    assert lead([record]) == 0.0
 
 
 def test_command_in_time_stays() -> None:
