@@ -30,7 +30,7 @@ Told = bool | Callable[[str, float], None]  # whether progress is shown, or who 
 TERMINAL = "{desc:<44.44}|{bar:24}| {percentage:3.0f} % {elapsed}"
 LIMITED = "{desc:<41.41}|{bar:10}| {percentage:3.0f} % {elapsed}{postfix}"  # with the minutes that are left
 PARTS = os.environ.get("SHAKE_ROS_PROGRESS") == "parts"  # who follows a process wants every part, in a form to read
-SO_FAR = "so far "  # begins an answer that work has before its end
+SO_FAR = "best so far: "  # begins an answer that work has before its end
 NOTEBOOK = "{desc}{bar} {percentage:3.0f} % {elapsed}{postfix}"
 
 

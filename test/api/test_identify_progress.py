@@ -13,5 +13,5 @@ def test_a_function_is_told_of_a_fit_by_free_runs() -> None:
     force, position = 100 * np.sin(9 * time), -np.sin(9 * time) / 8.1 + 1e-6 * rng.standard_normal(len(time))
     runs = sr.recording("push", time, 0 * time, position, force=force)
     sr.identify(sr.model("axis"), runs, progress=lambda text, part: told.append(text))
-    assert "declared model: fit" in told
+    assert "fitting the declared model" in told
     assert told[-1] == "residuals and what would help"

@@ -147,7 +147,7 @@ def test_bias_that_wanders_is_taken_out_and_told() -> None:
     still, moved = seen(0.1), seen(0.1 + wander)
     assert (still.nuisances[0].drift, still.drifts()) == (0.0, "")
     assert moved.nuisances[0].drift == pytest.approx(0.3, abs=0.02)
-    assert moved.drifts() == f"the accelerometer's bias wanders [m/s²]: it {moved.nuisances[0].drift:.3g}; taken out"
+    assert moved.drifts() == f"drift of the accelerometer's bias removed [m/s²]: it {moved.nuisances[0].drift:.3g}"
     left = moved.estimation[0].acceleration - still.estimation[0].acceleration
     assert np.std(left) < 0.05 * np.std(wander)
 

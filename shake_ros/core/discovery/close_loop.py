@@ -105,17 +105,17 @@ def _concluded(
     searched = problem.estimation.blocks()
     with failures.step("final fit"):
         if problem.fits_less_than(estimation):
-            problem.progress("final fit to all recordings", 0.8)
+            problem.progress("final fit to all estimation data", 0.8)
             problem, found = on_whole(problem, found, estimation)
         found = found.on(lambda m: m, problem.heard) if problem.drawing > 0.0 else found
         problem, found = centred(problem, found)
-    problem.progress("errors and what remains", 0.9)
+    problem.progress("errors and remaining residual", 0.9)
     models = tuple(unjudged_model(m.fit) for m in found.models)
     with failures.step("errors"):
         models = passed_through(problem, found, searched)
     with failures.step("what remains"):
         rest = remaining(problem, found)
-    problem.progress("the force that the model lacks", 0.95)
+    problem.progress("estimating the missing force", 0.95)
     with failures.step("latent force"):
         forces = latent_forces(problem, models[-1].table)
     with failures.step("closed form"):

@@ -22,7 +22,7 @@ def converge(problem: SearchProblem, current: ScoredFit, refits: tuple[Refit, ..
     its end; what does not improve on the model as it stands is none.
     """
     settings = problem.settings
-    problem.progress(f"converge {refits[0].candidate.effect}", 0.95)
+    problem.progress(f"converging {refits[0].candidate.effect}", 0.95)
     best = with_declared_friction(problem, settled(problem, refits[0]))
     improved = (1.0 - 0.5 * settings.least_validation_gain) * current.score
 
@@ -91,7 +91,7 @@ def taken_over(problem: SearchProblem, best: Refit, other: Refit) -> Refit:
 
 def reconverged(problem: SearchProblem, current: ScoredFit, best: Refit) -> ScoredFit:
     """The current fit, or a better one of the same model that starts where the best refit has led its parameters."""
-    problem.progress("without it once more", 0.98)
+    problem.progress("repeating the fit without it", 0.98)
     settings, free = problem.settings, current.fit.free
     start = best.result.fit.x[: len(current.fit.x)]
     again = problem.fitted(free, start, settings.converging_evaluations, problem.converged_at(current))

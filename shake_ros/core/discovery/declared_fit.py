@@ -85,20 +85,20 @@ def fit_declared(problem: SearchProblem, free: FreeParameters, shown: bool = Fal
     """
     settings, pieces = problem.settings, problem.estimation_pieces
     if shown and settings.starts == 1:
-        problem.progress("declared model: fit", 0.0)
+        problem.progress("fitting the declared model", 0.0)
         most, tolerance = settings.declared_evaluations, settings.start_tolerance
         return fit(problem.estimation, free, free.start(), evaluations=most, tolerance=tolerance)
-    problem.progress("declared model: starts", 0.0)
+    problem.progress("trying starts of the declared model", 0.0)
     starts = random_starts(free, settings.starts, settings.start_factor)
     rows = np.nan_to_num(pieces.residuals(free.vectors(starts)), nan=1e3, posinf=1e3, neginf=-1e3)
     order = np.argsort([mean_square(r) for r in rows])
     chosen = dict.fromkeys([0, *order[: settings.fitted_starts].tolist()])
     most, tolerance, short = settings.start_evaluations, settings.start_tolerance, list[Fit]()
     for index in chosen:
-        problem.progress("declared model: fit", (len(short) + 1) / (len(chosen) + 2))
+        problem.progress("fitting the declared model", (len(short) + 1) / (len(chosen) + 2))
         short.append(approached(pieces, free, starts[index], evaluations=most, tolerance=tolerance))
     best = min(short, key=lambda f: f.cost)
-    problem.progress("declared model: fit", (len(chosen) + 1) / (len(chosen) + 2))
+    problem.progress("fitting the declared model", (len(chosen) + 1) / (len(chosen) + 2))
     most, tolerance = settings.declared_evaluations, settings.start_tolerance if shown else settings.converged
     most = most if shown else max(most, settings.converging_evaluations)
     return fit(problem.estimation, free, best.x, evaluations=most, tolerance=tolerance)
@@ -119,7 +119,7 @@ def identify(
     declared = fit_declared(problem, FreeParameters(model.table, model.free))
     found = with_late_parameters(problem, problem.scored(declared))
     if problem.fits_less_than(estimation):
-        progress("final fit to all recordings", 0.9)
+        progress("final fit to all estimation data", 0.9)
         problem = problem.on_whole(estimation)
         found = problem.converged_again(found)
     held = RecordingProblem(list(validation), model.simulator) if validation else None

@@ -40,7 +40,7 @@ def eliminate(
     problem: SearchProblem, steps: tuple[ForwardStep, ...], current: ScoredFit
 ) -> tuple[tuple[ForwardStep, ...], ScoredFit, tuple[str, ...]]:
     """Steps still needed, the fit with them alone, effects taken out; the last effect has just proved its need."""
-    problem.progress("are all needed?", 0.0)
+    problem.progress("checking that every effect is needed", 0.0)
     least, kept, removed = 1.0 - problem.settings.least_validation_gain, list(steps), list[str]()
     for step in steps[:-1]:
         reduced = without(problem, current, step.chosen.candidate)

@@ -37,7 +37,7 @@ SAYS = {  # kind → what it says of the force
     "line": "is a line at {line:.1f} Hz",
     "at reversals": "acts at reversals",
     "impulsive": "consists of a few short events",
-    "memory": "depends on where the table came from",
+    "memory": "depends on the previous motion",
 }
 
 
@@ -72,7 +72,7 @@ class ForceKinds:
             said.append(f"follows {' and '.join(names[:2])}")
         if said:
             return ", ".join(said)
-        return "is of no simple kind: it follows no single quantity and has no frequency of its own"
+        return "has no simple cause: it depends on no single quantity and has no frequency of its own"
 
 
 def band_factor(probability: float) -> float:

@@ -59,7 +59,7 @@ def forward_selection(
             before, found = [s.chosen.candidate for s in found.steps], grown
             added = [s.chosen.candidate for s in found.steps]
             if added != before:
-                names = [f"a function ({c.place})" if c.effect == UNLISTED else c.effect for c in added]
+                names = [f"an unlisted effect ({c.place})" if c.effect == UNLISTED else c.effect for c in added]
                 problem.progress(found_by_now(problem, names, found.final, found.declared), 0.0)
         steps, final, removed = eliminate(problem.seen(found.knowledge), found.steps, found.final)
         found, done = replace(found, steps=steps, final=final, removed=removed), True
@@ -102,6 +102,8 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
     yield found
     while left and len(found.steps) < problem.settings.most_effects:
         problem, found = with_knowledge(problem, found)
+        freed = with_late_parameters(problem, found.final) if found.steps else found.final
+        found = found.with_better_fit(freed) if freed is not found.final else found
         yield found
         if problem.at_noise(found.final):
             break

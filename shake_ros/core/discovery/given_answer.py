@@ -39,12 +39,12 @@ class GivenAnswer:
 def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> Selection:
     """The models from the declared one to that with all effects, each fitted to free runs from the values given."""
     settings, free = problem.settings, (*model.free, *model.late)
-    problem.progress("free runs of the declared model", 0.5)
+    problem.progress("fitting free runs of the declared model", 0.5)
     whole = FreeParameters(answer.declared, free)
     declared = problem.fitted(whole, whole.start(), settings.converging_evaluations, settings.converged, near=True)
     steps, final = list[ForwardStep](), declared
     for count, candidate in enumerate(answer.effects, start=1):
-        problem.progress(f"free runs with {candidate.effect}", 0.5 + 0.4 * count / len(answer.effects))
+        problem.progress(f"fitting free runs with {candidate.effect}", 0.5 + 0.4 * count / len(answer.effects))
         among = answer.effects[:count]
         bare = answer.table.without([c.effect for c in answer.effects[count:]])
         parameters = FreeParameters(absent_on(bare, among), [*free, *(p for c in among for p in c.free)])

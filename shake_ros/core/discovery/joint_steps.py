@@ -22,7 +22,7 @@ def joint_steps(problem: SearchProblem, model: ModelStructure, current: ScoredFi
     """A step for each of the effects that only together make the model better; none where it is near the noise."""
     if current.estimation_cost < FAR**2 * problem.estimation.noise_cost():
         return ()
-    problem.progress("several effects at once", 0.0)
+    problem.progress("fitting several effects at once", 0.0)
     part = {c.effect: c for c in model.candidates if c.together}
     part |= {c.effect: replace(c, together=c.trials[len(c.trials) // 2]) for c in model.candidates if c.effect in ALSO}
     guess = current.fit.table

@@ -56,7 +56,7 @@ def better_range(kind: int, low: float, high: float, form: FunctionForm) -> Rang
 
 
 def refined_function(problem: SearchProblem, step: ForwardStep) -> ForwardStep:
-    """A step that adds a function, with its nodes where they are needed and with late parameters freed, if that helps.
+    """A step that adds a function, with knots added where they are needed and late parameters freed, if that helps.
 
     In steps that add a listed effect late parameters are freed before the decision (convergence.py).
     """
@@ -66,7 +66,7 @@ def refined_function(problem: SearchProblem, step: ForwardStep) -> ForwardStep:
 
 
 def with_refined_nodes(problem: SearchProblem, step: ForwardStep) -> ForwardStep:
-    """The step, or the same with its function's nodes where they are needed, if the fit is better."""
+    """The step, or the same with knots added to its function where they are needed, if the fit is better."""
     chosen = step.chosen
     free, x = chosen.result.fit.free, chosen.result.fit.x
     if NODE_NAMES[0] not in free.names:
@@ -78,7 +78,7 @@ def with_refined_nodes(problem: SearchProblem, step: ForwardStep) -> ForwardStep
     ends = better_range(int(table.value(PREFIX + "kind")), low, high, form)
     if ends is None:
         return step
-    problem.progress("nodes where they are needed", 0.9)
+    problem.progress("adding knots where they are needed", 0.9)
     spacing = (ends[1] - ends[0]) / (NODES - 1)
     moved = [
         FreeParameter(PREFIX + name, FINE * spacing, end - spacing, end + spacing, "m")

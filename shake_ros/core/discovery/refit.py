@@ -76,11 +76,11 @@ def refit(
     problem = problem.patient()
     first = refits[0]
     tell_of(problem, first, current)
-    problem.progress(f"polish {first.candidate.effect}", 0.6)
+    problem.progress(f"improving the fit with {first.candidate.effect}", 0.6)
     refits[0] = continued(problem, first, most, tolerance)
     near = [r for r in refits[1 : settings.most_continued] if r.score < settings.worth_continuing * refits[0].score]
     for tried in side_by_side(lambda r: continued(problem, r, most, tolerance), near):
-        problem.progress(f"polished {tried.candidate.effect}", 0.8)
+        problem.progress(f"improved the fit with {tried.candidate.effect}", 0.8)
         refits = [tried if r.candidate is tried.candidate else r for r in refits]
     refits.sort(key=lambda r: r.score)
     for effect in passed_over(refits, screening):
@@ -130,10 +130,10 @@ def short_refits(problem: SearchProblem, screening: Screening, effects: list[str
     """First refits of effects; those of which drawn runs show already that another one is far better end there."""
     settings, on_way, short = problem.settings, list[Begun](), list[Refit]()
     most, tolerance = settings.first_evaluations, settings.first_tolerance
-    problem.progress(f"refit with {effects[0]}", 0.1)
+    problem.progress(f"fitting with {effects[0]}", 0.1)
     for first in side_by_side(lambda e: begun(problem, screening, e, most, tolerance), effects):
         on_way.append(first)
-        problem.progress(f"begun with {first.trial.candidate.effect}", 0.1 + 0.25 * len(on_way) / len(effects))
+        problem.progress(f"first fit with {first.trial.candidate.effect}", 0.1 + 0.25 * len(on_way) / len(effects))
     problem = problem.patient()
     if all(problem.far(each.way) for each in on_way) and not hurried():
         on_way = [sought(problem, each, most, tolerance) for each in on_way]
@@ -144,7 +144,7 @@ def short_refits(problem: SearchProblem, screening: Screening, effects: list[str
 
     for tried in side_by_side(ended, on_way):
         short.append(tried)
-        problem.progress(f"refitted with {tried.candidate.effect}", 0.35 + 0.25 * len(short) / len(effects))
+        problem.progress(f"fitted with {tried.candidate.effect}", 0.35 + 0.25 * len(short) / len(effects))
     return short
 
 
@@ -175,7 +175,7 @@ def sought(problem: SearchProblem, begun: Begun, evaluations: int, tolerance: fl
     own = [f.name for f in reversed(candidate.free)]
     begins = np.array([name.startswith("friction.") or name in own for name in free.names])
     starts = [np.where(begins, free.x_of(point), begun.way.start) for point in candidate.narrow]
-    problem.progress(f"{candidate.effect}: slow motion first", 0.3)
+    problem.progress(f"fitting {candidate.effect}, slow motion first", 0.3)
     x = from_slow_to_fast(problem.estimation_pieces, free, starts, own)
     other = replace(begun, way=problem.way_to_pieces(free, x, evaluations, tolerance))
     return min(begun, other, key=attrgetter("way.drawn_cost"))

@@ -47,7 +47,7 @@ class Remaining:
     text: str
 
 
-UNKNOWN = Remaining(True, math.nan, None, (), {}, "not known: the step that judges it failed")
+UNKNOWN = Remaining(True, math.nan, None, (), {}, "not known: the residual could not be analysed")
 
 
 def explained_share(values: np.ndarray, by: np.ndarray, groups: int) -> float:
@@ -125,21 +125,21 @@ def remaining(problem: SearchProblem, found: Selection) -> Remaining:
     ratio = float(np.sqrt(np.mean(ratios**2)))
     shares = {name: explained_share(rest, values, settings.remaining_groups) for name, values in columns.items()}
     if ratio <= settings.remaining_above:
-        text = f"nothing above the noise: the residual is {ratio:.2f} times the sensor noise"
+        text = f"nothing above the noise: the residual is {ratio:.2f} × the sensor noise"
         return Remaining(False, ratio, None, (), shares, text)
     most, few = without_single(ratios)
     if most <= settings.remaining_above:
         text = (
-            f"nothing above the noise but in single samples: the residual is {ratio:.2f} times the sensor noise, "
-            f"{most:.2f} times without the largest {few} of {len(ratios)}"
+            f"nothing above the noise but single samples: the residual is {ratio:.2f} × the sensor noise, "
+            f"{most:.2f} × without the largest {few} of {len(ratios)}"
         )
         return Remaining(False, ratio, None, (), shares, text)
     unpredictable = problem.validation.unpredictable
     at_most = settings.remaining_above**2 * problem.validation.noise_cost()
     if unpredictable > 1.0 and found.final.validation_cost <= at_most:
         text = (
-            f"nothing above what no command tells: the residual is {ratio:.2f} times the sensor noise, and answers to "
-            f"equal commands differ by {math.sqrt(unpredictable):.2f} times, weighted over the channels (process noise)"
+            f"nothing above the process noise: the residual is {ratio:.2f} × the sensor noise, and responses to "
+            f"the same command differ by {math.sqrt(unpredictable):.2f} × the noise"
         )
         return Remaining(False, ratio, None, (), shares, text)
     in_band, centre = band_share(rest, problem.validation.records[0].sample_time)
@@ -147,17 +147,17 @@ def remaining(problem: SearchProblem, found: Selection) -> Remaining:
     if unpredictable <= 1.0 and ratio > settings.remaining_far_above and nothing_fits(found, settings.memoryless):
         best = max(found.functions.gains.values()) if found.functions else 0.0
         text = (
-            f"the residual is {ratio:.2f} times the sensor noise; no function of position, velocity, opening, load "
-            f"pressure or time would remove more than {100.0 * best:.0f} % of it: something with dynamics of its own, "
-            "such as a nonlinear resonance"
+            f"the residual is {ratio:.2f} × the sensor noise; no function of position, velocity, valve opening, load "
+            f"pressure or time removes more than {100.0 * best:.0f} % of it; an effect with dynamics of its own, "
+            "such as a nonlinear resonance, is likely"
         )
         return Remaining(True, ratio, "structure", ("frequency",), shares, text)
     least = settings.remaining_share
     order = sorted((name for name, share in shares.items() if share > least), key=lambda name: -shares[name])
     place = next((PLACES[name] for name in order if name in PLACES), _nearest_place(found, least))
-    where = f", mostly about {centre:.1f} Hz" if shares["frequency"] else ""
-    depends = f"; it depends on {', '.join(order)}" if order else "; it follows no single quantity"
-    text = f"the residual is {ratio:.2f} times the sensor noise{where}{depends}"
+    where = f", mostly near {centre:.1f} Hz" if shares["frequency"] else ""
+    depends = f"; it depends on {', '.join(order)}" if order else "; it depends on no single quantity"
+    text = f"the residual is {ratio:.2f} × the sensor noise{where}{depends}"
     return Remaining(True, ratio, place, tuple(order), shares, text)
 
 

@@ -3,7 +3,7 @@
 An effect is
 
     established      the residual is near the noise, the effect is needed, and no other could stand for it
-    one of these     another effect would do as well in its place in the final model
+    one of these     another effect explains the data equally well in the final model
     likely           needed, and worth more than all that is still unexplained, which stands above the noise; or there
                      was no time to judge it to the end
     not established  its strength at a bound, or any number of it while much is unexplained; not needed beyond chance;
@@ -87,21 +87,24 @@ def standing(
     others = alternatives(problem, found, step)
     early = hurried()
     if candidate.strength.name in bounds:
-        state, reason = NOT_ESTABLISHED, "its strength rests on a bound: it does the work of something that is missing"
+        state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
     elif not improves(final, reduced, settings):
-        state, reason = NOT_ESTABLISHED, "the model does as well without it"
+        state, reason = NOT_ESTABLISHED, "the model is as good without it"
     elif bounds and not near and candidate.effect not in between:
-        state, reason = NOT_ESTABLISHED, "rests on a bound while much is unexplained, which may replace it"
+        state, reason = NOT_ESTABLISHED, "at a bound, and the unexplained residual may have the same cause"
     elif small and candidate.effect not in between:
-        state, reason = NOT_ESTABLISHED, "worth less than what is still unexplained, which may replace it"
+        state, reason = (
+            NOT_ESTABLISHED,
+            "it explains less than remains unexplained, and may stand in for the true cause",
+        )
     elif others:
-        state, reason = ONE_OF_THESE, "another effect would do as well in its place"
+        state, reason = ONE_OF_THESE, "another effect explains the data equally well"
     elif early:
-        state, reason = LIKELY, "not judged to the end: the time was over"
+        state, reason = LIKELY, "not fully assessed: the time budget ended"
     elif near:
-        state, reason = ESTABLISHED, "needed, nothing else could stand for it, and the residual is near the noise"
+        state, reason = ESTABLISHED, "needed, no other effect replaces it, and the residual is near the noise"
     else:
-        state, reason = LIKELY, "needed, though much is still unexplained"
+        state, reason = LIKELY, "needed, but much of the residual is unexplained"
     return EffectStanding(candidate.effect, candidate.place, state, worth, reason, others, bounds), reduced
 
 
@@ -113,7 +116,7 @@ def judged(
     Effects that are not established leave the model one by one, the one worth least first, and the others are judged
     again without it. between : effects by which the sensors differ.
     """
-    problem.progress("how sure is each?", 0.5)
+    problem.progress("assessing each effect", 0.5)
     dropped: list[EffectStanding] = []
     while found.steps:
         each = [standing(problem, found, step, between) for step in found.steps]

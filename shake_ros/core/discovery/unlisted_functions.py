@@ -162,7 +162,9 @@ def best_function(
     records, model = problem.estimation.records, problem.estimation.model
     short = []
     for i, f in enumerate(promising):
-        problem.progress(f"unlisted: {f.kind.place} of {f.kind.quantity}", 0.4 + 0.3 * i / len(promising))
+        problem.progress(
+            f"fitting an unlisted effect: {f.kind.place} of {f.kind.quantity}", 0.4 + 0.3 * i / len(promising)
+        )
         tried = fit_to_pieces(problem, f)
         if not model.contradicted(fitted.table, tried.table, records):
             short.append((f, tried))
@@ -170,7 +172,7 @@ def best_function(
     left = [(f, tried) for f, tried in short if tried.cost <= most]
     refits = []
     for i, (f, tried) in enumerate(left):
-        problem.progress(f"unlisted: {f.kind.place} of {f.kind.quantity}", 0.7 + 0.3 * i / len(left))
+        problem.progress(f"fitting an unlisted effect: {f.kind.place} of {f.kind.quantity}", 0.7 + 0.3 * i / len(left))
         own = tuple(p for p in f.free.free if p.name not in fitted.free.names)
         candidate = CandidateEffect(UNLISTED, own, (), f.kind.place, f.kind.depends_on)
         refits.append(Refit(candidate, problem.scored(fit_function(problem, f, tried)), f.gain))
@@ -182,13 +184,13 @@ def best_function(
 def screen_functions(problem: SearchProblem, current: Fit) -> list[ScreenedFunction]:
     """Score tests of all kinds on pieces of the estimation data, the most promising first, one of each kind."""
     pieces, settings = problem.estimation_pieces, problem.settings
-    problem.progress("something without a name", 0.0)
+    problem.progress("trying unlisted effects", 0.0)
     span = ranges(pieces, current)
     hydraulic = SUPPLY in current.free.base.fields
     kinds = [k for k in (*OF_MOTION, *(OF_HYDRAULICS if hydraulic else ())) if k.quantity in span]
     kinds = [k for k in kinds if span[k.quantity][1] > span[k.quantity][0]]
     found = [screen_function(pieces, current, k, span[k.quantity], settings) for k in kinds]
-    problem.progress("something without a name: pulsation", 0.2)
+    problem.progress("trying unlisted effects: pulsation", 0.2)
     found += pulsations(pieces, current, settings) if hydraulic else ()
     best: dict[int, ScreenedFunction] = {}
     for f in sorted(found, key=lambda f: -f.gain):

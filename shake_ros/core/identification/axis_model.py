@@ -182,7 +182,7 @@ class InverseDynamics:
         if rank < len(PARAMETERS) or mass <= 0.0:
             raise ShakeError(
                 f"{self.names}: topics force and joint_states give no mass ({mass:.3g} kg): "
-                "is the motion rich enough, and do both point the same way?"
+                "is the motion rich enough, and do both have the same sign?"
             )
         viscous, coulomb = max(viscous, 0.0), max(coulomb, 0.0)
         axis = AxisParameters(mass=mass, viscous=viscous, coulomb=coulomb, offset=offset)

@@ -58,7 +58,7 @@ def contradictions(
             continue
         numbers = ", ".join(f"{number} = {table.value(number):g}" for number in origin)
         found.append(
-            f"{name}: declared {declared:.3g} {unit} (from {numbers}), the recordings say {seen:.3g} {unit}: "
+            f"{name}: declared {declared:.3g} {unit} (from {numbers}), the recordings show {seen:.3g} {unit}: "
             "is one of these numbers wrong?"
         )
     return found

@@ -87,8 +87,8 @@ def _two_tables(records: Sequence[Record]) -> list[str]:
     if gains[high] < TWICE * gains[low]:
         return []
     return [
-        f"{high} and {low}: {gains[high]:.3g} and {gains[low]:.3g} m/s per command: of two tables, "
-        "or of two supply pressures or command scales?"
+        f"{high} and {low}: {gains[high]:.3g} and {gains[low]:.3g} m/s per command: two tables, "
+        "supply pressures or command scales?"
     ]
 
 
@@ -98,19 +98,19 @@ def _too_little(records: Sequence[Record]) -> list[str]:
     names = ", ".join(dict.fromkeys(r.name for r in records))
     lines = []
     if seconds < SHORT:
-        lines.append(f"{names}: {seconds:.1f} s in all: too little to tell many effects apart, 30 s or more would")
+        lines.append(f"{names}: {seconds:.1f} s in all: too little to distinguish many effects; record 30 s or more")
     slowest = min(1.0 / r.sample_time for r in records)
     if slowest < SLOWLY:
         lines.append(
-            f"{names}: sampled at {slowest:.0f} Hz: what friction and sensors do lies beyond; a name of an effect is a "
-            "guess, record with 200 Hz or more"
+            f"{names}: sampled at {slowest:.0f} Hz: too slow to show friction and sensor dynamics; a named effect is a "
+            "guess; record at 200 Hz or more"
         )
     strongest = [_strongest(r) for r in records]
     if all(share > ONE_LINE for share, _ in strongest):
         low, high = min(f for _, f in strongest), max(f for _, f in strongest)
         if high <= 1.1 * low:
             lines.append(
-                f"{names}: the command is a sine of {low:.2g} Hz alone: it tells gain and phase there, not the "
+                f"{names}: the command is a single sine of {low:.2g} Hz, which shows gain and phase there, not the "
                 "dynamics; record a sweep, a multi-sine or an earthquake as well"
             )
     return lines

@@ -42,7 +42,7 @@ def within_stroke(records: Sequence[Record], stroke: float) -> tuple[list[Record
         used, whole = (sum(len(r.commands) * r.sample_time for r in rs if r.name == name) for rs in (found, records))
         lines.append(
             f"{name}: the position reaches {1e3 * farthest:.1f} mm, the end stop of a stroke of {1e3 * stroke:.0f} mm; "
-            f"parted there, {used:.1f} of {whole:.1f} s are used"
+            f"split there; {used:.1f} of {whole:.1f} s are used"
         )
     if lost := [name for name in names if not any(r.name == name for r in found)]:
         line = next(line for line in lines if line.startswith(f"{lost[0]}: "))

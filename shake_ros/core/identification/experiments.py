@@ -169,7 +169,7 @@ def stated(deviation: float) -> str:
 def advice(known: Identifiability, found: Sequence[RecordingBenefit], asked: bool = True) -> str:
     """A sentence on the recording that would help most, with the parameter that is known least, or gains most."""
     if not asked:
-        return "there was no time to ask which further recording would help"
+        return "no time was left to find the most helpful further recording"
     if not found:
         return "no recording of the catalogue can be simulated with this table"
     best, k = found[0], known.weakest

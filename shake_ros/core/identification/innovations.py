@@ -59,12 +59,12 @@ class Innovations:
         """A phrase for a report."""
         k = RATES.index(self.best)
         if not self.helps:
-            return "drawing a run towards the measurement does not help beyond chance: no sign of process noise"
+            return "a predictor is no better than a free run: no sign of process noise"
         gain = math.sqrt(self.relative[0] / self.relative[k])
-        text = f"a run drawn at {self.best:g} 1/s errs {gain:.1f} times less than a free one, sensor noise allowed for"
+        text = f"a predictor with a gain of {self.best:g} 1/s errs {gain:.1f} times less than a free run, without the noise"
         if self.force is not None:
-            text += f"; a random force of {self.force:.3g} N rms would leave as much as the free run has"
-        return f"{text}; a missing effect does so too, only equal commands tell it from process noise"
+            text += f"; a random force of {self.force:.3g} N rms would explain the error of the free run"
+        return f"{text}; a missing effect would too; repeated commands distinguish the two"
 
 
 def innovations(problem: RecordingProblem, vector: np.ndarray, table: TableParameters) -> Innovations | None:

@@ -106,7 +106,9 @@ class Prepared:
             return ""
         if self.cutoff and self.cutoff * self.delay < UNMADE * FILTER_DELAY:
             late = f"later than the position by {1e3 * self.delay:.2f} ms only"
-            return f"accelerometer behind a low-pass of {self.cutoff:.3g} Hz, {late}: its clock makes up for the rest"
+            return (
+                f"accelerometer behind a low-pass of {self.cutoff:.3g} Hz, {late}; its clock compensates for the rest"
+            )
         cutoff = f", a low-pass of {self.cutoff:.3g} Hz" if self.cutoff else ""
         return f"accelerometer later than the position by {1e3 * self.delay:.2f} ms (its filter{cutoff})"
 
@@ -115,30 +117,28 @@ class Prepared:
         if not self.ahead:
             return ""
         return (
-            f"the table moves before its recorded command: taken {1e3 * self.ahead:.2f} ms earlier, where the dead "
-            "time counts from"
+            f"the table moves before its recorded command, which was moved {1e3 * self.ahead:.2f} ms earlier; the dead "
+            "time is counted from there"
         )
 
     def spikes(self) -> str:
         """How many spikes were taken out of the commands; empty where none was."""
         count = sum(n.spikes for n in self.nuisances)
         return (
-            f"{count} spikes of one sample in the commands, which the motion does not follow: taken out"
-            if count
-            else ""
+            f"{count} single-sample spikes removed from the commands; the motion does not follow them" if count else ""
         )
 
     def drifts(self) -> str:
         """By how much the biases of the accelerometer wander; empty where none does."""
         told = {n.recording: n.drift for n in self.nuisances if n.drift}  # a recording in pieces is named once
         sizes = ", ".join(f"{name} {drift:.3g}" for name, drift in told.items())
-        return f"the accelerometer's bias wanders [m/s²]: {sizes}; taken out" if told else ""
+        return f"drift of the accelerometer's bias removed [m/s²]: {sizes}" if told else ""
 
     def note(self) -> str:
         """What was assumed of the command; empty where it is per unit."""
         if self.full_scale == 1.0:
             return ""
-        return f"the command exceeds 1: taken as parts of a full scale of {self.full_scale:g} (V, mA or %)"
+        return f"the command exceeds 1; a full scale of {self.full_scale:g} (V, mA or %) is assumed"
 
 
 def full_scale(records: Sequence[Record]) -> float:

@@ -1,4 +1,4 @@
-"""What of a residual is predictable at all, told by three means that do not need a better model.
+"""What of a residual is predictable at all, shown by three means that do not need a better model.
 
     sensor noise         the white part of the channel, which no model predicts
     linear               what is coherent with the command: a linear filter would still predict it (residual_tests.py)

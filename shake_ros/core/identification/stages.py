@@ -111,7 +111,7 @@ def staged_start(
     shown = tuple(e for e in SHOWN if e in known and e in guesses[0].effects)
     between = tuple(e for e in shown if e in BETWEEN_SENSORS)
     if shown:
-        progress(f"so far {' + '.join(shown)}: to be seen in the responses, before any fit", 0.0)
+        progress(f"best so far: {' + '.join(shown)}, from the frequency responses", 0.0)
 
     def moved(names: Sequence[str]) -> list[FreeParameter]:
         return with_effects(free, known, names)
@@ -133,9 +133,9 @@ def staged_start(
             break
         best, shown, begin = joined, (*shown, *more), joined.table  # what is left shows others better
         over = over_noise(pieces, best)
-        progress(f"so far {' + '.join(shown)} show: {over:.1f} times the noise in pieces of what is learned from", 0.0)
+        progress(f"best so far: {' + '.join(shown)}, {over:.1f} × the noise in segments of the estimation data", 0.0)
     if over_noise(pieces, best) >= BENT and not any(known[e].narrow for e in shown):
-        progress("first fit: friction anew", 0.0)
+        progress("first fit: refitting friction", 0.0)
         anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], best.table, model))
         best = min(best, anew, key=attrgetter("cost"))
     if not is_far(pieces, best):

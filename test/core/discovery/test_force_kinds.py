@@ -95,7 +95,7 @@ def test_force_that_follows_nothing_depends_on_nothing() -> None:
     found = kinds_of(chance)
     assert not found.zero
     assert found.depends_on == {}
-    assert "of no simple kind" in found.text
+    assert "has no simple cause" in found.text
 
 
 def test_line_that_the_table_follows_itself_is_not_the_forces_own() -> None:

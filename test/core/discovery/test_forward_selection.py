@@ -85,7 +85,7 @@ def test_search_whose_time_is_over_before_it_eliminates_answers_with_what_it_has
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def over(text: str, part: float) -> None:
-        if text == "are all needed?":
+        if text == "checking that every effect is needed":
             raise Stopped
 
     found = named("nothing")
@@ -101,7 +101,7 @@ def test_step_whose_effects_have_begun_is_taken_though_the_time_is_over() -> Non
 
     def ending(text: str, part: float) -> None:
         nonlocal over
-        over = over or text == f"refitted with {case}"
+        over = over or text == f"fitted with {case}"
         if over:
             raise Stopped
 

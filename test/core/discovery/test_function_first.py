@@ -97,8 +97,8 @@ def test_a_function_that_promises_far_more_than_effects_goes_first(monkeypatch: 
     assert case.step is not None
     assert case.step.chosen.candidate.effect == UNLISTED
     assert case.said == [
-        "so far something without a name, place friction, depends on position and direction: it would take 80 % of "
-        "what is left, to first order"
+        "best so far: unlisted effect, place friction, depends on position and direction, predicted to remove 80 % of "
+        "the residual"
     ]
 
 

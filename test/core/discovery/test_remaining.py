@@ -78,7 +78,7 @@ def test_what_the_declared_model_leaves_of_a_valve_with_unequal_edges_goes_with_
     assert set(rest.depends_on) <= NAMES
     assert {"direction", "valve_opening", "velocity", "flow"} & set(rest.depends_on)
     assert rest.place in PLACES
-    assert "times the sensor noise; it depends on" in rest.text or "mostly about" in rest.text
+    assert "× the sensor noise; it depends on" in rest.text or "mostly near" in rest.text
 
 
 def test_single_samples_are_told_apart_from_what_is_there_all_the_time() -> None:

@@ -62,7 +62,7 @@ def test_where_the_time_is_over_nothing_is_established_and_what_is_needless_leav
 
 def test_what_there_was_no_time_to_judge_says_so() -> None:
     told, _ = standings(Hidden(1.0, 2.0), late=True)
-    assert {s.reason for s in told.values()} == {"not judged to the end: the time was over"}
+    assert {s.reason for s in told.values()} == {"not fully assessed: the time budget ended"}
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def test_a_recording_is_parted_at_its_stops() -> None:
     used = sum(len(p.commands) for p in found[:2])
     assert at.sum() + 400 <= 10000 - used <= at.sum() + 1000
     assert lines == (
-        f"run: the position reaches 130.0 mm, the end stop of a stroke of 260 mm; parted there, {used / 1000:.1f} of "
+        f"run: the position reaches 130.0 mm, the end stop of a stroke of 260 mm; split there; {used / 1000:.1f} of "
         "10.0 s are used",
     )
 
