@@ -61,7 +61,9 @@ class Innovations:
         if not self.helps:
             return "a predictor is no better than a free run: no sign of process noise"
         gain = math.sqrt(self.relative[0] / self.relative[k])
-        text = f"a predictor with a gain of {self.best:g} 1/s errs {gain:.1f} times less than a free run, without the noise"
+        text = (
+            f"a predictor with a gain of {self.best:g} 1/s errs {gain:.1f} times less than a free run, noise excluded"
+        )
         if self.force is not None:
             text += f"; a random force of {self.force:.3g} N rms would explain the error of the free run"
         return f"{text}; a missing effect would too; repeated commands distinguish the two"
