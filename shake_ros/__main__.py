@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"shake_ros {given[0]}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        return 0 if given[0] in NODES else 130  # a node that is told to end has done so, if only while it starts
+        return 0 if given[0] in NODES else 130  # a node that is asked to end has done so, even while it starts
     except BrokenPipeError:  # whoever read our output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
@@ -105,7 +105,7 @@ def program() -> int:
     interpreter half a second of processor time, which a graph of seven on a busy machine waits many seconds for.
     """
     if not sys.warnoptions:
-        warnings.simplefilter("ignore")  # of numpy and others: they are for who develops, with -W or in the tests
+        warnings.simplefilter("ignore")  # of numpy and others: they are for developers, with -W or in the tests
     node = bool(sys.argv[1:]) and sys.argv[1] in NODES
     if node:
         faulthandler.enable()  # a crash, or SIGABRT to what hangs, tells where each thread is

@@ -87,7 +87,7 @@ def unknown_model(config: str = UNKNOWN) -> UnknownModel:
 
     Raises
     ------
-    ShakeError : a number is left open that no recording tells.
+    ShakeError : a number is left open that recordings do not determine.
     """
     path = find("table", config)
     starts = {name: dict(entry) for name, entry in read_yaml(find("identification", UNKNOWN)).items()}
@@ -100,7 +100,7 @@ def unknown_model(config: str = UNKNOWN) -> UnknownModel:
             return content
         if name not in starts:
             raise ShakeError(
-                f"{path}: {name}: no recording tells it: give a number (known to a fit: {', '.join(starts)})"
+                f"{path}: {name}: recordings do not determine it: give a number (known to a fit: {', '.join(starts)})"
             )
         if isinstance(content, Mapping):
             try:

@@ -34,13 +34,13 @@ class Entry:
 
 ENTRY_POINTS: dict[str, Entry] = {
     "plant": Entry("shake_ros.ros.plant_node", "simulated table: valve, cylinder, specimen, sensors"),
-    "hardware_bridge": Entry("shake_ros.ros.hardware_bridge_node", "the plant's face over a real table, by datagrams"),
+    "hardware_bridge": Entry("shake_ros.ros.hardware_bridge_node", "the same topics over a real table, by datagrams"),
     "reference_generator": Entry("shake_ros.ros.reference_node", "plays sine, multi-sine, sweep, pulse, step, quake"),
     "observer": Entry("shake_ros.ros.observer_node", "estimates velocity and acceleration from the position"),
     "controller": Entry("shake_ros.ros.controller_node", "follows the reference with the valve command"),
     "thd_analyzer": Entry("shake_ros.ros.thd_node", "live harmonics of the acceleration and their distortion"),
-    "recorder": Entry("shake_ros.ros.recorder_node", "everything named into a rosbag2 recording; --recover PATH"),
-    "player": Entry("shake_ros.ros.player_node", "a recording's messages again, with the recorded timing"),
+    "recorder": Entry("shake_ros.ros.recorder_node", "records topics into a rosbag2 recording; --recover PATH"),
+    "player": Entry("shake_ros.ros.player_node", "plays a recording with its recorded timing"),
     "faults": Entry(
         "shake_ros.ros.faults_node", "between two nodes: delays, drops, doubles, freezes, falsifies samples"
     ),
@@ -53,30 +53,31 @@ ENTRY_POINTS: dict[str, Entry] = {
     ),
     "demo": Entry(
         "shake_ros.demonstration.demo:demo_command",
-        "the main job end to end: measured data, loop, missing effect, tracking",
+        "the main job end to end: recordings, missing effect, better tracking",
     ),
     "identify": Entry("shake_ros.cli.repair:identify_command", "fit the declared model to recordings"),
     "close_loop": Entry(
-        "shake_ros.cli.repair:close_loop_command", "find what the declared model lacks, add it, before and after"
+        "shake_ros.cli.repair:close_loop_command",
+        "find what the declared model lacks, add it, compare before and after",
     ),
     "table": Entry(
-        "shake_ros.cli.repair:table_command", "a table's configuration from nameplates; says what it assumed"
+        "shake_ros.cli.repair:table_command", "a table's configuration from nameplates, with its assumptions"
     ),
     "schedule": Entry(
         "shake_ros.thesis.commands:schedule_command", "parameters by a neural network (thesis 6.3.5) beside the effect"
     ),
     "import_csv": Entry(
-        "shake_ros.cli.repair:import_csv_command", "a laboratory's table of columns becomes a recording"
+        "shake_ros.cli.repair:import_csv_command", "convert a laboratory's table of columns into a recording"
     ),
     "figures": Entry(
         "shake_ros.thesis.commands:figures_command",
-        "figures of the thesis drawn again: fluid, friction, valve, effects",
+        "draw figures of the thesis: fluid, friction, valve, effects",
     ),
     "sensitivity": Entry(
-        "shake_ros.thesis.commands:sensitivity_command", "what each parameter does to the motion (thesis 6.3.4)"
+        "shake_ros.thesis.commands:sensitivity_command", "sensitivity of the motion to single parameters (thesis 6.3.4)"
     ),
     "reproduce": Entry(
-        "shake_ros.thesis.commands:reproduce_command", "chapter 6 of the thesis run again: claim by claim, holds or not"
+        "shake_ros.thesis.commands:reproduce_command", "run chapter 6 of the thesis again: does each claim hold?"
     ),
     "frequency_response": Entry(
         "shake_ros.cli.signals:frequency_response_command", "gain, delay and coherence in a recording, plotted"
@@ -86,7 +87,7 @@ ENTRY_POINTS: dict[str, Entry] = {
         "gains of a controller over loads and perturbed tables, as a new configuration",
     ),
     "commission": Entry(
-        "shake_ros.cli.laboratory:commission_command", "the guided way on a new table: run, learn, gains, go higher"
+        "shake_ros.cli.laboratory:commission_command", "bring a new table into service: run, fit, make gains, go higher"
     ),
     "compare": Entry(
         "shake_ros.cli.control:compare_command",
@@ -94,7 +95,7 @@ ENTRY_POINTS: dict[str, Entry] = {
     ),
     "campaign": Entry(
         "shake_ros.cli.control:campaign_command",
-        "a study of many fits or loops, here or on a cluster; it can go on later",
+        "a study of many fits, here or on a cluster; it can be resumed",
     ),
     "thd": Entry("shake_ros.cli.signals:thd_command", "harmonic table of a recording"),
     "spectrum": Entry("shake_ros.cli.signals:spectrum_command", "response spectra of recordings, at several dampings"),
@@ -107,7 +108,7 @@ ENTRY_POINTS: dict[str, Entry] = {
         "the real table's harmonics against printed and fitted models",
     ),
     "iterate": Entry(
-        "shake_ros.cli.laboratory:iterate_command", "the drive of the next run from what the last one missed"
+        "shake_ros.cli.laboratory:iterate_command", "the drive of the next run from the error of the last one"
     ),
     "qualify": Entry(
         "shake_ros.cli.laboratory:qualify_command",

@@ -32,8 +32,8 @@ class RealtimeParameters(Parameters):
     priority: int = quantity("-", "SCHED_FIFO priority of every thread; 0: usual scheduling", low=0, high=99)
     cpu: int = quantity("-", "the only processor to run on; -1: any", low=ANY, high=4095)
     lock_memory: bool = quantity("", "keep all memory, present and future, from being paged out")
-    freeze_collector: bool = quantity("", "the garbage collector works once a second, on what is new since the start")
-    stay_awake: bool = quantity("", "keep all processors from sleeping while they have nothing to do")
+    freeze_collector: bool = quantity("", "the garbage collector runs once a second, on new objects only")
+    stay_awake: bool = quantity("", "keep all processors from sleeping while idle")
 
 
 def _each_thread(change: Callable[[int], None]) -> None:

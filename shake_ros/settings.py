@@ -35,7 +35,7 @@ class _StrictLoader(yaml.SafeLoader):
 
 
 def _written_out(node: yaml.Node, known: dict[int, int]) -> int:
-    """How many nodes there are below one, each alias counted as what it stands for; too many where it holds itself."""
+    """How many nodes there are below one, each alias counted as its target; too many where it contains itself."""
     if id(node) not in known:
         known[id(node)] = sys.maxsize
         parts = [] if isinstance(node, yaml.ScalarNode) else node.value

@@ -73,7 +73,7 @@ class Case:
             controller = Controller(kind, parameters.replace(model_horizon=HORIZON), SAMPLE_TIME, model)
         run, finite = simulate(Loop(self.table, observer, controller, reference, seed=number, delay=LATE))
         if finite < len(reference):
-            raise SystemExit(f"run {number + 1} left the finite numbers")
+            raise SystemExit(f"run {number + 1} diverged")
         wanted, true = self.reference[:, 2], run.truth[:, 2]
         error = np.sqrt(np.mean((true - wanted) ** 2)) / np.std(wanted)
         off = np.max(np.abs(spectrum_of(true, SAMPLE_TIME) / self.aim - 1.0))

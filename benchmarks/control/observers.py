@@ -134,7 +134,7 @@ def wrong_beta(case: str, p: Any) -> Any:
 def estimate(
     name: str, run: Run, case: str = "", positions: Array | None = None, commands: Array | None = None
 ) -> Array:
-    """Estimates (n, 3) of a configured observer on a run; NaN where its model left the finite numbers."""
+    """Estimates (n, 3) of a configured observer on a run; NaN where its model diverged."""
     kind, parameters = load_variant("observer", name, OBSERVERS)
     model = wrong_model(case, run.table) if OBSERVERS[kind].carries_table else None
     if model is None and hasattr(parameters, "beta1"):

@@ -64,8 +64,11 @@ class FoundEffect:
 
     Attributes
     ----------
-    name, place : of the effect. parameters : its own, with standard errors. evidence : why this one.
-    alternatives : effects that these recordings cannot tell from it. state : established, likely or one of these.
+    name, place : of the effect.
+    parameters : its own, with standard errors.
+    evidence : why this one.
+    alternatives : effects that these recordings cannot distinguish from it.
+    state : its verdict.
     worth : error of the final model without it, over that with it [-].
     """
 
@@ -119,7 +122,17 @@ class Effects(Sequence[FoundEffect]):
             for e in self
             for p in e.parameters
         ]
-        heads = ("effect", "place", "parameter", "value", "std. error", "unit", "state", "worth", "not told apart from")
+        heads = (
+            "effect",
+            "place",
+            "parameter",
+            "value",
+            "std. error",
+            "unit",
+            "state",
+            "worth",
+            "not distinguished from",
+        )
         return ResultTable(heads, rows)
 
     def __repr__(self) -> str:
@@ -135,15 +148,16 @@ class Discovery(fitted.FittedResult):
 
     Attributes
     ----------
-    model : as declared. closed : models before and after with the steps between them.
-    estimation, validation, test : the gapless parts of the recordings; no decision knew those of the last.
+    model : as declared.
+    closed : models before and after with the steps between them.
+    estimation, validation, test : the gapless segments of the recordings; no decision used those of the last.
     diagnosis : tests of the residuals, what the recordings identify, and which one would help; None where that failed.
     tracking : the found table in closed loop under the model before and the model after; None where nothing was added,
-    or where the model has no valve to control.
-    data : the recordings as they were fitted, with the offsets that were taken out of them.
+        or where the model has no valve to control.
+    data : the recordings as they were fitted, with the offsets that were removed from them.
     tuned : observer and controller for the found table, where they were asked for.
     failures : steps after the first fit that ended in an error, those of `report` as well; the result is without what
-    they would have added.
+        they would have added.
     """
 
     model: Model
@@ -228,7 +242,7 @@ class Discovery(fitted.FittedResult):
         """Write report.json, diagnosis.json, report.html, and table.yaml with uncertainty.json beside it.
 
         Also tracking.json where there is a tracking; and controller.yaml, observer.yaml and tune.json where gains were
-        made for the table, unless they ring somewhere and `force` is not given. Where a part fails, the folder is
+        made for the table, unless they oscillate somewhere and `force` is not given. Where a part fails, the folder is
         without it, and report.json names it under `failed`.
 
         `force` also replaces an existing folder; `figures` adds static copies of the charts, as "pdf", "svg" or "png";
@@ -314,15 +328,16 @@ def close_loop(
     Parameters
     ----------
     model : from `sr.model`.
-    estimation : recordings to fit. validation : recordings that decide whether an effect is added.
-    test : recordings that no decision sees; the errors of every model on them stand in the result.
+    estimation : recordings to fit.
+    validation : recordings that decide whether an effect is added.
+    test : recordings that no decision uses; the result has the errors of every model on them.
     settings : thresholds of the search, where not those of config/discovery/search.yaml.
     tune : design observer and controller for the found table as well, see `sr.tune`; of the full model.
-    minutes : after which the search ends with the best answer so far; judging it may take a quarter of that more.
-        Ctrl-C ends it as well; the second interrupts.
-    search : "forward" adds one effect after the other, judged by free runs; "sets" proposes up to three at once, judged
-        by the prediction error of a Kalman filter, for the model "full".
-    progress : show it, or a function to tell what is being done and which part is done.
+    minutes : after which the search ends with the best answer so far; the verdict may take a quarter of that more.
+        Ctrl-C ends it as well; a second one interrupts.
+    search : "forward" adds one effect after the other, compared by free runs; "sets" proposes up to three at once,
+        compared by the prediction error of a Kalman filter, for the model "full".
+    progress : show it, or a function to call with what is being done and the part done.
 
     Raises
     ------
@@ -392,7 +407,7 @@ def close_loop(
 
 
 def check_search(search: str, declared: DeclaredModel) -> None:
-    """ShakeError for a search that is not known, or that a model does not have."""
+    """Raise ShakeError for a search that is unknown, or that a model does not support."""
     if search not in SEARCHES:
         raise unknown_name("search", search, SEARCHES)
     if search == SETS and declared is not FULL:
@@ -400,7 +415,7 @@ def check_search(search: str, declared: DeclaredModel) -> None:
 
 
 def by_sets(structure: ModelStructure, first: list[Record], second: list[Record], ending: Ending) -> GivenAnswer:
-    """What the search over sets of effects finds, until it is to end."""
+    """The result of the search over sets of effects, within its time budget."""
     budget = Budget(over=ending.over)
     progress = patiently(ending)
     return answer(structure, first, second, budget, lambda line: progress(line, 0.3))

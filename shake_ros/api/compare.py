@@ -67,7 +67,7 @@ def comparison_json(
 
 @dataclass(frozen=True)
 class Case:
-    """One run to be made, and where it stands."""
+    """One run to be made, and its place in the comparison."""
 
     loop: Loop
     entry: str
@@ -82,8 +82,12 @@ class Comparison:
 
     Attributes
     ----------
-    settings : of the comparison. plant : in a sentence. outcomes : every run with its figures.
-    summaries : one for each controller. runs : of the case that is drawn, by controller. drawn : that case in words.
+    settings : of the comparison.
+    plant : in a sentence.
+    outcomes : every run with its figures.
+    summaries : one for each controller.
+    runs : of the case that is drawn, by controller.
+    drawn : that case in words.
     """
 
     settings: Mapping[str, Any]
@@ -135,10 +139,12 @@ def compare(
 
     Parameters
     ----------
-    settings : config/compare/NAME.yaml or a file. quick : two references, one load, four perturbed tables.
-    records : accelerograms in place of the synthetic earthquakes. only : these controllers of the settings alone.
+    settings : config/compare/NAME.yaml or a file.
+    quick : two references, one load, four perturbed tables.
+    records : accelerograms in place of the synthetic earthquakes.
+    only : only these controllers of the settings.
     changes : of keys of the settings, `{"table": "bergamo"}` for another plant.
-    progress : whether it is shown, or who is told.
+    progress : whether to show it, or a function to call with it.
 
     Raises
     ------

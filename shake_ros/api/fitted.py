@@ -91,12 +91,13 @@ ROLES = ("estimation", "validation", "test")
 
 
 class FittedResult(ABC):
-    """What both results tell of the model that was fitted.
+    """What both results say about the fitted model.
 
     Attributes
     ----------
-    model : as declared. estimation, validation : the gapless parts of the recordings. data : these as they were fitted,
-    with what was taken out of them.
+    model : as declared.
+    estimation, validation : the gapless segments of the recordings.
+    data : these as they were fitted, with what was removed from them.
     """
 
     model: Model
@@ -126,7 +127,7 @@ class FittedResult(ABC):
 
     @cached_property
     def told(self) -> tuple[Estimate, ...]:
-        """What the recordings tell whatever area and pressure are; empty for a declared table."""
+        """What the recordings determine whatever area and pressure are; empty for a declared table."""
         if not self.model.declared.nuisances:
             return ()
         problem = RecordingProblem(list(self.estimation), self.model.declared)
@@ -139,13 +140,13 @@ class FittedResult(ABC):
 
     @property
     def nuisances(self) -> ResultTable:
-        """Offsets that were taken out of each recording; empty for a declared table."""
+        """Offsets that were removed from each recording; empty for a declared table."""
         rows = [(n.recording, n.null_shift, n.acceleration_bias) for n in self.data.nuisances]
         return ResultTable(("recording", "null shift [-]", "acceleration bias [m/s^2]"), rows)
 
     @property
     def forecast_error(self) -> dict[str, float]:
-        """Position error of the free run from the force alone, with nothing of the recordings' own [m rms].
+        """Position error of the free run from the force alone, without the recordings' nuisance parameters [m rms].
 
         Empty but for the model axis.
         """
@@ -153,7 +154,7 @@ class FittedResult(ABC):
 
     @cached_property
     def own(self) -> list[SlowChange]:
-        """What each recording of a force-driven axis has of its own; empty for other models."""
+        """Nuisance parameters of each recording of a force-driven axis; empty for other models."""
         return slow_changes(self.table, self.records) if self.model.kind == "axis" else []
 
     @property

@@ -37,7 +37,10 @@ class RecordedResponse:
 
     Attributes
     ----------
-    title : what it is of. name : of the recording. unit : of the gain. found : the response on all lines.
+    title : what it is of.
+    name : of the recording.
+    unit : of the gain.
+    found : the response on all lines.
     rows : frequency [Hz], gain, delay [s] and coherence [-] at the frequencies asked for.
     """
 
@@ -102,8 +105,10 @@ def frequency_response(
 
     Parameters
     ----------
-    source : a recording, its path, or a simulation. input : "valve_command", "reference" or "force".
-    output : "position" or "acceleration". window : length of a window; its inverse parts the lines [s].
+    source : a recording, its path, or a simulation.
+    input : "valve_command", "reference" or "force".
+    output : "position" or "acceleration".
+    window : length of a window; its inverse parts the lines [s].
     at : frequencies of the table; 0.5 … 20 Hz as far as there are lines where not given [Hz].
 
     Raises

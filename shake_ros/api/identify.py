@@ -45,9 +45,12 @@ class Identification(fitted.FittedResult):
 
     Attributes
     ----------
-    model : as declared. start : the table that the fit began with. fit : table, parameters and errors.
-    estimation, validation : the gapless parts of the recordings. diagnosis : tests of the residuals, what the
-    recordings identify, and which one would help. data : the recordings as fitted, with what was taken out.
+    model : as declared.
+    start : the table that the fit began with.
+    fit : table, parameters and errors.
+    estimation, validation : the gapless segments of the recordings.
+    diagnosis : tests of the residuals, what the recordings identify, and which one would help.
+    data : the recordings as fitted, with what was taken out.
     """
 
     model: Model
@@ -139,10 +142,11 @@ def identify(
     Parameters
     ----------
     model : from `sr.model`.
-    estimation : recordings to fit. validation : recordings that the fit does not see.
+    estimation : recordings to fit.
+    validation : recordings that the fit does not see.
     method : "free_run" fits the error of the simulation from the command alone; "inverse_dynamics" that of the force,
         for the model axis.
-    progress : show it, or a function to tell what is being done and which part is done.
+    progress : show it, or a function to call with what is being done and the part done.
 
     Raises
     ------

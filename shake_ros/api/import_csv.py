@@ -1,4 +1,4 @@
-"""`import_csv`: a laboratory's table of columns becomes a recording on our topics."""
+"""`import_csv`: convert a laboratory's table of columns into a recording on our topics."""
 
 from __future__ import annotations
 
@@ -84,12 +84,14 @@ def import_csv(
         acceleration [m/s²], force on the table [N], pressure_a, pressure_b, pressure_supply [Pa] those that there are.
         The unit in the heading, or in a row of units, takes it to SI units; a factor (`"CHANNEL0*0.01"`), and what is
         added then (`"mA*0.125-1.5"`), stand in for it.
-    time : column of the time [s]. rate : sampling rate, where no column holds the time [Hz].
-    skip : lines above the table, where they are not found right.
-    decimal : point or comma, where the numbers do not decide it.
+    time : column of the time [s].
+    rate : sampling rate, if no column holds the time [Hz].
+    skip : lines above the table, if they are not recognised.
+    decimal : point or comma, if the numbers do not decide it.
     bridge : samples of the longest gap that is filled by interpolation; 0: none is.
     also : further files, each with `file`, `time` or `rate` and its own columns, of which an acceleration is one. Their
-        clocks are found by the correlation of the acceleration with the position. same_clock : they are the first's.
+        clocks are found by the correlation of the acceleration with the position.
+    same_clock : they are the first's.
     overwrite : replace an existing recording.
 
     Returns
@@ -151,7 +153,7 @@ def _read(
     bridge: int,
     findings: list[Finding],
 ) -> Columns:
-    """The columns of one file in SI units, its time among them; what was mended or assumed is told."""
+    """The columns of one file in SI units, its time among them; repairs and assumptions are reported."""
     rate = None if how.get("rate") is None else float(str(how["rate"]))
     skip = None if how.get("skip") is None else int(str(how["skip"]))
     if (time is None) == (rate is None):
@@ -177,7 +179,7 @@ def _read(
     _is_time(table, columns["time"], found["time"].unit, values["time"])
     values, repeats = without_repeats(values)
     if repeats:
-        findings.append(Finding("duplicate", "", repeats, f"{path.name}: {repeats} rows are there twice; left out"))
+        findings.append(Finding("duplicate", "", repeats, f"{path.name}: {repeats} rows are repeated; left out"))
     return _mended(values, path, bridge, findings)
 
 
@@ -208,7 +210,7 @@ def _mended(values: Columns, path: Path, bridge: int, findings: list[Finding]) -
         values = found.values
     elif longest := longest_short_gap(values, SHORT):
         what = "gaps of one sample" if longest == 1 else f"gaps of up to {longest} samples"
-        text = f"{path.name}: has {what}, which part it for all but fits: --bridge {longest} fills them"
+        text = f"{path.name}: has {what}, which divide it into segments: --bridge {longest} fills them"
         findings.append(Finding("gap", "", 0, text))
     return values
 
@@ -230,7 +232,7 @@ def _with(
             reason = "is in the first file" if name in first else "belongs into the first file, on one clock"
             raise ShakeError(f"{other}: the {name} {reason}; a second file brings {', '.join(OF_SECOND)}")
     if "acceleration" not in signals and not same_clock:
-        raise ShakeError(f"{other}: without an acceleration nothing tells how its clock stands to that of {path}")
+        raise ShakeError(f"{other}: without an acceleration its clock cannot be related to that of {path}")
     time = more.get("time")
     second = _read(other, signals, None if time is None else str(time), how, bridge, findings)
     clock = None if same_clock else clock_between(first, second, (path, other))

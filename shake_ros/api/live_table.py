@@ -43,7 +43,9 @@ class OwnLoop:
 
     Attributes
     ----------
-    observer, law : their parameters. kind : of the law. sound : whether it rings on no neighbour of the table.
+    observer, law : their parameters.
+    kind : of the law.
+    sound : whether it rings on no neighbour of the table.
     """
 
     observer: ObserverParameters
@@ -69,7 +71,7 @@ def own_loop(table: TableParameters) -> OwnLoop:
 
 
 Array = NDArray[np.float64]
-Release = Callable[[str], str]  # is told what will move the table; who lets it, empty where nobody does
+Release = Callable[[str], str]  # called with what will move the table; returns who releases it, empty where nobody does
 
 
 class NotReleasedError(ShakeError):
@@ -81,7 +83,8 @@ class InterlockHeldError(ShakeError):
 
     Attributes
     ----------
-    cause : its words. bag : what was recorded up to there.
+    cause : its words.
+    bag : what was recorded up to there.
     """
 
     def __init__(self, text: str, cause: str, bag: Path) -> None:
@@ -148,7 +151,8 @@ class LiveLaboratory:
     Attributes
     ----------
     own : the loop made for a model, handed to the nodes with each other model; None leaves theirs.
-    late : dead time of the loop that a model without one is told [s]. missing : samples put in, by run.
+    late : dead time of the feedback, for a model without one [s].
+    missing : samples filled in, by run.
     """
 
     table: LiveTable
@@ -163,14 +167,14 @@ class LiveLaboratory:
     def words(self) -> str:
         """Its loop, for the certificate."""
         made = "" if self.own is None else ", gains made for the model"
-        told = "" if self.own is None or self.own.sound else ", which ring on a neighbour of it"
+        told = "" if self.own is None or self.own.sound else ", which oscillate on a neighbour of it"
         return f"{self.table.loop}{made}{told}"
 
     @property
     def remarks(self) -> dict[str, str]:
         """Samples that were put in, for the certificate."""
         put_in = ", ".join(f"{name}: {count}" for name, count in self.missing.items())
-        return {"samples put in by straight lines": put_in} if put_in else {}
+        return {"samples filled in linearly": put_in} if put_in else {}
 
     def carry(self, model: TableParameters) -> None:
         """Hand the own loop with this model to the nodes, where it is not there yet."""

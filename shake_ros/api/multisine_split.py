@@ -33,7 +33,10 @@ class RecordedSplit:
 
     Attributes
     ----------
-    name : of the recording. channel : "acceleration" or "position". period : [s]. lines : the parts line by line.
+    name : of the recording.
+    channel : "acceleration" or "position".
+    period : [s].
+    lines : the parts line by line.
     """
 
     name: str
@@ -71,7 +74,9 @@ class RecordedSplit:
             share = 100.0 * value / max(parts["linear"], 1e-300)
             text.append(f"{name:8}  {value:23.6f}  {share:22.3f}  {told}")
         if not split.separates_even_from_odd:
-            text.append("even lines are excited too: even distortion may stand on odd lines and hide on excited ones")
+            text.append(
+                "even lines are excited too: even distortion may appear on odd lines and be hidden on excited ones"
+            )
         return "\n".join(text)
 
 
@@ -82,8 +87,10 @@ def multisine_split(
 
     Parameters
     ----------
-    source : a recording, its path, or a simulation. period : found in the command where not given [s].
-    channel : "acceleration" or "position". skip : periods left out at the start; one where two remain if not given.
+    source : a recording, its path, or a simulation.
+    period : found in the command where not given [s].
+    channel : "acceleration" or "position".
+    skip : periods left out at the start; one where two remain if not given.
 
     Raises
     ------

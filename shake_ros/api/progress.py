@@ -25,7 +25,7 @@ from shake_ros.core.discovery.problem import Stopped
 from shake_ros.core.identification.haste import in_haste
 from shake_ros.core.quantities import ShakeError
 
-Told = bool | Callable[[str, float], None]  # whether progress is shown, or who is told what is done and which part
+Told = bool | Callable[[str, float], None]  # whether progress is shown, or a function of what is done and which part
 
 TERMINAL = "{desc:<44.44}|{bar:24}| {percentage:3.0f} % {elapsed}"
 LIMITED = "{desc:<41.41}|{bar:10}| {percentage:3.0f} % {elapsed}{postfix}"  # with the minutes that are left
@@ -35,13 +35,14 @@ NOTEBOOK = "{desc}{bar} {percentage:3.0f} % {elapsed}{postfix}"
 
 
 class Progress:
-    """Is told what is being done and which part of the whole is done.
+    """Called with what is being done and the part of the whole that is done.
 
     A bar is redrawn; elsewhere each change of what is being done is one line on standard error.
 
     Parameters
     ----------
-    title : of the work. told : whether to show it, or a function to tell instead.
+    title : of the work.
+    told : whether to show it, or a function to call instead.
     """
 
     def __init__(self, title: str, told: Told = True) -> None:
@@ -56,7 +57,7 @@ class Progress:
         self._low, self._high = 0.0, 1.0
 
     def span(self, low: float, high: float) -> None:
-        """Parts told from now on count from `low` to `high` of the whole."""
+        """Parts reported from now on count from `low` to `high` of the whole."""
         self._low, self._high = low, high
 
     def left(self, minutes: float) -> None:
@@ -108,7 +109,8 @@ class Ending:
 
     Parameters
     ----------
-    progress : that is told as well. minutes : after which the search is to end; None for no limit.
+    progress : called as well.
+    minutes : time budget of the search; None for no limit.
     """
 
     def __init__(self, progress: Progress, minutes: float | None = None) -> None:
@@ -159,4 +161,4 @@ class Ending:
         if self._asked is not None:
             raise KeyboardInterrupt
         self._asked = time.monotonic()
-        self._progress("ending with what is found; Ctrl-C once more leaves nothing", 0.0)
+        self._progress("ending with what has been found; press Ctrl-C again to discard it", 0.0)

@@ -196,7 +196,9 @@ def recording(
 
     Parameters
     ----------
-    name : of the recording. time : shape (n,), rising [s]. command : valve command, shape (n,) [-].
+    name : of the recording.
+    time : shape (n,), rising [s].
+    command : valve command, shape (n,) [-].
     position : shape (n,) [m].
     signals : acceleration [m/s²], pressure_a, pressure_b, pressure_supply [Pa], force [N], each of shape (n,);
         reference, estimate, truth, shape (n, 3) in SI units.
@@ -230,7 +232,7 @@ Source: TypeAlias = str | Path | TableRecording | Recordings | Recorded
 
 
 def one_recording(source: Source) -> TableRecording:
-    """The one recording that a path, recordings or a simulation stand for.
+    """The one recording of a path, recordings or a simulation.
 
     Raises
     ------

@@ -63,7 +63,10 @@ class ScaledRecord:
 
     Attributes
     ----------
-    path : the file. read : what it holds. parameters : its treatment and the limits. shaping : of the reference.
+    path : the file.
+    read : what it holds.
+    parameters : its treatment and the limits.
+    shaping : of the reference.
     fitted : acceleration for the table [m/s²], its time step [s], the factor on the record.
     """
 
@@ -136,7 +139,8 @@ class ScaledRecord:
         if fitted.limited_by:
             asked = "as large as it fits" if p.scale == LARGEST_FACTOR else f"{p.scale:g}"
             told.append(
-                f"Asked for was {asked}; the factor is what the table's {fitted.limited_by.split('_')[0]} allows."
+                f"The requested factor was {asked}; the factor is what the table's {fitted.limited_by.split('_')[0]} "
+                "allows."
             )
         if p.time_scale != 1.0:
             told.append(f"Time is stretched by {p.time_scale:g}.")
@@ -214,7 +218,8 @@ def accelerogram(path: str | Path, channel: int = 0, unit: str = "") -> Accelero
 
     Parameters
     ----------
-    path : the file. channel : of a file that has several, from 1; 0: it holds one.
+    path : the file.
+    channel : of a file that has several, from 1; 0: it holds one.
     unit : of a file that does not name its own.
 
     Raises
@@ -255,7 +260,8 @@ def record_scale(
 
     Parameters
     ----------
-    path : an accelerogram. table : whose envelope is used, by name, file or object.
+    path : an accelerogram.
+    table : whose envelope is used, by name, file or object.
     scale : factor on the acceleration; "fill" for as much as the table allows [-].
     fit : reduce a factor that does not fit to the one that does, instead of refusing it.
     channel, unit : as in `accelerogram`.
@@ -310,7 +316,7 @@ def record_scale(
     if scale != FILL and fitted.limited_by and not fit:
         raise ShakeError(f"{path}: {_does_not_fit(parameters, fitted)}")
     if scale == FILL and not fitted.limited_by:
-        raise ShakeError(f"{path}: no limit reached at a factor of {LARGEST_FACTOR:g}; is this a record?")
+        raise ShakeError(f"{path}: no limit reached at a factor of {LARGEST_FACTOR:g}; is this an accelerogram?")
     return ScaledRecord(Path(path), read, parameters, shaping, fitted, settings)
 
 
@@ -320,7 +326,7 @@ def _does_not_fit(asked: EarthquakeParameters, fitted: Fitted) -> str:
     units = {"position_limit": "m", "velocity_limit": "m/s", "acceleration_limit": "m/s²"}
     limit, kept = getattr(asked, name), math.floor(1e4 * fitted.factor) / 1e4
     text = f"at the scale {asked.scale:g} it needs {over:.2f} times the {name.partition('_')[0]} that the table may use"
-    return f"{text} ({limit:.4g} {units[name]}); --scale {kept:g} fits, --fit plays it as large as it fits"
+    return f"{text} ({limit:.4g} {units[name]}); --scale {kept:g} fits, --fit scales it to the largest that fits"
 
 
 def _number(text: float | str) -> float:

@@ -35,8 +35,11 @@ class ResponseSpectrum:
 
     Attributes
     ----------
-    name : of what it is of. damping : ξ [-]. periods : natural periods [s].
-    displacement : largest relative displacement [m]. velocity : pseudo-velocity [m/s].
+    name : of what it is of.
+    damping : ξ [-].
+    periods : natural periods [s].
+    displacement : largest relative displacement [m].
+    velocity : pseudo-velocity [m/s].
     acceleration : largest absolute acceleration [m/s²].
     """
 
@@ -70,9 +73,13 @@ class AccelerationSpectra:
 
     Attributes
     ----------
-    name : of what they are of. damping : (k,) ξ [-]. frequencies : (m,) natural frequencies [Hz].
-    acceleration : (k, m) [m/s²]. peak : largest acceleration of the record itself [m/s²].
-    mean : of the record as read [m/s²]. subtracted : whether it was taken off.
+    name : of what they are of.
+    damping : (k,) ξ [-].
+    frequencies : (m,) natural frequencies [Hz].
+    acceleration : (k, m) [m/s²].
+    peak : largest acceleration of the record itself [m/s²].
+    mean : of the record as read [m/s²].
+    subtracted : whether it was taken off.
     """
 
     name: str
@@ -93,7 +100,7 @@ class AccelerationSpectra:
     def __repr__(self) -> str:
         mean = f", its mean of {self.mean:.4g} m/s² subtracted" if self.subtracted else ""
         if not self.subtracted and abs(self.mean) > NOTABLE * self.peak:
-            mean = f", its mean of {self.mean:.4g} m/s² kept (--subtract-mean takes it off)"
+            mean = f", its mean of {self.mean:.4g} m/s² kept (--subtract-mean removes it)"
         return f"{self.name}: absolute acceleration, peak of the record {self.peak:.4g} m/s²{mean}\n{self.frame!r}"
 
     def plot(self) -> Figure:
@@ -131,7 +138,8 @@ def response_spectrum(
     ----------
     source : a recording with acceleration, an accelerogram, the path of one, a simulation, or an array of shape (n,)
         [m/s²].
-    periods : natural periods; 80 from 1/15 to 2 s where not given [s]. damping : ξ, from 0 to below 1 [-].
+    periods : natural periods; 80 from 1/15 to 2 s where not given [s].
+    damping : ξ, from 0 to below 1 [-].
     sample_time : of an array [s].
 
     Raises
@@ -175,8 +183,8 @@ def acceleration_spectra(
     low, high : ends of the band; `high` is 100 Hz, or 0.45 of the sampling rate where that is lower [Hz].
     per_octave : frequencies of an octave.
     subtract_mean : whether the record's mean is taken off first, as a sensor's offset.
-    band_limited : takes the record as a sensor's band-limited samples instead of straight lines between them, which
-        at 0.1 of the sampling rate are 3 % too low and at 0.4 a third; it begins and ends at rest then.
+    band_limited : takes the record as a sensor's band-limited samples instead of straight lines between them, which at
+        0.1 of the sampling rate are 3 % too low and at 0.4 a third; it begins and ends at rest then.
 
     Raises
     ------

@@ -34,7 +34,9 @@ class ResultTable(Mapping[str, Sequence[Any]]):
 
     Parameters
     ----------
-    columns : names. rows : one value a column each. formats : how a column is shown, by name; else as `plain`.
+    columns : names.
+    rows : one value a column each.
+    formats : how a column is shown, by name; else as `plain`.
 
     Examples
     --------

@@ -158,13 +158,14 @@ def simulate(
     sample_time : [s].
     controller, observer : of a closed loop, by name, file or object; without an observer it knows the true motion.
     model : table that controller and observer carry in place of the one that their configurations name.
-    delay : samples by which a closed loop's command reaches the valve late. seed : of its sensors' noise.
+    delay : samples by which a closed loop's command reaches the valve late.
+    seed : of its sensors' noise.
     start : first position [m].
 
     Raises
     ------
     ShakeError
-        Unknown names, values that are not finite, a loop that is lost, a closed loop on a table without a valve.
+        Unknown names, values that are not finite, a closed loop that diverges, or one on a table without a valve.
 
     Examples
     --------
@@ -197,7 +198,7 @@ def simulate(
         refuse_another_instant(observer.lead, law)
     run, finite = run_loop(Loop(plant, observer, law, given, seed=seed, delay=delay, start=start))
     if finite < len(given):
-        raise ShakeError(f"{name}: the loop was lost after {finite * sample_time:g} s")
+        raise ShakeError(f"{name}: the closed loop diverged after {finite * sample_time:g} s")
     signals = {"reference": run.reference, "estimate": run.estimate, "truth": run.truth}
     return Simulation(_recording(name, sample_time, run.command, run.measured, signals))
 

@@ -1,4 +1,4 @@
-"""`table`: a configuration of a table from what stands on nameplates, with what had to be assumed."""
+"""`table`: a configuration of a table from nameplates, with its assumptions."""
 
 from __future__ import annotations
 
@@ -60,15 +60,19 @@ def table(
     valve_frequency: float | None = None,
     valve_damping: float | None = None,
 ) -> TableFile:
-    """A configuration from nameplates; what is not given is `unknown`, or said to be assumed.
+    """A configuration from nameplates; what is not given is `unknown`, or listed as assumed.
 
     Parameters
     ----------
     bore, rod : diameters of a cylinder [m], with the same rod on both sides, or on side B alone if `single_rod`.
     stroke : full [m].
-    rated_flow : of the valve [m³/s] at `rated_drop` over both edges [Pa]. supply : pressure, absolute [Pa].
-    table_mass : with rod and piston [kg]. specimen_mass : on it [kg]. hose_volume : of both lines together [m³].
-    valve_frequency : at −90° of phase [Hz]. valve_damping : [-].
+    rated_flow : of the valve [m³/s] at `rated_drop` over both edges [Pa].
+    supply : pressure, absolute [Pa].
+    table_mass : with rod and piston [kg].
+    specimen_mass : on it [kg].
+    hose_volume : of both lines together [m³].
+    valve_frequency : at −90° of phase [Hz].
+    valve_damping : [-].
 
     Raises
     ------
@@ -96,7 +100,7 @@ def table(
     body, valve, pressure = content["body"], content["valve"], content["supply"]
     area, ratio = _area(bore, None if single_rod else rod), _ratio(bore, rod) if single_rod else 1.0
     if area is None:
-        assumed.append(f"piston_area {body['piston_area']:g} m² as a gauge: masses and forces are relative to it")
+        assumed.append(f"piston_area {body['piston_area']:g} m² is assumed: masses and forces are relative to it")
     else:
         body["piston_area"] = area
         if single_rod:

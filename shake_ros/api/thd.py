@@ -26,8 +26,10 @@ class Distortion:
 
     Attributes
     ----------
-    name : of the recording. harmonics : amplitudes [m/s²], phases [rad], noise [m/s²].
-    origin : where the fundamental is from. shown : orders that are printed.
+    name : of the recording.
+    harmonics : amplitudes [m/s²], phases [rad], noise [m/s²].
+    origin : where the fundamental is from.
+    shown : orders that are printed.
     """
 
     name: str
@@ -57,7 +59,7 @@ class Distortion:
             f"THD            {100.0 * found.thd:.3f} % (6.1), orders 2 to {len(found.amplitude)}",
             f"THD and noise  {100.0 * found.thd_and_noise:.3f} %, all that is not the fundamental",
             f"noise          {found.noise:.6f} m/s² rms in no harmonic; its floor {found.floor:.6f} m/s², "
-            f"by which an amplitude varies by {found.amplitude_error:.6f} m/s²",
+            f"which varies an amplitude by {found.amplitude_error:.6f} m/s²",
         ]
         return "\n".join(lines)
 
@@ -74,8 +76,8 @@ def thd(
     Parameters
     ----------
     source : a recording, its path, or a simulation.
-    frequency : fundamental, or near it; that of the reference or, without one, of the valve command where not given.
-        It is fitted to the acceleration, within 1 % and two lines of the spectrum, for its clock may be another [Hz].
+    frequency : fundamental, or near it; that of the reference or, without one, of the valve command where not given. It
+        is fitted to the acceleration, within 1 % and two lines of the spectrum, for its clock may be another [Hz].
     harmonics : orders to fit; all below half the sampling rate where not given.
     start, stop : part of the recording; the one in which the excitation keeps its amplitude where not given [s].
 
@@ -125,7 +127,7 @@ def _between(part: TableRecording, start: float | None, stop: float | None) -> T
     kept = np.flatnonzero((part.time >= low) & (part.time <= high))
     if len(kept) < 2:
         first, last = part.time[0], part.time[-1]
-        raise ShakeError(f"nothing between {low:g} and {high:g} s: the longest piece is {first:.3f} … {last:.3f} s")
+        raise ShakeError(f"nothing between {low:g} and {high:g} s: the longest segment is {first:.3f} … {last:.3f} s")
     return part[slice(int(kept[0]), int(kept[-1]) + 1)]
 
 

@@ -33,8 +33,10 @@ class TunedController:
 
     Attributes
     ----------
-    kind, parameters : the law with the new gains. start, gains : first and new values by name.
-    before, after : cost [-]. settings : of the tuning.
+    kind, parameters : the law with the new gains.
+    start, gains : first and new values by name.
+    before, after : cost [-].
+    settings : of the tuning.
     """
 
     kind: str
@@ -73,7 +75,8 @@ def tune(
     Parameters
     ----------
     controller : config/controller/NAME.yaml or a file: law and first gains; or a table.
-    settings : config/tune/NAME.yaml or a file. progress : whether it is shown, or who is told.
+    settings : config/tune/NAME.yaml or a file.
+    progress : whether to show it, or a function to call with it.
     changes : keys of the settings with other values, such as `loads` [kg], `references`, `observer`, `model` ("none",
         "load", "fixed"), `perturbed`, `evaluations`; None leaves a key as it is.
 

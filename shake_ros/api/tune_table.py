@@ -53,7 +53,7 @@ def text_of(kind: str, parameters: Parameters, comment: Sequence[str]) -> str:
 KEYS = ("reference", "seconds", "loads", "numbers")
 FILES = ("controller.yaml", "observer.yaml", "tune.json")
 UNCERTAINTY = "uncertainty.json"  # beside a table.yaml
-SATURATED = 0.002  # share of the time at the limit from which it is told
+SATURATED = 0.002  # share of the time at the limit from which it is reported
 FULL = 0.97  # command, and share of the stroke, that a smaller reference should reach at most
 SCALES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
 
@@ -69,10 +69,13 @@ class TunedTable:
 
     Attributes
     ----------
-    table : what is controlled and carried. laws : all that were tried, best first; the first is the one recommended.
-    observer : its parameters. margins : of the recommended law on the linear model where it is least robust.
-    findings : what rings, saturates or touches a stop, each with the number that would cure it.
-    sound : whether the recommended law rings on no table. settings : of the tuning.
+    table : what is controlled and carried.
+    laws : all that were tried, best first; the first is the one recommended.
+    observer : its parameters.
+    margins : of the recommended law on the linear model where it is least robust.
+    findings : what oscillates, saturates or touches a stop, each with the number that would cure it.
+    sound : whether the recommended law oscillates on no table.
+    settings : of the tuning.
     """
 
     table: TableParameters
@@ -89,7 +92,7 @@ class TunedTable:
 
     @property
     def sound(self) -> bool:
-        """Whether it rings on no table, and its linear loops are stable."""
+        """Whether it oscillates on no table, and its linear closed loops are stable."""
         return math.isfinite(self.best.score) and self.margins.stable
 
     @property
@@ -125,12 +128,12 @@ class TunedTable:
         Raises
         ------
         ShakeError
-            The files are there, or the loop rings somewhere; `force` writes all the same.
+            The files exist, or the closed loop oscillates somewhere; `force` writes anyway.
         """
         out = Path(folder)
         refuse_existing(*(out / name for name in FILES), force=force)
         if not self.sound and not force:
-            raise ShakeError(f"{out}: not written: {'; '.join(self.findings)} (--force writes it all the same)")
+            raise ShakeError(f"{out}: not written: {'; '.join(self.findings)} (--force writes it anyway)")
         with writing():
             out.mkdir(parents=True, exist_ok=True)
             if not (out / "table.yaml").exists():
@@ -272,33 +275,33 @@ def load_of(given: Any, where: str) -> Load:
 
 
 def findings(trials: Trials, law: TriedLaw, reference: NDArray[np.float64], margins: Margins) -> tuple[str, ...]:
-    """What rings, saturates or touches a stop, and the number that would cure it."""
+    """What oscillates, saturates or touches a stop, and the number that would cure it."""
     found = []
     if not margins.stable or margins.sensitivity > 1.05 * trials.s.sensitivity:
         found.append(
-            f"margins are less than wanted even at {law.design.bandwidth:.1f} rad/s: a sensitivity of "
-            f"{margins.sensitivity:.2f}, wanted {trials.s.sensitivity:.2f}; recordings that tell more of the table, or "
-            "fewer loads and less further delay in config/robust_tuning, would give more"
+            f"the margins are too small even at {law.design.bandwidth:.1f} rad/s: a sensitivity of "
+            f"{margins.sensitivity:.2f}, wanted {trials.s.sensitivity:.2f}; better recordings of the table, or fewer "
+            "loads and less additional delay in config/robust_tuning, would improve them"
         )
     if law.rings > 1.0:
         worst = int(np.argmax(trials.rings(law.trials)))
         further = worst % (trials.s.further_delay + 1)
         found.append(
-            f"rings on neighbour {worst} ({further} further samples of delay): its acceleration beyond 15 Hz is "
+            f"oscillates on neighbour {worst} ({further} more samples of delay): its acceleration beyond 15 Hz is "
             f"{law.trials[worst].ringing:.2f} of the reference's, at rest {law.trials[worst].still:.2f}, "
             f"{law.rings:.1f} times what is allowed, even at "
-            f"{law.design.bandwidth:.1f} rad/s; the loop's further delay or the table's uncertainty has to shrink"
+            f"{law.design.bandwidth:.1f} rad/s; the additional delay or the table's uncertainty has to shrink"
         )
     own = law.trials[0]
     if own.jump > trials.s.jump:
         found.append(
-            f"the command jumps by {own.jump:.2f} in a sample; an interlock holds the table from {trials.s.jump:g} on "
-            "(command_jump); a smaller model_rate in config/robust_tuning, or a less noisy sensor, makes it less"
+            f"the command jumps by {own.jump:.2f} in a sample; an interlock holds the table above {trials.s.jump:g} on "
+            "(command_jump); a smaller model_rate in config/robust_tuning, or a less noisy sensor, reduces it"
         )
     if own.at_limit > SATURATED or own.largest > FULL:
-        what = "the valve saturates" if own.at_limit > SATURATED else "the table comes to its stop"
+        what = "the valve saturates" if own.at_limit > SATURATED else "the table reaches its end stop"
         scale = next((k for k in SCALES if _fits(trials, k * reference)), None)
-        cure = f"{scale:g} times the motion fits" if scale else "no motion above 0.2 of this one fits"
+        cure = f"{scale:g} times the motion fits" if scale else "not even 0.2 times this motion fits"
         found.append(f"{what} ({100.0 * own.at_limit:.1f} % of the time at the limit): {cure}")
     return tuple(found)
 

@@ -124,10 +124,10 @@ class EmulatorParameters(Parameters):
     interlock: str = choice("configuration in config/interlock, or a YAML file")
     rate: float = quantity("Hz", "sampling rate", low=1.0, high=10000.0)
     clock_drift: float = quantity(
-        "-", "how much faster the target's clock goes than this machine's", low=-0.01, high=0.01
+        "-", "how much faster the target's clock runs than this machine's", low=-0.01, high=0.01
     )
     output_watchdog: float = quantity(
-        "s", "the output card takes the valve to null where the loop stands still so long", low=0.0, high=1.0
+        "s", "the output card takes the valve to null if the target stops for so long", low=0.0, high=1.0
     )
     address: str = choice("to listen on")
     port: int = quantity("-", "UDP port to listen on; 0: a free one", low=0, high=65535)
@@ -139,7 +139,9 @@ class Emulator:
 
     Parameters
     ----------
-    own, table, unit, interlock : what is emulated. link : to the host. switches : faults.
+    own, table, unit, interlock : what is emulated.
+    link : to the host.
+    switches : faults.
     journal : takes a row of JOURNAL each sample, None for none.
     """
 

@@ -61,7 +61,9 @@ class Host:
 
     Parameters
     ----------
-    address, port : of the target. local_address : of this machine. key : shared, empty for none.
+    address, port : of the target.
+    local_address : of this machine.
+    key : shared, empty for none.
     clock : steady time [s].
     """
 
@@ -172,7 +174,9 @@ class TargetLink:
 
     Parameters
     ----------
-    address, port : to listen on; port 0 takes a free one. key : shared, empty for none. clock : steady time [s].
+    address, port : to listen on; port 0 takes a free one.
+    key : shared, empty for none.
+    clock : steady time [s].
     """
 
     def __init__(self, address: str, port: int, key: bytes, clock: Callable[[], float] = time.monotonic) -> None:

@@ -6,7 +6,7 @@ The target's clock on the host's: offset and drift from the quickest datagrams.
 
 d = arrival − target time is the offset plus the way of the datagram, which is never shorter than its least. So the
 smallest d of each BUCKET is kept, and a straight line through those of the last WINDOW buckets is offset and drift.
-The offset holds the least way, some 10 µs on a cable: only a second clock could tell the two apart.
+The offset includes the shortest transit, some 10 µs on a cable: only a second clock could distinguish the two.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Valve(Parameters):
     scale: float = quantity("raw_unit", "raw value of the full command", low=1e-12, high=1e12)
     offset: float = quantity("raw_unit", "raw value of the valve's null", low=-1e12, high=1e12)
     sign: int = quantity("-", "1, or -1 where the valve is connected the other way", low=-1, high=1)
-    limit: float = quantity("-", "largest command that is ever sent", low=0.0, high=1.0)
+    limit: float = quantity("-", "largest command that is sent", low=0.0, high=1.0)
 
     def raw(self, u: float) -> float:
         """Raw value of a command."""

@@ -193,13 +193,13 @@ def read_key(path: Path) -> bytes:
     except OSError as error:
         raise ShakeError(f"{path}: cannot be read ({error.strerror})") from None
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise ShakeError(f"{path}: mode {stat.S_IMODE(mode):03o} lets others use the key; chmod 600 it")
+        raise ShakeError(f"{path}: mode {stat.S_IMODE(mode):03o} lets others read the key; chmod 600 it")
     try:
         key = bytes.fromhex(content.decode("ascii").strip())
     except ValueError:
         raise ShakeError(f"{path}: not a key of hexadecimal digits") from None
     if len(key) < SHORTEST_KEY:
-        raise ShakeError(f"{path}: {len(key)} bytes are no key, {SHORTEST_KEY} are needed")
+        raise ShakeError(f"{path}: {len(key)} bytes are not a key, {SHORTEST_KEY} are needed")
     return key
 
 

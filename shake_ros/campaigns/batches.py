@@ -189,7 +189,7 @@ def function_of(name: str) -> Callable[..., Any]:
     try:
         found = getattr(importlib.import_module(module), function)
     except (ImportError, ValueError, AttributeError) as error:
-        raise ShakeError(f"{shown(name)} is no function that can be imported as module:function ({error})") from None
+        raise ShakeError(f"{shown(name)} is not a function that can be imported as module:function ({error})") from None
     if not callable(found):
         raise ShakeError(f"{shown(name)} is no function")
     return found  # type: ignore[no-any-return]
@@ -225,7 +225,7 @@ def run(
             if not some.tasks:
                 break
             flying[engine.executor.submit(work, function, some.tasks, version, engine.threads)] = some
-            suspect |= some.deaths > 0  # goes by itself where it could not be told whose death it was
+            suspect |= some.deaths > 0  # runs alone where it is unclear whose death it was
         if not flying:
             return
         for future in wait(flying, timeout=1.0, return_when=FIRST_COMPLETED).done:
@@ -236,7 +236,7 @@ def run(
                 yield from _died(some, again)
                 continue
             except CancelledError:
-                raise ShakeError(f"{engine.name} is lost; what was finished is kept") from None
+                raise ShakeError(f"{engine.name} is lost; finished rows are kept") from None
             except _Lost as error:
                 raise ShakeError(str(error)) from None
             times.append(sum(o.seconds for o in done) / len(done))

@@ -1,4 +1,4 @@
-"""`campaign`: a study of many independent fits or loops, here or on a cluster, that goes on where it ended."""
+"""`campaign`: a study of many independent fits or loops, here or on a cluster, that can be resumed."""
 
 from __future__ import annotations
 
@@ -28,8 +28,11 @@ class Campaign:
 
     Attributes
     ----------
-    study : what was asked. folder : with rows.sqlite. rows : finished ones of this version, in the study's order.
-    missing : rows that are not there yet. older : rows in the file that are of another version or study.
+    study : what was asked.
+    folder : with rows.sqlite.
+    rows : finished ones of this version, in the study's order.
+    missing : rows that are not there yet.
+    older : rows in the file that are of another version or study.
     version : of the code.
     """
 
@@ -108,21 +111,25 @@ def campaign(
 ) -> Campaign:
     """Run the rows of a study that are not there yet; each is written as soon as it is finished.
 
-    Interrupted, it goes on where it stopped. A row is told from others by what is measured, its values, the content of
+    An interrupted campaign continues where it stopped. A row is identified by its measure, values, the content of
     its files and the code that makes it, and none is run twice.
 
     Parameters
     ----------
-    study : config/studies/NAME.yaml or a file. out : folder of the rows, new or of the same study.
+    study : config/studies/NAME.yaml or a file.
+    out : folder of the rows, new or of the same study.
     engine : address of a Dask scheduler, tls://HOST:PORT, or tcp://HOST:PORT on this machine; without one, processes of
-        this machine. workers : how many of them, by default one for each core.
-    changes : other values of the study's names. minutes : after which no further row is begun; 0 runs none.
-    retry : run the rows again that failed. progress : whether it is shown, or who is told.
+        this machine.
+    workers : how many of them, by default one for each core.
+    changes : other values of the study's names.
+    minutes : after which no further row is begun; 0 runs none.
+    retry : run the rows again that failed.
+    progress : whether to show it, or a function to call with it.
 
     Raises
     ------
     ShakeError
-        A study that says what cannot be, a folder of something else, an engine that is refused or does not answer.
+        An inconsistent study, a folder of something else, an engine that is refused or does not answer.
 
     Examples
     --------
@@ -146,7 +153,7 @@ def campaign(
 
 
 class _Work:
-    """What is left of a study, and how far it is."""
+    """The remaining rows of a study, and its progress."""
 
     def __init__(self, study: Study, file: CampaignFile, version: str, last: float, bar: Progress) -> None:
         self.study, self._file, self._version, self._last, self._bar = study, file, version, last, bar
@@ -166,7 +173,7 @@ class _Work:
                 yield Task(key, row)
 
     def keep(self, outcomes: Sequence[TaskOutcome]) -> None:
-        """Write finished rows and tell how far it is."""
+        """Write finished rows and report the progress."""
         self._file.add((o.task.key, canonical(o.task.given), self._version, *o[1:]) for o in outcomes)
         self._made += len(outcomes)
         self._failed += sum(o.failed is not None for o in outcomes)

@@ -129,7 +129,7 @@ class _Seat:
                 if self._over:
                     raise WorkerDied from None
                 raise ShakeError(
-                    "a worker process cannot start: what it printed says why; in a script of your own, call it "
+                    "a worker process cannot start: see what it printed; in a script of your own, call it "
                     'beneath `if __name__ == "__main__":`'
                 ) from None
             finally:
@@ -275,9 +275,12 @@ class Engine:
 
     Attributes
     ----------
-    name : for people. executor : takes calls. width : how many calls it works on at a time, now.
-    threads : that one call may use. died : what a call fails with whose worker has died. sure : whether
-        that call was the one at work, and none that waited behind it.
+    name : for people.
+    executor : takes calls.
+    width : how many calls it works on at a time, now.
+    threads : that one call may use.
+    died : what a call fails with whose worker has died.
+    sure : whether that call was the one at work, and none that waited behind it.
     """
 
     name: str
@@ -305,7 +308,7 @@ def engine(address: str | None = None, workers: int | None = None) -> Iterator[E
         raise ShakeError(f"{workers} workers: must be at least 1")
     if address is not None:
         if workers is not None:
-            raise ShakeError(f"engine {address}: the number of its workers is the cluster's own")
+            raise ShakeError(f"engine {address}: its number of workers is set by the cluster")
         with _cluster(address) as found:
             yield found
         return

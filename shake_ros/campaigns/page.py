@@ -19,10 +19,10 @@ MOST_CURVES = 6
 
 NOTES = {
     "shares": "Shares of the rows with their 95 % intervals (Wilson's score).",
-    "matrix": "How often what was true (a row each) was named as what (a column each).",
+    "matrix": "How often each true effect (row) was named as which effect (column).",
     "spread": "Median, quartiles and largest value of each figure.",
-    "changes": "Steps of a parameter from reading to reading that stand out of its standard errors and of its scatter; "
-    "the surest of each is the first. Parameters that a fit trades for one another may step together.",
+    "changes": "Steps of a parameter from reading to reading that exceed its standard errors and its scatter; "
+    "the most certain one of each comes first. Correlated parameters may step together.",
 }
 
 
@@ -39,8 +39,11 @@ def campaign_page(
 
     Parameters
     ----------
-    rows : that are there, in the study's order. missing : how many are not. older : rows of another version, left out.
-    other : rows of an older campaign to compare with. command : that made the page.
+    rows : that are there, in the study's order.
+    missing : how many are not.
+    older : rows of another version, left out.
+    other : rows of an older campaign to compare with.
+    command : that made the page.
     """
     page = Page(study.title, f"The study {study.name}: {study.measure} on every row.", Made(command))
     page.heading("What there is")
@@ -53,7 +56,7 @@ def campaign_page(
             (str(len(failed)), "failed"),
         ]
     )
-    notes = [f"{missing} rows are not there yet; the same command goes on with them."] if missing else []
+    notes = [f"{missing} rows are missing; the same command continues with them."] if missing else []
     notes += [f"{older} rows of another version of the code or of the study are in the file and not shown."] * (
         older > 0
     )
@@ -128,7 +131,7 @@ def _spread_chart(section: StudySection, title: str, column: str, rows: Sequence
 
 
 def _older(page: Page, study: Study, rows: Sequence[FinishedRow], other: Sequence[FinishedRow]) -> None:
-    page.heading("Against the older campaign")
+    page.heading("Comparison with the older campaign")
     here, there = in_both(rows, other)
     if not here:
         page.paragraph("No row is in both.")

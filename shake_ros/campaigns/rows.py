@@ -40,8 +40,11 @@ class FinishedRow:
 
     Attributes
     ----------
-    given : its values. figures : measured, None where it failed. failed : why.
-    seconds, processor : by the clock, of the processor [s]. version : of the code.
+    given : its values.
+    figures : measured, None where it failed.
+    failed : why.
+    seconds, processor : by the clock, of the processor [s].
+    version : of the code.
     """
 
     given: Mapping[str, Any]
@@ -63,7 +66,8 @@ class CampaignFile:
 
     Parameters
     ----------
-    folder : of the campaign. measure : what its rows are of; a folder with rows of another study is refused.
+    folder : of the campaign.
+    measure : what its rows are of; a folder with rows of another study is refused.
     write : make the folder and keep others out.
     """
 
@@ -71,7 +75,7 @@ class CampaignFile:
         self._path, self._lock = folder / FILE, -1
         others = folder.exists() and any(p.name[0] != "." for p in folder.iterdir())
         if not self._path.exists() and (others or not write):
-            raise ShakeError(f"{folder}: is no folder of a campaign: it has no {FILE}")
+            raise ShakeError(f"{folder}: is not a folder of a campaign: it has no {FILE}")
         try:
             if write:
                 folder.mkdir(parents=True, exist_ok=True)
@@ -116,12 +120,12 @@ class CampaignFile:
         self._unlock()
 
     def meta(self, name: str) -> str:
-        """What is told about the campaign; empty where it is not."""
+        """A property of the campaign; empty where there is none."""
         found = self._base.execute("SELECT value FROM campaign WHERE name = ?", (name,)).fetchone()
         return found[0] if found else ""
 
     def tell(self, **values: str) -> None:
-        """Keep what is told about the campaign."""
+        """Store a property of the campaign."""
         with self._at_once():
             self._base.executemany("INSERT OR REPLACE INTO campaign VALUES (?, ?)", values.items())
 

@@ -45,7 +45,10 @@ def loop(settings: str, entry: str, reference: str, load: float, table: int) -> 
 
     Parameters
     ----------
-    settings : config/compare. entry : label of a controller there. reference : config/reference. load : [kg].
+    settings : config/compare.
+    entry : label of a controller there.
+    reference : config/reference.
+    load : [kg].
     table : number of the perturbed table, −1 for the declared one.
     """
     setup, known = _setup(settings), {c.label: c for c in combinations(_setup(settings))}
@@ -86,7 +89,9 @@ def gains(controller: str, settings: str, seed: int, evaluations: int) -> dict[s
 
     Parameters
     ----------
-    controller : config/controller. settings : config/tune. seed : of the perturbed tables.
+    controller : config/controller.
+    settings : config/tune.
+    seed : of the perturbed tables.
     evaluations : sets of gains that are tried, at most.
     """
     found = tune(controller, settings, progress=False, seed=seed, evaluations=evaluations)
@@ -132,7 +137,9 @@ def fitted(table: str, when: str, learn: str, hold: str, config: str, kind: str 
 
     Parameters
     ----------
-    table, when : whose and of which time, for the report. learn, hold : recordings. config : declared table.
+    table, when : whose and of which time, for the report.
+    learn, hold : recordings.
+    config : declared table.
     kind : of model.
     """
     assert table and when

@@ -38,7 +38,9 @@ class StudySection:
 
     Attributes
     ----------
-    title : of the section. by : columns whose values make groups. where : values that rows must have.
+    title : of the section.
+    by : columns whose values make groups.
+    where : values that rows must have.
     of : column with a list of entries in each row, which are then looked at in the rows' place; empty for the rows.
     """
 
@@ -56,9 +58,13 @@ class Study:
 
     Attributes
     ----------
-    name : of the study. where : its file. content : of the file, with what was changed. title : a sentence.
-    measure : `module:function`, which takes a row's values by name. files : names of values that are paths, whose
-    content counts. sections : of the report.
+    name : of the study.
+    where : its file.
+    content : of the file, with what was changed.
+    title : a sentence.
+    measure : `module:function`, which takes a row's values by name.
+    files : names of values that are paths, whose content counts.
+    sections : of the report.
     """
 
     name: str
@@ -92,7 +98,7 @@ class Study:
                     yield row
 
     def key(self, row: Row, version: str) -> str:
-        """What tells a row from every other: what is measured, its values, the content of its files, the code."""
+        """What identifies a row: what is measured, its values, the content of its files, the code."""
         text = canonical([self.measure, row, [content_hash(row[name]) for name in self.files], version])
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
@@ -177,7 +183,7 @@ def _checked_block(block: Any, where: str) -> dict[str, Any]:
         if isinstance(values, Mapping):
             strict_keys(values, RANGE, f"{where}: {name}", RANGE, kind="key")
             if not all(type(values[key]) is int for key in RANGE) or values["last"] < values["first"]:
-                raise ShakeError(f"{where}: {name}: first and last are no rising whole numbers")
+                raise ShakeError(f"{where}: {name}: first and last are not rising whole numbers")
         elif not isinstance(values, list) or not values:
             raise ShakeError(f"{where}: {name}: {shown(values)} is neither a list of values nor first and last")
     return found
@@ -241,7 +247,7 @@ def _check_rows(study: Study) -> None:
             if not _is_name(row[name]) and not Path(str(row[name])).exists():
                 raise ShakeError(f"{study.where}: {name}: {row[name]} does not exist")
     if not count:
-        raise ShakeError(f"{study.where}: rows: there is none")
+        raise ShakeError(f"{study.where}: rows: there are none")
 
 
 def _product(block: Mapping[str, Any]) -> Iterator[dict[str, Any]]:

@@ -60,7 +60,7 @@ class Share(NamedTuple):
 
 
 FALSE_ALARM = 0.01  # over all parameters and places of one thing
-LEAST = 2  # readings without which nothing can be told
+LEAST = 2  # readings without which nothing can be decided
 SCATTER = 0.02  # of a parameter from reading to reading that no standard error counts, relative to its size
 
 

@@ -39,7 +39,7 @@ def add_figures(command: argparse.ArgumentParser) -> None:
 
 
 def reporting(name: str, given: argparse.Namespace, arguments: Sequence[str]) -> Reporting:
-    """What `report` is told."""
+    """Arguments of `report`."""
     return {"figures": given.figures, "command": shlex.join(["./shake", name, *map(str, arguments)])}
 
 
@@ -110,7 +110,7 @@ def add_arguments(command: argparse.ArgumentParser, *, validation_needed: bool) 
 
 
 def inputs(given: argparse.Namespace) -> tuple[Model, Recordings, Recordings]:
-    """Model, estimation and validation data of the arguments; what they bring to tell goes to standard error."""
+    """Model, estimation and validation data of the arguments; their data checks go to standard error."""
     check_folder(given.out, given.force)
     declared = model(given.model, given.config, dict(map(change, given.set)))
     estimation, validation = read_data(given)
@@ -176,6 +176,6 @@ def _interrupted(*_: object) -> None:
 
 
 def released_by(state: str, name: str) -> str:
-    """Who releases what is told; asked at the terminal where no name is given, empty where nobody is there."""
+    """Who releases the described motion; asked at the terminal where no name is given, empty where nobody is there."""
     print(state, flush=True)
     return name or (input("released by (empty: stop here): ").strip() if sys.stdin.isatty() else "")

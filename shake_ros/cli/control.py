@@ -57,10 +57,10 @@ def tune_parser() -> argparse.ArgumentParser:
         "--model", choices=MODELS, help="feedforward of a virtual table: none, of each load, of a fixed load"
     )
     p.add_argument(
-        "--perturbed", type=int, metavar="N", help="tables around the middle load, the worst of which counts"
+        "--perturbed", type=int, metavar="N", help="perturbed tables around the middle load; the worst one counts"
     )
     p.add_argument("--evaluations", type=int, metavar="N", help="sets of gains that are tried, at most")
-    p.add_argument("--force", action="store_true", help="overwrite PATH; with --table, write gains that ring as well")
+    p.add_argument("--force", action="store_true", help="overwrite PATH; with --table, also write gains that oscillate")
     return p
 
 
@@ -109,7 +109,7 @@ def compare_parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--record", nargs="+", default=(), metavar="FILE", help="accelerograms in place of the synthetic earthquakes"
     )
-    p.add_argument("--only", nargs="+", metavar="LABEL", help="these controllers of the settings alone")
+    p.add_argument("--only", nargs="+", metavar="LABEL", help="only these controllers of the settings")
     p.add_argument("--force", action="store_true", help="replace DIR")
     add_figures(p)
     return p
@@ -140,13 +140,18 @@ def campaign_parser() -> argparse.ArgumentParser:
     p.add_argument("study", metavar="STUDY", help="config/studies/STUDY.yaml or a file")
     p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the rows; of an earlier start too")
     p.add_argument(
-        "--set", nargs="+", action="extend", default=[], metavar="NAME=VALUE", help="other values of the study, in YAML"
+        "--set",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME=VALUE",
+        help="values of the study to replace, in YAML",
     )
     p.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one for each core)")
     p.add_argument(
         "--engine", metavar="ADDRESS", help="a Dask scheduler: tls://HOST:PORT, or tcp://HOST:PORT on this machine"
     )
-    p.add_argument("--minutes", type=float, metavar="M", help="begin no further row after so long; 0: report alone")
+    p.add_argument("--minutes", type=float, metavar="M", help="begin no further row after so long; 0: only the report")
     p.add_argument("--retry", action="store_true", help="run the rows again that failed")
     p.add_argument("--compare", type=Path, metavar="OTHER", help="folder of an older campaign of the same study")
     add_figures(p)
@@ -162,7 +167,7 @@ def campaign_command(arguments: Sequence[str]) -> int:
     try:
         found = campaign(given.study, given.out, changes=changes_of(given.set), **options)
     except KeyboardInterrupt:
-        print(f"stopped; what was finished is in {given.out}, and the same command goes on", file=sys.stderr)
+        print(f"stopped; finished rows are in {given.out}, and the same command continues", file=sys.stderr)
         raise
     page = found.report(given.compare, **reporting("campaign", given, arguments))
     print(found)

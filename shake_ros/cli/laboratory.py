@@ -23,12 +23,12 @@ from shake_ros.qualification.result import Qualification, certified
 from shake_ros.qualification.sequence import FILE, TestSequence, qualify_sequence, sequence_of
 
 COMMISSION_METHOD = """\
-A gentle motion under a loop that knows nothing; the model fitted to it; observer and gains for that model; a higher
-level, and again, until the full motion has been run with gains of its own; at the highest level close_loop seeks what
-the model lacks. With --live this is done on the table of the running graph (./shake lab), whose interlock gets each
-level's limits. Before each run its largest values and those limits are shown, and Enter releases it; the limits grow
-with the level. DIR gets table.yaml, controller.yaml, observer.yaml, interlock.yaml, commission.html, commission.json
-and the recordings. Exit code 1 where it ended before the last step, with the reason on the last line."""
+A gentle motion under gains that do not depend on the table; the model fitted to it; observer and gains for that model;
+a higher level, and again, until the full motion has been run with gains of its own; at the highest level close_loop
+looks for missing effects. With --live this is done on the table of the running graph (./shake lab), whose interlock
+gets each level's limits. Before each run its largest values and those limits are shown, and Enter releases it; the
+limits grow with the level. DIR gets table.yaml, controller.yaml, observer.yaml, interlock.yaml, commission.html,
+commission.json and the recordings. Exit code 1 if it ended before the last step, with the reason on the last line."""
 
 
 def commission_parser() -> argparse.ArgumentParser:
@@ -56,9 +56,9 @@ def asked(text: str) -> bool:
     """Show a step and ask the operator."""
     print(text, flush=True)
     try:
-        return input("Enter releases it, anything else ends here: ").strip() == ""
+        return input("press Enter to release it, anything else to end: ").strip() == ""
     except EOFError:
-        raise ShakeError("commission: nobody at the terminal releases the step (--yes releases all)") from None
+        raise ShakeError("commission: nobody at the terminal can release the step (--yes releases all)") from None
 
 
 def shown(text: str) -> bool:
@@ -108,7 +108,7 @@ def iterate_parser() -> argparse.ArgumentParser:
     """The command line."""
     p = argparse.ArgumentParser(
         prog="iterate",
-        description="Correct the drive of a shaking table by what the last run missed.",
+        description="Correct the drive of a shaking table by the error of the last run.",
         epilog=ITERATE_METHOD,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -164,9 +164,12 @@ def _iteration_told(result: Iterated) -> int:
         return 0
     print(f"the iteration {result.wrong}", file=sys.stderr)
     if result.first_model is None:
-        print("--model TABLE names the table as it is known; what it lacks is then sought in the runs", file=sys.stderr)
+        print(
+            "--model TABLE names the table as it is known; close_loop then looks for what it lacks in the runs",
+            file=sys.stderr,
+        )
     else:
-        print("close_loop on the runs, for what the model lacks; a minute or more", flush=True)
+        print("close_loop on the runs, for missing effects; a minute or more", flush=True)
         print(result.lacking(progress=False), file=sys.stderr)
     return 1
 
@@ -197,7 +200,7 @@ def _simulated(given: argparse.Namespace) -> Iterated:
 
 QUALIFY_METHOD = """\
 RRS is a name of config/required_spectra or a YAML file: a code's formula, or points at any damping; its key `rules`
-names the code that judges (config/qualification_rules). A motion with a strong part of 20 s is synthesised and matched
+names the rules to apply (config/qualification_rules). A motion with a strong part of 20 s is synthesised and matched
 to it, refused where it does not fit the table, run on the simulated table and corrected until the test response
 spectrum passes. With --live the table of the running graph (./shake lab) is moved instead, once somebody has released
 the test: at the prompt, or by --acknowledge NAME. DIR gets certificate.html, certificate.pdf (A4), certificate.json
@@ -218,9 +221,9 @@ def qualify_parser() -> argparse.ArgumentParser:
     p.add_argument("--model", help="identified table of the feedforward (default: --table as it is declared)")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for the certificate and the recordings")
     p.add_argument("--scale", type=float, default=1.0, help="factor on the required levels (default: 1)")
-    p.add_argument("--rules", help="code that judges, in place of the one that RRS names")
-    p.add_argument("--record", metavar="FILE", help="accelerogram to start from, in place of random phases")
-    p.add_argument("--channel", type=int, default=0, help="its component, from 1, where it has several")
+    p.add_argument("--rules", help="rules to apply, instead of the one that RRS names")
+    p.add_argument("--record", metavar="FILE", help="accelerogram to start from, instead of random phases")
+    p.add_argument("--channel", type=int, default=0, help="its component, from 1, if it has several")
     p.add_argument("--refit", nargs="*", metavar="EFFECT", help="fit --model, with these effects, between the runs")
     p.add_argument("--runs", type=int, help="most runs (default: of config/qualification)")
     p.add_argument("--seed", type=int, default=0, help="of phases and sensor noise (default: 0)")
@@ -230,13 +233,13 @@ def qualify_parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--sequence",
         metavar="PLAN",
-        help="tests in turn, by config/qualification_sequences; goes on where it stopped",
+        help="tests in turn, by config/qualification_sequences; continues where it stopped",
     )
     p.add_argument("--acknowledge", default="", metavar="NAME", help="who releases the next test")
-    p.add_argument("--acknowledge-all", default="", metavar="NAME", help="who releases all tests that are left")
+    p.add_argument("--acknowledge-all", default="", metavar="NAME", help="who releases all remaining tests")
     live_arguments(p)
     p.add_argument(
-        "--from", dest="source", type=Path, metavar="DIR", help="judge the recordings of a certificate again"
+        "--from", dest="source", type=Path, metavar="DIR", help="check the recordings of a certificate again"
     )
     p.add_argument("--force", action="store_true", help="replace an existing DIR")
     return p
@@ -307,9 +310,9 @@ def _asked(given: argparse.Namespace) -> dict[str, Any]:
 def _sequence(given: argparse.Namespace) -> int:
     """The tests of a sequence that can be run now."""
     if given.record is not None or given.refit is not None:
-        raise ShakeError("--sequence goes without --record and --refit")
+        raise ShakeError("--sequence cannot be combined with --record and --refit")
     if given.force:
-        raise ShakeError("--sequence goes on where it stopped and replaces nothing; remove the folder to begin anew")
+        raise ShakeError("--sequence continues where it stopped and replaces nothing; remove the folder to start again")
     names = [given.acknowledge] if given.acknowledge else []
 
     def acknowledge(state: str) -> str:
@@ -353,7 +356,7 @@ def _runs(result: Qualification) -> str:
 
 
 def _again(source: Path) -> int:
-    """The verdicts of a certificate's recordings, and whether they are those that it tells."""
+    """The verdicts of a certificate's recordings, and whether they agree with it."""
     if (source / FILE).is_file():
         found, differences = sequence_of(source)
         for line in differences:

@@ -32,8 +32,8 @@ from shake_ros.report.text import (
 
 ALSO = "--also"
 NEEDED = {
-    "command": "what drives the valve; a motion alone does not tell a table",
-    "position": "velocity and place of the table come from it; an acceleration alone tells neither",
+    "command": "the valve command; a motion alone does not identify a table",
+    "position": "velocity and position of the table come from it; an acceleration alone gives neither",
     "out": "the folder of the recording",
 }
 
@@ -47,7 +47,7 @@ def import_csv_parser() -> argparse.ArgumentParser:
         description="Columns of a table (text, .xlsx, .tdms, .mat) become topics of a recording: valve_command, "
         "joint_states, imu, force, pressures. FILE alone prints its columns and the command that imports them.",
         epilog="COL is a column's name or its number from 1, or the name of a variable of a .mat file. The unit in its "
-        "heading takes it to SI units; '*scale' stands in for that, and '*scale+offset' moves its zero as well: "
+        "heading converts it to SI units; '*scale' stands in for that, and '*scale+offset' moves its zero as well: "
         "'CHANNEL0*0.01', 'mA*0.125-1.5' for 4 to 20 mA. "
         f"Options behind {ALSO} belong to that file: its time and its acceleration, and force and pressures if it has "
         "them. Where its clock stands to the first is found by the correlation of acceleration and position, and told.",
@@ -69,11 +69,11 @@ def _add_file(command: argparse.ArgumentParser, signals: Iterable[str]) -> None:
     command.add_argument("file", type=Path)
     clock = command.add_mutually_exclusive_group()
     clock.add_argument("--time", metavar="COL[*scale]", help="time [s]")
-    clock.add_argument("--rate", type=float, metavar="HZ", help="sampling rate, where no column holds the time")
+    clock.add_argument("--rate", type=float, metavar="HZ", help="sampling rate, if no column holds the time")
     for name in signals:
         command.add_argument(f"--{name}", metavar="COL[*scale[+offset]]", help=SIGNALS[name])
-    command.add_argument("--skip", type=int, metavar="N", help="lines above the table, where they are not found right")
-    command.add_argument("--decimal", choices=(".", ","), default="", help="where the numbers do not decide it")
+    command.add_argument("--skip", type=int, metavar="N", help="lines above the table, if they are not recognised")
+    command.add_argument("--decimal", choices=(".", ","), default="", help="if the numbers do not decide it")
 
 
 def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
@@ -187,22 +187,22 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     fitting.add_arguments(command, validation_needed=True)
     add_figures(command)
     command.add_argument(
-        "--tune", action="store_true", help="make controller.yaml and observer.yaml for the found table"
+        "--tune", action="store_true", help="make controller.yaml and observer.yaml for the table found"
     )
     command.add_argument(
         "--minutes",
         type=float,
         metavar="N",
-        help="end the search after N minutes with the best answer so far; judging it may take a quarter more",
+        help="end the search after N minutes with the best answer so far; the verdict may take a quarter more",
     )
     command.add_argument(
-        "--test", type=Path, nargs="+", default=[], metavar="BAG", help="recordings that no decision sees: test data"
+        "--test", type=Path, nargs="+", default=[], metavar="BAG", help="recordings that no decision uses: test data"
     )
     command.add_argument(
         "--search",
         choices=SEARCHES,
         default=SEARCHES[0],
-        help="one effect after the other by free runs, or sets of effects at once by prediction errors (model full)",
+        help="forward: one effect after the other, by free runs; sets: several at once, by prediction errors",
     )
     given = command.parse_args(list(arguments))
     if given.tune and MODELS[given.model].layout is not FULL_LAYOUT:
@@ -231,7 +231,7 @@ def discovery_lines(found: Discovery, force: bool) -> Iterator[str]:
     if found.tuned:
         yield str(found.tuned)
         if not found.tuned.sound and not force:
-            yield "controller.yaml and observer.yaml are not written: the loop rings (--force writes them)"
+            yield "controller.yaml and observer.yaml are not written: the closed loop oscillates (--force writes them)"
     yield from close_loop_lines(found.closed)
     if found.diagnosis:
         yield from predictable_lines(found.closed, found.diagnosis)

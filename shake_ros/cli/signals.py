@@ -19,9 +19,9 @@ from shake_ros.data.results import refuse_existing, writing
 from shake_ros.report.page import write_page
 
 THD_METHOD = """\
-The fundamental is fitted to the acceleration, within 1 % of that of the reference or, where there is none, of the valve
+The fundamental is fitted to the acceleration, within 1 % of that of the reference or, if there is none, of the valve
 command, unless --frequency names it.
-Without --start and --stop, the part is taken in which that signal keeps its amplitude; of it, whole periods.
+Without --start and --stop, the segment in which that signal keeps its amplitude is used; of it, whole periods.
 Amplitudes come from a least-squares fit of all harmonics below half the sampling rate (or of --harmonics N)."""
 
 
@@ -52,7 +52,7 @@ def thd_command(arguments: Sequence[str]) -> int:
 
 SPECTRUM_METHOD = """\
 BAG is a recording of a table (its topic imu) or an accelerogram. Each oscillator starts at rest and is advanced exactly
-for straight lines between the samples, as accelerograms are taken; the free vibration behind the record counts too."""
+for straight lines between the samples; the free vibration after the accelerogram is included."""
 
 
 def spectrum_parser() -> argparse.ArgumentParser:
@@ -74,9 +74,9 @@ def spectrum_parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--per-octave", type=int, default=PER_OCTAVE, metavar="N", help=f"frequencies (default: {PER_OCTAVE})"
     )
-    p.add_argument("--subtract-mean", action="store_true", help="take off the record's mean first (a sensor's offset)")
+    p.add_argument("--subtract-mean", action="store_true", help="subtract the mean first (a sensor's offset)")
     p.add_argument(
-        "--band-limited", action="store_true", help="no straight lines between samples: exact to 0.45 of the rate"
+        "--band-limited", action="store_true", help="band-limited instead of straight lines: exact to 0.45 of the rate"
     )
     p.add_argument("--out", type=Path, metavar="FILE.csv", help="write the columns of one recording")
     p.add_argument("--force", action="store_true", help="replace an existing file")
@@ -135,7 +135,7 @@ def frequency_response_command(arguments: Sequence[str]) -> int:
 
 
 MULTISINE_SPLIT_METHOD = """\
-The excitation is the valve command. Without --period it is found where the command repeats itself. The first period is
+The excitation is the valve command. Without --period it is found from the command. The first period is
 left out where two remain (--skip changes that). Even and odd distortion are apart only where odd lines alone are
 excited, and the odd part is known only where some odd lines are left out (grid: odd_random of the multisine)."""
 
@@ -174,7 +174,7 @@ def multisine_split_command(arguments: Sequence[str]) -> int:
 
 RECORD_SCALE_METHOD = """\
 Baseline: the mean is removed, the ends are tapered, a Butterworth filter of order 4 is run forwards and backwards
-(--high-pass, --low-pass; {band} unless given: what lies outside is not played), the displacement is faded in and out
+(--high-pass, --low-pass; {band} unless given: the rest is removed), the displacement is faded in and out
 over a pad before and after the record, and two smooth polynomials take out what is left at the end, so that the table
 starts and stops at rest in its middle."""
 
@@ -195,10 +195,12 @@ def record_scale_parser() -> argparse.ArgumentParser:
     p.add_argument("--velocity", type=float, help="largest velocity [m/s] (default: from the table)")
     p.add_argument("--acceleration", type=float, help="largest acceleration [m/s²] (default: from the table)")
     p.add_argument("--channel", type=int, default=0, help="channel of a file that has several, from 1")
-    p.add_argument("--unit", default="", choices=("", *UNITS), help="unit of a file that does not name its own")
+    p.add_argument("--unit", default="", choices=("", *UNITS), help="unit of a file that names none")
     p.add_argument("--scale", default="1", help="factor on the acceleration, or 'fill' = as large as the table allows")
     p.add_argument(
-        "--fit", action="store_true", help="where --scale does not fit, as large as it fits (refused without)"
+        "--fit",
+        action="store_true",
+        help="if --scale does not fit, the largest that fits (refused without this option)",
     )
     p.add_argument("--time-scale", type=float, help="factor on the time, below 1 = faster")
     for option, end, value in (("--high-pass", "lower", usual.high_pass), ("--low-pass", "upper", usual.low_pass)):
@@ -253,6 +255,6 @@ def targets(files: Sequence[Path], out: Path, force: bool) -> list[Path]:
         if path.is_dir():
             raise ShakeError(f"{path}: is a folder")
         if any(path.resolve() == file.resolve() for file in files):
-            raise ShakeError(f"{path}: is one of the records to be read")
+            raise ShakeError(f"{path}: is one of the files to be read")
         refuse_existing(path, force=force)
     return paths

@@ -37,7 +37,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--priority", type=int, default=0, help="SCHED_FIFO priority, 0 = usual scheduling")
     made.add_argument("--cpu", type=int, default=ANY, help="the only processor to run on, -1 = any")
     made.add_argument(
-        "--journal", type=Path, metavar="FILE", help="write what the table truly does, a row of 44 bytes each sample"
+        "--journal", type=Path, metavar="FILE", help="write the true motion of the table, 44 bytes for each sample"
     )
     made.add_argument("--report", type=Path, metavar="FILE", help="write what happened as JSON at the end")
     made.add_argument(

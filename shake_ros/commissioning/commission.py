@@ -1,4 +1,4 @@
-"""`commission`: the guided way on a new table: gentle motion, model, gains, higher level, each step released."""
+"""`commission`: bring a new table into service: gentle motion, model, gains, higher level, each step released."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from shake_ros.settings import load_table, save_table
 
 @dataclass(frozen=True, repr=False)
 class Commission:
-    """What came of it. steps : that were run. reason : why it ended before the last one, empty where it did not."""
+    """The result. steps : that were run. reason : why it ended before the last one, empty where it did not."""
 
     steps: tuple[Step, ...]
     settings: CommissionSettings
@@ -100,10 +100,10 @@ class Commission:
         last = self.steps[-1] if self.steps else None
         verdict = "Complete: every step was released, run and sound." if self.complete else f"Ended: {self.reason}."
         if self.tuned is None:
-            return verdict, ["No gains that are sound were found."]
+            return verdict, ["No sound gains were found."]
         lines = [
-            "table.yaml is the fitted table, controller.yaml and observer.yaml the loop that was made for it; "
-            "the nodes take them by path.",
+            "table.yaml is the fitted table, controller.yaml and observer.yaml are made for it; the nodes take them "
+            "by path.",
             f"{self.tuned.best.kind}, {self.tuned.best.design.bandwidth:.1f} rad/s; margins on the linear model where "
             f"least robust: {self.tuned.margins.text}.",
             *self.tuned.findings,
@@ -184,23 +184,23 @@ def commission(
     release: Callable[[str], bool] = lambda _: True,
     progress: Told = True,
 ) -> Commission:
-    """Bring a table into service: run, learn, make gains, go higher; each run is released before it.
+    """Bring a table into service: run, fit, make gains, go higher; each run is released first.
 
     Parameters
     ----------
     table : the table as it is declared: a name of config/table, a YAML file, or a table.
-    set : values in which the simulated table differs from that, by dotted name or its last part; nothing is told them.
+    set : values in which the simulated table differs from that, by dotted name or its last part.
     model : what is fitted; the declared table's full model where not given.
     settings : config/commission/NAME.yaml or a file.
     delay : samples by which a command reaches the simulated valve late.
     live : the table of a running graph in the simulated one's place, as `shake_ros.ros.live_table.live_table` gives it.
-    release : is told what the next run will be, and says whether it may begin.
-    progress : show it, or a function to tell what is being done and which part is done.
+    release : is called with a description of the next run, and returns whether it may begin.
+    progress : show it, or a function to call with what is being done and the part done.
 
     Raises
     ------
     ShakeError
-        Unknown names; a loop that is lost; an interlock that does not let commands act.
+        Unknown names; a closed loop that diverges; an interlock that does not let commands act.
 
     Examples
     --------

@@ -63,7 +63,8 @@ def commission_page(runs: Sequence[CommissionRun], verdict: str, result: Sequenc
 
     Parameters
     ----------
-    verdict : complete, or why it ended. result : lines on table and gains that stand beside the page.
+    verdict : complete, or why it ended.
+    result : lines on table and gains that stand beside the page.
     """
     page = Page("Commissioning", verdict, Made(command))
     page.heading("Steps")
@@ -73,7 +74,9 @@ def commission_page(runs: Sequence[CommissionRun], verdict: str, result: Sequenc
         errors = ("–",) * 3 if run.errors is None else tuple(f"{100.0 * e:.2f}" for e in run.errors)
         rows.append((run.title, run.loop, *errors, run.held or "no hold"))
     page.table(head, rows, warn=[i for i, run in enumerate(runs) if run.held])
-    told = "of the true motion where it is told, else of the measured one, over the rms of the reference less its mean"
+    told = (
+        "of the true motion if it is known, otherwise of the measured one, over the rms of the reference about its mean"
+    )
     page.paragraph(f"Errors are rms errors {told}.", note=True)
     page.heading("Table and gains")
     for line in result:

@@ -99,7 +99,7 @@ class LiveStage:
             raise ShakeError(f"live: a sample every {table.sample_time:g} s, config/commission has one every {dt:g} s")
         limits = table.limits()
         if silent := [cause for cause in NEEDED if cause not in limits]:
-            raise ShakeError(f"{table.words}: the interlock does not act on {', '.join(silent)}")
+            raise ShakeError(f"{table.words}: the interlock has no action on {', '.join(silent)}")
         return cls(table, settings, limits)
 
     @property
@@ -110,7 +110,7 @@ class LiveStage:
     @property
     def words(self) -> str:
         """That the loop is exchanged."""
-        return f"; {self.table.words}: the pressure goes off for the exchange of the loop, and on again"
+        return f"; {self.table.words}: the pressure goes off while observer and controller are exchanged, and on again"
 
     def within(self, interlock: dict[str, Any]) -> dict[str, Any]:
         """Never beyond what the laboratory's interlock had at the start."""

@@ -34,7 +34,7 @@ class CommissionNumbers(Parameters):
     least_position: float = quantity("m", "added to the limit of the position", low=0.0, high=1.0)
     least_velocity: float = quantity("m/s", "added to the limit of the velocity", low=0.0, high=10.0)
     least_acceleration: float = quantity("m/s^2", "added to the limit of the acceleration", low=0.0, high=1e3)
-    distance: float = quantity("m", "from the reference at the first level; grows as the limits do", low=1e-4, high=1.0)
+    distance: float = quantity("m", "from the reference at the first level; grows with the limits", low=1e-4, high=1.0)
 
 
 @dataclass(frozen=True)
@@ -122,10 +122,15 @@ class Step:
 
     Attributes
     ----------
-    level : part of the reference. loop : of the law. limits : of the interlock, by the names of `HELD`.
-    run : whole, or up to where the interlock held. error : of position, velocity, acceleration [-], of a whole run.
-    held : what the interlock said, empty where it did not. explained : error of the fitted model's acceleration on
-    the newest run [-]. tuned : observer and gains for the model that was fitted. added : effects that close_loop found.
+    level : part of the reference.
+    loop : of the law.
+    limits : of the interlock, by the names of `HELD`.
+    run : whole, or up to where the interlock held.
+    error : of position, velocity, acceleration [-], of a whole run.
+    held : what the interlock said, empty where it did not.
+    explained : error of the fitted model's acceleration on the newest run [-].
+    tuned : observer and gains for the model that was fitted.
+    added : effects that close_loop found.
     """
 
     level: float
@@ -149,7 +154,7 @@ def watched(run: Simulation, content: Mapping[str, Any]) -> tuple[str, float]:
     period = round(dt * SECOND)
     while lock.stage != RUN:  # pressure comes up at rest
         if now > LONGEST_START * SECOND:
-            raise ShakeError("commission: the interlock does not come to the stage `run`")
+            raise ShakeError("commission: the interlock does not reach the stage `run`")
         lock.command(now, 0.0)
         lock.act(now)
         now += period
@@ -165,7 +170,7 @@ def watched(run: Simulation, content: Mapping[str, Any]) -> tuple[str, float]:
 
 
 def motion_of(run: TableRecording) -> Array:
-    """Position, velocity, acceleration of a run (n, 3): the true ones where they are told, else measured, and the
+    """Position, velocity, acceleration of a run (n, 3): the true ones if they are known, otherwise measured, and the
     velocity as the observer has it."""
     if run.truth is not None:
         return run.truth
@@ -195,7 +200,7 @@ def announced(
     distance = f", or {1e3 * limit['tracking_error']:.1f} mm from the reference" if "tracking_error" in limited else ""
     return (
         f"step {number + 1}, level {level:g}{', for the evidence' if last else ''}: {1e3 * x:.1f} mm, {v:.3f} m/s, "
-        f"{a:.2f} m/s²; loop: {loop}; the interlock holds beyond {1e3 * limit['position_hard']:.1f} mm, "
+        f"{a:.2f} m/s²; gains: {loop}; the interlock holds beyond {1e3 * limit['position_hard']:.1f} mm, "
         f"{limit['velocity']:.3f} m/s, {limit['acceleration']:.2f} m/s²{distance}"
     )
 
@@ -207,10 +212,10 @@ def page_run(number: int, step: Step) -> CommissionRun:
     learnt = []
     if step.explained is not None:
         learnt.append(
-            f"The model fitted to all runs so far misses {100.0 * step.explained:.2f} % of this one's acceleration."
+            f"The model fitted to all earlier runs misses {100.0 * step.explained:.2f} % of this one's acceleration."
         )
     if step.added:
-        learnt.append(f"close_loop found in all runs so far: {', '.join(step.added)}.")
+        learnt.append(f"close_loop found in all runs: {', '.join(step.added)}.")
     if step.tuned is not None:
         learnt.append(f"Gains for it: {step.tuned.best.kind}; {step.tuned.margins.text}.")
         learnt += step.tuned.findings

@@ -37,7 +37,7 @@ VERSIONS = f"{sys.version}{platform.machine()}{version('numba')}{version('llvmli
 
 @functools.cache
 def _files(core: Path = CORE) -> dict[str, Path]:
-    """Files of the core by dotted name; a folder's name stands for its `__init__`."""
+    """Files of the core by dotted name; a folder's name means its `__init__`."""
     found = {}
     for path in core.rglob("*.py"):
         found[".".join(path.relative_to(core).with_suffix("").parts).removesuffix("__init__").rstrip(".")] = path

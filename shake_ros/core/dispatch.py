@@ -42,7 +42,8 @@ def dispatch(
 
     Parameters
     ----------
-    module : `__name__` of the caller, whose file imports the family. family : its table; asked for in its order.
+    module : `__name__` of the caller, whose file imports the family.
+    family : its table; asked for in its order.
     kernel : name of the members' function; all take the same arguments.
     kind : expression of those arguments that gives the number, `p.kind` say.
     otherwise : what a member without this kernel gives; where all have one, the last needs no question.

@@ -1,6 +1,6 @@
 """One record for all members of a family: their fields by name, and the member's number `kind`.
 
-A member's parameters stand in the fields of their names; a field that it does not have is zero; `kind` tells
+A member's parameters are in the fields of their names; a field that it does not have is zero; `kind` says
 compiled code which member reads them. So a table's record is the same whatever law or valve it uses, and one
 compilation serves all. A member is a `Parameters` class with a class constant `code`, the number, and where its kernels
 need more than its own fields, `derived`: names of numbers that are computed once. A choice among names counts as its

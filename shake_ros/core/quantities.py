@@ -173,7 +173,8 @@ def member_from(
 
     Parameters
     ----------
-    kind : what the family is of, for errors. declared : the member where there is no key `kind`.
+    kind : what the family is of, for errors.
+    declared : the member where there is no key `kind`.
     """
     rest = dict(content) if isinstance(content, Mapping) else content
     chosen = rest.pop("kind", declared) if isinstance(rest, dict) else declared

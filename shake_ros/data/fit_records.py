@@ -1,9 +1,9 @@
-"""Recordings on disk → records that a fit takes, parted at gaps and where the position jumps.
+"""Recordings on disk → segments that a fit takes, divided at gaps and where the position jumps.
 
 A gap of a few samples parts nothing: every part would begin in the midst of a motion with pressures that nobody knows,
-which costs more than a line through a lost command. What is filled is told, and its acceleration counts in no fit.
+which costs more than a line through a lost command. Filled samples are reported; their acceleration does not count.
 
-A position that leaps within one sample has lost samples that its stamps do not tell (a logger that stood still): the
+A position that jumps within one sample has lost samples that its stamps do not show (a logger that stopped): the
 leap is no motion, and a fit must not see it.
 
 Rows of a laboratory's table that are missing or written twice are left out, or filled where that is asked for.
@@ -49,7 +49,8 @@ class Bridged:
 
     Attributes
     ----------
-    values : columns of shape (n,). rows : row of the table before that each sample is, −1 where it was absent, (n,).
+    values : columns of shape (n,).
+    rows : row of the table before that each sample is, −1 where it was absent, (n,).
     filled : samples of which some value was filled, (n,).
     """
 
@@ -159,9 +160,10 @@ class Stretch:
 
     Attributes
     ----------
-    drive [-] or [N], position [m], acceleration [m/s²] or None. first : row of the recording at which it begins.
-    heard : whether the accelerometer measured each sample: it was neither clipped nor lost. filled : whether a sample
-        or one of its values was lost.
+    drive [-] or [N], position [m], acceleration [m/s²] or None.
+    first : row of the recording at which it begins.
+    heard : whether the accelerometer measured each sample: it was neither clipped nor lost.
+    filled : whether a sample or one of its values was lost.
     """
 
     drive: NDArray[np.float64]
@@ -237,8 +239,8 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
         raise ShakeError(f"{recording.name}: {idle[0]}: nothing to fit")
     if recording.sample_time > SLOWEST:
         raise ShakeError(
-            f"{recording.name}: a sample every {recording.sample_time:.3g} s shows none of a table's dynamics; is the "
-            "time in milliseconds? Import it with the scale 0.001"
+            f"{recording.name}: a sample every {recording.sample_time:.3g} s is too slow to show a table's dynamics; "
+            "is the time in milliseconds? Import it with the scale 0.001"
         )
     if not all(np.isfinite(drive[span]).all() for span in recording.segments):
         raise ShakeError(f"{recording.name}: topic {driven_by} holds values that are not finite numbers")
@@ -257,10 +259,10 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
         )
         records.append(_without_unheard(record, stretch))
     if not np.ptp(recording.position[np.isfinite(recording.position)]):
-        raise ShakeError(f"{recording.name}: joint_states: the position stands still throughout, nothing to fit")
+        raise ShakeError(f"{recording.name}: joint_states: the position does not move, nothing to fit")
     if not records:
         raise ShakeError(
-            f"{recording.name}: no stretch of {SHORTEST:g} s without a gap of more than {SHORT} samples or a leap of "
+            f"{recording.name}: no segment of {SHORTEST:g} s without a gap of more than {SHORT} samples or a jump of "
             "the position; import_csv --bridge N fills gaps of up to N samples"
         )
     return records
@@ -276,7 +278,7 @@ def clipped_in(recording: TableRecording) -> NDArray[np.bool_]:
 
 
 def _without_unheard(record: Record, stretch: Stretch) -> Record:
-    """The record with its lost acceleration not heard; what looks at spectra sees it follow the position there."""
+    """The segment with its lost acceleration ignored; for spectra it follows the position there."""
     if record.acceleration is None or stretch.heard.all() or not stretch.heard.any():
         return record
     clip = ~stretch.heard & ~stretch.filled
@@ -292,15 +294,15 @@ def finding_lines(recording: TableRecording) -> list[str]:
         gaps = sum(len(stretches(s.filled)) for s in used)
         lines.append(
             f"{recording.name}: {filled} lost samples in {gaps} gaps of up to {SHORT} are filled for fits by "
-            "interpolation; their acceleration counts in no fit and in no error"
+            "interpolation; their acceleration does not count in fits and errors"
         )
     if count := int(clipped_in(recording).sum()):
-        lines.append(f"{recording.name}: imu: its {count} clipped samples count in no fit and in no error")
+        lines.append(f"{recording.name}: imu: its {count} clipped samples do not count in fits and errors")
     found = [span.start + k for span in recording.segments for k in leaps(recording.position[span]).tolist()]
     if found:
         seconds = sum(len(s.drive) for s in used) * recording.sample_time
         lines.append(
-            f"{recording.name}: joint_states: the position leaps {len(found)} times, first at "
-            f"{recording.time[found[0]]:.3f} s; parted there, {seconds:.1f} of {recording.time[-1]:.1f} s are used"
+            f"{recording.name}: joint_states: the position jumps {len(found)} times, first at "
+            f"{recording.time[found[0]]:.3f} s; divided there, {seconds:.1f} of {recording.time[-1]:.1f} s are used"
         )
     return lines

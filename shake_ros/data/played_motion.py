@@ -1,7 +1,7 @@
 """The stretch of a recording in which a drive was played, sample by sample as the drive has them.
 
 A table that keeps real time may lose single samples; few of them are put in by straight lines and counted, more are an
-error. Where the drive lies is told by the reference on the graph, which has stamps of its own in real time.
+error. The reference on the graph, which has stamps of its own in real time, shows where the drive begins.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def played(recording: TableRecording, drive: Array, sample_time: float, name: st
     reference = _spread(r.reference, place)
     first = _begin(np.nan_to_num(reference[:, 2]), drive[:, 2])
     if first < 0 or first + len(drive) > len(reference):
-        raise ShakeError(f"{name}: {len(reference)} samples of the graph do not hold the {len(drive)} of the motion")
+        raise ShakeError(f"{name}: {len(reference)} samples of the graph do not contain the {len(drive)} of the motion")
     rows = slice(first, first + len(drive))
     missing = ~np.isfinite(_spread(r.acceleration, place)[rows] + _spread(r.position, place)[rows])
     count, longest = int(missing.sum()), _longest(missing)
@@ -56,7 +56,7 @@ def played(recording: TableRecording, drive: Array, sample_time: float, name: st
     off = reference[rows, 1] - drive[:, 1]
     known = np.isfinite(off)
     if not known.any() or np.sqrt(np.mean(off[known] ** 2)) > OTHER * np.std(drive[:, 1]):
-        raise ShakeError(f"{name}: what was played is not the motion that was asked for")
+        raise ShakeError(f"{name}: the motion that was played is not the one requested")
     return Played(_whole(r, place, rows, sample_time, name), count)
 
 

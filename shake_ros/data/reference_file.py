@@ -72,7 +72,8 @@ def write_drive(folder: Path, final: Path, drive: NDArray[np.float64], sample_ti
     Parameters
     ----------
     drive : (n, 3) position, velocity, acceleration from rest to rest [m], [m/s], [m/s²]; what a recorded one has left
-        at its end is taken out by a smooth course. sample_time : [s].
+        at its end is taken out by a smooth course.
+    sample_time : [s].
     """
     acceleration = end_at_rest(drive[:, 2], sample_time)
     time = np.arange(len(drive)) * sample_time

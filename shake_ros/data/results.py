@@ -62,7 +62,7 @@ def errors_json(model: FittedModel) -> dict[str, Any]:
 
 
 def unknown_json(told: Sequence[Estimate], data: Prepared) -> dict[str, Any]:
-    """What recordings tell of a table without a data sheet, and what was taken out of them."""
+    """What recordings determine of a table without a data sheet, and what was removed from them."""
     offsets = {
         n.recording: {
             "null_shift": n.null_shift,
@@ -271,7 +271,7 @@ def _step_json(step: ForwardStep, model: FittedModel, standing: EffectStanding |
     next_least = second.result.validation_cost if second else least
     why = f"lowest error on the validation data: weighted mean square {least:.3g}"
     if second and not second.usual and next_least < least:
-        why = f"as good as {second.candidate.effect}, whose value is not seen on real tables: {least:.3g} against "
+        why = f"as good as {second.candidate.effect}, whose value is unusual for real tables: {least:.3g} against "
         why += f"{next_least:.3g} on the validation data"
     elif second:
         why += f", next {second.candidate.effect} with {next_least:.3g}"
@@ -299,7 +299,7 @@ def close_loop_json(
     for step in result.search.steps:
         if step.chosen.candidate.effect == "unlisted":
             place, depends_on = step.chosen.candidate.place, step.chosen.candidate.depends_on
-            text = f"something without a name acts at {place} and depends on {', '.join(depends_on)}; with it, {text}"
+            text = f"an unlisted effect acts at {place} and depends on {', '.join(depends_on)}; with it, {text}"
     return {
         "schema": CLOSE_LOOP_SCHEMA,
         "model": model,
@@ -360,7 +360,7 @@ def check_folder(out: Path, force: bool) -> None:
     refuse_existing(out, force=force)
     above = next((folder for folder in out.absolute().parents if folder.exists()), None)
     if above is None or not above.is_dir() or not os.access(above, os.W_OK):
-        raise ShakeError(f"{out}: cannot be made (no permission to write in {above})")
+        raise ShakeError(f"{out}: cannot be created (no permission to write in {above})")
 
 
 def write_folder(out: Path, fill: Callable[[Path], None], *, force: bool = False) -> None:
@@ -375,7 +375,7 @@ def write_folder(out: Path, fill: Callable[[Path], None], *, force: bool = False
         out.parent.mkdir(parents=True, exist_ok=True)
         workshop = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     except OSError as error:
-        raise ShakeError(f"{out}: cannot be made ({error.strerror})") from None
+        raise ShakeError(f"{out}: cannot be created ({error.strerror})") from None
     try:
         fill(workshop)
         workshop.chmod(0o755)

@@ -6,7 +6,7 @@ The two clocks are compared by one motion that a sensor of each file has seen:
 
 The acceleration in one file is the second derivative of the position in the other; b are the times of their first
 samples. Both go through one band; δ is where they are most alike over all lags, then δ and ε are of least squares. A
-motion that repeats itself, as a sine does, is as much alike a period later: then the files do not tell. A delay of the
+periodic motion, such as a sine, looks alike a period later: then the result is ambiguous. A delay of the
 accelerometer's filter is part of δ.
 """
 
@@ -30,8 +30,8 @@ LOWEST, HIGHEST = 1.0, 15.0  # band that is compared [Hz]
 OF_RATE = 0.25  # of the slower rate, above which nothing is compared
 FINE = 12.0  # samples of the comparison in a period of its highest frequency
 OVERLAP = 5.0  # of both files, at least [s]
-ALIKE = 0.6  # correlation from which two sensors have seen the same motion
-APART = 0.85  # correlation elsewhere, in parts of the best, from which it is not told when
+ALIKE = 0.6  # correlation from which two sensors recorded the same motion
+APART = 0.85  # correlation elsewhere, in parts of the best, from which the time is ambiguous
 FIRST_SPAN = 30.0  # over which the first fit is made, then over twice as much again and again [s]
 SETTLED = 1.0  # at either end, where the band's filter has not [s]
 DRIFT = 1e-3  # of a clock at most [-]
@@ -83,7 +83,7 @@ def clock_of(position: EvenSamples, acceleration: EvenSamples) -> Clock:
 
     Raises
     ------
-    ShakeError : the correlation does not tell.
+    ShakeError : the correlation is ambiguous.
     """
     high = min(HIGHEST, OF_RATE / max(position.sample_time, acceleration.sample_time))
     if high < 2.0 * LOWEST:
@@ -114,7 +114,7 @@ def _lag(seen: Floats, felt: Floats, step: float) -> tuple[float, bool]:
     best = int(np.argmax(np.abs(alike)))
     peak = float(abs(alike[best]))
     if peak < ALIKE:
-        raise ShakeError(f"the two have not seen the same motion (correlation {peak:.2f} at best)")
+        raise ShakeError(f"the two did not record the same motion (correlation {peak:.2f} at best)")
     sign = alike * np.sign(alike[best]) > 0.0
     left = best - int(np.argmin(sign[: best + 1][::-1])) if not sign[: best + 1].all() else 0
     right = best + int(np.argmin(sign[best:])) if not sign[best:].all() else len(alike)
@@ -124,8 +124,8 @@ def _lag(seen: Floats, felt: Floats, step: float) -> tuple[float, bool]:
     if others[second] > APART * peak:
         apart = abs(second - best) * step
         raise ShakeError(
-            f"the correlation does not tell when they began: {peak:.2f} at best, {others[second]:.2f} at {apart:.3g} s "
-            "from there; a motion that repeats itself is as much alike a period later"
+            f"the correlation is ambiguous: {peak:.2f} at best, {others[second]:.2f} at {apart:.3g} s "
+            "from there; a periodic motion looks alike a period later"
         )
     return (best - (len(felt) - 1)) * step, bool(alike[best] < 0.0)
 
@@ -194,13 +194,13 @@ def clock_between(first: dict[str, Floats], second: dict[str, Floats], names: tu
 
     Raises
     ------
-    ShakeError : one line, where the correlation does not tell.
+    ShakeError : one line, where the correlation is ambiguous.
     """
     try:
         return clock_of(even(first["time"], first["position"]), even(second["time"], second["acceleration"]))
     except ShakeError as error:
         raise ShakeError(
-            f"{names[1]}: its acceleration does not tell how its clock stands to that of {names[0]}: {error}"
+            f"{names[1]}: its acceleration does not relate its clock to that of {names[0]}: {error}"
         ) from None
 
 
@@ -236,5 +236,5 @@ def clock_line(clock: Clock, names: tuple[Path, Path]) -> str:
     return (
         f"{names[1].name}: begins {abs(clock.shift):.5f} s {when} {names[0].name} (± {1e3 * clock.shift_deviation:.2g} "
         f"ms), its clock is {1e6 * abs(clock.drift):.1f} ppm {speed} (± {1e6 * clock.drift_deviation:.2g}), found by "
-        f"correlation ({clock.correlation:.3f}); a delay of the accelerometer is part of that{turned}"
+        f"correlation ({clock.correlation:.3f}); this includes a delay of the accelerometer{turned}"
     )

@@ -1,4 +1,4 @@
-"""`demo`: the main job end to end: measured data, the loop over DDS, the missing effect, tracking before and after."""
+"""`demo`: the main job end to end: recordings over DDS, the missing effect, tracking before and after."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ RUNS = ("excitation", "earthquake", "earthquake_again")  # recorded, each with s
 
 @dataclass(frozen=True)
 class Hidden:
-    """The simulated table and the effect in it that is not told to the fit."""
+    """The simulated table and the effect hidden in it."""
 
     effect: str
     table: TableParameters
@@ -73,7 +73,8 @@ def record_run(
 
     Parameters
     ----------
-    work : folder of the bag and of what the run needs. model : a name of config/table, or the path of a file.
+    work : folder of the bag and of what the run needs.
+    model : a name of config/table, or the path of a file.
     """
     from shake_ros.ros.graph import Experiment, record
 
@@ -127,14 +128,16 @@ def demo(
 ) -> Demo:
     """The main job end to end; it needs ROS 2.
 
-    The measured runs of the real table; a simulated table with a hidden effect recorded over DDS; the loop closed on
-    the recordings; the same earthquake tracked with the model before and with the model after.
+    The measured runs of the real table; a simulated table with a hidden effect recorded over DDS; the model
+    repaired with the recordings; the same earthquake tracked with the model before and with the model after.
 
     Parameters
     ----------
-    out : result folder; an earlier demo's is replaced. seed : chooses the hidden effect and the table's own values.
-    hidden : hide this effect instead. figures, command : as of `Discovery.report`.
-    progress : show it, or a function to tell.
+    out : result folder; an earlier demo's is replaced.
+    seed : chooses the hidden effect and the table's own values.
+    hidden : hide this effect instead.
+    figures, command : as of `Discovery.report`.
+    progress : show it, or a function to call with it.
 
     Raises
     ------
@@ -168,7 +171,7 @@ def demo(
 def check_output(out: Path) -> None:
     """Refuse to replace what is not an earlier demo's result."""
     if out.exists() and not (out / "summary.json").is_file() and not (out.is_dir() and not any(out.iterdir())):
-        raise ShakeError(f"{out}: exists already and is no demo's result; name another folder with --out")
+        raise ShakeError(f"{out}: exists already and is not the result of a demo; choose another folder with --out")
 
 
 def measured_runs(bar: Progress) -> MeasuredRuns:
@@ -278,8 +281,7 @@ def demo_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     command = argparse.ArgumentParser(
         prog="demo",
-        description="`demo`: the main job end to end: measured data, the loop over DDS, the missing effect, "
-        "tracking before and after.",
+        description="The main job end to end: recordings over DDS, the missing effect, tracking before and after.",
     )
     command.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="result folder")
     command.add_argument("--seed", type=int, default=1, help="chooses the hidden effect and the table's own values")

@@ -141,14 +141,14 @@ def demo_page(
     named = summary["hidden"]["named"] or "nothing"
     page = Page(
         "Closing the loop with measured data",
-        "A simulated table with an effect that the model is missing: recorded over DDS, found from the recording, "
+        "A simulated table with an effect that the model is missing: recorded over DDS, found from the recordings, "
         "added, and tracked again; and the declared model against harmonics measured on the real table.",
         made_of(command, learn, hold, test),
     )
-    page.heading("What was found, and how sure")
+    page.heading("What was found, and how certain it is")
     page.cards(
         [
-            (named, f"found from the recording; the hidden effect was {hidden}"),
+            (named, f"found from the recordings; the hidden effect was {hidden}"),
             (
                 f"{percent(summary['hidden']['hold_before'])} → {percent(summary['hidden']['hold_after'])}",
                 "acceleration error of the free run, validation data",
@@ -173,7 +173,7 @@ def demo_page(
         "Plant, reference generator, observer, controller and recorder ran in lock-step as separate processes: "
         f"{sum(len(r.commands) for r in learn)} samples of an excitation for estimation and "
         f"{len(tracks.before.time)} samples of the earthquake for validation. The earthquake under the extended model "
-        "is test data: no decision knew it."
+        "is test data: no decision used it."
     )
     model_sections(page, result, learn, hold, test)
     page.heading("What remains")

@@ -242,7 +242,8 @@ def iterate(
 
     Parameters
     ----------
-    wanted : (n,) acceleration [m/s²]. first : (n, 3) reference of the first run.
+    wanted : (n,) acceleration [m/s²].
+    first : (n, 3) reference of the first run.
     play : plays a reference (n, 3) in the run of this number and returns the measured acceleration, (n,).
     learnt : asked after each run whether it changed what plays; the drive then begins anew from `first`.
 

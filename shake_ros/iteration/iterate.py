@@ -75,11 +75,11 @@ def iteration_page(
 
     Parameters
     ----------
-    missed : error of each run's measured acceleration within the band [-]. true : that of the true acceleration, where
-    the runs were simulated.
+    missed : error of each run's measured acceleration within the band [-].
+    true : that of the true acceleration, where the runs were simulated.
     """
     best = int(np.argmin(missed))
-    page = Page("The drive, run by run", "Each run is corrected by what the last one missed.", Made(command))
+    page = Page("The drive, run by run", "Each run is corrected by the error of the last one.", Made(command))
     page.heading("What was found")
     page.cards(
         [
@@ -108,13 +108,18 @@ class Iterated:
 
     Attributes
     ----------
-    runs : names of the runs so far. missed : error of their acceleration within the band [-].
+    runs : names of the runs so far.
+    missed : error of their acceleration within the band [-].
     drive : position, velocity, acceleration of the next run, shape (n, 3) [m, m/s, m/s²]; None where the model is
-    fitted. sample_time : [s]. factor : by which the drive was scaled to stay within its limits [-].
+        fitted.
+    sample_time : [s].
+    factor : by which the drive was scaled to stay within its limits [-].
     model : fitted to the last run, or that of the best run where its drive was corrected on a simulated table.
-    simulated : the simulated table, where the runs were made on it. reason : why its runs ended.
+    simulated : the simulated table, where the runs were made on it.
+    reason : why its runs ended.
     wrong : that the runs diverge or have not converged; empty where nothing is wrong.
-    first_model : of the first run's feedforward, where there was one. records : the runs as a fit takes them.
+    first_model : of the first run's feedforward, where there was one.
+    records : the runs as a fit takes them.
     """
 
     runs: tuple[str, ...]
@@ -134,7 +139,7 @@ class Iterated:
         from shake_ros.iteration.model import lacking
 
         if self.first_model is None:
-            return "no model of the table is given, whose gaps could be sought in the runs"
+            return "no model of the table is given, so what it lacks cannot be looked for"
         return lacking(self.first_model, self.records, progress=progress)
 
     @property
@@ -257,14 +262,16 @@ def iterate_simulated(
 
     Parameters
     ----------
-    wanted, settings, refit : as in `iterate`. table : the simulated table, or the name of its configuration.
-    runs : most runs. model : of the feedforward and of an observer that has a model, with `refit` of the first run; the
-        table as it is declared where not given. Without `refit` its specimen is weighed by the forces of the first run.
+    wanted, settings, refit : as in `iterate`.
+    table : the simulated table, or the name of its configuration.
+    runs : most runs.
+    model : of the feedforward and of an observer that has a model, with `refit` of the first run; the table as it is
+        declared where not given. Without `refit` its specimen is weighed by the forces of the first run.
 
     Raises
     ------
     ShakeError
-        A run left the finite numbers.
+        A run diverged.
     """
     parameters = load_iteration(settings) if runs is None else load_iteration(settings).replace(runs=runs)
     played = SimulatedTable(table) if isinstance(table, str) else table
@@ -308,7 +315,7 @@ class _Player:
         return self.table.acceleration(self.model, reference, number)
 
     def learnt(self) -> bool:
-        """Whether the first run's forces tell another specimen than the model has."""
+        """Whether the first run's forces indicate another specimen than the model has."""
         if len(self.models) > 1:
             return False
         weighed = self.table.weighed(self.model)
@@ -318,7 +325,7 @@ class _Player:
 
 
 def _growth(missed: Sequence[float], parameters: Iteration) -> str:
-    """That the runs given so far diverge; empty where they do not, or where a single one tells nothing."""
+    """That the given runs diverge; empty where they do not, or where there is only one."""
     text = verdict(missed, parameters) if len(missed) > 1 else ""
     return text if text.startswith("diverges") else ""
 

@@ -52,7 +52,9 @@ def refit(
 
     Parameters
     ----------
-    model : where the fit starts. free : its parameters that may move. effects : whose parameters may move as well.
+    model : where the fit starts.
+    free : its parameters that may move.
+    effects : whose parameters may move as well.
     records : with acceleration.
 
     Raises
@@ -60,7 +62,7 @@ def refit(
     ShakeError : a recording without acceleration, or none at all.
     """
     if not records or any(record.acceleration is None for record in records):
-        raise ShakeError("iteration: the model is fitted to recordings with acceleration")
+        raise ShakeError("iteration: the model needs recordings with acceleration")
     moved = FreeParameters(model, free).extended([p for effect in effects for p in effect.free])
     problem = RecordingProblem(list(records))
     rows = starts(moved, effects)
@@ -80,7 +82,8 @@ def iterate_model(
 
     Parameters
     ----------
-    wanted : (n,) acceleration [m/s²]. model : of the first run.
+    wanted : (n,) acceleration [m/s²].
+    model : of the first run.
     play : plays the motion under the feedforward of this model in the run of this number and returns its recording.
     learn : the next model from this one and the recordings of a run, such as `refit`.
 
@@ -107,19 +110,20 @@ def lacking(
 
     Parameters
     ----------
-    model : of the feedforward. runs : with acceleration, oldest first.
+    model : of the feedforward.
+    runs : with acceleration, oldest first.
     settings : of the search, where not those of config/discovery/search.yaml.
     """
     if len(runs) < 2:
-        return "one run does not tell what the model lacks; close_loop needs two"
+        return "one run does not show what the model lacks; close_loop needs two"
     with Progress("close_loop on the runs", progress) as bar:
         found = closing.close_loop(
             model_structure(model), runs[:1], runs[-1:], settings or search_settings(), bar
         ).standings
     if not found:
         return (
-            "close_loop on the runs finds nothing that the model lacks: the gains do not suit this table, "
-            "and ./shake tune designs them"
+            "close_loop on the runs finds nothing missing from the model: the gains do not suit this table; ./shake "
+            "tune makes new ones"
         )
     names = [s.effect for s in found if s.effect != UNLISTED]
     told = ", ".join(f"{s.effect} ({s.place}{_or(s.alternatives)})" for s in found)
@@ -128,5 +132,5 @@ def lacking(
 
 
 def _or(alternatives: Sequence[str]) -> str:
-    """Effects that the runs cannot tell from one."""
+    """Effects that the runs cannot distinguish from one."""
     return f"; or {', '.join(alternatives)}" if alternatives else ""

@@ -85,12 +85,16 @@ class SimulatedTable:
 
     Attributes
     ----------
-    table : configuration of the table. changes : values to change in it, by dotted name or its last part, of which
-    the model knows nothing. observer, controller : names of configurations, or `own`, both, for a loop made for the
-    table as it is declared. delay : samples by which a command reaches the valve late. sample_time : of the loop [s].
-    progress : told the figures of each run. errors : of the true acceleration, one a run [-]. spectra : response
-    spectra of the runs, `aim` that of the wanted motion [m/s²]. records : the runs as a fit takes them. last : the
-    last run.
+    table : configuration of the table.
+    changes : values to change in it, by dotted name or its last part, of which the model knows nothing.
+    observer, controller : names of configurations, or `own`, both, for a loop made for the table as it is declared.
+    delay : samples by which a command reaches the valve late.
+    sample_time : of the loop [s].
+    progress : called with the figures of each run.
+    errors : of the true acceleration, one a run [-].
+    spectra : response spectra of the runs, `aim` that of the wanted motion [m/s²].
+    records : the runs as a fit takes them.
+    last : the last run.
     """
 
     table: str | TableParameters = "bergamo"
@@ -135,10 +139,10 @@ class SimulatedTable:
         return observer_of(self.observer, dt, model), controller_of(self.controller, dt, model)
 
     def weighed(self, model: TableParameters) -> TableParameters:
-        """The model with the specimen that the forces of the last run tell."""
+        """The model with the specimen computed from the forces of the last run."""
         body, run = model.body, self.last
         if run is None or run.measured.shape[1] < 4:
-            raise ShakeError("no run with pressures that could be weighed")
+            raise ShakeError("no run with pressures from which the mass could be computed")
         force = body.piston_area * (run.measured[:, 2] - body.area_ratio * run.measured[:, 3])
         found = weigh(force, run.measured[:, 1], run.measured[:, 0], self.sample_time)
         return model.with_values({SPECIMEN: max(0.0, found.mass - (model.moved_mass - model.value(SPECIMEN)))})
@@ -154,13 +158,13 @@ class SimulatedTable:
 
         Raises
         ------
-        ShakeError : the run left the finite numbers.
+        ShakeError : the run diverged.
         """
         dt = self.sample_time
         observer, controller = self.loop(model)
         run, finite = simulate(Loop(self.plant, observer, controller, reference, seed=number, delay=self.delay))
         if finite < len(reference):
-            raise ShakeError(f"run {number + 1} left the finite numbers after {finite * dt:.3f} s")
+            raise ShakeError(f"run {number + 1} diverged after {finite * dt:.3f} s")
         self.last = run
         true, wanted = run.truth[:, 2], self.wanted[:, 2]
         measured = run.measured[:, :2].T

@@ -94,7 +94,8 @@ def amplitudes(acceleration: np.ndarray, sample_time: float, frequency: float, o
 
     Parameters
     ----------
-    acceleration : shape (..., n), n samples being whole periods. orders : shape (k,).
+    acceleration : shape (..., n), n samples being whole periods.
+    orders : shape (k,).
 
     Returns
     -------
@@ -111,7 +112,8 @@ class HarmonicProblem:
 
     Parameters
     ----------
-    runs : the measured runs. sample_time, settle [s]. window : least length of the whole periods looked at [s].
+    runs : the measured runs. sample_time, settle [s].
+    window : least length of the whole periods looked at [s].
     """
 
     def __init__(

@@ -4,8 +4,8 @@ The declared model is fitted to all amplitudes, then extended by one variant aft
 lowest Bayesian information criterion n ln(mean square) + p ln n wins, so that parameters have to be earned.
 
 Each run is also predicted by a model that was fitted to the other runs only. A model with many parameters follows a few
-amplitudes closely and still knows nothing; what it predicts for a run that it has not seen tells the two apart, without
-any account of parameters.
+amplitudes closely and still knows nothing; what it predicts for a run left out of the fit distinguishes the
+two, without counting parameters.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to extend the declared model: the effect it stands for, parameters it frees, values to try first.
+    """One way to extend the declared model: its effect, the parameters it frees, values to try first.
 
     `seed` draws its random starts, so that a variant gives the same whichever others are tried beside it. `fixed` are
     values that it sets and does not free.
@@ -111,7 +111,8 @@ def extended_fit(
 
     Parameters
     ----------
-    base : the fitted model. others : values of its parameters to start from, in units of its scales.
+    base : the fitted model.
+    others : values of its parameters to start from, in units of its scales.
     """
     extended = FreeParameters(base.table.with_values(variant.fixed), [*base.free.free, *variant.free])
     centres = []
@@ -143,7 +144,9 @@ def study(
 
     Parameters
     ----------
-    table : declared table. free : its parameters that may move. variants : extensions to try.
+    table : declared table.
+    free : its parameters that may move.
+    variants : extensions to try.
     first : values by dotted name from which the declared model is fitted too.
     starts : random starts looked at around each centre.
     """
@@ -159,7 +162,7 @@ def study(
         result.append(FittedVariant(variant.name, variant.effect, best))
     if not result:
         return MeasuredRuns(problem, FittedVariant("", "", declared), ())
-    progress("once more", (len(variants) + 1) / (len(variants) + 2))
+    progress("the best one again", (len(variants) + 1) / (len(variants) + 2))
     best_index = min(range(len(result)), key=lambda i: result[i].criterion)
     leader = result[best_index]
     again = best_of(problem, leader.fit.free, [leader.fit.x] * 5, starts, AGAIN)
@@ -212,7 +215,8 @@ def left_out(problem: HarmonicProblem, fitted: Fit, neighbours: int = NEIGHBOURS
 
     Parameters
     ----------
-    fitted : fit to all runs, whose free parameters are fitted anew each time. neighbours : random starts around it.
+    fitted : fit to all runs, whose free parameters are fitted anew each time.
+    neighbours : random starts around it.
     """
     parts = [predicted(problem, fitted, i, neighbours) for i in range(len(problem.runs))]
     return LeftOut(problem, np.concatenate(parts))
@@ -224,8 +228,11 @@ class MeasuredModel:
 
     Attributes
     ----------
-    name : for people. table : its parameters. account : what it makes of the runs.
-    fitted : None where the parameters are printed. left_out : predictions of the runs left out, where they were made.
+    name : for people.
+    table : its parameters.
+    account : what it makes of the runs.
+    fitted : None where the parameters are printed.
+    left_out : predictions of the runs left out, where they were made.
     """
 
     name: str
@@ -300,7 +307,9 @@ def compare(
 
     Parameters
     ----------
-    printed : tables by name. seconds : extensions to try on top. neighbours : starts of the fits with a run left out.
+    printed : tables by name.
+    seconds : extensions to try on top.
+    neighbours : starts of the fits with a run left out.
     """
     problem, best = runs.problem, runs.best
     single = [runs.declared, *runs.variants]

@@ -169,7 +169,7 @@ def measured_page(comparison: HarmonicComparison, command: str = "") -> Page:
         "and fitted models.",
         Made(command),
     )
-    page.heading("What was found, and how sure")
+    page.heading("What was found, and how certain it is")
     cards = [(chosen.name, "explains the runs best by the information criterion")]
     if comparison.printed:
         last = comparison.printed[-1]
@@ -185,8 +185,8 @@ def measured_page(comparison: HarmonicComparison, command: str = "") -> Page:
     _errors(page, comparison)
     page.heading("Why this model and not another")
     page.paragraph(
-        "The Bayesian information criterion makes a model earn its parameters; lower is better. Left out: every run "
-        "predicted by the model fitted to the others. Bars start at zero."
+        "The Bayesian information criterion penalises parameters; lower is better. Left out: every run predicted by "
+        "the model fitted to the others. Bars start at zero."
     )
     _models(page, comparison.models, comparison.models.index(chosen))
     if comparison.exchanged:

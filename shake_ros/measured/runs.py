@@ -175,8 +175,9 @@ def measured_runs(
     Parameters
     ----------
     runs : amplitudes, a name of config/measured or a YAML file.
-    extend : extensions of config/measured/variants.yaml to fit, or "all". second : to try on top of the best.
-    progress : whether it is shown, or who is told.
+    extend : extensions of config/measured/variants.yaml to fit, or "all".
+    second : to try on top of the best.
+    progress : whether to show it, or a function to call with it.
 
     Raises
     ------

@@ -84,8 +84,11 @@ class Door:
 
     Parameters
     ----------
-    inside : the application. keys : of this start. hosts : names with port under which the page may be called.
-    scheme : http or https. cookie : its name.
+    inside : the application.
+    keys : of this start.
+    hosts : names with port under which the page may be called.
+    scheme : http or https.
+    cookie : its name.
     """
 
     def __init__(self, inside: ASGIApp, keys: Keys, hosts: set[str], scheme: str, cookie: str) -> None:
@@ -119,13 +122,13 @@ class Door:
     def _wrong(self, scope: Scope, headers: Headers, role: str) -> str:
         """Why somebody may not come in; empty where he may."""
         if headers.getlist("host") != [headers.get("host")] or headers["host"] not in self._hosts:
-            return "called by a name that is not this page's"
+            return "the Host header does not name this page"
         origin = headers.get("origin")
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
         if (changes or origin is not None) and origin not in self._origins:
-            return "asked by another site"
+            return "the request comes from another site"
         entering = scope["type"] == "http" and scope["path"] == "/"
-        return "" if role or entering else "open the address that the lab printed: it carries this start's token"
+        return "" if role or entering else "open the address that the lab printed: it contains the token of this start"
 
 
 def _with_headers(send: Send) -> Send:

@@ -39,7 +39,7 @@ class Job:
         return shlex.join(["./shake", *self.arguments])
 
     def left(self) -> float | None:
-        """Time left [s], once there is something to tell it from."""
+        """Time left [s], once it can be estimated."""
         elapsed = time.time() - self.started
         if self.state != "running" or self.part < 0.03 or elapsed < 3.0:
             return None

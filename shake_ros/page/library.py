@@ -135,7 +135,10 @@ def make_reference(
 
     Parameters
     ----------
-    folder : of uploads. name : of the file. content : its bytes. unit, channel : as of `read_accelerogram`.
+    folder : of uploads.
+    name : of the file.
+    content : its bytes.
+    unit, channel : as of `read_accelerogram`.
     sample_time : of the generator [s].
 
     Raises

@@ -38,7 +38,8 @@ class Prediction:
 
     Parameters
     ----------
-    sample_time : [s]. model : table to predict with; None for none.
+    sample_time : [s].
+    model : table to predict with; None for none.
     """
 
     def __init__(self, sample_time: float, model: TableParameters | None) -> None:
@@ -137,7 +138,8 @@ class SampleStore:
 
     Parameters
     ----------
-    period : of the samples [ns]. prediction : of velocity and acceleration by the model.
+    period : of the samples [ns].
+    prediction : of velocity and acceleration by the model.
 
     Attributes
     ----------

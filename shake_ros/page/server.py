@@ -150,7 +150,7 @@ class LivePage:
         except ShakeError as error:
             done, text = False, str(error)
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
-            done, text = False, f"{what}: something is missing or wrong in the request"
+            done, text = False, f"{what}: the request is incomplete or wrong"
         except asyncio.TimeoutError:
             done, text = False, f"{what}: no answer from the graph in time"
         if self.socket.application_state is WebSocketState.CONNECTED:
@@ -165,7 +165,7 @@ class LivePage:
             await self.send_bytes(b"zoom" + data)
             return Answer(True, "")
         if not self.operator:
-            raise ShakeError("spectators see all and change nothing")
+            raise ShakeError("spectators can watch, not change anything")
         if what == "take":
             server.seat.take(self)
             return Answer(True, "you have the controls")
@@ -185,7 +185,7 @@ class LivePage:
             return await run_in_threadpool(self._start, message)
         if what == "cancel":
             return Answer(True, server.site.jobs.cancel())
-        raise ShakeError(f"{what[:40]!r} is nothing that can be asked for")
+        raise ShakeError(f"{what[:40]!r} is not a known request")
 
     def _start(self, message: dict[str, Any]) -> Answer:
         """A job on recordings of the library."""
@@ -278,7 +278,9 @@ class Server:
 
     Attributes
     ----------
-    seat : of the operator. pages : how many are open. url : for the operator, with the token.
+    seat : of the operator.
+    pages : how many are open.
+    url : for the operator, with the token.
     """
 
     def __init__(self, site: Site) -> None:
@@ -356,7 +358,9 @@ class Server:
             )
             return answer
         if token or not request.scope["state"]["role"]:
-            return PlainTextResponse("open the address that the lab printed: it carries this start's token\n", 403)
+            return PlainTextResponse(
+                "open the address that the lab printed: it contains the token of this start\n", 403
+            )
         return FileResponse(WEB / "index.html")
 
     async def _choices(self, _request: Request) -> Response:
@@ -408,7 +412,7 @@ async def _with_server(act: Callable[[Server, WebSocket], Any], server: Server, 
 
 def _operators_only(request: Request) -> None:
     if request.scope["state"]["role"] != OPERATOR:
-        raise ShakeError("spectators see all and change nothing")
+        raise ShakeError("spectators can watch, not change anything")
 
 
 async def _refused(_request: Request, error: Exception) -> Response:

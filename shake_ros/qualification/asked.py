@@ -132,8 +132,10 @@ class Asked:
 
     Attributes
     ----------
-    test : spectrum, rules, table, settings. model : of the feedforward. learn : the fit between runs; None corrects
-    the drive. about : table, model, instruments, for the certificate.
+    test : spectrum, rules, table, settings.
+    model : of the feedforward.
+    learn : the fit between runs; None corrects the drive.
+    about : table, model, instruments, for the certificate.
     """
 
     test: Test
@@ -219,5 +221,5 @@ def released(asked: Asked, live: LiveTable, own: OwnLoop | None, words: str, rel
     by = release(f"{live.words}; loop: {loop}; {search}{words}; at most {asked.test.running.runs} runs")
     if not by:
         raise NotReleasedError("not released; nothing was moved")
-    carried = {} if own else {"model": "none was handed over; the loop as the laboratory runs it"}
+    carried = {} if own else {"model": "none was handed over; observer and controller as the laboratory runs them"}
     return replace(asked, about={**asked.about, **carried, "released by": by})

@@ -121,7 +121,7 @@ def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("Their source", rules["source"]),
         (
             "Measured acceleration",
-            f"low-passed at {rules['low_pass']:g} Hz without phase shift, mean at rest taken off",
+            f"low-passed at {rules['low_pass']:g} Hz without phase shift, mean at rest removed",
         ),
         *([("Not passed because", content["reason"])] if content["reason"] else []),
     ]
@@ -231,7 +231,7 @@ def _html(content: Mapping[str, Any], motion: Array, sample_time: float) -> str:
         page.paragraph(f"From the force of the cylinder over the table's acceleration under {_search(content)}.")
     page.heading("Recordings")
     page.table(("file", "SHA-256"), list(content["sha256"].items()))
-    page.paragraph("./shake qualify --from THIS_FOLDER checks these sums and judges the recordings again.")
+    page.paragraph("./shake qualify --from THIS_FOLDER checks these sums and the recordings again.")
     return page.render().replace("</style>", f"{TEXT_CELLS}</style>", 1)
 
 

@@ -32,7 +32,7 @@ class Rules(Parameters):
     per_octave: int = quantity("-", "frequencies of an octave; 0 = points_per_decade counts", low=0, high=96)
     points_per_decade: int = quantity("-", "frequencies of a decade; 0 = per_octave counts", low=0, high=1000)
     points_below: int = quantity("-", "frequencies at which the TRS may lie below the RRS", low=0, high=100)
-    adjacent_below: int = quantity("-", "of them next to one another, at most", low=0, high=100)
+    adjacent_below: int = quantity("-", "adjacent ones of them, at most", low=0, high=100)
     lowest_share: float = quantity("-", "of the RRS that the TRS keeps everywhere", low=0.1, high=1.0)
     over_share: float = quantity("-", "of the RRS that the TRS may reach; 0 = not limited", low=0.0, high=100.0)
     over_up_to: float = quantity("Hz", "up to which over_share counts", low=0.0, high=1000.0)
@@ -45,11 +45,9 @@ class Rules(Parameters):
     strong_duration: float = quantity("s", "of the strong part, at least", low=0.0, high=600.0)
     arias_duration: float = quantity("s", "from 5 to 75 % of the Arias intensity, at least", low=0.0, high=600.0)
     stationarity: float = quantity(
-        "-", "largest over smallest rms of the strong part's quarters; 0 = told only", low=0.0, high=100.0
+        "-", "largest over smallest rms of the strong part's quarters; 0 = reported only", low=0.0, high=100.0
     )
-    aim: float = quantity(
-        "-", "level over the RRS at which a motion is aimed; a choice of this program", low=0.9, high=2.0
-    )
+    aim: float = quantity("-", "target level over the RRS; a choice of this program", low=0.9, high=2.0)
     aim_last: float = quantity(
         "-", "the same at the last required frequency, reached over an octave", low=0.9, high=2.0
     )
@@ -60,7 +58,7 @@ class Rules(Parameters):
 
 @dataclass(frozen=True)
 class Verdict:
-    """One rule: what is asked, what was measured, whether it holds; None = told, not asked."""
+    """One rule: what is asked, what was measured, whether it holds; None = reported, not required."""
 
     rule: str
     asked: str
@@ -175,7 +173,7 @@ def _spectrum(f: Array, ratio: Array, rules: Rules) -> list[Verdict]:
             int(below.sum()) <= rules.points_below,
         ),
         Verdict(
-            "points below next to one another",
+            "adjacent points below",
             f"at most {rules.adjacent_below}",
             str(longest_run(below)),
             longest_run(below) <= rules.adjacent_below,

@@ -136,10 +136,10 @@ class MotionParameters(Parameters):
     aim: float = quantity("-", "level aimed at over the required one", low=1.0, high=2.0)
     aim_last: float = quantity("-", "the same at the last required frequency", low=0.9, high=2.0)
     seeds: int = quantity(
-        "-", "random phases tried; of those that fit, the one of the lowest peak is kept", low=1, high=100
+        "-", "random phases tried; of those that fit, the one with the lowest peak is kept", low=1, high=100
     )
     high_pass: float = quantity("-", "lower end of the motion over the first required frequency", low=0.1, high=1.0)
-    per_octave: int = quantity("-", "frequencies of an octave at which it is matched", low=3, high=48)
+    per_octave: int = quantity("-", "frequencies per octave at which it is matched", low=3, high=48)
     position_share: float = quantity("-", "usable share of half the stroke", low=0.01, high=1.0)
     velocity_share: float = quantity("-", "usable share of the velocity left at each acceleration", low=0.01, high=1.0)
     force_share: float = quantity("-", "usable share of the largest force", low=0.01, high=1.0)
@@ -157,7 +157,7 @@ def demand(states: Array, table: TableParameters, parameters: MotionParameters) 
     """Shares of the envelope that a motion (n, 3) uses.
 
     The velocity that is left at an acceleration a is v √(1 − |a|/a_max), that of the valve fully open (3.17); above
-    a_max the force tells that none is.
+    a_max the force shows that none is.
     """
     p, most = parameters, envelope(table)
     x, v, a = np.abs(states).T
@@ -277,7 +277,7 @@ def synthesise(
 
     Returns
     -------
-    (n,) [m/s²]; whether the table can make it is what `demand` tells.
+    (n,) [m/s²]; `demand` says whether the table can make it.
     """
     factor, step = _step(sample_time)
     if record is not None:

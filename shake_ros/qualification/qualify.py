@@ -50,7 +50,7 @@ class Laboratory(Protocol):
         """Of all runs so far."""
 
     def play(self, model: TableParameters, drive: Array, name: str, number: int, /) -> TableRecording:
-        """One recorded run of a drive (n, 3) under a model; `number` tells its noise from that of others."""
+        """One recorded run of a drive (n, 3) under a model; `number` selects its noise."""
 
 
 @dataclass
@@ -77,7 +77,7 @@ class SimulatedLaboratory:
         loop = self.settings.loop
         if self.own is None:
             return f"{loop.controller}, {loop.observer}"
-        told = "" if self.own.sound else ", which ring on a neighbour of it"
+        told = "" if self.own.sound else ", which oscillate on a neighbour of it"
         return f"{self.own.kind}, {FUSED}, gains made for the model{told}"
 
     @property
@@ -131,17 +131,22 @@ def qualify(
 
     Parameters
     ----------
-    required : a name of config/required_spectra, a YAML file, or a spectrum. scale : of its levels [-].
-    table : the simulated table. set : values to change in it, by dotted name or its last part.
+    required : a name of config/required_spectra, a YAML file, or a spectrum.
+    scale : of its levels [-].
+    table : the simulated table.
+    set : values to change in it, by dotted name or its last part.
     model : the identified table of the feedforward and the observer; the table as declared where not given.
     rules : a name of config/qualification_rules or a file; the spectrum's own where not given.
     record : accelerogram to start from, or its file, in place of random phases.
     refit : fit the model, with these effects, to each run that does not pass, instead of correcting the drive.
-    runs : most runs. seed : of the phases and the sensors' noise. delay : samples by which a command acts late.
+    runs : most runs.
+    seed : of the phases and the sensors' noise.
+    delay : samples by which a command acts late.
     specimen : what is tested, for the certificate.
     live : the table of a running graph, as `shake_ros.ros.live_table.live_table` gives it; `table` then is what is
         declared of it, whose envelope the motion keeps. Its loop stays; with `model` or `refit` gains made for the
-        model take its place. release : is told what will move it, and returns who lets it; it has to be given.
+        model take its place.
+    release : is called with what will move it, and returns who releases it; required.
 
     Raises
     ------

@@ -50,7 +50,10 @@ class RequiredSpectrum:
 
     Attributes
     ----------
-    name : of the spectrum. frequencies : (m,) rising [Hz]. levels : (m,) [m/s²]. damping : ξ [-].
+    name : of the spectrum.
+    frequencies : (m,) rising [Hz].
+    levels : (m,) [m/s²].
+    damping : ξ [-].
     zero_period : acceleration that the motion itself has to reach [m/s²].
     source : where its numbers are from.
     """
@@ -127,7 +130,7 @@ class Rg160(Parameters):
 
     peak_acceleration: float = quantity("g", "of the ground", low=0.001, high=10.0)
     damping: float = quantity("-", "xi", low=0.005, high=0.10)
-    lowest_frequency: float = quantity("Hz", "from which it is asked", low=0.1, high=2.5)
+    lowest_frequency: float = quantity("Hz", "from which it is required", low=0.1, high=2.5)
     name: str = choice("of the spectrum")
     source: str = choice("where the formula is from")
 

@@ -47,7 +47,7 @@ class SearchParameters(Parameters):
     duration: float = quantity("s", "of the random motion", low=5.0, high=600.0)
     low: float = quantity("Hz", "lower end of its band", low=0.1, high=100.0)
     high: float = quantity("Hz", "upper end of its band", low=0.2, high=200.0)
-    shift: float = quantity("-", "of a frequency, from which a specimen counts as changed", low=0.001, high=1.0)
+    shift: float = quantity("-", "of a frequency, above which a specimen counts as changed", low=0.001, high=1.0)
 
     @property
     def words(self) -> str:

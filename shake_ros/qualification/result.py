@@ -33,10 +33,15 @@ class Qualification:
 
     Attributes
     ----------
-    required, rules : the spectrum and the code. runs : oldest first. reason : why it did not pass; empty where it did.
-    sample_time : [s]. about : specimen, table, instruments, date, … recordings : of searches and runs, in turn.
-    before, after : resonance searches; None where there was none. shift : of a resonance, from which it counts [-].
-    per_octave : frequencies of an octave over which the error of a run is. search : where a resonance was sought.
+    required, rules : the spectrum and the code.
+    runs : oldest first.
+    reason : why it did not pass; empty where it did.
+    sample_time : [s].
+    about : specimen, table, instruments, date, … recordings : of searches and runs, in turn.
+    before, after : resonance searches; None where there was none.
+    shift : of a resonance, from which it counts [-].
+    per_octave : frequencies of an octave over which the error of a run is.
+    search : where a resonance was sought.
     """
 
     required: RequiredSpectrum
@@ -179,7 +184,7 @@ def certified(folder: str | Path) -> tuple[Qualification, tuple[str, ...]]:
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        raise ShakeError(f"{path}: is no certificate of ./shake qualify") from None
+        raise ShakeError(f"{path}: is not a certificate of ./shake qualify") from None
     if told.get("schema") != SCHEMA:
         raise ShakeError(f"{path}: schema {told.get('schema')!r} is not {SCHEMA}")
     try:

@@ -30,8 +30,8 @@ class RunParameters(Parameters):
 
     runs: int = quantity("-", "most runs", low=1, high=50)
     gain: float = quantity("-", "share of a spectrum's error that the next drive corrects", low=0.1, high=1.0)
-    growth: float = quantity("-", "error over that of the run before from which it grows", low=1.0, high=10.0)
-    near_limit: float = quantity("-", "share of half the stroke from which the end stops are near", low=0.5, high=1.0)
+    growth: float = quantity("-", "error over that of the previous run above which it grows", low=1.0, high=10.0)
+    near_limit: float = quantity("-", "share of half the stroke above which the end stops are near", low=0.5, high=1.0)
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,10 @@ class Tested:
 
     Attributes
     ----------
-    drive : (n, 3) [m], [m/s], [m/s²]. motion : (n,) measured acceleration as it is judged [m/s²].
-    judgement : its verdicts. error : rms of ln(TRS/aim) over the matched frequencies [-].
+    drive : (n, 3) [m], [m/s], [m/s²].
+    motion : (n,) measured acceleration as it is judged [m/s²].
+    judgement : its verdicts.
+    error : rms of ln(TRS/aim) over the matched frequencies [-].
     """
 
     drive: Array
@@ -84,7 +86,7 @@ def given_up(test: Test, errors: list[float], position: float) -> str:
     p = test.running
     stop = 0.5 * test.table.value("body.stroke")
     if position >= p.near_limit * stop:
-        return f"the table came to {1e3 * position:.0f} mm, the end stops are at {1e3 * stop:.0f} mm"
+        return f"the table reached {1e3 * position:.0f} mm, the end stops are at {1e3 * stop:.0f} mm"
     if len(errors) >= 3 and errors[-1] > p.growth * errors[-2] and errors[-2] > p.growth * errors[-3]:
         told = ", ".join(f"{100.0 * e:.1f}" for e in errors)
         return f"the spectrum's error grew twice ({told} % rms of the logarithm)"
@@ -105,8 +107,9 @@ def iterate_test(
 
     Parameters
     ----------
-    first : (n, 3) the motion. play : plays a drive under a model in the run of this number and returns the measured
-        acceleration (n,) [m/s²] and position (n,) [m].
+    first : (n, 3) the motion.
+    play : plays a drive under a model in the run of this number and returns the measured acceleration (n,) [m/s²] and
+        position (n,) [m].
     learn : the next model from this one and the recording of the run of this number; None corrects the drive.
 
     Returns

@@ -1,7 +1,7 @@
-"""A sequence of qualification tests: levels in turn, each test acknowledged, gone on with where it stopped.
+"""A sequence of qualification tests: levels in turn, each test acknowledged; resumed where it stopped.
 
-Every test leaves a folder of its own with its certificate, written whole or not at all; those that are there are done,
-and a later call takes them from their recordings. sequence.json holds what was asked and who released which test.
+Every test leaves a folder of its own with its certificate, written whole or not at all; a later call reads
+the finished ones from their recordings. sequence.json holds what was asked and who released which test.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ FILE, SCHEMA = "sequence.json", "shake_ros.qualify_sequence/1"
 
 @dataclass(frozen=True)
 class StageDone:
-    """A test of a sequence: what came of it, what the interlock said (empty: clear), who released it and when."""
+    """A test of a sequence: its result, the interlock's message (empty: clear), who released it and when."""
 
     stage: Stage
     test: Qualification
@@ -100,11 +100,13 @@ class StageDone:
 
 @dataclass(frozen=True, repr=False)
 class TestSequence:
-    """The tests of a sequence so far.
+    """The finished tests of a sequence.
 
     Attributes
     ----------
-    plan : what was asked. done : tests in turn. waiting : what is to be acknowledged next; empty where nothing is.
+    plan : what was asked.
+    done : tests in turn.
+    waiting : what is to be acknowledged next; empty where nothing is.
     """
 
     __test__ = False  # no test of pytest
@@ -119,7 +121,7 @@ class TestSequence:
         return self.done[0].test.before if self.done else None
 
     def shifts(self, done: StageDone) -> tuple[Shift, ...]:
-        """What became of each resonance from before the first test until after this one."""
+        """The change of each resonance from before the first test until after this one."""
         after = done.test.after
         return () if self.before is None or after is None else self.before.shifts(after)
 
@@ -139,7 +141,7 @@ class TestSequence:
         return len(self.done) == len(self.plan.stages) and not self.reason
 
     def content(self) -> dict[str, Any]:
-        """Its part of sequence.json that tells what came of it."""
+        """Its part of sequence.json with the result."""
         rows = []
         for done in self.done:
             ratio = done.test.judgement.ratio
@@ -186,8 +188,9 @@ def qualify_sequence(
 
     Parameters
     ----------
-    folder : where each test leaves its certificate. acknowledge : is told the state and the test that comes next, and
-        returns who releases it; empty text ends the call, and a later one goes on from there.
+    folder : where each test leaves its certificate.
+    acknowledge : is called with the state and the next test, and returns who releases it; empty text ends the call, and
+        a later one continues from there.
     plan : a name of config/qualification_sequences or a file. The others as of `qualify`; the same in every call.
 
     Raises
@@ -311,7 +314,7 @@ class _Log:
             content = json.loads(path.read_text(encoding="utf-8"))
             assert content["schema"] == SCHEMA and content["asked"] and isinstance(content["tests"], dict)
         except (OSError, ValueError, KeyError, TypeError, AssertionError):
-            raise ShakeError(f"{path}: is no sequence of ./shake qualify") from None
+            raise ShakeError(f"{path}: is not a sequence of ./shake qualify") from None
         return cls(path, content)
 
     @classmethod

@@ -61,8 +61,11 @@ class Chart:
 
     Attributes
     ----------
-    name : of its CSV file and its static copy. x : label of the abscissa with unit. caption : what is seen.
-    view : (from, to) of the abscissa at first, None for all. ticks : names of places on the abscissa.
+    name : of its CSV file and its static copy.
+    x : label of the abscissa with unit.
+    caption : what is seen.
+    view : (from, to) of the abscissa at first, None for all.
+    ticks : names of places on the abscissa.
     shaded : stretches of the abscissa.
     """
 

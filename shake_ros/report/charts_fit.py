@@ -94,8 +94,9 @@ def history_chart(
         ]
         panels += [Panel(label, time, tuple(curves)), Panel(f"residual {unit}", time, tuple(left), height=120)]
     view = (float(time[span.start - record.start]), float(time[span.stop - 1 - record.start]))
-    caption = f"{record.name}{role}: simulated from the recorded command alone; at first the {view[1] - view[0]:.1f} s "
-    return Chart(f"history_{record.name}", "time [s]", tuple(panels), caption + "of fastest motion", view=view)
+    caption = f"{record.name}{role}: simulated from the recorded command alone; initially "
+    caption += f"the {view[1] - view[0]:.1f} s of fastest motion"
+    return Chart(f"history_{record.name}", "time [s]", tuple(panels), caption, view=view)
 
 
 def spectrum_chart(record: Record, runs: Sequence[Array], labels: Sequence[str] = BOTH) -> Chart:
@@ -111,7 +112,7 @@ def spectrum_chart(record: Record, runs: Sequence[Array], labels: Sequence[str] 
         series.append(ChartSeries(name, np.sqrt(power[1:]), colour, width=1.4))
     panel = Panel(label.replace("]", "/√Hz]"), frequency[1:], tuple(series), log=True, height=230)
     view = (0.4, 0.5 / record.sample_time)
-    caption = f"{record.name}: amplitude spectral density of what was measured and of what each model leaves"
+    caption = f"{record.name}: amplitude spectral density of the measurement and of each model's residual"
     return Chart(f"spectrum_{record.name}", "frequency [Hz]", (panel,), caption, log_x=True, view=view)
 
 
@@ -177,7 +178,7 @@ def unlisted_chart(fit: Fit, form: FunctionForm | None = None) -> Chart:
     values = np.array([table.value(name) for name in NODE_NAMES])
     quantity, label, scale = FUNCTIONS[int(table.value(PREFIX + "kind"))]
     code = int(table.value(PREFIX + "second"))
-    at, caption, named = nodes, "The function without a name, as estimated on its nodes", "estimated"
+    at, caption, named = nodes, "The unlisted effect, as estimated on its knots", "estimated"
     series = list[ChartSeries]()
     if code:
         changes = np.linspace(low, high, CHANGES)
@@ -217,5 +218,5 @@ def correlation_chart(judgements: Sequence[Judgement], with_drive: bool) -> Char
         )
         panels.append(Panel("correlation", lag, series, height=100, shaded=(-bound, bound)))
     name, text = ("drive", "the drive") if with_drive else ("past", "its own past")
-    caption = f"Correlation of the residual with {text}; grey: what chance gives at 99 %, lag by lag"
+    caption = f"Correlation of the residual with {text}; grey: 99 % limits of chance, lag by lag"
     return Chart(f"correlation_{name}", "lag [samples]", tuple(panels), caption)

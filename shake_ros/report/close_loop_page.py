@@ -53,9 +53,9 @@ from shake_ros.report.text import (
 )
 
 WHAT = (
-    "What would have to act on the table for the final model to give the measured motion: a state of its own, smoothed "
-    "over the whole recording. A fault of valve, oil or supply shows as the force that it would take in its place. The "
-    "table says what a run leaves without and with the force, and up to which frequency it stands out of the noise."
+    "The force that would have to act on the table for the final model to reproduce the measured motion, smoothed "
+    "over the whole recording. A fault of valve, oil or supply appears as the force that would replace it. The table "
+    "gives the residual of a run without and with the force, and the frequency up to which the force exceeds the noise."
 )
 SIDES = {  # abscissa → the quantity whose sign parts the two curves, and their names
     "velocity": ("acceleration", ("gaining speed to +x", "gaining speed to −x")),
@@ -71,7 +71,7 @@ def force_section(page: Page, forces: Sequence[LatentForce], model: DeclaredMode
     page.paragraph(sentence(told_force(forces)))
     if all(force.kinds.zero for force in forces):
         return
-    gauge = " Newtons count relative to the area that was assumed." if model.nuisances else ""
+    gauge = " Forces are relative to the assumed area." if model.nuisances else ""
     page.paragraph(f"{WHAT}{gauge}", note=True)
     page.table(
         ("recording", "rms", "peak", "of inertia", "the force", "run leaves, × noise", "up to"),
@@ -136,7 +136,7 @@ def _strongest(force: LatentForce) -> tuple[float, float]:
 
 
 def against_chart(force: LatentForce, name: str) -> Chart | None:
-    """Mean force against a quantity, apart for either sense of motion: two curves that part tell of a memory."""
+    """Mean force against a quantity, for each direction of motion: two curves that separate indicate memory."""
     by, (low, high) = SIDES[name]
     sense = np.gradient(force.known["velocity"]) if by == "acceleration" else force.known[by]
     at = SCALES.get(name, 1.0) * force.known[name]
@@ -163,9 +163,9 @@ def _means(values: Array, group: NDArray[np.intp], count: int) -> Array:
 
 
 SIZE = (
-    "Effects are held against each other in one measure: the rms of what the refitted model leaves, every channel in "
-    "multiples of its sensor noise (never finer than 0.2 % of the channel's rms); estimation and validation data count "
-    "alike, by their geometric mean. Bars start at zero."
+    "Effects are compared by the residual-to-noise ratio of the refitted model: the rms of its residual, every "
+    "channel in multiples of its sensor noise (at least 0.2 % of the channel's rms); estimation and validation data "
+    "count equally, by their geometric mean. Bars start at zero."
 )
 MODELS = ("declared model", "extended model")
 
@@ -183,9 +183,9 @@ def identify_page(
 ) -> Page:
     """The page of `identify`; told, data : of a table without a data sheet."""
     learn, hold = (", ".join(dict.fromkeys(r.name for r in records)) for records in (estimation, validation))
-    checked = f"; validated on {hold}" if hold else "; no recording was left to validate it"
+    checked = f"; validated on {hold}" if hold else "; there was no validation data"
     page = Page("The fitted model", f"Estimated from {learn}{checked}.", made_of(command, estimation, validation))
-    page.heading("What was found, and how sure")
+    page.heading("What was found, and how certain it is")
     resting = [p.name for p in model.parameters if p.std_error is None]
     unknown = [p.name for p in model.parameters if p.std_error is not None and p.std_error > abs(p.value)]
     page.cards(
@@ -237,7 +237,7 @@ def _title(step: ForwardStep, function: LearntFunction | None = None) -> str:
     if chosen.effect != "unlisted":
         return chosen.effect
     depends = ", ".join(name.replace("_", " ") for name in chosen.depends_on)
-    return f"a function of {depends}" + (f" ({function.form.name})" if function else "")
+    return f"a function of {depends}" + (f" with the form {function.form.name}" if function else "")
 
 
 def _named(result: LoopClosure) -> str:
@@ -247,7 +247,7 @@ def _named(result: LoopClosure) -> str:
 
 def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | None) -> None:
     """What is missing, how sure that is, and what it is worth, as cards and a sentence each."""
-    page.heading("What was found, and how sure")
+    page.heading("What was found, and how certain it is")
     steps, rest = result.search.steps, result.remaining
     named = _named(result)
     place = ", ".join(dict.fromkeys(s.chosen.candidate.place for s in steps))
@@ -264,7 +264,7 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
         cards.append(
             (
                 f"{percent(errors['before']['position'])} → {percent(errors[last]['position'])}",
-                f"position error in the loop, with the declared and with the extended model{gained}",
+                f"position error when tracking, with the declared and with the extended model{gained}",
             )
         )
     if result.final.test:
@@ -281,7 +281,7 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
     if result.with_candidates:
         page.paragraph(_if_added(result))
     if result.search.stopped:
-        page.paragraph("The search was ended before it was done; this is the best answer so far.")
+        page.paragraph("The search was ended early; this is the best answer so far.")
 
 
 def _if_added(result: LoopClosure) -> str:
@@ -303,7 +303,7 @@ def step_text(
     standing: EffectStanding | None = None,
     function: LearntFunction | None = None,
 ) -> str:
-    """An added effect with its values, and what could stand for it: in the final model, where that is judged."""
+    """An added effect with its values, and what could replace it, in the final model if there is a verdict."""
     chosen = step.chosen.candidate
     own = {f.name for f in chosen.free}
     values = [
@@ -313,13 +313,13 @@ def step_text(
     ]
     others, refitted = standing.alternatives if standing else step.alternatives, len(step.ranking) - 1
     if others:
-        sure = f"These recordings cannot tell it from {', '.join(others)}."
+        sure = f"These recordings cannot distinguish it from {', '.join(others)}."
     elif refitted:
-        sure = f"The recordings tell it apart from the {refitted} other effects that were refitted."
+        sure = f"The recordings distinguish it from the {refitted} other effects that were refitted."
     else:
         sure = "No other effect was refitted to free runs in its place."
     shown = f": {', '.join(values)}" if values else ""
-    return f"{_title(step, function)}, place {chosen.place}{shown}. {sure}"
+    return f"{_title(step, function)} ({chosen.place}){shown}. {sure}"
 
 
 def step_section(page: Page, step: ForwardStep, without: ScoredFit, function: LearntFunction | None = None) -> None:
@@ -328,13 +328,13 @@ def step_section(page: Page, step: ForwardStep, without: ScoredFit, function: Le
     page.heading(f"Why {_title(step, function)} and not another")
     page.paragraph((EFFECTS[chosen.effect].__doc__ or "").strip().splitlines()[0])
     sizes = [math.sqrt(r.score) for r in step.ranking]
-    why = f"It takes the residual from {_times(math.sqrt(without.score))} to {_times(sizes[0])} times the noise"
+    why = f"It reduces the residual from {_times(math.sqrt(without.score))} to {_times(sizes[0])} times the noise"
     if len(step.ranking) > 1:
         least = min(range(1, len(sizes)), key=lambda k: sizes[k])
         why += f"; {step.ranking[least].candidate.effect}, the next, leaves {_times(sizes[least])}"
         if sizes[least] < sizes[0]:
             why += ", but " + (
-                "with values that are not seen on real tables" if not step.ranking[least].usual else "not beyond chance"
+                "with values that are unusual for real tables" if not step.ranking[least].usual else "not beyond chance"
             )
     page.paragraph(f"{why}. {SIZE}")
     widest = max(math.sqrt(without.score), *sizes)

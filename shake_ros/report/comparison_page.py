@@ -198,7 +198,9 @@ def comparison_page(
 
     Parameters
     ----------
-    runs : of the case that is drawn, by controller. figure_case : that case in words. plant : the plant in words.
+    runs : of the case that is drawn, by controller.
+    figure_case : that case in words.
+    plant : the plant in words.
     """
     summaries = summarise(outcomes)
     best = best_of(summaries)

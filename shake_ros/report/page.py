@@ -29,7 +29,7 @@ MANY = 8  # columns from which on a table is printed small
 NUMERIC = re.compile(r"[<>≈≤±−+-]?\s?[\d.]|not known|–$|$")
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 BUTTONS = (
-    ("view", "start", "the stretch shown at first"),
+    ("view", "start", "the segment shown at first"),
     ("whole", "all", "the whole abscissa (double click)"),
     ("in", "+", "zoom in (or drag over the chart)"),
     ("out", "−", "zoom out"),
@@ -183,7 +183,7 @@ class Page:
             "<button id='theme' type='button'>light / dark</button></nav>"
             f"<main><h1>{title}</h1><p class='lead'>{html.escape(self._lead)}</p>"
             f"<p class='made'>{date} · shake_ros {__version__}{from_what}</p>"
-            "<noscript><p>The charts need JavaScript, which this browser has switched off; texts and tables do "
+            "<noscript><p>The charts need JavaScript, which this browser has switched off; text and tables work "
             "without.</p></noscript>"
             + "\n".join(self._drawn())
             + f"</main><script>{_web('uPlot.iife.min.js')}</script><script>{_web('charts.js')}</script></body></html>\n"

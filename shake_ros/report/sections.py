@@ -34,13 +34,13 @@ from shake_ros.report.text import bound_text, estimate_text, percent, rounded, s
 
 def predictable_table(page: Page, parts: Sequence[Predictability]) -> None:
     """What of each residual is predictable at all, in shares of its mean square."""
-    page.subheading("What of it is predictable at all")
+    page.subheading("How much of it is predictable")
     page.paragraph(sentence(predictability_verdict(parts)))
     page.paragraph(
-        "Shares of the residual's mean square. The filter may look ahead, holds the command, its magnitude, its sign "
-        "and its square with sign, and has not seen the recording that it is judged by. What does not repeat between "
-        "equal commands, beyond the sensor noise, no model that the command drives can have: process noise, or a state "
-        "that the recording began with.",
+        "Shares of the residual's mean square. The filter may look ahead, uses the command, its magnitude, its sign "
+        "and its signed square, and is evaluated on a recording to which it was not fitted. What differs between "
+        "equal commands, beyond the sensor noise, cannot be predicted from the command: process noise, or an unknown "
+        "initial state.",
         note=True,
     )
     rows = []
@@ -67,31 +67,31 @@ def innovations_table(page: Page, found: Innovations) -> None:
     page.subheading("Error of prediction against horizon")
     page.paragraph(sentence(found.text))
     page.paragraph(
-        "Rms over validation data in multiples of the sensor noise. A drawn run is corrected at a rate towards what is "
-        "measured, as an observer is; beside it stands what sensor noise alone makes of such a run. A prediction is "
-        "free from the instant it is made; the measured velocity has looked some 10 ms ahead of that.",
+        "Rms over validation data in multiples of the sensor noise. A corrected run is pulled towards the measurement "
+        "at a rate, like an observer; beside it is the error that sensor noise alone would cause. A prediction is "
+        "free from the instant at which it is made; the measured velocity has looked some 10 ms ahead of that.",
         note=True,
     )
     rows = []
     for channel, errors in found.errors.items():
         cells = zip(errors, found.by_noise[channel], strict=True)
         rows.append([channel, *(f"{e:.2f} ({alone:.2f})" for e, alone in cells)])
-    page.table(["drawn at (noise alone)", "free run", *(f"{rate:g} 1/s" for rate in RATES[1:])], rows)
+    page.table(["corrected at (noise alone)", "free run", *(f"{rate:g} 1/s" for rate in RATES[1:])], rows)
     rows = [[channel, *(f"{e:.2f}" for e in errors)] for channel, errors in found.horizons.items()]
     page.table(["predicted ahead by", *(f"{1e3 * h:g} ms" for h in HORIZONS)], rows)
 
 
 OWN = (
-    "Estimated from the recording's own position, as friction and amplifiers warm up between recordings and within "
-    "them; the level counts all friction against the first recording learned from. The errors of the free run on this "
-    "page are with them. From its force alone a run errs by what the last column says."
+    "Estimated from the recording's own position, since friction and amplifiers warm up between recordings and within "
+    "them; the level is that of all friction relative to the first estimation recording. The errors of the free run "
+    "on this page include them. The last column is the error of a run from the force alone."
 )
 
 
 def slow_change_lines(changes: Sequence[SlowChange]) -> list[str]:
     """A line for each recording that has something of its own."""
     return [
-        f"of its own, {c.recording}: friction {c.level:.4f} of the level learned, offset {c.offset:+.3f} N, "
+        f"of its own, {c.recording}: friction {c.level:.4f} of the first recording's level, offset {c.offset:+.3f} N, "
         f"drift {c.drift:+.4f} N/s"
         for c in changes
     ]
@@ -107,12 +107,12 @@ def position_lines(errors: Mapping[str, Sequence[float]], forecast: Mapping[str,
 
 
 def slow_changes_section(page: Page, table: TableParameters, records: Sequence[Record]) -> None:
-    """What each recording has of its own under a table; nothing where none has."""
+    """Nuisance parameters of each recording under a table; nothing where none has."""
     found = slow_changes(table, records)
     if not found:
         return
     errors = [of(table, records) for of in (position_errors, forecast_errors)]
-    page.subheading("What each recording has of its own")
+    page.subheading("Nuisance parameters of each recording")
     page.paragraph(OWN)
     rows = [
         [c.recording, f"{c.level:.4f}", f"{c.offset:+.3f} N", f"{c.drift:+.4f} N/s"]
@@ -124,7 +124,7 @@ def slow_changes_section(page: Page, table: TableParameters, records: Sequence[R
 
 
 ERROR = "Error of the free run: rms(measured − simulated) / rms(measured − mean), simulated from the command alone."
-TEST = "Validation data have chosen what the model contains; of test data no decision knew."
+TEST = "Validation data have selected the model; no decision used the test data."
 DRAWN = 8  # recordings with charts of their own
 SHOWN = 2.0  # of the tracked motion at first, about the largest acceleration of the reference [s]
 
@@ -208,22 +208,22 @@ def _parameter(p: Estimate | None, limits: tuple[float, float] | None) -> str:
 
 
 def identified_section(page: Page, told: Sequence[Estimate], data: Prepared | None) -> None:
-    """What recordings tell of a table without a data sheet, and what was done to them; of others the latter."""
+    """What recordings determine of a table without a data sheet, and what was done to them; of others the latter."""
     if data is None:
         return
     for said in data.stops:
         page.paragraph(f"{said}.")
     if not told:
         return
-    page.heading("What the recordings tell of this table")
-    page.paragraph("Whatever its area and supply pressure: these quantities do not depend on what was assumed of them.")
+    page.heading("What the recordings determine of this table")
+    page.paragraph("These quantities do not depend on the assumed area and supply pressure.")
     rows = [[p.name, estimate_text(p), unit_of(p.unit)[1]] for p in told]
     page.table(("quantity", "value", "unit"), rows)
     rows = [
         [n.recording, f"{n.null_shift:.5f}", "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"]
         for n in data.nuisances
     ]
-    page.table(("taken out of the recording", "null shift of the valve [-]", "accelerometer bias [m/s²]"), rows)
+    page.table(("removed from the recording", "null shift of the valve [-]", "accelerometer bias [m/s²]"), rows)
     for said in data.changes():
         page.paragraph(sentence(said))
 
@@ -264,7 +264,7 @@ def errors_section(
     page.table(["recording", "used for", "channel", *models], rows)
     if first.test:
         page.paragraph(f"{TEST} They show how well the model predicts a new recording.", note=True)
-    page.subheading("The same by band of frequency")
+    page.subheading("The same by frequency band")
     page.paragraph(
         "The residual within the band over the whole measured signal: the squares of a recording's bands add up to the "
         "square of its error.",
@@ -281,7 +281,7 @@ def verdict(judgement: Judgement) -> tuple[float, str]:
     if test is None:
         return ratio, "too short to be tested"
     if test.white and test.independent:
-        return ratio, "noise: neither its own past nor the drive predicts it"
+        return ratio, "noise: neither its own past nor the command predicts it"
     by = [text for passed, text in ((test.independent, "the drive"), (test.white, "its own past")) if not passed]
     return ratio, f"{' and '.join(by)} predict{'s' * (len(by) == 1)} a part of it"
 
@@ -292,9 +292,9 @@ def remains_section(page: Page, diagnosis: Diagnosis, text: str = "") -> None:
     if text:
         page.paragraph(sentence(text))
     page.paragraph(
-        "Size first, in multiples of the channel's noise; then what a test at 99 % over ±25 lags sees in its shape. "
-        "The test sees a trace far below the noise: what counts is the part of the mean square that a linear "
-        "filter of the drive explains, and what is left above the noise, which is nonlinear."
+        "First the size, in multiples of the channel's noise; then a test of its shape at 99 % over ±25 lags. The "
+        "test detects traces far below the noise: what matters is the share of the mean square that a linear filter "
+        "of the command explains, and what is left above the noise, which is nonlinear."
     )
     rows = []
     for j in diagnosis.judgements:
@@ -306,7 +306,8 @@ def remains_section(page: Page, diagnosis: Diagnosis, text: str = "") -> None:
         role = "validation" if j.held_out else "estimation"
         rows.append([f"{j.name} ({role})", j.channel, f"{ratio:.2f} × noise", *parts, told, size])
     page.table(
-        ("recording", "residual of", "size", "linear in the drive", "nonlinear", "noise", "its shape", "noise is"), rows
+        ("recording", "residual of", "size", "linear in the command", "nonlinear", "noise", "its shape", "noise is"),
+        rows,
     )
     if any(j.test for j in diagnosis.judgements):
         page.chart(charts_fit.correlation_chart(diagnosis.judgements, True))
@@ -350,7 +351,7 @@ class Track(NamedTuple):
 
 
 def tracking_chart(tracks: Mapping[str, Track]) -> Chart:
-    """Acceleration wanted and reached, and the error of the position; at first about the largest acceleration."""
+    """Acceleration of reference and table, and position error; initially around the largest acceleration."""
     first, *_ = tracks.values()
     n = min(len(track.time) for track in tracks.values())
     time, wanted = first.time[:n], first.reference[:n]
@@ -365,7 +366,7 @@ def tracking_chart(tracks: Mapping[str, Track]) -> Chart:
         Panel("position error [mm]", time, tuple(missed), height=140),
     )
     view = (max(peak - 0.5 * SHOWN, float(time[0])), min(peak + 0.5 * SHOWN, float(time[-1])))
-    caption = "Acceleration wanted and reached, and error of the position; at first about the largest acceleration"
+    caption = "Acceleration of reference and table, and position error; initially around the largest acceleration"
     return Chart("tracking", "time [s]", panels, caption, view=view)
 
 
@@ -377,10 +378,10 @@ def tracking_section(page: Page, tracks: Mapping[str, Track]) -> None:
 
 
 def benefit_section(page: Page, benefit: TrackingBenefit) -> None:
-    """What the extended model gains in the loop."""
-    page.heading("What the extended model gains in the loop")
+    """How much the extended model improves tracking."""
+    page.heading("How much the extended model improves tracking")
     page.paragraph(
-        f"The identified table follows the reference '{benefit.reference}' in simulation, with sensor noise and delay: "
+        f"The identified table tracks the reference '{benefit.reference}' in simulation, with sensor noise and delay: "
         "once with the declared model in observer and controller, once with the extended model. "
         "rms(motion − reference) / rms(reference − mean)."
     )
@@ -394,4 +395,6 @@ def benefit_section(page: Page, benefit: TrackingBenefit) -> None:
         page.paragraph(sentence(warning))
     tracking_section(page, tracks)
     if benefit.margins:
-        page.paragraph(f"The loop with the gains made for the table, where it is least robust: {benefit.margins.text}.")
+        page.paragraph(
+            f"The closed loop with the gains made for the table, where it is least robust: {benefit.margins.text}."
+        )

@@ -53,7 +53,7 @@ def record_chart(name: str, curves: Sequence[Curve]) -> Chart:
         )
         for k, (label, scale) in enumerate(QUANTITIES)
     )
-    return Chart(name, "time [s]", panels, "The motion as recorded and as the table gets it")
+    return Chart(name, "time [s]", panels, "The motion as recorded and as played")
 
 
 def spectrum_chart(name: str, spectra: Mapping[str, tuple[Array, Array, Array]], damping: float) -> Chart:
@@ -81,9 +81,10 @@ def record_page(
 
     Parameters
     ----------
-    notes : what was changed, a sentence each. rows : quantity, as recorded, corrected, for the table, limit.
+    notes : what was changed, a sentence each.
+    rows : quantity, as recorded, corrected, for the table, limit.
     """
-    page = Page("A record for the table", title, Made(command))
+    page = Page("An accelerogram for the table", title, Made(command))
     page.heading("What was changed")
     for note in notes:
         page.paragraph(note)

@@ -122,11 +122,11 @@ def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
 
 
 def identified_lines(told: Sequence[Estimate], data: Prepared) -> list[str]:
-    """What recordings tell of a table without a data sheet, and what was done to them; of others the latter."""
+    """What recordings determine of a table without a data sheet, and what was done to them; of others the latter."""
     if not told:
         return [*data.stops]
-    lines = ["", "what the recordings tell, whatever area and pressure are:", *parameter_lines(told), ""]
-    lines.append(f"{'taken out of the recording':<36}{'null shift':>12}{'bias [m/s²]':>14}")
+    lines = ["", "what the recordings determine, whatever area and pressure are:", *parameter_lines(told), ""]
+    lines.append(f"{'removed from the recording':<36}{'null shift':>12}{'bias [m/s²]':>14}")
     for n in data.nuisances:
         bias = "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"
         lines.append(f"{n.recording:<36}{n.null_shift:>12.5f}{bias:>14}")
@@ -155,8 +155,8 @@ def function_line(function: LearntFunction) -> str:
     where = f", where {second.quantity} is {0.5 * (second.low + second.high):.4g} {second.unit}" if second else ""
     line = (
         f"function of {of.replace('_', ' ')} [{function.unit}], closed form{where.replace('_', ' ')}: "
-        f"{form.name}, {form.text} with {_numbers(form.parameters)}; it "
-        f"differs from the free one by {percent(form.misfit)}, and leaves {form.cost:.2f} times its validation error"
+        f"{form.name}, {form.text} with {_numbers(form.parameters)}; it differs from the estimated function by "
+        f"{percent(form.misfit)}, and leaves {form.cost:.2f} times its validation error"
     )
     return f"{line}; {change_text(second)}" if second else line
 
@@ -166,8 +166,8 @@ def change_text(change: LearntChange) -> str:
     form, quantity = change.form, change.quantity.replace("_", " ")
     return (
         f"with {quantity} it changes as {form.name}, {form.text} with {_numbers(form.parameters)}, τ from −1 at "
-        f"{change.low:.4g} {change.unit} to 1 at {change.high:.4g} {change.unit}; this differs from the free change by "
-        f"{percent(form.misfit)}, and both forms leave {form.cost:.2f} times the validation error"
+        f"{change.low:.4g} {change.unit} to 1 at {change.high:.4g} {change.unit}; this differs from the estimated "
+        f"change by {percent(form.misfit)}, and both forms leave {form.cost:.2f} times the validation error"
     )
 
 
@@ -202,9 +202,9 @@ def standing_lines(standing: EffectStanding) -> list[str]:
 def why_nothing(result: LoopClosure) -> str:
     """Why no effect was added."""
     if result.candidates:
-        return "what lowers the error is not established on the validation data"
+        return "effects that lower the error are not established on the validation data"
     if result.search.stopped and result.remaining.above_noise:
-        return "the search was ended before it could try all effects"
+        return "the search was ended before it had tried all effects"
     return "no effect lowers the error on the validation data"
 
 
@@ -213,8 +213,8 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
     lines = error_lines(result.baseline, "declared model, error of the free run")
     for step, model, standing in zip_longest(result.search.steps, result.models, result.standings):
         best, others = step.chosen.candidate, standing.alternatives if standing else step.alternatives
-        also = f" (these recordings cannot tell it from {', '.join(others)})" if others else ""
-        lines += ["", f"added: {best.effect}, place {best.place}{also}"]
+        also = f" (these recordings cannot distinguish it from {', '.join(others)})" if others else ""
+        lines += ["", f"added: {best.effect} ({best.place}){also}"]
         lines += standing_lines(standing) if standing else []
         own = {f.name for f in best.free}
         lines += parameter_lines([p for p in model.parameters if p.name in own])
@@ -225,9 +225,9 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
     lines += ["", f"remaining: {result.remaining.text}"]
     lines += [told_force(result.forces)] if result.forces else []
     if result.search.stopped:
-        lines.append("the search was ended before it was done; this is the best answer so far")
+        lines.append("the search was ended early; this is the best answer so far")
     for doubtful in result.candidates:
-        lines.append(f"not added: {doubtful.effect}, place {doubtful.place}")
+        lines.append(f"not added: {doubtful.effect} ({doubtful.place})")
         lines += standing_lines(doubtful)
     if result.with_candidates:
         return [

@@ -166,7 +166,7 @@ class FollowedLoad:
         track(self._state, self._tracker.fixed, self._model, *given, self._work)
 
     def _told(self, place: int) -> str:
-        """A number of the load that is told, with the leader's standard error."""
+        """A number of the reported load, with the best tracker's standard error."""
         state = self._state
         if state is None:
             return "not followed"
@@ -193,10 +193,12 @@ class ControllerNodeParameters(Parameters):
     """The node's own settings; gains and limit come from the controller's configuration."""
 
     controller: str = choice("configuration in config/controller, or a YAML file", live=True)
-    switch_time: float = quantity("s", "time in which the bump of a change of controller fades", low=0.01, high=10.0)
+    switch_time: float = quantity(
+        "s", "time over which the difference at a change of controller fades", low=0.01, high=10.0
+    )
     stale_after: float = quantity("s", "an older reference is followed as a position at rest", low=0.001, high=10.0)
     harmonic_cancellation: bool = choice("whether harmonics are added to a periodic reference", live=True)
-    load: str = choice("configuration in config/load by which the specimen is followed, empty for none")
+    load: str = choice("configuration in config/load for following the specimen, empty for none")
 
 
 class ControllerNode(Behaviour):
@@ -206,7 +208,7 @@ class ControllerNode(Behaviour):
     then it begins anew, without a bump. In lock-step it does not: what comes outside the samples would change a run.
 
     With `harmonic_cancellation` it reads the accelerometer as well; in lock-step that of sample k. With `load` it reads
-    position and accelerometer, and its virtual table carries the specimen that they tell.
+    position and accelerometer, and its virtual table carries the specimen that they show.
     """
 
     def __init__(self, frame: Frame) -> None:
@@ -230,7 +232,7 @@ class ControllerNode(Behaviour):
         self._writer = frame.writer(interface.VALVE_COMMAND)
         frame.reader(interface.REFERENCE, self._on_reference)
         self._estimates = frame.reader(interface.ESTIMATE, self._on_estimate)
-        self._agreed = False  # whether an estimate has stood at the instant that the controller takes it for
+        self._agreed = False  # whether an estimate was for the instant that the controller expects
         self._apart = 0  # samples in a row that did not
         self._harmonics = AddedHarmonics(frame, self._step_when_complete)
         self._harmonics.switch(own.harmonic_cancellation)
@@ -244,7 +246,7 @@ class ControllerNode(Behaviour):
         table = load_table(sets[""].model) if sets[""].model else None
         controller = Controller(kind, sets[""], self.frame.sample_time, table)
         if self._own.value.load and controller.model is None:
-            raise ShakeError(f"load: the controller '{kind}' carries no table whose specimen could be followed")
+            raise ShakeError(f"load: the controller '{kind}' has no table model, so no specimen can be followed")
         controller.step(controller.initial_state(), REST, REST)
         return controller
 
@@ -319,8 +321,8 @@ class ControllerNode(Behaviour):
             missing = "reference" if self._reference_stamp < 0 else "estimate"
             return WARN, f"waiting for the first {missing}"
         if self._apart:
-            return ERROR, "the estimate stands at another instant than the controller predicts to"
-        state = "at rest, the table takes no command" if self._rests else "running"
+            return ERROR, "the estimate is for another instant than the controller predicts to"
+        state = "at rest, the table accepts no commands" if self._rests else "running"
         return WARN if self._load.text() else OK, f"{self._controller.kind}: {state}{self._load.text()}"
 
 

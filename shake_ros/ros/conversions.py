@@ -137,8 +137,10 @@ class Codec:
 
     Parameters
     ----------
-    build : numbers and variance → message, without its header. read : message → numbers.
-    parts : what stands behind the stamp. size : how many numbers.
+    build : numbers and variance → message, without its header.
+    read : message → numbers.
+    parts : what stands behind the stamp.
+    size : how many numbers.
 
     Attributes
     ----------
@@ -181,7 +183,7 @@ class Codec:
         return message
 
     def _agrees_with_middleware(self) -> bool:
-        """Whether the middleware reads our packed form as the message that it stands for, and writes it alike."""
+        """Whether the middleware reads our packed form as the same message, and writes it alike."""
         values = tuple(1.5 + place for place in range(self.size))
         stamp = 3 * SECOND + 7
         try:

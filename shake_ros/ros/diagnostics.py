@@ -73,7 +73,7 @@ class Diagnostics:
         self.condition: Callable[[], tuple[int, str]] = lambda: (OK, "running")
         self.inputs: dict[str, Input] = {}
         self.values: dict[str, Callable[[], object]] = {}
-        self.groups: list[Callable[[], Mapping[str, object]]] = []  # of values that are told together
+        self.groups: list[Callable[[], Mapping[str, object]]] = []  # of values that are reported together
         self.cycles = 0
         self.missed = 0
         self.latest = 0

@@ -25,7 +25,7 @@ class FaultsNodeParameters(Parameters):
     """The node's own settings; each topic adds its faults as TOPIC.NAME."""
 
     topics: str = choice("names of sampled topics, separated by blanks")
-    seed: int = quantity("-", "seed of what is left to chance", low=0, high=2**31 - 1)
+    seed: int = quantity("-", "seed of the random faults", low=0, high=2**31 - 1)
 
 
 def parse_topics(text: str) -> list[Topic]:
@@ -101,7 +101,7 @@ class FaultsNode(Behaviour):
     def __init__(self, frame: Frame) -> None:
         super().__init__(frame)
         if frame.lockstep:
-            raise ShakeError("lockstep = true: a loop that waits for every sample cannot lose one; real time only")
+            raise ShakeError("lockstep = true: lock-step waits for every sample and cannot lose one; real time only")
         own = frame.settings(FaultsNodeParameters).value
         self._channels = [PassedTopic(frame, topic, own.seed + k) for k, topic in enumerate(parse_topics(own.topics))]
         frame.diagnostics.condition = self._condition

@@ -102,7 +102,7 @@ class Writer:
             if self._frame.stopping or not self._frame.node.context.ok():
                 return
             if time.monotonic() > give_up:
-                raise RuntimeError(f"{self._topic.name}: a reader has taken nothing for {BLOCKED:g} s")
+                raise RuntimeError(f"{self._topic.name}: a reader has taken no sample for {BLOCKED:g} s")
             time.sleep(AGAIN)
 
     def _published(self, data: Any) -> bool:

@@ -1,6 +1,6 @@
 """Several nodes as one: separate processes, or all in this process. Nothing outlives the caller.
 
-Used by the demo, the tests and the scripts; no launch file. The plant is told which readers to wait for, so
+Used by the demo, the tests and the scripts; no launch file. The plant knows which readers to wait for, so
 that no loop starts half and a lock-step recording has every sample from the first.
 
 `python -m shake_ros.ros.graph SPECS` runs several in one process until a signal, as `lab --composed` does.
@@ -115,7 +115,7 @@ def awaited(nodes: Sequence[NodeSpec], lockstep: bool) -> str:
 
 
 def _recorded(node: NodeSpec) -> tuple[str, ...]:
-    """The sampled topics that a recorder takes: all, unless it is told which."""
+    """The sampled topics that a recorder takes: all by default."""
     if node.executable != "recorder":
         return ()
     named = str(node.parameters.get("topics", "")).split()
@@ -209,7 +209,7 @@ class Graph:
         )
 
     def add(self, node: NodeSpec) -> None:
-        """Start one more node; one of its name that has ended gives way."""
+        """Start one more node; it replaces one of its name that has ended."""
         if node.called in self.processes:
             self.processes[node.called].wait()
             self._logs[node.called].close()

@@ -1,4 +1,4 @@
-"""Node `hardware_bridge`: the plant's face over a real table, by datagrams to its target computer.
+"""Node `hardware_bridge`: the same topics over a real table, by datagrams to its target computer.
 
 A thread waits for datagrams and publishes each sample at once; commands arrive in the executor's thread and leave as
 the answer to the sample whose stamp they bear. While none comes, the interlock's own command goes out each period.
@@ -124,7 +124,9 @@ class HardwareBridge(Behaviour):
         now = self.frame.now()
         with self.interlock:
             if not self._link.knows(stamp):
-                return self.interlock.foreign(now, f"command for {stamp * 1e-9:.6f} s, which no measurement bears")
+                return self.interlock.foreign(
+                    now, f"command for {stamp * 1e-9:.6f} s, an instant without a measurement"
+                )
             self.frame.diagnostics.latency(now - stamp)
             self.interlock.command(stamp, u)
             self._answer(now, stamp)

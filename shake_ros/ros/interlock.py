@@ -52,7 +52,7 @@ class NodeInterlock:
 
     Attributes
     ----------
-    core : the interlock without ROS, for who wants to look at it; nodes need not.
+    core : the interlock without ROS.
     act, watch, report, clear : its `act`, `compare`, `report` and `clear`.
     """
 
@@ -98,12 +98,12 @@ class NodeInterlock:
         wanted = [name for name in REFERENCED if self._live.value.response(name).active]
         if wanted and self._frame.lockstep:
             raise ShakeError(
-                f"interlock.causes.{wanted[0]}: in lock-step it must be 'none' (its reader is not awaited)"
+                f"interlock.causes.{wanted[0]}: in lock-step it must be 'none' (lock-step does not wait for its reader)"
             )
         return self._frame.reader(interface.REFERENCE, self._on_reference) if wanted else None
 
     def _open_operator(self) -> bool:
-        """Whether somebody at the page is asked for; then his signs are heard, by the machine's own clock."""
+        """Whether an operator at the page is required; then the page's reports are timed by the machine's own clock."""
         if not self._live.value.response(OPERATED).active:
             return False
         topic = interface.OPERATOR
@@ -113,7 +113,7 @@ class NodeInterlock:
     def _accept(self, parameters: InterlockParameters) -> None:
         response = parameters.response(OPERATED)
         if response.active != self._operated:
-            raise ShakeError(f"causes.{OPERATED}.action = '{response.action}': settled when the node starts")
+            raise ShakeError(f"causes.{OPERATED}.action = '{response.action}': fixed when the node starts")
         for name in REFERENCED:
             response = parameters.response(name)
             if response.active and self._references is None:

@@ -40,13 +40,15 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--controller", default="super_twisting_tuned", metavar="NAME", help="of config/controller")
     made.add_argument("--interlock", default="bergamo", metavar="NAME", help="of config/interlock, or a file")
     made.add_argument("--lockstep", action="store_true", help="by stamps instead of by the wall clock")
-    pace = "in lock-step at most X times real time; 0: as fast as it goes (default: 1 with the page, 0 without)"
+    pace = "in lock-step at most X times real time; 0: as fast as possible (default: 1 with the page, 0 without)"
     made.add_argument("--pace", type=float, metavar="X", help=pace)
-    made.add_argument("--composed", action="store_true", help="the loop in one process; all else in their own")
+    made.add_argument(
+        "--composed", action="store_true", help="plant, observer, controller and reference in one process"
+    )
     made.add_argument("--realtime", action="store_true", help="ask the system for real-time scheduling")
     made.add_argument("--record", metavar="NAME", help="record from the start, into FOLDER/recordings/NAME")
     made.add_argument("--enabled", action="store_true", help="begin the start sequence once all nodes run")
-    play = "play the reference: with --enabled once commands act, else and in lock-step from the start"
+    play = "play the reference: with --enabled as soon as commands act, otherwise and in lock-step from the start"
     made.add_argument("--play", action="store_true", help=play)
     made.add_argument("--duration", type=float, default=0.0, metavar="S", help="end after this; 0: on Ctrl-C")
     made.add_argument("--folder", type=Path, default=Path("out/lab"), help="of recordings and results")
@@ -54,7 +56,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--headless", action="store_true", help="without the page")
     page = made.add_argument_group("page")
     page.add_argument(
-        "--model", metavar="NAME", help="declared table: predicted with and fitted (default: that of --table)"
+        "--model", metavar="NAME", help="declared table, for predictions and fits (default: that of --table)"
     )
     page.add_argument("--port", type=int, default=8421, help="0: any that is free (default: 8421)")
     page.add_argument("--address", default="127.0.0.1", help="to listen on; others than 127.0.0.1 need TLS")
@@ -167,11 +169,11 @@ def prepare(given: argparse.Namespace) -> None:
     if given.record and recording.exists():
         raise ShakeError(f"{recording}: exists already; name another recording with --record")
     if given.pace is not None and not given.lockstep:
-        raise ShakeError("--pace: real time has its own; it goes with --lockstep")
+        raise ShakeError("--pace: only with --lockstep")
     if given.bridge and given.lockstep:
-        raise ShakeError("--bridge: a real table keeps real time; leave --lockstep away")
+        raise ShakeError("--bridge: a real table runs in real time; omit --lockstep")
     if given.operator_required and given.headless:
-        raise ShakeError("--operator-required: needs the page; leave --headless away")
+        raise ShakeError("--operator-required: needs the page; omit --headless")
     if given.bridge and given.duration:
         raise ShakeError("--duration: only the simulated table ends by itself")
     if not given.headless and given.address != "127.0.0.1" and not (given.certificate and given.key):
@@ -186,7 +188,7 @@ def crowded(given: argparse.Namespace, count: int) -> str:
         return ""
     return (
         f"--realtime on {count} processors: five processes with priority starve page, browser and whatever "
-        "else runs here; --composed takes one for the loop"
+        "else runs here; --composed runs plant, observer and controller in one"
     )
 
 

@@ -35,7 +35,8 @@ class LiveLaw(Generic[T]):
     ----------
     parameter : the node's parameter that names the configuration.
     own : the node's set that holds it.
-    load : name → kind and parameter sets. make : kind and sets → the law, compiled.
+    load : name → kind and parameter sets.
+    make : kind and sets → the law, compiled.
     live : whether all parameters may change, or those alone that are marked so.
     """
 

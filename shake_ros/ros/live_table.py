@@ -45,7 +45,7 @@ SILENT = 15.0  # a node that has not reported for so long is lost [s]
 
 @dataclass
 class NodeReport:
-    """The newest report of a node: its full name, words, values; when it was heard and how many came [s], [-]."""
+    """The newest report of a node: its full name, message, values; when it arrived [s], and how many arrived [-]."""
 
     node: str
     message: str = ""
@@ -59,7 +59,8 @@ class LiveGraph:
 
     Attributes
     ----------
-    reports : executable → newest report. nodes : the same by full name, where several have one executable.
+    reports : executable → newest report.
+    nodes : the same by full name, where several have one executable.
     trips : words of what the interlock has acted on since this was made.
     """
 
@@ -98,10 +99,10 @@ class LiveGraph:
         return result
 
     def report(self, executable: str) -> NodeReport:
-        """The newest report of a node, waited for where nothing was heard for long; ShakeError where it is silent."""
+        """The newest report of a node, waited for if the last one is old; ShakeError where it is silent."""
         if not self.until(lambda: time.monotonic() - self.reports[executable].heard < SILENT, SILENT):
             found = self.reports[executable]
-            raise ShakeError(f"{found.node} has been silent for {SILENT:g} s; its last word was: {found.message}")
+            raise ShakeError(f"{found.node} has been silent for {SILENT:g} s; its last message was: {found.message}")
         return self.reports[executable]
 
     def next_report(self, executable: str) -> NodeReport:
@@ -157,7 +158,7 @@ class LiveGraph:
 
 Array = NDArray[np.float64]
 LOOK = 6.0  # for a graph [s]
-WHOLE = 15.0  # for all of its nodes, once one is heard [s]
+WHOLE = 15.0  # for all of its nodes, once one has reported [s]
 STARTING = 60.0  # of the hydraulics, and of a stop in order [s]
 SAYING = 1.0  # from the report of a hold to its words [s]
 STANDING = 20.0  # the reference does not advance for so long: the graph stands [s]
@@ -174,7 +175,9 @@ class GraphTable:
 
     Parameters
     ----------
-    graph : the running one. folder : for recordings and files while it is used. domain : of ROS.
+    graph : the running one.
+    folder : for recordings and files while it is used.
+    domain : of ROS.
     """
 
     def __init__(self, graph: LiveGraph, folder: Path, domain: int) -> None:
@@ -232,7 +235,9 @@ class GraphTable:
             raise ShakeError(f"the table is not ready to move: {report.message}; {cure}")
         playing = graph.next_report(GENERATOR).message
         if playing.endswith(": running"):
-            raise ShakeError(f"the reference plays already ({playing}); wait for its end, or set its `play` to false")
+            raise ShakeError(
+                f"the reference is playing already ({playing}); wait for its end, or set its `play` to false"
+            )
 
     def play(self, drive: Array, name: str) -> Path:
         """See `LiveTable`."""
@@ -282,7 +287,7 @@ class GraphTable:
             if (now := graph.report(GENERATOR).values.get("sample")) != place:
                 place, moved = now, time.monotonic()
             elif time.monotonic() - moved > STANDING:
-                raise ShakeError(f"the graph stands still: no sample for {STANDING:g} s")
+                raise ShakeError(f"the graph has stopped: no sample for {STANDING:g} s")
         end = int(graph.report(GENERATOR).values["sample"])
         graph.set(GENERATOR, {"play": False})
         self._wait_for(recorder, end)
@@ -326,7 +331,7 @@ class GraphTable:
         )
         if not reached:
             what = "run" if on else stage
-            raise ShakeError(f"the table does not come to {what}: {graph.report(self.table).message}")
+            raise ShakeError(f"the table does not reach {what}: {graph.report(self.table).message}")
         self._off = not on
 
     def limits(self) -> dict[str, float]:
@@ -359,7 +364,7 @@ class GraphTable:
             self.graph.set(GENERATOR, {"play": False})
         if "controller" in before:
             self._exchange(before.pop("observer")["observer"], before.pop("controller")["controller"])
-            told = "observer and controller are the laboratory's again; the pressure is off"
+            told = "observer and controller are restored; the pressure is off"
         for node, values in before.items():
             self.graph.set(node, values)
         return told

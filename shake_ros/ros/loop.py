@@ -5,7 +5,7 @@
   saturated traffic.
 * Ticks: nodes that keep real time. An own loop over absolute deadlines of the monotonic clock, in the thread of
   the executor; the executor attends to services every `ATTEND`-th tick, or in every pause where other nodes
-  share the process. A tick that comes later than a period is not made up for: the node is told how many passed.
+  share the process. A tick that comes later than a period is not made up for: the node gets the number of skipped ones.
 * Before the first node starts: what `shake_ros/realtime.py` asks for where `realtime.enabled`, with one warning on what
   is refused; and the garbage collector is held. It works after each report, never within a step.
 
@@ -355,7 +355,7 @@ def build_node(
     files = ParameterFiles(frame.node.get_fully_qualified_name(), arguments or process_arguments)
     for line in files.warnings:
         frame.say(WARN, line)
-    slow = "compiling, as always at the first start; that may take a minute"
+    slow = "compiling, as at every first start; this may take a minute"
     compiling = threading.Timer(SLOW_START, lambda: frame.say(OK, f"{frame.start_line}; {slow}"))
     compiling.daemon = True
     compiling.start()
@@ -380,7 +380,7 @@ def main(build: Build, name: str, arguments: Sequence[str]) -> int:
     except RuntimeError as error:
         raise _wrong_arguments(arguments, error) from None
     if foreign:
-        raise ShakeError(f"'{foreign[0]}' is no ROS argument; parameters go behind --ros-args -p name:=value")
+        raise ShakeError(f"'{foreign[0]}' is not a ROS argument; parameters go after --ros-args -p name:=value")
     with ros_context(list(arguments)) as context:
         loop = NodeLoop(context)
         obey_signals(loop)

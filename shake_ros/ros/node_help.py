@@ -187,7 +187,7 @@ class RemoteParameters:
             ]
 
     def value(self, node: str, name: str) -> Any:
-        """The value last heard; None where there is none."""
+        """The last value received; None where there is none."""
         return next((one["value"] for one in self.nodes.get(node, []) if one["name"] == name), None)
 
     def set(self, node: str, name: str, value: Any, done: Future[Answer]) -> None:

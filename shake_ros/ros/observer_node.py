@@ -71,7 +71,7 @@ class OtherSensors:
 
     def _on_sample(self, name: str, stamp: int, value: float) -> None:
         if self._missed[name] >= MISSED and self._stamps[name] >= 0:
-            self._frame.say(OK, f"observer: {TOPICS[name].name} is there again")
+            self._frame.say(OK, f"observer: {TOPICS[name].name} is back")
         self._stamps[name], self._values[name], self._missed[name] = stamp, value, 0
         self._heard()
 
@@ -115,15 +115,15 @@ class OtherSensors:
         before = self._missed[name]
         self._missed[name] = before + samples
         if before < MISSED <= self._missed[name]:
-            self._frame.say(WARN, f"observer: {TOPICS[name].name} is lost, the estimate goes on without it")
+            self._frame.say(WARN, f"observer: {TOPICS[name].name} is lost, the estimate continues without it")
 
     def doubt(self, names: tuple[str, ...]) -> None:
         """Say which sensors the observer does not believe, when that changes."""
         if names != self._doubted:
             for name in set(names) - set(self._doubted):
-                self._frame.say(WARN, f"observer: {name} is far off what is expected or frozen, not taken")
+                self._frame.say(WARN, f"observer: {name} is implausible or frozen, left out")
             for name in set(self._doubted) - set(names):
-                self._frame.say(OK, f"observer: {name} is believed again")
+                self._frame.say(OK, f"observer: {name} is used again")
             self._doubted = names
 
     def text(self) -> str:

@@ -192,7 +192,7 @@ class PageDesk:
         if table is None:
             state, message = self._before_the_table(died)
         elif table["lost"]:
-            state, message = "lost", f"silent for {table['age']:.0f} s; its last word was: {table['message']}"
+            state, message = "lost", f"silent for {table['age']:.0f} s; its last message was: {table['message']}"
         else:
             state, message = state_of(stage, table["message"]), table["message"]
         thd = self._thd if self._thd and now - self._thd["heard"] < SILENT and periodic(self._thd) else {}
@@ -246,7 +246,9 @@ class PageDesk:
                 self._call(future, what, how)
             elif what == "set":
                 if self._guarded(str(how["node"]), str(how["name"])):
-                    raise ShakeError(f"{how['name']} belongs to the interlock: it is changed by who starts the table")
+                    raise ShakeError(
+                        f"{how['name']} belongs to the interlock: it can be changed only where the table is started"
+                    )
                 self.remote.set(str(how["node"]), str(how["name"]), how["value"], future)
             elif what == "record":
                 self._note = how["note"]
@@ -274,7 +276,7 @@ class PageDesk:
 
     def _ask_lab(self, future: Future[Answer], what: str, how: dict[str, Any]) -> None:
         if self._lab is None or not self._lab.open:
-            raise ShakeError(f"{what}: only where ./shake lab has started the page")
+            raise ShakeError(f"{what}: only if ./shake lab has started the page")
         number = len(self._answers) + time.monotonic_ns() % 10**9
         self._answers[number] = future
         self._lab.send({"do": what, "id": number, **how})

@@ -46,7 +46,8 @@ class SampleTap:
 
     Parameters
     ----------
-    context, namespace : of the page's node. store : where samples go.
+    context, namespace : of the page's node.
+    store : where samples go.
     """
 
     def __init__(self, context: Context, namespace: str, store: SampleStore) -> None:
@@ -93,8 +94,10 @@ class PageParameters(Parameters):
     key: str = choice("of the certificate, a PEM file")
     host: str = choice("name of this machine in the page's address, with TLS")
     folder: str = choice("of recordings, uploads and results")
-    model: str = choice("table that the page predicts with: of config/table, or a YAML file; empty: none")
-    operator_required: bool = quantity("", "tell the table that the operator's page is there; it holds when that stops")
+    model: str = choice("table for the page's predictions: of config/table, or a YAML file; empty: none")
+    operator_required: bool = quantity(
+        "", "report to the table that the operator's page is there; the table holds when this stops"
+    )
     lab: str = choice("socket of the lab that started the page; empty: none")
 
 

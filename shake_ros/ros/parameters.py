@@ -4,7 +4,7 @@ Each field becomes a parameter with its type, "meaning [unit]", its range, and r
 set adds its field's name and a dot. A live change builds a new frozen object, which is checked as the first one was;
 it is refused with the reason, or waits until the node takes it at its next sample.
 
-`ParameterFiles` reads parameter files as rcl does: whom their sections address, and what a node must be told about it.
+`ParameterFiles` reads parameter files as rcl does: which nodes their sections address, and the message for a node.
 """
 
 from __future__ import annotations
@@ -220,7 +220,7 @@ class NodeParameters:
                 continue
             if name not in shared:
                 raise unknown_name("parameter", name, self._owner)
-            self._node.get_logger().warning(f"the shared parameter '{name}' is none of this node's")
+            self._node.get_logger().warning(f"the shared parameter '{name}' is not a parameter of this node")
 
     def _doubles(self, parameters: list[Parameter[Any]]) -> list[Parameter[Any]]:
         """What is set, with doubles where doubles are meant."""
@@ -285,7 +285,8 @@ class ParameterFiles:
 
     Parameters
     ----------
-    node : its full name. arguments : ROS arguments.
+    node : its full name.
+    arguments : ROS arguments.
 
     Attributes
     ----------

@@ -28,7 +28,7 @@ class PlantParameters(Parameters):
     start_position: float = quantity("m", "position of the table at the start", low=-10.0, high=10.0)
     enabled: bool = quantity("", "moves from the start, without the service `enable`")
     pace: float = quantity(
-        "-", "in lock-step no faster than so many times real time, 0: as fast as it goes", low=0.0, high=1e3
+        "-", "in lock-step no faster than so many times real time, 0: as fast as possible", low=0.0, high=1e3
     )
 
 
@@ -75,7 +75,7 @@ class PlantNode(Behaviour):
 
     def _accept_faults(self, faults: MachineFaultParameters) -> None:
         if self.frame.lockstep and (off := set(faults.on()) & set(MISSING)):
-            raise ShakeError(f"faults.{min(off)}: in lock-step the loop would wait for ever; it needs real time")
+            raise ShakeError(f"faults.{min(off)}: in lock-step the nodes would wait for ever; use real time")
 
     def start(self) -> None:
         """In lock-step the first measurement sets the loop going."""

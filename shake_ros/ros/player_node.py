@@ -108,7 +108,7 @@ class Player(Behaviour):
         return self.frame.diagnostics.cycles - before
 
     def _timed(self) -> Iterator[tuple[Message | None, int]]:
-        """Messages and the instants [ns, monotonic] at which they are due; None stands for a tick of /clock."""
+        """Messages and the instants [ns, monotonic] at which they are due; None means a tick of /clock."""
         begin = time.monotonic_ns()
         offset = round(self._own.start_offset * SECOND)
         first = next_clock = None

@@ -46,7 +46,8 @@ class Reception:
 
     Parameters
     ----------
-    profile : to subscribe with. number : of the topic in the recording.
+    profile : to subscribe with.
+    number : of the topic in the recording.
     """
 
     def __init__(

@@ -34,8 +34,8 @@ class RecorderParameters(Parameters):
     topics: str = choice("names separated by blanks; empty: every topic of the interface")
     compression: str = choice("of the chunks", ("none", "zstd"))
     force: bool = quantity("", "replace an existing recording")
-    flush_every: float = quantity("s", "a kill costs at most this", low=0.01, high=10.0)
-    waiting_limit: float = quantity("MiB", "messages that the disk has not taken yet", low=1.0, high=65536.0)
+    flush_every: float = quantity("s", "a kill loses at most this", low=0.01, high=10.0)
+    waiting_limit: float = quantity("MiB", "messages waiting for the disk", low=1.0, high=65536.0)
 
 
 class Recorder(Behaviour):

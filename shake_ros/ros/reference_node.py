@@ -24,9 +24,9 @@ class ReferenceNodeParameters(Parameters):
 
     reference: str = choice("configuration in config/reference, or a YAML file", live=True)
     play: bool = quantity(
-        "", "false: to rest in the middle; true: plays from the beginning, after its end again", live=True
+        "", "false: go to rest in the middle; true: play from the beginning, also after the end", live=True
     )
-    repeat: bool = quantity("", "plays again when it has ended", live=True)
+    repeat: bool = quantity("", "play again after the end", live=True)
     start_delay: float = quantity("s", "rest before the program starts", low=0.0, high=1e4)
 
 
@@ -90,7 +90,7 @@ class ReferenceGenerator(Behaviour):
         asked = self._own.changed
         before, self._taken = self._taken, self._own.take()
         play, was_playing = self._taken.play, self._playing
-        again = asked and self._taken == before and self._ended  # told to play once more what has ended
+        again = asked and self._taken == before and self._ended  # asked to play again what has ended
         changed = self._law.changed or again
         old, ((self._reference, new), _) = self._reference, self._law.take()
         self._playing = play

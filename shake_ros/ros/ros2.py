@@ -1,4 +1,4 @@
-"""`./shake ros2 …`: the few commands of the `ros2` program that one needs most, for who has no ROS 2 installed.
+"""`./shake ros2 …`: the most used commands of the `ros2` program, where ROS 2 is not installed.
 
 The words, options and lines are those of `ros2 topic list|echo|hz`, `ros2 param list|get|set|dump` and
 `ros2 service list|call`; whatever else that program can do, it needs an installed ROS 2 for.

@@ -34,7 +34,8 @@ class LabStart:
 
     Parameters
     ----------
-    watch : the lab's eyes. enable, play : what is asked for.
+    watch : the lab's eyes.
+    enable, play : what is asked for.
     """
 
     def __init__(self, watch: LabWatch, enable: bool, play: bool) -> None:
@@ -111,7 +112,7 @@ OUTSIDE = ("page", *LAST)  # do not take part in the loop
 
 
 def say(text: str) -> None:
-    """A line for who started the lab."""
+    """A line on the lab's console."""
     print(f"lab: {text}", flush=True)
 
 
@@ -120,13 +121,16 @@ class Supervisor:
 
     Parameters
     ----------
-    graph : of its processes, not yet started. watch : its eyes. start : what it begins once all run.
-    exchange : the line to the page. recordings : their folder.
+    graph : of its processes, not yet started.
+    watch : its eyes.
+    start : what it begins once all run.
+    exchange : the line to the page.
+    recordings : their folder.
     """
 
     def __init__(self, graph: Graph, watch: LabWatch, start: LabStart, exchange: Exchange, recordings: Path) -> None:
         self.graph, self.watch, self.start, self.exchange, self.recordings = graph, watch, start, exchange, recordings
-        self._asked = 0.0  # when it was told to end, on the monotonic clock [s]
+        self._asked = 0.0  # when it was asked to stop, on the monotonic clock [s]
         self._dead: dict[str, str] = {}  # node → why
         self._told: dict[str, Any] = {}  # what the page knows
         self._reader = sys.stdin if sys.stdin is not None and sys.stdin.isatty() else None
@@ -152,7 +156,7 @@ class Supervisor:
             self._serve()
             if not self._ready and not slow and time.monotonic() - started > COMPILING:
                 slow = True
-                say("compiling, as always at the first start; that may take a minute")
+                say("compiling, as at every first start; this may take a minute")
         return self._end()
 
     def _done(self) -> bool:
@@ -198,7 +202,7 @@ class Supervisor:
         self._tell()
 
     def _tell(self) -> None:
-        """The page hears what has changed."""
+        """Inform the page of a change."""
         there = [one.called for one in self.graph.nodes if self._runs(one.called) or one.called in self._dead]
         states = {name: self._dead.get(name, "") for name in there}
         now = {"processes": states, "recording": self._recorder()}
@@ -256,7 +260,7 @@ class Supervisor:
         return self.watch.stop_in_order(STOPPING, self._say_slow if self.graph.lockstep else None)
 
     def _say_slow(self) -> None:
-        say("the table is slow here, and so is its stop; Ctrl-C ends it at once")
+        say("the table is slow here, and so is its stop; Ctrl-C again ends it at once")
 
     def _restart_loop(self) -> str:
         """All nodes of the loop, behind an orderly stop; a recording ends with it."""
@@ -273,7 +277,7 @@ class Supervisor:
         """The simulated table with another configuration."""
         plant = next((one for one in self.graph.nodes if one.executable == "plant"), None)
         if plant is None or plant.program:
-            raise ShakeError("there is no simulated table of its own process here")
+            raise ShakeError("there is no simulated table in a process of its own here")
         self._stop_in_order(POLL)
         other = NodeSpec("plant", {**plant.parameters, "table": message["name"]})
         self.graph.nodes = [other if one is plant else one for one in self.graph.nodes]
@@ -304,9 +308,9 @@ class Supervisor:
         """Hold, pressure off, nodes, recorder, page."""
         wrong = []
         if self._asked:
-            say("ending: hold, pressure off")
+            say("stopping: hold, pressure off")
             if not self._stop_in_order(IMPATIENT):
-                wrong.append("the table has not said that its pressure is off")
+                wrong.append("the table has not reported that its pressure is off")
         recording = self._recorder()
         for group in (
             [one.called for one in self._loop()],
@@ -318,5 +322,5 @@ class Supervisor:
             say(f"recording closed: {recording}")
         for line in wrong:
             say(line)
-        say("ended" if not wrong and not self._dead else "ended, not without losses")
+        say("ended" if not wrong and not self._dead else "stopped, with losses")
         return 1 if wrong or self._dead else 0

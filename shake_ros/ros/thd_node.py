@@ -26,7 +26,7 @@ class ThdParameters(Parameters):
 
     frequency: float = quantity("Hz", "fundamental, 0 to find it", low=0.0, high=1e4, live=True)
     periods: int = quantity("-", "whole periods in a window", low=1, high=10000, live=True)
-    capacity: float = quantity("s", "samples kept to find them in", low=0.05, high=600.0)
+    capacity: float = quantity("s", "samples kept to find them", low=0.05, high=600.0)
     update_period: float = quantity("s", "between two results", low=0.01, high=600.0, live=True)
     orders: int = quantity("-", "harmonics to fit", low=1, high=200, live=True)
 
@@ -66,7 +66,7 @@ class ThdAnalyzer(Behaviour):
             return
         if found is None:
             restarts, reason = self._acceleration.restarts, self._acceleration.reason
-            why = f"; started anew {restarts} times, the last time for {reason}" if restarts else ""
+            why = f"; restarted {restarts} times, the last time for {reason}" if restarts else ""
             self._state = WARN, f"no whole window yet{why}"
             return
         self._state = OK, f"THD {100.0 * found.thd:.2f} % at {found.frequency:.4g} Hz"

@@ -107,13 +107,13 @@ def run(tell: Progress, settings: str = "bulk_modulus") -> ExperimentReport:
         drawn,
         (
             "The recordings are not published, so the plant is the model with the soft zone: what can be judged is "
-            "where the plain law parts from it, not which of them is nearer to the real table. The measured harmonics "
-            "of tables 6.1 and 6.2 tell that: `measured_runs`.",
+            "where the plain law differs from it, not which of them is nearer to the real table. `measured_runs` "
+            "compares both with the measured harmonics of tables 6.1 and 6.2.",
             "I of (4.1) is printed without the number and unit of its samples; relative errors stand beside it.",
             f"The plain law is fitted to {', '.join(asked['fitted_to'])} with {', '.join(asked['free'])} free.",
             "(6.18), (6.19) let E of a chamber depend on the pressure of the other, so a closed cycle of the pressures "
-            "takes up work, or makes it the other way round. The same softness as a volume that the chambers exchange "
-            "(`effects.soft_zone.exchange`) keeps energy and oil.",
+            "destroys energy, or creates it the other way round. The same softness as a volume that the chambers "
+            "exchange (`effects.soft_zone.exchange`) conserves energy and oil.",
             "The text gives the pulse of figure 6.36 as a picture only, so its row of table 6.10 is left out; so are "
             "the first parts of all runs that the figures do not show.",
         ),
@@ -193,7 +193,7 @@ def _claims(asked: Mapping[str, Any], errors: Mapping[str, Mapping[str, Mapping[
             Claim("6.3.6, 6.10", f"without the soft zone the acceleration is not simulated at 2, 5 and 8 Hz ({name})",
                   "I " + ", ".join(f"{n} +{gaps[n]:.0f}" for n in others), shares(others),
                   min(others.values()) > asked["same_within"]),
-            Claim("6.3.6, 6.10", f"of the sines with 200 kg, 8 Hz tells the laws apart most, 14 Hz least ({name})",
+            Claim("6.3.6, 6.10", f"of the sines with 200 kg, 8 Hz distinguishes the laws best, 14 Hz least ({name})",
                   ", ".join(f"{n} +{gaps[n]:.0f}" for n in sines), shares({n: values[n] for n in sines}),
                   sorted(sines, key=values.__getitem__) == sorted(sines, key=gaps.__getitem__)),
         ]  # fmt: skip

@@ -25,8 +25,11 @@ class ParameterStudy:
 
     Attributes
     ----------
-    name : of the parameter. values : shape (m,) in the unit of the thesis's θ. sample_time : [s].
-    commands : shape (n,) [-]. motion : shape (m, n, 3): position [m], velocity [m/s], acceleration [m/s²].
+    name : of the parameter.
+    values : shape (m,) in the unit of the thesis's θ.
+    sample_time : [s].
+    commands : shape (n,) [-].
+    motion : shape (m, n, 3): position [m], velocity [m/s], acceleration [m/s²].
     """
 
     name: str
@@ -64,7 +67,9 @@ def study_of(
 
     Parameters
     ----------
-    name, values : what the settings stand for. commands : shape (n,) [-]. sample_time : [s].
+    name, values : the parameter that is varied and its values.
+    commands : shape (n,) [-].
+    sample_time : [s].
     """
     vectors = np.array([table.with_values(changes).vector() for changes in settings])
     starts = np.array([initial_state(vector) for vector in vectors])
@@ -95,7 +100,9 @@ def motions(name: str, time: Array, runs: Mapping[str, tuple[Array, Array]], cap
 
     Parameters
     ----------
-    name, caption : of the chart. time : (n,) [s]. runs : velocity [m/s] and acceleration [m/s²], each (n,), by name.
+    name, caption : of the chart.
+    time : (n,) [s].
+    runs : velocity [m/s] and acceleration [m/s²], each (n,), by name.
     """
     panels = [
         Panel(
@@ -162,7 +169,8 @@ def training(name: str, curves: Sequence[Array], caption: str) -> Chart:
 
     Parameters
     ----------
-    name, caption : of the chart. curves : each (epochs + 1, 3).
+    name, caption : of the chart.
+    curves : each (epochs + 1, 3).
     """
     epochs = np.arange(max(len(c) for c in curves), dtype=np.float64)
     panels = []

@@ -132,12 +132,12 @@ def schedule_lines(result: ScheduleComparison) -> list[str]:
     t = result.training
     parts = f"to learn {t.learn:.2g}, to stop by {t.stop:.2g}, to test {t.test:.2g}"
     found = [
-        "windows held out: mean square of the scaled error of theta, where the mean gives 1; error of the free run",
+        "test windows: mean square of the scaled error of theta, where the mean gives 1; error of the free run",
         f"{'seed':>4}{'epochs':>8}{'kept':>6}{'learn':>8}{'stop':>7}{'test':>7}{'radial':>8}  "
         + "".join(f"{name + ' v / a':>28}" for name in result.seeds[0].errors),
         *map(seed_line, result.seeds),
         f"network that runs below: {t.epochs} epochs, kept is {t.kept}; {parts}",
-        f"{'free-run error on what was held out':<44}{'velocity':>12}{'acceleration':>14}",
+        f"{'free-run error on validation data':<44}{'velocity':>12}{'acceleration':>14}",
     ]
     for recording, model, velocity, felt in result.error.cells():
         found.append(f"{recording + ': ' + model:<44}{velocity:>12}{felt:>14}")

@@ -16,7 +16,7 @@ from shake_ros.settings import find, read_yaml
 
 
 class Claim(NamedTuple):
-    """A statement of the thesis beside what is found here; `holds` is None where nothing can tell."""
+    """A statement of the thesis beside what is found here; `holds` is None where it cannot be decided."""
 
     source: str
     statement: str
@@ -49,7 +49,10 @@ class ExperimentReport:
 
     Attributes
     ----------
-    title : of the page. lead : in a sentence. claims : of the thesis. tables, charts : of this run.
+    title : of the page.
+    lead : in a sentence.
+    claims : of the thesis.
+    tables, charts : of this run.
     remarks : what was assumed and what explains a difference.
     """
 

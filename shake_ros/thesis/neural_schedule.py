@@ -38,9 +38,9 @@ def run(tell: Progress, settings: str = "neural_schedule") -> ExperimentReport:
         _tables(found),
         charts,
         (
-            "The text's network: two hidden layers of 100 sigmoid neurons, Levenberg–Marquardt; 80 % of the "
-            "windows to learn, 10 % to stop by, 10 % to test. The text tells neither how many windows there were nor "
-            "their amplitudes and frequencies; those here stand in config/schedule.",
+            "The text's network: two hidden layers of 100 sigmoid neurons, Levenberg–Marquardt; 80 % of the windows "
+            "for training, 10 % for stopping, 10 % for testing. The text gives neither the number of windows nor "
+            "their amplitudes and frequencies; those used here are in config/schedule.",
             verdict(found.seeds),
             "./shake schedule runs the same alone, also on recordings.",
         ),
@@ -93,12 +93,12 @@ def _tables(found: ScheduleComparison) -> list[Rows]:
     windows, errors = found.windows, found.error
     return [
         Rows(
-            "Windows that the networks have not seen, free run",
+            "Test windows of the networks, free run",
             ("seed", "parameters", "velocity", "acceleration"),
             [[str(seed), name, percent(v), percent(a)] for seed, name, v, a in map(dict.values, windows.rows)],
         ),
         Rows(
-            "Recordings held out, free run",
+            "Validation data, free run",
             ("recording", "model", "velocity", "acceleration"),
             [[title, name, percent(v), percent(a)] for title, name, v, a in map(dict.values, errors.rows)],
         ),

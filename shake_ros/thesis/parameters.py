@@ -66,12 +66,12 @@ def run(tell: Progress, settings: str = "parameters") -> ExperimentReport:
         [*tables, rows],
         [*drawn, *figures],
         (
-            "Tables 6.5 to 6.7: the plant has the printed friction, and the fit starts away from it; what is not found "
-            "again is what u = 0.1 sin(πt) and 0.1 sin(2πt) do not tell. Noise of the position 8 µm and of the "
+            "Tables 6.5 to 6.7: the plant has the printed friction, and the fit starts away from it; what is not "
+            "recovered is not determined by u = 0.1 sin(πt) and 0.1 sin(2πt). Noise of the position 8 µm and of the "
             "acceleration 0.05 m/s². σ_0, σ_1, n and the film's times are kept, since no motion resolves them at 1 "
             "kHz. The print gives v > 0 with the force's sign; its magnitudes are taken.",
-            "Tustin's law is fitted to the recordings of a plant with each printed law, once the same both ways and "
-            "once with dry friction that differs with the direction.",
+            "Tustin's law is fitted to the recordings of a plant with each printed law, once with equal friction in "
+            "both directions and once with dry friction that depends on the direction.",
             "Table 6.8: the plant is that of table 6.9 with 200 kg, so equal values are not to be expected; the text "
             "gives neither mass nor starting values. θ_5 = 2 E/V_t, and θ_7 counts from the printed flow coefficient.",
         ),
@@ -144,7 +144,7 @@ def _law(
 
 
 def _identified(all_again: bool, solved: bool) -> bool | None:
-    """Whether inputs tell all parameters; None where the fit, worse than the true values, is not at its minimum."""
+    """Whether the inputs determine all parameters; None where the fit is worse than the true values."""
     return True if all_again else False if solved else None
 
 

@@ -90,7 +90,7 @@ def count_of(experiments: Mapping[str, ExperimentReport]) -> str:
     """How many claims hold, in a sentence."""
     verdicts = [c.holds for e in experiments.values() for c in e.claims]
     counts = [verdicts.count(v) for v in (True, False, None)]
-    return f"{len(verdicts)} claims: {counts[0]} hold, {counts[1]} do not, {counts[2]} cannot be told."
+    return f"{len(verdicts)} claims: {counts[0]} hold, {counts[1]} do not, {counts[2]} cannot be decided."
 
 
 def _left(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -171,7 +171,8 @@ def reproduce(*names: str, progress: Told = True) -> Reproduction:
 
     Parameters
     ----------
-    names : of experiments; none or "all" stands for every one. progress : whether it is shown, or who is told.
+    names : of experiments; none or "all" means every one.
+    progress : whether to show it, or a function to call with it.
 
     Raises
     ------

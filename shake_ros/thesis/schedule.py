@@ -46,10 +46,11 @@ class SeedResult:
 
     Attributes
     ----------
-    seed : of split and weights. training : with its curves. radial_basis : mean square of the scaled error on the test
-    part of a radial-basis network, beside `training.test`.
+    seed : of split and weights.
+    training : with its curves.
+    radial_basis : mean square of the scaled error on the test part of a radial-basis network, beside `training.test`.
     errors : mean relative error of the free run over the windows to test on, of velocity and acceleration, by what
-    gives the parameters: "one set", "network", "fit to the window", the least that any schedule could have.
+        gives the parameters: "one set", "network", "fit to the window", the least that any schedule could have.
     """
 
     seed: int
@@ -125,7 +126,7 @@ def window_errors(windows: Sequence[Record], free: FreeParameters, rows: np.ndar
 def trained(
     seed: int, windows: Sequence[Record], free: FreeParameters, one: np.ndarray, data: tuple[np.ndarray, np.ndarray]
 ) -> SeedResult:
-    """Train on the windows' features and parameters, and run the windows that were held out; one : the constant set."""
+    """Train on the windows' features and parameters, and run the test windows; one : the constant set."""
     training = train(*data, seed)
     test = training.split.test
     held = [windows[k] for k in test]
@@ -147,7 +148,7 @@ def compare(
     """
     windows = pieces(learn)
     if not windows:
-        raise ShakeError(f"--learn: no stretch of {WINDOW:g} s")
+        raise ShakeError(f"--learn: no segment of {WINDOW:g} s")
     known = {f.name: f for f in free_parameters()}
     missing = [name for name in settings["parameters"] if name not in known]
     if missing:
@@ -210,12 +211,12 @@ def learning_chart(training: Training) -> Chart:
 
 
 def better_than_one_set(seeds: Sequence[Any]) -> int:
-    """How many networks leave less of the acceleration of the windows held out."""
+    """How many networks leave less of the acceleration of the test windows."""
     return sum(s.errors["network"][1] < s.errors["one set"][1] for s in seeds)
 
 
 def verdict(seeds: Sequence[Any]) -> str:
-    """Whether the networks beat one constant set on the windows held out, with the figures."""
+    """Whether the networks beat one constant set on the test windows, with the figures."""
     one, network, least = (
         float(np.mean([s.errors[n][1] for s in seeds])) for n in ("one set", "network", "fit to the window")
     )
@@ -224,7 +225,7 @@ def verdict(seeds: Sequence[Any]) -> str:
     return (
         f"The networks {beats} one constant set ({wins} of {len(seeds)} seeds): the mean error of the acceleration is "
         f"{percent(network)} with them, {percent(one)} with one set, and {percent(least)} with parameters fitted to "
-        "the very window, below which no schedule of these parameters can come."
+        "the test window itself, the limit of any schedule of these parameters."
     )
 
 
@@ -255,7 +256,7 @@ def schedule_page(
         "The network gives θ_1 … θ_7 for the amplitude and the frequency of the command over the last two seconds; "
         "the other model has one effect more and a single set of parameters. "
         "The network has two hidden layers of 100 sigmoid neurons and is trained with Levenberg–Marquardt on the "
-        "parameters fitted to each window, 80 % of them to learn, 10 % to stop by, 10 % to test."
+        "parameters fitted to each window, 80 % of them for training, 10 % for stopping, 10 % for testing."
     )
     page.heading("Error of the free run on the validation data")
     errors_of = dict(content["error"])
@@ -271,7 +272,7 @@ def schedule_page(
     for k, (record, runs) in enumerate(compared):
         if record.acceleration is not None:
             page.chart(running_chart(record, runs, change if k == 0 else None))
-    page.heading("What the networks make of windows that they have not seen")
+    page.heading("The networks on their test windows")
     page.paragraph(verdict(seeds))
     names = list(seeds[0].errors)
     rows = [
@@ -301,7 +302,8 @@ class ScheduleComparison:
 
     Attributes
     ----------
-    seeds : one network for each, on the windows that it has not seen. compared : free runs over the validation data.
+    seeds : one network for each, on the windows that it has not seen.
+    compared : free runs over the validation data.
     change : when the amplitude doubles in the first of them [s]; None for recordings of one's own.
     """
 
@@ -316,7 +318,7 @@ class ScheduleComparison:
 
     @property
     def windows(self) -> ResultTable:
-        """Error of the free run over the windows held out, by seed and by what gives the parameters [-]."""
+        """Error of the free run over the test windows, by seed and by what gives the parameters [-]."""
         entries = [(one.seed, name, *errors) for one in self.seeds for name, errors in one.errors.items()]
         return ResultTable(("seed", "parameters", *CHANNELS), entries, dict.fromkeys(CHANNELS, percent))
 
@@ -396,7 +398,7 @@ def schedule(
     ----------
     estimation, validation : recordings to train on and to compare on; without them, data are simulated.
     settings : a name of config/schedule, a YAML file, or its content.
-    progress : show it, or a function to tell what is being done and which part is done.
+    progress : show it, or a function to call with what is being done and the part done.
 
     Raises
     ------

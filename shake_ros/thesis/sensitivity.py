@@ -41,7 +41,9 @@ class Sensitivity:
 
     Attributes
     ----------
-    studies : simulations of each parameter. frequency : of the command [Hz]. samples : of the steady part.
+    studies : simulations of each parameter.
+    frequency : of the command [Hz].
+    samples : of the steady part.
     """
 
     studies: Mapping[str, ParameterStudy]
@@ -112,7 +114,8 @@ def sensitivity(study: str = "thesis", table: str | TableParameters | None = Non
 
     Parameters
     ----------
-    study : config/sensitivity/NAME.yaml or a file. table : another than the study's, by name, file or object.
+    study : config/sensitivity/NAME.yaml or a file.
+    table : another than the study's, by name, file or object.
 
     Raises
     ------
@@ -199,7 +202,8 @@ def run(tell: Progress) -> ExperimentReport:
         drawn,
         (
             "θ_7 multiplies the flow coefficient of table 6.3, which lacks a √2. The text prints the values of θ_5; "
-            "for θ_6 the three columns of table 6.8 stand, for θ_7 values around them. 200 kg of specimen are assumed.",
+            "for θ_6 the three columns of table 6.8 are used, for θ_7 values around them. 200 kg of specimen are "
+            "assumed.",
             "On table 6.8 the third and fifth harmonic lie below the oil column and hardly see its stiffness, whereas "
             "leakage of 4.3 times the size takes flow from the fundamental; so θ_6 does more than θ_5. With the soft "
             "zone of table 6.9 the oil column lies among the harmonics, and the thesis's order appears, although θ_6 "

@@ -134,7 +134,7 @@ def test_live_interlock_that_holds_ends_the_way(tmp_path: Path) -> None:
 def test_interlock_that_only_tells_is_no_guard(tmp_path: Path) -> None:
     table = SimulatedLiveTable(load_table("bergamo"), tmp_path)
     table.own = {"position_hard": 0.1}
-    with pytest.raises(ShakeError, match=r"the interlock does not act on velocity, acceleration"):
+    with pytest.raises(ShakeError, match=r"the interlock has no action on velocity, acceleration"):
         sr.commission("bergamo", settings=settings(tmp_path), live=table, progress=False)
     with pytest.raises(ShakeError, match=r"set bulk_modulus.modulus: values of the simulated table"):
         sr.commission("bergamo", set=SOFT, settings=settings(tmp_path), live=table, progress=False)

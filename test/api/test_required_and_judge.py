@@ -80,7 +80,7 @@ def test_points_below_are_counted_and_so_are_their_neighbours() -> None:
     still = 1e-3 * np.sin(2.0 * np.pi * 3.0 * t) * np.sin(np.pi * t / t[-1]) ** 2
     verdicts = {v.rule.split(" (")[0]: v for v in judge(still, STEP, required, rules).verdicts}
     assert verdicts["points of the TRS below the RRS"].measured == "30"
-    assert verdicts["points below next to one another"].passed is False
+    assert verdicts["adjacent points below"].passed is False
     assert longest_run(np.array([True, True, False, True])) == 2
 
 

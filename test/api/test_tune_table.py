@@ -86,12 +86,12 @@ def test_files_are_read_by_path_and_carry_the_table_beside_them(tuned: TunedTabl
 
 def test_gains_that_ring_are_not_written_without_force(tuned: TunedTable, tmp_path: Path) -> None:
     rings = dataclasses.replace(tuned.best, rings=1.4)
-    unsound = dataclasses.replace(tuned, laws=(rings,), findings=("rings on neighbour 2",))
-    with pytest.raises(ShakeError, match="not written: rings on neighbour 2"):
+    unsound = dataclasses.replace(tuned, laws=(rings,), findings=("oscillates on neighbour 2",))
+    with pytest.raises(ShakeError, match="not written: oscillates on neighbour 2"):
         unsound.write(tmp_path)
     assert not list(tmp_path.iterdir())
     unsound.write(tmp_path, force=True)
-    assert "rings on neighbour 2" in (tmp_path / "controller.yaml").read_text(encoding="utf-8")
+    assert "oscillates on neighbour 2" in (tmp_path / "controller.yaml").read_text(encoding="utf-8")
 
 
 def test_a_command_that_jumps_as_far_as_an_interlock_holds_is_told(tuned: TunedTable) -> None:
@@ -100,7 +100,7 @@ def test_a_command_that_jumps_as_far_as_an_interlock_holds_is_told(tuned: TunedT
     jumps = dataclasses.replace(tuned.best, trials=(own,), rings=0.5)
     margins = dataclasses.replace(tuned.margins, sensitivity=1.2, stable=True)
     (told,) = findings(trials, jumps, np.zeros((10, 3)), margins)
-    assert told.startswith("the command jumps by 0.42 in a sample; an interlock holds the table from 0.3 on")
+    assert told.startswith("the command jumps by 0.42 in a sample; an interlock holds the table above 0.3")
     assert tuned.best.trials[0].jump < 0.3
 
 

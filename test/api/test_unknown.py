@@ -187,7 +187,7 @@ def test_file_that_leaves_numbers_open_makes_the_full_model_the_unknown_one(tmp_
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"body__stroke": "unknown"}, "body.stroke: no recording tells it"),
+        ({"body__stroke": "unknown"}, "body.stroke: recordings do not determine it"),
         ({"body__table_mass": {"value": 500.0, "sd": 0.0}}, "sd = 0: expected a number above 0"),
         ({"body__table_mass": {"value": 500.0, "sd": "much"}}, "sd: expected a number"),
     ],

@@ -130,13 +130,15 @@ def test_key_file_that_others_may_read_is_refused(tmp_path) -> None:
     assert path.stat().st_mode & 0o777 == 0o600
     assert len(read_key(path)) == 32
     path.chmod(0o640)
-    with pytest.raises(ShakeError, match=r"table.key: mode 640 lets others use the key"):
+    with pytest.raises(ShakeError, match=r"table.key: mode 640 lets others read the key"):
         read_key(path)
     with pytest.raises(ShakeError, match="cannot be written"):
         write_key(path)
 
 
-@pytest.mark.parametrize(("content", "why"), [("zz", "hexadecimal"), ("00ff", "2 bytes are no key"), ("", "0 bytes")])
+@pytest.mark.parametrize(
+    ("content", "why"), [("zz", "hexadecimal"), ("00ff", "2 bytes are not a key"), ("", "0 bytes")]
+)
 def test_key_that_is_none_is_refused(tmp_path, content, why) -> None:
     path = tmp_path / "key"
     path.touch(0o600)

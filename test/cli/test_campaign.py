@@ -86,7 +86,7 @@ def test_stopped_by_ctrl_c_it_keeps_what_it_has_and_goes_on_with_the_rest(tmp_pa
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers as well
     _, errors = process.communicate(timeout=120.0)
     assert process.returncode == 130
-    assert errors.splitlines()[-1] == f"stopped; what was finished is in {out}, and the same command goes on"
+    assert errors.splitlines()[-1] == f"stopped; finished rows are in {out}, and the same command continues"
     assert "Traceback" not in errors
     kept = rows(out)
     assert 5 < len(kept) < 40
@@ -152,4 +152,4 @@ def test_another_studys_folder_to_compare_with_is_refused(study, tmp_path, capsy
     given = ["campaign", str(study), "--out", str(tmp_path / "out"), "--minutes", "0", "--compare", str(other)]
     capsys.readouterr()
     assert main(given) == 2
-    assert "no folder of a campaign" in capsys.readouterr().err
+    assert "not a folder of a campaign" in capsys.readouterr().err

@@ -59,7 +59,7 @@ def refused(tmp_path: Path, bags: tuple[Path, Path], capsys: pytest.CaptureFixtu
 def test_command_names_the_effect_and_prints_before_and_after() -> None:
     done = command("spool_deadband")
     assert done.code == 0
-    assert "added: spool_deadband, place valve" in done.printed
+    assert "added: spool_deadband (valve)" in done.printed
     assert "effects.spool_deadband.width" in done.printed
     errors = [float(e) for e in re.findall(r"^validation hold +[\d.]+ % +([\d.]+) %", done.printed, re.MULTILINE)]
     assert len(errors) == 2
@@ -206,7 +206,7 @@ def test_recording_of_nothing_but_nan_is_refused_by_topic(refused, tmp_path: Pat
 def test_nan_every_half_second_leaves_nothing_to_fit(refused, tmp_path: Path) -> None:
     command_ = np.where(np.arange(len(TIME)) % 500 < 5, np.nan, WAVE)
     wrong = write_table_recording(tmp_path / "holes", TIME, command_, 0.05 * WAVE, WAVE)
-    assert "holes: no stretch of 1 s without a gap" in refused(learn=wrong)
+    assert "holes: no segment of 1 s without a gap" in refused(learn=wrong)
 
 
 def test_recording_in_both_sets_is_refused(refused, bags: tuple[Path, Path], tmp_path: Path) -> None:

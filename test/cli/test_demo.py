@@ -129,7 +129,7 @@ def test_demo_replaces_an_earlier_demo_and_nothing_else(
     assert __main__.main(["demo", "--out", str(out)]) == 130
     (out / "thesis.txt").write_text("years of work", encoding="utf-8")
     assert __main__.main(["demo", "--out", str(out)]) == 2
-    assert "is no demo's result" in capsys.readouterr().err
+    assert "is not the result of a demo" in capsys.readouterr().err
     (out / "summary.json").write_text("{}", encoding="utf-8")
     assert __main__.main(["demo", "--out", str(out)]) == 130
     assert sorted(p.name for p in out.iterdir()) == ["summary.json", "thesis.txt"]

@@ -160,7 +160,7 @@ def test_rows_that_are_there_twice_are_left_out_and_told(tmp_path, capsys):
     first, second, *rest = TABLE.splitlines(keepends=True)
     recording = run(tmp_path, "".join([first, second, second, *rest]))
     assert np.allclose(recording.valve_command, 0.1 * np.arange(5))
-    assert "1 rows are there twice" in capsys.readouterr().out
+    assert "1 rows are repeated" in capsys.readouterr().out
 
 
 def test_short_gaps_are_filled_where_that_is_asked_for(tmp_path, capsys):
@@ -214,8 +214,8 @@ def test_the_time_of_a_second_file_may_be_that_of_the_first(tmp_path):
 @pytest.mark.parametrize(
     ("second", "columns", "words"),
     [
-        ("noise", "--time t --command u --position x", "imu.csv: its acceleration does not tell how its clock stands"),
-        ("sine", "--time t --command u --position s", "repeats itself"),
+        ("noise", "--time t --command u --position x", "imu.csv: its acceleration does not relate its clock"),
+        ("sine", "--time t --command u --position s", "periodic motion"),
         ("noise", "--time t --command u --position x --acceleration x", "the acceleration is in the first file"),
         ("noise", "--time t --command u", "--position is needed"),
     ],

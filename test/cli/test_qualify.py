@@ -131,7 +131,7 @@ def test_a_certificate_without_a_recording_or_of_another_kind_is_refused(certifi
         (copy / "certificate.json").write_text(json.dumps(content), encoding="utf-8")
         with pytest.raises(ShakeError, match=said):
             certified(copy)
-    with pytest.raises(ShakeError, match="is no certificate of"):
+    with pytest.raises(ShakeError, match="is not a certificate of"):
         certified(tmp_path)
 
 

@@ -53,7 +53,7 @@ def test_every_change_stands_on_the_first_lines(record: Path, capsys: pytest.Cap
     assert lines[0].startswith(str(record))
     assert lines[1].startswith("  changed: Filtered to 0.25 … 12 Hz and baseline-corrected: the peak acceleration goes")
     assert lines[2].startswith("  changed: Scaled by 0.")
-    assert lines[3] == "  changed: Asked for was 1; the factor is what the table's velocity allows."
+    assert lines[3] == "  changed: The requested factor was 1; the factor is what the table's velocity allows."
     assert lines[4] == "  changed: Time is stretched by 0.5."
 
 
@@ -127,7 +127,7 @@ def test_a_record_is_never_its_own_result(record: Path, capsys: pytest.CaptureFi
     before = record.read_text()
     code, _, err = run(capsys, record, "--out", record, "--force")
     assert code == 2
-    assert "is one of the records to be read" in err
+    assert "is one of the files to be read" in err
     assert record.read_text() == before
 
 

@@ -43,7 +43,7 @@ def test_each_damping_has_its_column_and_resonance(bag: Path, capsys: pytest.Cap
 def test_a_mean_is_kept_unless_it_is_to_be_taken_off(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """0.3 m/s² from rest overshoot to 0.3 (1 + e^(−πξ/√(1 − ξ²))) at a frequency that the sine does not reach."""
     assert main(["spectrum", str(bag), "--low", "40", "--high", "80", "--per-octave", "1"]) == 0
-    assert "its mean of 0.3 m/s² kept (--subtract-mean takes it off)" in capsys.readouterr().out
+    assert "its mean of 0.3 m/s² kept (--subtract-mean removes it)" in capsys.readouterr().out
     run = sr.acceleration_spectra(bag, low=40.0, high=80.0, per_octave=1)
     bare = sr.acceleration_spectra(bag, low=40.0, high=80.0, per_octave=1, subtract_mean=True)
     assert run.acceleration[0, -1] == pytest.approx(bare.acceleration[0, -1] + 0.3, rel=0.02)

@@ -67,7 +67,7 @@ def test_two_campaigns_do_not_share_a_folder(tmp_path):
 
 def test_a_folder_of_something_else_is_refused_and_kept(tmp_path):
     (tmp_path / "thesis.txt").write_text("mine")
-    with pytest.raises(ShakeError, match="no folder of a campaign"):
+    with pytest.raises(ShakeError, match="not a folder of a campaign"):
         CampaignFile(tmp_path, "m:f")
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.txt"]
 

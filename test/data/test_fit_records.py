@@ -69,7 +69,7 @@ def test_clipped_acceleration_is_not_heard_and_told(tmp_path: Path) -> None:
     assert record.acceleration is not None
     assert np.max(np.abs(record.acceleration - whole)[200:-200]) < 0.2  # restored from the position
     assert (
-        f"run: imu: its {np.count_nonzero(~record.whole)} clipped samples count in no fit and in no error" in findings
+        f"run: imu: its {np.count_nonzero(~record.whole)} clipped samples do not count in fits and errors" in findings
     )
 
 
@@ -122,12 +122,12 @@ def test_stretch_too_short_for_the_dynamics_is_left_out(tmp_path: Path) -> None:
 
 def test_recording_of_short_stretches_alone_is_refused(tmp_path: Path) -> None:
     keep = (TIME % 0.6) < 0.5
-    with pytest.raises(ShakeError, match="run: no stretch of 1 s without a gap"):
+    with pytest.raises(ShakeError, match="run: no segment of 1 s without a gap"):
         records_and_findings([bag(tmp_path / "run", keep)])
 
 
 def test_time_in_milliseconds_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ShakeError, match=r"run: a sample every 1 s shows none .* milliseconds"):
+    with pytest.raises(ShakeError, match=r"run: a sample every 1 s is too slow .* milliseconds"):
         records_and_findings([bag(tmp_path / "run", time=1e3 * TIME)])
 
 
@@ -139,7 +139,7 @@ def test_two_recordings_of_one_name_are_refused(tmp_path: Path) -> None:
 
 
 def test_recording_of_a_table_at_rest_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ShakeError, match="run: joint_states: the position stands still throughout"):
+    with pytest.raises(ShakeError, match="run: joint_states: the position does not move"):
         records_and_findings([bag(tmp_path / "run", position=np.full(len(TIME), 0.02))])
 
 

@@ -26,7 +26,7 @@ def test_a_leap_parts_a_recording_and_is_told(tmp_path: Path) -> None:
     runs = sr.read(write(tmp_path, position))
     records, findings = runs.records(), runs.findings
     assert [len(r.commands) for r in records] == [600, 600]
-    assert any("leaps 1 times, first at 3.000 s" in line for line in findings)
+    assert any("jumps 1 times, first at 3.000 s" in line for line in findings)
 
 
 def test_smooth_and_noisy_motion_does_not_leap() -> None:

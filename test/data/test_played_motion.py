@@ -69,11 +69,11 @@ def test_run_that_cannot_be_judged_is_refused_with_its_reason(tmp_path) -> None:
     whole = recording(drive(), tmp_path)
     with pytest.raises(ShakeError, match=r"run_1: no topic imu"):
         played(replace(whole, acceleration=None), drive(), DT, "run_1")
-    with pytest.raises(ShakeError, match=r"run_1: what was played is not the motion that was asked for"):
+    with pytest.raises(ShakeError, match=r"run_1: the motion that was played is not the one requested"):
         played(whole, drive(1), DT, "run_1")
     with pytest.raises(ShakeError, match=r"run_1: a sample every 0.001 s, the motion has one every 0.002 s"):
         played(whole, drive(), 0.002, "run_1")
-    with pytest.raises(ShakeError, match=r"do not hold the 1001 of the motion"):
+    with pytest.raises(ShakeError, match=r"do not contain the 1001 of the motion"):
         played(whole[slice(0, 900)], drive(), DT, "run_1")
 
 

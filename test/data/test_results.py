@@ -232,7 +232,7 @@ def test_force_replaces_the_whole_folder(tmp_path: Path) -> None:
 
 def test_folder_below_a_file_is_one_clear_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
-    with pytest.raises(ShakeError, match="cannot be made") as caught:
+    with pytest.raises(ShakeError, match="cannot be created") as caught:
         write_folder(tmp_path / "file" / "out", leave_a_file)
     assert "\n" not in str(caught.value)
 

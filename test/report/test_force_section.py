@@ -79,8 +79,8 @@ def test_force_that_does_not_bring_the_run_near_its_noise_is_not_said_to_explain
 
 
 def test_newtons_of_a_gauge_are_said_to_be_relative() -> None:
-    assert "relative to the area" not in page_of([force()])[1].words
-    assert "relative to the area" in page_of([force()], UnknownModel())[1].words
+    assert "relative to the assumed area" not in page_of([force()])[1].words
+    assert "relative to the assumed area" in page_of([force()], UnknownModel())[1].words
 
 
 def test_largest_force_is_one_held_out_and_outside_its_band() -> None:

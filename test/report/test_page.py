@@ -144,13 +144,13 @@ def test_page_of_a_closed_loop_answers_in_the_order_of_the_questions() -> None:
     done = command("spool_deadband")
     reader = read_page((done.out / "report.html").read_text(encoding="utf-8"))
     assert reader.headings == [
-        "What was found, and how sure",
+        "What was found, and how certain it is",
         "Measured against simulated",
         "Errors",
         "Why spool_deadband and not another",
         "What remains",
         "The force that the model lacks",
-        "What the extended model gains in the loop",
+        "How much the extended model improves tracking",
         "Parameters",
         "What to record next",
         "Where this comes from",
@@ -173,7 +173,7 @@ def test_sizes_of_the_ranking_are_in_one_measure_and_their_bars_start_at_zero() 
     assert rows["spool_deadband"][1:3] == [f"{best:#.3g}", "added"]
     assert rows["without"][1] == f"{without:#.3g}"
     words = " ".join(read_page(page).words.split())
-    assert f"It takes the residual from {without:#.3g} to {best:#.3g} times the noise" in words
+    assert f"It reduces the residual from {without:#.3g} to {best:#.3g} times the noise" in words
     widths = [float(w) for w in re.findall(r"<td class='bar'><i style='width:([\d.]+)rem'>", page)]
     assert widths[1] / widths[0] == pytest.approx(best / without, rel=0.02)
 
@@ -284,7 +284,7 @@ def test_lines_of_the_terminal_hold_values_errors_and_alternatives() -> None:
     (standing,) = done.result.standings
     standings = (dataclasses.replace(standing, alternatives=("slow_valve",)),)
     told = "\n".join(text.close_loop_lines(dataclasses.replace(done.result, standings=standings)))
-    assert "(these recordings cannot tell it from slow_valve)" in told
+    assert "(these recordings cannot distinguish it from slow_valve)" in told
 
 
 def test_effect_that_shows_is_not_said_to_be_told_from_others_that_nobody_tried() -> None:
@@ -307,7 +307,7 @@ def test_function_without_a_name_is_told_by_what_it_depends_on_and_its_form() ->
     form = fitted_forms(at, values, deviations)[0]
     function = LearntFunction("position", "force", "N", at, values, deviations, form)
     told = step_text(dataclasses.replace(step, chosen=chosen), done.final, None, function)
-    assert told.startswith("a function of load pressure (stops), place force. ")
+    assert told.startswith("a function of load pressure with the form stops (force). ")
 
 
 def test_what_is_not_established_is_not_called_nothing_missing_and_has_its_figures() -> None:

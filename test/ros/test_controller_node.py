@@ -217,5 +217,5 @@ def test_feedforward_carries_the_load_that_is_followed_as_in_the_core(ros_domain
 
 def test_load_cannot_be_followed_by_a_controller_without_a_table(ros_domain) -> None:
     given = [*ARGUMENTS, "-p", "controller:=feedforward_pi_tuned", "-p", "load:=default"]
-    with ros_context([], domain_id=ros_domain) as context, pytest.raises(ShakeError, match="carries no table"):
+    with ros_context([], domain_id=ros_domain) as context, pytest.raises(ShakeError, match="has no table model"):
         build_node(build, "controller", context, given)

@@ -143,7 +143,7 @@ def test_plant_in_lockstep_refuses_a_sensor_that_says_nothing(ros_domain) -> Non
     arguments = ["--ros-args", "-p", "lockstep:=true", "-p", "faults.position_off:=true"]
     with (
         ros_context([], domain_id=ros_domain) as context,
-        pytest.raises(ShakeError, match=r"faults.position_off: in lock-step the loop would wait for ever"),
+        pytest.raises(ShakeError, match=r"faults.position_off: in lock-step the nodes would wait for ever"),
     ):
         build_node(build_plant, "plant", context, arguments)
 

@@ -30,7 +30,7 @@ def test_one_command_runs_the_table_refuses_a_second_and_ends_in_order(ros_domai
     assert "topic /shake/joint_states is published already" in second.stderr
     assert started.end() == 0, started.lines
     assert started.lines[-3:] == [
-        "lab: ending: hold, pressure off",
+        "lab: stopping: hold, pressure off",
         f"lab: recording closed: {tmp_path}/recordings/run",
         "lab: ended",
     ]
@@ -46,7 +46,7 @@ def test_node_that_dies_is_named_with_its_reason_and_the_rest_ends(ros_domain, t
     line = started.wait_for("controller died")
     assert "limit = 7 is outside 0 … 1" in line or "limit = 7.0 is outside 0 … 1" in line
     assert started.end() == 1
-    assert started.lines[-1] == "lab: ended, not without losses"
+    assert started.lines[-1] == "lab: stopped, with losses"
 
 
 @pytest.mark.parametrize(
@@ -54,8 +54,8 @@ def test_node_that_dies_is_named_with_its_reason_and_the_rest_ends(ros_domain, t
     [
         (["--set", "plant"], "expected NODE.PARAMETER=VALUE"),
         (["--set", "plan.seed=1"], "no such node here; there are plant"),
-        (["--bridge", "emulator", "--lockstep"], "a real table keeps real time"),
-        (["--pace", "2"], "real time has its own"),
+        (["--bridge", "emulator", "--lockstep"], "a real table runs in real time"),
+        (["--pace", "2"], "--pace: only with --lockstep"),
         (["--address", "0.0.0.0"], "only with --certificate and --key"),
     ],
 )
@@ -83,7 +83,7 @@ def test_lockstep_keeps_the_pace_of_who_watches(tmp_path, arguments, pace) -> No
     ],
 )
 def test_nodes_with_priority_that_leave_the_page_no_processor_are_told(arguments, processors, told) -> None:
-    assert ("--composed takes one" in lab.crowded(lab.parser().parse_args(arguments), processors)) is told
+    assert ("--composed runs" in lab.crowded(lab.parser().parse_args(arguments), processors)) is told
 
 
 @pytest.mark.parametrize(("more", "apart", "readers"), [([], ["thd_analyzer"], 2), (["--lockstep"], [], 3)])
@@ -112,7 +112,7 @@ def test_composed_lab_runs_records_and_ends_by_itself_when_its_time_is_over(ros_
 def test_composed_lab_that_still_compiles_ends_when_told(ros_domain, tmp_path) -> None:
     arguments = ["--composed", "--headless", "--lockstep", "--folder", str(tmp_path)]
     started = Started(*arguments, NUMBA_CACHE_DIR=str(tmp_path / "empty"))
-    started.wait_for("compiling, as always at the first start")
+    started.wait_for("compiling, as at every first start")
     assert started.end() == 0, started.lines
     assert started.lines[-1] == "lab: ended"
 
@@ -127,7 +127,7 @@ def test_lab_over_a_bridge_takes_the_target_through_its_stages_and_stops_it_in_o
             started.wait_for("commands act", SEQUENCE)
             assert started.end() == 0, started.lines
         assert started.lines[-3:] == [
-            "lab: ending: hold, pressure off",
+            "lab: stopping: hold, pressure off",
             f"lab: recording closed: {folder}/recordings/run",
             "lab: ended",
         ]

@@ -69,7 +69,7 @@ def test_parameter_of_another_node_in_a_shared_file_is_left_alone_with_a_warning
     arguments = written(tmp_path / "all.yaml", {"/**": {"ros__parameters": {"rate": 500.0, "periods": 3}}})
     with made("observer", ros_domain, tmp_path, *arguments) as node:
         assert node.frame.loop.rate == 500.0
-    assert "the shared parameter 'periods' is none of this node's" in capfd.readouterr().err
+    assert "the shared parameter 'periods' is not a parameter of this node" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize("addressed", ["/shake/observer", "/**/observer_of_none"])

@@ -90,4 +90,4 @@ def test_samples_lost_under_load_are_bridged_and_a_long_gap_is_named(analyzer) -
         analyzer._on_acceleration(SECOND + k * 1_000_000, wave(k * 0.001))
     level, text = analyzer.frame.diagnostics.condition()
     assert level == 1
-    assert text == "no whole window yet; started anew 1 times, the last time for 1000 samples lost on end"
+    assert text == "no whole window yet; restarted 1 times, the last time for 1000 consecutive samples lost"

@@ -3,7 +3,7 @@
 `frequency_response` is the H1 estimate after Welch, with its coherence.
 
 H1 = S_yu/S_uu from averaged periodograms of overlapping windows; noise on the response alone leaves it unbiased. The
-coherence |S_yu|²/(S_uu S_yy) tells at which frequencies the response is that of a linear system to this input; the
+coherence |S_yu|²/(S_uu S_yy) shows at which frequencies the response is that of a linear system to this input; the
 standard deviation of the gain follows from it and from the number of independent windows (Bendat, Piersol, Random
 Data, 9.2). The delay is the phase over the angular frequency, the phase followed from the lowest coherent frequency on.
 Verified against a first-order lag with a dead time.
@@ -14,7 +14,7 @@ The command A sin(2π f t) is held from sample to sample, as a controller sends 
 periods, once the start has died away, by c + d t + a cos ωt + b sin ωt (the drift of an open-loop position is no
 part of the fundamental). Gain and phase are those of (b + j a)/A, the hold's own half sample of delay included.
 Source: thesis 4.3; section 10 of the equation sheet. Verified against the closed forms of the spool's linear
-response and of a play.
+response and of a backlash.
 """
 
 from __future__ import annotations
@@ -41,9 +41,12 @@ class FrequencyResponse:
 
     Attributes
     ----------
-    frequency : [Hz]. response : complex gain [unit of response per unit of input]. coherence : 0 … 1 [-].
+    frequency : [Hz].
+    response : complex gain [unit of response per unit of input].
+    coherence : 0 … 1 [-].
     leaked : share of the power at a line that the window may leak there from others, of the worse signal [-].
-    deviation : relative standard deviation of the gain [-]. phase : continuous, 0 at rest [rad].
+    deviation : relative standard deviation of the gain [-].
+    phase : continuous, 0 at rest [rad].
     windows : number of windows averaged.
     """
 
@@ -79,7 +82,8 @@ def frequency_response(given: Floats, answer: Floats, sample_time: float, window
 
     Parameters
     ----------
-    given, answer : input and response, shape (n,). sample_time : [s].
+    given, answer : input and response, shape (n,).
+    sample_time : [s].
     window : length of a window [s]; its inverse is the distance of the lines. Windows overlap by half.
 
     Raises
@@ -145,7 +149,9 @@ class DescribingFunction:
 
     Attributes
     ----------
-    output : name of the output. amplitudes : of the command, shape (m,) [-]. frequencies : shape (n,) [Hz].
+    output : name of the output.
+    amplitudes : of the command, shape (m,) [-].
+    frequencies : shape (n,) [Hz].
     response : complex, shape (m, n) [unit of the output]; its magnitude is the gain, its angle the phase [rad].
     """
 
@@ -194,9 +200,11 @@ def describing_function(
 
     Parameters
     ----------
-    amplitudes : of the command, shape (m,), 0 … 1 [-]. frequencies : shape (n,), below half the sampling rate [Hz].
-    output : one of `simulation.COLUMNS`. settling : time before the fit, at least [s]; two periods where those last
-    longer. periods : whole periods that the fit takes.
+    amplitudes : of the command, shape (m,), 0 … 1 [-].
+    frequencies : shape (n,), below half the sampling rate [Hz].
+    output : one of `simulation.COLUMNS`.
+    settling : time before the fit, at least [s]; two periods where those last longer.
+    periods : whole periods that the fit takes.
 
     Raises
     ------

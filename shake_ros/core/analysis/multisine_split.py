@@ -3,7 +3,7 @@
 Over whole periods the Fourier lines of a response are multiples of 1/period. What changes from period to period is
 noise; what repeats on a line that the excitation leaves out is nonlinear distortion: even orders on even lines, odd
 orders on odd lines (an excitation on odd lines keeps the two apart). On the excited lines stands the best linear
-approximation with odd distortion in it, whose level the odd lines left out between them tell. What little the
+approximation with odd distortion in it, whose level the omitted odd lines between them show. What little the
 excitation itself has on a line left out, because a loop feeds distortion back, is taken off with its neighbours' gain.
 
 Source: R. Pintelon and J. Schoukens, System Identification: A Frequency Domain Approach (2012), chapters 3.7 and 4.3.
@@ -32,12 +32,14 @@ class MultisineSplit:
 
     Attributes
     ----------
-    frequency : [Hz]. response : complex amplitude of the mean period, corrected on lines left out [its unit].
+    frequency : [Hz].
+    response : complex amplitude of the mean period, corrected on lines left out [its unit].
     noise : standard deviation of those amplitudes through noise, from the scatter of the periods; NaN for one period.
     excited, odd : which lines are excited, which are odd multiples of 1/period.
     gain : response per excitation on excited lines, NaN elsewhere.
     odd_level : amplitude of the odd distortion on each line, on excited lines interpolated from the odd lines left out
-        beside them; NaN where no odd line is left out. periods : number of periods used.
+        beside them; NaN where no odd line is left out.
+    periods : number of periods used.
     """
 
     frequency: Floats
@@ -58,7 +60,7 @@ class MultisineSplit:
         """Root mean square over a period of each part [unit of the response].
 
         `linear` is what the excited lines hold less odd distortion and noise, `even` and `odd` the distortions, `noise`
-        the part of a sample that does not repeat. `odd` is NaN where no odd line is left out to tell it.
+        the part of a sample that does not repeat. `odd` is NaN where no odd line is omitted.
         """
         variance = np.nan_to_num(self.noise**2)
         power = np.maximum(np.abs(self.response) ** 2 - variance, 0.0) / 2.0  # of a real line of this amplitude
@@ -77,8 +79,9 @@ def whole_periods(signal: ArrayLike, samples: int, skip: int | None = None) -> F
 
     Parameters
     ----------
-    signal : shape (n,). samples : per period. skip : periods left out at the start, in which the table still settles;
-        one where at least two remain, if not given.
+    signal : shape (n,).
+    samples : per period.
+    skip : periods left out at the start, in which the table still settles; one where at least two remain, if not given.
 
     Raises
     ------
@@ -88,7 +91,7 @@ def whole_periods(signal: ArrayLike, samples: int, skip: int | None = None) -> F
     count = len(values) // samples if samples > 0 else 0
     first = (1 if count > 2 else 0) if skip is None else skip
     if samples < 4 or count - first < 1:
-        raise ShakeError(f"{len(values)} samples hold no whole period of {samples} behind {first} left out")
+        raise ShakeError(f"{len(values)} samples contain no whole period of {samples} behind {first} left out")
     if not np.isfinite(values).all():
         raise ShakeError(f"sample {int(np.argmin(np.isfinite(values)))} is not a finite number")
     kept = count - first
@@ -124,8 +127,9 @@ def repeated_period(excitation: ArrayLike, shortest: int = 64, change: float = P
 
     Parameters
     ----------
-    excitation : shape (n,). shortest : shortest period looked for. change : from period to period, relative to the
-        excitation, up to which it repeats.
+    excitation : shape (n,).
+    shortest : shortest period looked for.
+    change : from period to period, relative to the excitation, up to which it repeats.
 
     >>> rng = np.random.default_rng(1)
     >>> repeated_period(np.tile(rng.standard_normal(500), 3)), repeated_period(rng.standard_normal(1500))
@@ -155,7 +159,9 @@ def multisine_split(
 
     Parameters
     ----------
-    excitation, response : shape (n,), of one record. samples : per period. sample_time : [s].
+    excitation, response : shape (n,), of one record.
+    samples : per period.
+    sample_time : [s].
     skip : periods left out at the start; one where at least two remain, if not given.
 
     Raises

@@ -19,7 +19,7 @@ MOST_LOST = 0.25  # of the samples of a window
 class NewestSamples:
     """A ring of the newest samples with their instants; lost ones are gaps, which the fit by true instants bridges.
 
-    A long gap, a step back in time or a value that is no number starts it anew.
+    A long gap, a step back in time or a value that is not a number starts it anew.
 
     Parameters
     ----------
@@ -28,7 +28,8 @@ class NewestSamples:
 
     Attributes
     ----------
-    restarts : how often it was started anew. reason : of the last time, in words.
+    restarts : how often it was started anew.
+    reason : of the last time, in words.
     """
 
     def __init__(self, capacity: int, sample_time: float) -> None:
@@ -51,10 +52,10 @@ class NewestSamples:
         if self._count and elapsed <= 0.0:
             self._start_anew(f"the stamps went back by {-elapsed:.3g} s")
         elif self._count and elapsed > max(LONGEST_GAP, GAP * self.sample_time):
-            self._start_anew(f"{elapsed / self.sample_time - 1:.0f} samples lost on end")
+            self._start_anew(f"{elapsed / self.sample_time - 1:.0f} consecutive samples lost")
         self._last = stamp
         if not math.isfinite(value):
-            self._start_anew("a value that is no number")
+            self._start_anew("a value that is not a number")
             return
         place = self._count % len(self._values)
         self._stamps[place] = stamp

@@ -206,12 +206,13 @@ def _check(a: Array, time_step: float, f: Array, damping: float, band_limited: b
     if a.ndim != 1 or a.size < 2 or not time_step > 0.0 or not np.isfinite(a).all():
         bad = int(a.size - np.count_nonzero(np.isfinite(a)))
         raise ShakeError(
-            f"response spectrum: {a.size} samples at {time_step:g} s, {bad} of them not finite, are no record"
+            f"response spectrum: {a.size} samples at {time_step:g} s, {bad} of them not finite, are not an accelerogram"
         )
     if f.size == 0 or not (f.min() > 0.0 and np.isfinite(f).all()):
         raise ShakeError("response spectrum: frequencies must be above 0 Hz, periods above 0 s")
     if band_limited and f.max() * time_step > HIGHEST * (1.0 + 1e-9):
         raise ShakeError(
-            f"response spectrum: a band-limited record at {1.0 / time_step:.4g} Hz has one up to {HIGHEST:g} of that, "
+            f"response spectrum: a band-limited accelerogram at {1.0 / time_step:.4g} Hz has one up to {HIGHEST:g} of "
+            "that, "
             f"{HIGHEST / time_step:.4g} Hz; asked for {f.max():.4g} Hz"
         )

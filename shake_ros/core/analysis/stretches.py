@@ -50,7 +50,7 @@ def steady_part(time: npt.ArrayLike, excitation: npt.ArrayLike, frequency: float
     block = period * max(math.ceil(SHORTEST_BLOCK / period), 1)
     count = math.floor((len(t) + 0.5) / block)
     if count < 1:
-        raise ShakeError(f"{t[-1] - t[0]:.3g} s hold no whole period of {frequency:g} Hz")
+        raise ShakeError(f"{t[-1] - t[0]:.3g} s contain no whole period of {frequency:g} Hz")
     edges = np.minimum(np.round(block * np.arange(count + 1)).astype(int), len(t))
     levels = np.array([np.std(y[i:j]) for i, j in zip(edges[:-1], edges[1:], strict=True)])
     usual = np.median(levels[levels >= DRIVEN * levels.max()])
@@ -96,8 +96,9 @@ def restored(values: NDArray[np.float64], at: NDArray[np.bool_], like: NDArray[n
 
     Parameters
     ----------
-    values : shape (n,). at : samples at which they are clipped. like : the same quantity, to gain and offset, from
-        another sensor; coarser, but not clipped.
+    values : shape (n,).
+    at : samples at which they are clipped.
+    like : the same quantity, to gain and offset, from another sensor; coarser, but not clipped.
     """
     if not at.any():
         return values

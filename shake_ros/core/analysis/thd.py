@@ -90,7 +90,7 @@ class Harmonics:
 def total_harmonic_distortion(amplitudes: npt.ArrayLike) -> float:
     """(6.1): root of the summed squares of all amplitudes behind the first, over the first [-].
 
-    The print's "× 1000/0" stands for × 100 %.
+    The print's "× 1000/0" means × 100 %.
 
     >>> round(total_harmonic_distortion([2.35, 0.24, 0.29, 0.67, 0.81, 0.26, 0.20]), 3)
     0.495
@@ -186,7 +186,7 @@ def fundamental_frequency(time: npt.ArrayLike, signal: npt.ArrayLike, near: floa
     step = (t[-1] - t[0]) / (len(t) - 1)
     f = _strongest_line(y, step) if near is None else near
     if f * (t[-1] - t[0] + step) < 1.9:
-        raise ShakeError(f"{t[-1] - t[0]:.3g} s hold less than two periods: the fundamental cannot be found")
+        raise ShakeError(f"{t[-1] - t[0]:.3g} s contain less than two periods: the fundamental cannot be found")
     centred = t - 0.5 * (t[0] + t[-1])
     largest = _orders(t, f, REFINING_ORDERS)
     K = 1

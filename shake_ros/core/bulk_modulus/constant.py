@@ -19,7 +19,7 @@ class Constant(BulkModulusLaw):
     code: ClassVar[int] = CODE
 
     modulus: float = quantity("Pa", "bulk modulus E (θ_5 V_t/2)", low=1e6, high=1e11, live=True)
-    reference_pressure: float = quantity("Pa", "pressure P_0 at which E is meant", low=0.0, high=1e8)
+    reference_pressure: float = quantity("Pa", "pressure P_0 at which E holds", low=0.0, high=1e8)
 
 
 @njit

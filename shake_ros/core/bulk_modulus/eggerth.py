@@ -26,7 +26,7 @@ class Eggerth(BulkModulusLaw):
     compliance: ClassVar[tuple[str, ...]] = ("k1", "k2")
 
     k1: float = quantity("1/Pa", "compressibility k_1 at high pressure", low=1e-12, high=1e-6)
-    k2: float = quantity("1/Pa", "compressibility k_2 that pressure takes away", low=0.0, high=1e-6)
+    k2: float = quantity("1/Pa", "compressibility k_2 that vanishes with pressure", low=0.0, high=1e-6)
     exponent: float = quantity("-", "exponent λ", low=0.0, high=5.0)
     reference_pressure: float = quantity("Pa", "pressure P_0", low=1e3, high=1e8)
 

@@ -168,7 +168,9 @@ def normalised_cost(
 
     Parameters
     ----------
-    travel_price : [s]. position_weight : as in `tracking_cost`. acceleration_price : of the normalised rms error [-].
+    travel_price : [s].
+    position_weight : as in `tracking_cost`.
+    acceleration_price : of the normalised rms error [-].
     """
     away = (run.reference[:, :2] - run.reference[0, :2]) * (position_weight, 1.0)
     still = float(np.sum(away**2) * run.sample_time)
@@ -201,7 +203,7 @@ def tune(
     start : gains by name, none of them zero; signs are kept.
     cost : of a set of gains; a ShakeError (a gain out of its bounds, a lost loop) and NaN count as LOST.
     evaluations : largest number of evaluations.
-    done : told the number of evaluations and the least cost so far.
+    done : called with the number of evaluations and the lowest cost.
 
     Returns
     -------

@@ -31,12 +31,12 @@ class LawParameters(Parameters):
     states: ClassVar[int]  # length of its own state
 
     limit: float = quantity("-", "largest magnitude of the command", low=0.0, high=1.0)
-    start_time: float = quantity("s", "time constant of the start without a bump, 0 for none", low=0.0, high=10.0)
+    start_time: float = quantity("s", "time constant of the bumpless start, 0 for none", low=0.0, high=10.0)
     model: str = choice("table configuration for the model feedforward, empty for none", default="")
     model_bandwidth: float = quantity("rad/s", "bandwidth of the virtual table's control", low=1.0, high=2000.0)
     model_horizon: float = quantity("s", "horizon of the virtual table's control", low=1e-4, high=0.1)
     model_rate: float = quantity("1/s", "largest rate of the virtual table's command", low=1.0, high=1e5, default=1e5)
-    loop_delay: float = quantity("s", "dead time of the loop beyond the model's", low=0.0, high=0.1, default=0.0)
+    loop_delay: float = quantity("s", "dead time of the feedback beyond the model's", low=0.0, high=0.1, default=0.0)
     flow_asymmetry: float = quantity(
         "-",
         "excess of the steady velocity along +x over the mean",
@@ -45,7 +45,9 @@ class LawParameters(Parameters):
         default=0.0,
         live=True,
     )
-    predict: bool = choice("whether estimate and virtual table stand where the command will act", default=False)
+    predict: bool = choice(
+        "whether estimate and virtual table are predicted to the instant at which the command acts", default=False
+    )
 
     def under_model(self) -> LawParameters:
         """The parameters under a model feedforward, which brings what the law then has to leave out."""

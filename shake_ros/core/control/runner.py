@@ -147,7 +147,7 @@ class Controller:
         self.sample_time = float(sample_time)
         self.model = model and delayed_by(model, parameters.loop_delay)
         if parameters.model and model is None:
-            raise ShakeError(f"controller '{kind}': the table '{parameters.model}' of its model was not handed over")
+            raise ShakeError(f"controller '{kind}': the table '{parameters.model}' of its model was not given")
         if parameters.predict and model is None:
             raise ShakeError(f"controller '{kind}': predict needs a model")
         self.virtual: VirtualTable | None = None

@@ -41,7 +41,7 @@ class SlidingMode(LawParameters, ReducedParameters):
     surface_velocity: float = quantity("s", "K_s3, weight of the velocity error", low=0.0, live=True)
     surface_acceleration: float = quantity("s^2", "K_s4, weight of the acceleration error", low=1e-9, live=True)
     reaching_gain: float = quantity("m/s", "K_s, rate towards the surface", low=0.0, live=True)
-    reaching_slope: float = quantity("1/m", "α_1, steepness of the tanh that stands for the sign", low=0.0, live=True)
+    reaching_slope: float = quantity("1/m", "α_1, steepness of the tanh that approximates the sign", low=0.0, live=True)
 
     def under_model(self) -> SlidingMode:
         """Without G: the table's losses are in the model."""

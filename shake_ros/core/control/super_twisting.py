@@ -34,7 +34,7 @@ class SuperTwisting(LawParameters):
     surface_velocity: float = quantity("s", "K_ss3, weight of the velocity error", low=0.0, live=True)
     surface_acceleration: float = quantity("s^2", "K_ss4, weight of the acceleration error", low=1e-9, live=True)
     root_gain: float = quantity("m^0.5/s", "α_1, of the square root", low=0.0, live=True)
-    root_slope: float = quantity("1/m", "α_2, steepness of the tanh that stands for the sign", low=0.0, live=True)
+    root_slope: float = quantity("1/m", "α_2, steepness of the tanh that approximates the sign", low=0.0, live=True)
     twisting_gain: float = quantity("m/s^2", "α_3, of the integrated sign", low=0.0, live=True)
     feedforward_gain: float = quantity("s/m", "α_4, minus the command per reference velocity", high=0.0, live=True)
 

@@ -136,13 +136,14 @@ def step(state, model, settings, rest, reference):  # type: ignore[no-untyped-de
     Parameters
     ----------
     state : array from `VirtualTable.initial_state` or the step before; not changed.
-    model : the copy's parameters, an array of one record. settings : `Settings`.
+    model : the copy's parameters, an array of one record.
+    settings : `Settings`.
     rest : (STATES,) the copy at rest at 0 m.
     reference : (3,) position [m], velocity [m/s], acceleration [m/s²] now
 
     Returns
     -------
-    state : new array; its velocity is not finite where the copy left the finite numbers.
+    state : new array; its velocity is not finite where the copy diverged.
     u : the command for this sample [-]
     virtual : (3,) position, velocity, acceleration of the copy now; with a lead, of the table after it
     """
@@ -233,12 +234,12 @@ class VirtualTable:
 
         Raises
         ------
-        ShakeError : the virtual table left the finite numbers.
+        ShakeError : the virtual table diverged.
         """
         wanted = np.array(reference, dtype=np.float64)
         following, u, virtual = step(state, self.record, self.settings, self.rest, wanted)
         if not math.isfinite(following[HEAD + VELOCITY]):
-            raise ShakeError("controller: the virtual table left the finite numbers")
+            raise ShakeError("controller: the virtual table diverged")
         return following, float(u), virtual
 
     def carry_load(self, rigid: float, swaying: float, pitch: float) -> None:
@@ -252,10 +253,10 @@ class VirtualTable:
 
         Raises
         ------
-        ShakeError : the virtual table left the finite numbers.
+        ShakeError : the virtual table diverged.
         """
         commands, virtual = np.empty(len(references)), np.empty((len(references), 3))
         follow(self.record, self.settings, self.rest, np.ascontiguousarray(references), commands, virtual)
         if not np.isfinite(virtual).all():
-            raise ShakeError("controller: the virtual table left the finite numbers")
+            raise ShakeError("controller: the virtual table diverged")
         return commands, virtual

@@ -100,7 +100,7 @@ class FilmFriction(Effect):
     depends_on: ClassVar[tuple[str, ...]] = ("velocity", "time")
 
     relief: float = quantity(
-        "-", "part k of the dry friction that a full film takes away", low=-2.0, high=0.95, default=0.0
+        "-", "share k of the dry friction that a full film removes", low=-2.0, high=0.95, default=0.0
     )
     full_film_velocity: float = quantity("m/s", "velocity v_b of the full film", low=1e-3, high=2.0, default=0.25)
     time_constant: float = quantity("s", "time constant τ of the film", low=1e-3, high=60.0, default=0.05)

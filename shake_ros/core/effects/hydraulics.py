@@ -152,8 +152,10 @@ def exchanged(rate_a, rate_b, stiffness_a, stiffness_b, compliance, area_ratio):
 
     Parameters
     ----------
-    rate_a, rate_b : k_A Q_A, k_B Q_B of the net flows into the chambers [Pa/s]. stiffness_a, stiffness_b : k = E/V of
-        each [Pa/m³]. compliance : c [m³/Pa]. area_ratio : r [-].
+    rate_a, rate_b : k_A Q_A, k_B Q_B of the net flows into the chambers [Pa/s].
+    stiffness_a, stiffness_b : k = E/V of each [Pa/m³].
+    compliance : c [m³/Pa].
+    area_ratio : r [-].
     """
     load = rate_a - area_ratio * rate_b
     load /= 1.0 + compliance * (stiffness_a + area_ratio * area_ratio * stiffness_b)

@@ -98,7 +98,7 @@ class CouplingBacklash(Effect):
 
     gap: float = quantity("m", "total play g", low=0.0, high=1e-2, default=0.0)
     stiffness: float = quantity("N/m", "contact stiffness k", low=1e5, high=1e9, default=5e7)
-    rod_mass: float = quantity("kg", "mass m_r on the piston's side of the play", low=1.0, high=300.0, default=30.0)
+    rod_mass: float = quantity("kg", "mass m_r on the piston's side of the backlash", low=1.0, high=300.0, default=30.0)
     damping: float = quantity("-", "damping ratio of the contact on the rod's mass", low=0.0, high=2.0, default=0.2)
 
 
@@ -131,7 +131,7 @@ def contact_force(deflection, rate, gap, stiffness, rod_mass, damping):
 class BaseFlexibility(Effect):
     """Foundation that moves under the reaction.
 
-    The reaction mass or foundation gives way: position is measured to a base that moves itself.
+    The reaction mass or foundation is compliant: position is measured to a base that moves itself.
 
         m_b ẍ_b = −F − k_b x_b − c ẋ_b,  v̇ = F/M − ẍ_b,  accelerometer: v̇ + ẍ_b
 

@@ -4,7 +4,7 @@
 
 Beyond its range a force of position goes on with the slope of its end, as a spring would; the others stay constant.
 
-`kind` tells of what quantity s the function is and where it acts:
+`kind` is the quantity s of the function and the place where it acts:
 
     1  force on the table [N] of position           −y(x)
     2  dry friction [N] of position                 −y(x) sign(v)
@@ -22,7 +22,7 @@ the same range of s:
     y(s, q) = y(s) + max(τ, 0) a(s) + max(−τ, 0) b(s),   τ = (q − middle)/(half the range of q), at most ±1
 
 so y(s) is the function at the middle of the range of q, y + a the one at its upper end, y + b at its lower one. `PAIRS`
-tells which second quantities a kind can have; beside friction the velocity counts without its sign.
+lists the second quantities that a kind can have; beside friction the velocity counts without its sign.
 
 Kinds 1 to 3 exist for a force-driven axis as well. The function of kind 8 is periodic. Time counts from the start of a
 recording. Absent at kind 0. The search names it `unlisted` where the residual stands above the noise and no listed
@@ -81,44 +81,44 @@ class Unlisted(Effect):
     depends_on: ClassVar[tuple[str, ...]] = ()
     models: ClassVar[tuple[str, ...]] = ("full", "axis")
 
-    kind: int = quantity("-", "what the function is of and where it acts, 0 for absent", low=0, high=9, default=0)
-    low: float = quantity("-", "argument at the first node, in its unit", default=-1.0)
-    high: float = quantity("-", "argument at the last node, in its unit", default=1.0)
-    node_00: float = quantity("-", "value at node 0, in the unit of the kind", default=0.0)
-    node_01: float = quantity("-", "value at node 1, in the unit of the kind", default=0.0)
-    node_02: float = quantity("-", "value at node 2, in the unit of the kind", default=0.0)
-    node_03: float = quantity("-", "value at node 3, in the unit of the kind", default=0.0)
-    node_04: float = quantity("-", "value at node 4, in the unit of the kind", default=0.0)
-    node_05: float = quantity("-", "value at node 5, in the unit of the kind", default=0.0)
-    node_06: float = quantity("-", "value at node 6, in the unit of the kind", default=0.0)
-    node_07: float = quantity("-", "value at node 7, in the unit of the kind", default=0.0)
-    node_08: float = quantity("-", "value at node 8, in the unit of the kind", default=0.0)
-    node_09: float = quantity("-", "value at node 9, in the unit of the kind", default=0.0)
-    node_10: float = quantity("-", "value at node 10, in the unit of the kind", default=0.0)
-    node_11: float = quantity("-", "value at node 11, in the unit of the kind", default=0.0)
-    node_12: float = quantity("-", "value at node 12, in the unit of the kind", default=0.0)
-    node_13: float = quantity("-", "value at node 13, in the unit of the kind", default=0.0)
-    node_14: float = quantity("-", "value at node 14, in the unit of the kind", default=0.0)
-    node_15: float = quantity("-", "value at node 15, in the unit of the kind", default=0.0)
+    kind: int = quantity("-", "what the function depends on and where it acts, 0 for absent", low=0, high=9, default=0)
+    low: float = quantity("-", "argument at the first knot, in its unit", default=-1.0)
+    high: float = quantity("-", "argument at the last knot, in its unit", default=1.0)
+    node_00: float = quantity("-", "value at knot 0, in the unit of the kind", default=0.0)
+    node_01: float = quantity("-", "value at knot 1, in the unit of the kind", default=0.0)
+    node_02: float = quantity("-", "value at knot 2, in the unit of the kind", default=0.0)
+    node_03: float = quantity("-", "value at knot 3, in the unit of the kind", default=0.0)
+    node_04: float = quantity("-", "value at knot 4, in the unit of the kind", default=0.0)
+    node_05: float = quantity("-", "value at knot 5, in the unit of the kind", default=0.0)
+    node_06: float = quantity("-", "value at knot 6, in the unit of the kind", default=0.0)
+    node_07: float = quantity("-", "value at knot 7, in the unit of the kind", default=0.0)
+    node_08: float = quantity("-", "value at knot 8, in the unit of the kind", default=0.0)
+    node_09: float = quantity("-", "value at knot 9, in the unit of the kind", default=0.0)
+    node_10: float = quantity("-", "value at knot 10, in the unit of the kind", default=0.0)
+    node_11: float = quantity("-", "value at knot 11, in the unit of the kind", default=0.0)
+    node_12: float = quantity("-", "value at knot 12, in the unit of the kind", default=0.0)
+    node_13: float = quantity("-", "value at knot 13, in the unit of the kind", default=0.0)
+    node_14: float = quantity("-", "value at knot 14, in the unit of the kind", default=0.0)
+    node_15: float = quantity("-", "value at knot 15, in the unit of the kind", default=0.0)
     second: int = quantity("-", "second quantity: 1 x, 2 v, 3 opening, 4 P_L, 5 time; 0 none", low=0, high=5, default=0)
     second_low: float = quantity("-", "second quantity at the lower end, in its unit", default=-1.0)
     second_high: float = quantity("-", "second quantity at the upper end, in its unit", default=1.0)
-    above_0: float = quantity("-", "change at node 0 at the upper end, in the unit of the kind", default=0.0)
-    above_1: float = quantity("-", "change at node 1 at the upper end, in the unit of the kind", default=0.0)
-    above_2: float = quantity("-", "change at node 2 at the upper end, in the unit of the kind", default=0.0)
-    above_3: float = quantity("-", "change at node 3 at the upper end, in the unit of the kind", default=0.0)
-    above_4: float = quantity("-", "change at node 4 at the upper end, in the unit of the kind", default=0.0)
-    above_5: float = quantity("-", "change at node 5 at the upper end, in the unit of the kind", default=0.0)
-    above_6: float = quantity("-", "change at node 6 at the upper end, in the unit of the kind", default=0.0)
-    above_7: float = quantity("-", "change at node 7 at the upper end, in the unit of the kind", default=0.0)
-    below_0: float = quantity("-", "change at node 0 at the lower end, in the unit of the kind", default=0.0)
-    below_1: float = quantity("-", "change at node 1 at the lower end, in the unit of the kind", default=0.0)
-    below_2: float = quantity("-", "change at node 2 at the lower end, in the unit of the kind", default=0.0)
-    below_3: float = quantity("-", "change at node 3 at the lower end, in the unit of the kind", default=0.0)
-    below_4: float = quantity("-", "change at node 4 at the lower end, in the unit of the kind", default=0.0)
-    below_5: float = quantity("-", "change at node 5 at the lower end, in the unit of the kind", default=0.0)
-    below_6: float = quantity("-", "change at node 6 at the lower end, in the unit of the kind", default=0.0)
-    below_7: float = quantity("-", "change at node 7 at the lower end, in the unit of the kind", default=0.0)
+    above_0: float = quantity("-", "change at knot 0 at the upper end, in the unit of the kind", default=0.0)
+    above_1: float = quantity("-", "change at knot 1 at the upper end, in the unit of the kind", default=0.0)
+    above_2: float = quantity("-", "change at knot 2 at the upper end, in the unit of the kind", default=0.0)
+    above_3: float = quantity("-", "change at knot 3 at the upper end, in the unit of the kind", default=0.0)
+    above_4: float = quantity("-", "change at knot 4 at the upper end, in the unit of the kind", default=0.0)
+    above_5: float = quantity("-", "change at knot 5 at the upper end, in the unit of the kind", default=0.0)
+    above_6: float = quantity("-", "change at knot 6 at the upper end, in the unit of the kind", default=0.0)
+    above_7: float = quantity("-", "change at knot 7 at the upper end, in the unit of the kind", default=0.0)
+    below_0: float = quantity("-", "change at knot 0 at the lower end, in the unit of the kind", default=0.0)
+    below_1: float = quantity("-", "change at knot 1 at the lower end, in the unit of the kind", default=0.0)
+    below_2: float = quantity("-", "change at knot 2 at the lower end, in the unit of the kind", default=0.0)
+    below_3: float = quantity("-", "change at knot 3 at the lower end, in the unit of the kind", default=0.0)
+    below_4: float = quantity("-", "change at knot 4 at the lower end, in the unit of the kind", default=0.0)
+    below_5: float = quantity("-", "change at knot 5 at the lower end, in the unit of the kind", default=0.0)
+    below_6: float = quantity("-", "change at knot 6 at the lower end, in the unit of the kind", default=0.0)
+    below_7: float = quantity("-", "change at knot 7 at the lower end, in the unit of the kind", default=0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()

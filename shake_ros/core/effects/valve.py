@@ -29,7 +29,7 @@ class SpoolDeadband(Effect):
     models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     width: float = quantity("-", "spool travel without flow on each side of null", low=0.0, high=0.3, default=0.0)
-    closed: float = quantity("-", "part of the underlap that it closes", low=0.0, high=1.0, default=1.0)
+    closed: float = quantity("-", "share of the underlap that it closes", low=0.0, high=1.0, default=1.0)
 
 
 @njit
@@ -56,11 +56,10 @@ def effective_underlap(underlap, width, closed):
 class SpoolHysteresis(Effect):
     """Hysteresis of the valve beyond the declared one.
 
-    More hysteresis of the valve than its catalogue tells: dry friction on the spool or a torque motor losing
-    strength.
+    More hysteresis of the valve than its data sheet states: dry friction on the spool or a weak torque motor.
 
     The half-width adds to the declared f_hs of (3.19) and acts as it does: dry friction on the spool
-    (plant/dormand_prince.py), with the detailed valve and the reduced table a play of the command. Absent at 0.
+    (plant/dormand_prince.py), with the detailed valve and the reduced table a backlash of the command. Absent at 0.
     """
 
     place: ClassVar[str] = "valve"

@@ -50,7 +50,11 @@ def flow(pressure_drop, diameter, viscosity, density, k_1, k_2):
 
     Parameters
     ----------
-    pressure_drop : [Pa]. diameter : [m]. viscosity : dynamic [Pa·s]. density : [kg/m³]. k_1, k_2 : of (2.75) [-].
+    pressure_drop : [Pa].
+    diameter : [m].
+    viscosity : dynamic [Pa·s].
+    density : [kg/m³].
+    k_1, k_2 : of (2.75) [-].
     """
     laminar = k_1 * viscosity / (density * diameter)
     drive = 8.0 * k_2 * abs(pressure_drop) / density

@@ -25,7 +25,10 @@ def pressure_rate(bulk_modulus, volume, inflow, volume_rate):
 
     Parameters
     ----------
-    bulk_modulus : [Pa]. volume : [m³]. inflow : ΣQ_in − ΣQ_out [m³/s]. volume_rate : [m³/s].
+    bulk_modulus : [Pa].
+    volume : [m³].
+    inflow : ΣQ_in − ΣQ_out [m³/s].
+    volume_rate : [m³/s].
     """
     return bulk_modulus / volume * (inflow - volume_rate)  # (2.60)
 

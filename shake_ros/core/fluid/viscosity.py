@@ -39,6 +39,8 @@ def pressure_coefficient(temperature: float, temperatures: np.ndarray, coefficie
 
     Parameters
     ----------
-    temperature : [K]. temperatures : rising, shape (n,) [K]. coefficients : shape (n,) [1/Pa].
+    temperature : [K].
+    temperatures : rising, shape (n,) [K].
+    coefficients : shape (n,) [1/Pa].
     """
     return float(np.interp(temperature, temperatures, coefficients))

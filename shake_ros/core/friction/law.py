@@ -4,7 +4,7 @@ A law is written in three quantities that the plant puts together with the frict
 
     F = level · s + F_micro + f_v(v) v
 
-`level` [N] is the dry force at this velocity; s [-] tells how much of it acts and in which direction: the smooth
+`level` [N] is the dry force at this velocity; s [-] is how much of it acts and in which direction: the smooth
 sign of the velocity for a curve F(v), the bristle force over the level for a law with a contact state; F_micro [N]
 is the damping of the bristles and f_v the viscous coefficient. Laws of one concept use one name, so all laws share
 the fields of one record.

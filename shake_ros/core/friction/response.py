@@ -69,7 +69,9 @@ def under_motion(p, velocity, dt):
 
     Parameters
     ----------
-    p : record with a law's fields, of `packing.record`. velocity : shape (n,) [m/s], linear between samples. dt : [s].
+    p : record with a law's fields, of `packing.record`.
+    velocity : shape (n,) [m/s], linear between samples.
+    dt : [s].
 
     Returns
     -------
@@ -93,7 +95,10 @@ def pulled_block(p, mass, stiffness, pull, dt, every):
 
     Parameters
     ----------
-    mass : [kg]. stiffness : of the spring [N/m]. pull : position of its far end, shape (n,) [m]. dt : [s].
+    mass : [kg].
+    stiffness : of the spring [N/m].
+    pull : position of its far end, shape (n,) [m].
+    dt : [s].
     every : rows kept, one in so many.
 
     Returns

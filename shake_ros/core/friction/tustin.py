@@ -38,7 +38,7 @@ class Tustin(FrictionLaw):
     viscous: float = quantity("N*s/m", "viscous coefficient θ_4", low=0.0, high=1e6, live=True)
     transition_velocity: float = quantity("m/s", "width of the smooth sign at rest", low=1e-6, high=0.1)
     transition_sharpness: float = quantity(
-        "-", "how abruptly that sign ends: 0 as tanh, 1 nearly as a ramp", low=0.0, high=10.0, default=0.0
+        "-", "shape of that sign: 0 tanh, 1 nearly a ramp", low=0.0, high=10.0, default=0.0
     )
 
 

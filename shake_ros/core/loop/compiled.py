@@ -46,7 +46,9 @@ def read_sensors(p, noise, shown, measured):  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    p : parameter record. noise : (5,) standard normal draws. shown : (OUTPUTS,) row of `integration.outputs`.
+    p : parameter record.
+    noise : (5,) standard normal draws.
+    shown : (OUTPUTS,) row of `integration.outputs`.
     measured : (5,) result, position [m], acceleration [m/s²], P_A, P_B, P_s [Pa]
     """
     position = shown[0] + p.sensors_position_noise * noise[0]
@@ -66,13 +68,18 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, added
 
     Parameters
     ----------
-    p : parameter record of the plant. plant : its first state with the past commands behind it; changed in place.
+    p : parameter record of the plant.
+    plant : its first state with the past commands behind it; changed in place.
     observer : `Observer.compiled`; `NO_OBSERVER` gives the controller the true states.
-    seen : the observer's first state, changed in place. law : `Controller.law`. state : the controller's first state.
-    reference : (n, 3). feedforward : commands (n,) and motion (n, 3) of a virtual table, or both empty.
+    seen : the observer's first state, changed in place.
+    law : `Controller.law`.
+    state : the controller's first state.
+    reference : (n, 3).
+    feedforward : commands (n,) and motion (n, 3) of a virtual table, or both empty.
     added : harmonics' first state, empty without them, and numbers of a harmonic cancellation.
     timing : (dt [s], delay of the command in samples, whole samples and fraction of the plant's own dead time)
-    noise : (n, 5) standard normal draws. space : from `observer.selected.work`.
+    noise : (n, 5) standard normal draws.
+    space : from `observer.selected.work`.
     out : estimate (n, 3), truth (n, 3), command (n,), measured (n, 5)
 
     Returns
@@ -124,12 +131,15 @@ class Loop:
 
     Attributes
     ----------
-    table : the plant with its sensors. seed : of the sensor noise.
+    table : the plant with its sensors.
+    seed : of the sensor noise.
     observer : estimates from the measured position; None hands the true states to the controller.
-    controller : the law. reference : (n, 3) position [m], velocity [m/s], acceleration [m/s²].
+    controller : the law.
+    reference : (n, 3) position [m], velocity [m/s], acceleration [m/s²].
     feedforward : commands (n,) and motion (n, 3) of the controller's virtual table along this reference; None, with a
         controller that has one, computes them.
-    delay : samples by which a command reaches the valve late. start : initial position of the table [m].
+    delay : samples by which a command reaches the valve late.
+    start : initial position of the table [m].
     cancellation : of harmonics, under a law without a virtual table.
     """
 
@@ -206,7 +216,7 @@ def run_batch(
 ) -> list[Result]:
     """Run many loops on all cores without the GIL; `judge(i, run)` keeps of a run what is wanted.
 
-    `done` is told the number of loops that have ended, from the calling thread.
+    `done` is called with the number of finished loops, from the calling thread.
     """
     result: list[Result] = []
     with ThreadPoolExecutor(workers()) as pool:

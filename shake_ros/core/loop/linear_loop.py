@@ -153,8 +153,10 @@ def open_loop(
 
     Parameters
     ----------
-    model : what the observer carries and predicts with. gains : (4,) of `observer.linear.kalman_gain`.
-    per_acceleration : load pressure per acceleration, half its change [Pa s²/m]. dt : sample time [s].
+    model : what the observer carries and predicts with.
+    gains : (4,) of `observer.linear.kalman_gain`.
+    per_acceleration : load pressure per acceleration, half its change [Pa s²/m].
+    dt : sample time [s].
     """
     n, m = len(plant.a), len(model.a)
     late = max(plant.whole, model.whole) + 2

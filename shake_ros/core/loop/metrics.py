@@ -54,7 +54,7 @@ class Metrics(Parameters):
     time_at_limit: float = quantity("-", "share of the time with the command at its limit", default=math.nan)
     largest_position: float = quantity("m", "largest distance from mid-stroke", default=math.nan)
     end_stop: bool = quantity("-", "whether an end stop was touched", default=False)
-    unstable: bool = quantity("-", "whether the loop was lost or kept oscillating", default=False)
+    unstable: bool = quantity("-", "whether the closed loop diverged or kept oscillating", default=False)
 
     def __post_init__(self) -> None:
         """No bounds: figures may be NaN."""
@@ -70,8 +70,10 @@ class Judged:
 
     Attributes
     ----------
-    first, last : samples between which errors count (soft start and stop left out). rest : from here on the reference
-        is at rest. frequency : of a sine [Hz], 0 for other references. spectrum : of the reference, from `spectrum_of`.
+    first, last : samples between which errors count (soft start and stop left out).
+    rest : from here on the reference is at rest.
+    frequency : of a sine [Hz], 0 for other references.
+    spectrum : of the reference, from `spectrum_of`.
     """
 
     first: int
@@ -95,7 +97,8 @@ def ringing(run: ClosedLoop, above: float = RINGING_ABOVE, window: float = RINGI
 
     Parameters
     ----------
-    above : [Hz], beyond the reference's band. window : [s]
+    above : [Hz], beyond the reference's band.
+    window : [s]
 
     >>> t = np.arange(4000) * 1e-3
     >>> wanted = np.column_stack([0 * t, 0 * t, np.sin(12.0 * t)])
@@ -204,7 +207,9 @@ def judge(run: ClosedLoop, part: Judged, limit: float, stroke: float) -> Metrics
 
     Parameters
     ----------
-    part : what of the reference counts. limit : of the command [-]. stroke : of the table [m].
+    part : what of the reference counts.
+    limit : of the command [-].
+    stroke : of the table [m].
     """
     largest = float(np.nanmax(np.abs(run.truth[:, 0]), initial=0.0))
     if not (np.isfinite(run.truth).all() and np.isfinite(run.command).all()):

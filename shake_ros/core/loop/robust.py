@@ -67,9 +67,9 @@ class RobustSettings(Parameters):
     flow: float = quantity("-", "relative standard error of the flow coefficient without one", low=0.0, high=1.0)
     tables: int = quantity("-", "neighbours of the table", low=1, high=1000)
     seed: int = quantity("-", "of the draws", low=0, high=2**31)
-    position: float = quantity("m", "stretch of the stroke to each side", low=0.0, high=10.0)
+    position: float = quantity("m", "range of the stroke to each side", low=0.0, high=10.0)
     velocity: float = quantity("m/s", "speed of the linear models", low=1e-3, high=10.0)
-    load_pressure: float = quantity("Pa", "load pressure of the linear models beside none", low=0.0, high=1e8)
+    load_pressure: float = quantity("Pa", "load pressure of the linear models, besides zero", low=0.0, high=1e8)
     position_noise: float = quantity("m", "standard deviation of a position sample", low=1e-9, high=0.01)
     model_bandwidth: float = quantity("rad/s", "bandwidth of the virtual table's control", low=1.0, high=2000.0)
     model_horizon: float = quantity("s", "shortest horizon of the virtual table's control", low=1e-4, high=0.1)
@@ -77,7 +77,7 @@ class RobustSettings(Parameters):
     ringing: float = quantity("-", "largest ringing, see metrics.ringing", low=0.0, high=10.0)
     fastest: float = quantity("rad/s", "largest bandwidth of the position", low=0.1, high=1000.0)
     model_rate: float = quantity("1/s", "largest rate of the virtual table's command", low=1.0, high=1e5, default=150.0)
-    jump: float = quantity("-", "change of the command in a sample that is told", low=0.0, high=2.0, default=0.3)
+    jump: float = quantity("-", "change of the command in a sample that is reported", low=0.0, high=2.0, default=0.3)
 
 
 class Uncertainty(NamedTuple):

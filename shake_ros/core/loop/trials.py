@@ -154,7 +154,8 @@ def allowed_ringing(
 
     Parameters
     ----------
-    controller : whose feedforward it is. reference : of `settle_first`.
+    controller : whose feedforward it is.
+    reference : of `settle_first`.
     delay : samples by which a command acts late; each table's is longer than the last one's by one, from none to
         `further` in turn.
     """
@@ -309,7 +310,8 @@ class TrackingBenefit:
 
     Attributes
     ----------
-    reference : what they follow, by name. tuned : the run with observer and gains made for the table, and `margins`.
+    reference : what they follow, by name.
+    tuned : the run with observer and gains made for the table, and `margins`.
     ringing : of each loop on the table and its neighbours over what is allowed there, the worst; above 1 it rings.
     """
 
@@ -340,7 +342,8 @@ class TrackingBenefit:
         errors = self.errors()
         if shaken > 1.0:
             found.append(
-                "with the extended model and the present gains the loop rings on the found table or a neighbour: "
+                "with the extended model and the present gains the closed loop oscillates on the identified table or "
+                "a neighbour: "
                 + (
                     f"its acceleration beyond 15 Hz, or at rest, is {shaken:.2g} times what is allowed"
                     if shaken < 1e6
@@ -348,11 +351,11 @@ class TrackingBenefit:
                 )
             )
         elif not errors["after"]["acceleration"] <= 1.05 * errors["before"]["acceleration"]:
-            found.append("with the present gains the extended model does not follow better than the declared one")
+            found.append("with the present gains the extended model does not track better than the declared one")
         if found and self.tuned is None:
             found[0] += "; close_loop --tune, or tune --table, makes observer and gains for this table"
         if self.ringing.get("tuned", 0.0) > 1.0:
-            found.append("the gains made for this table ring as well on a neighbour: do not use them")
+            found.append("the gains made for this table oscillate on a neighbour too: do not use them")
         return found
 
 
@@ -390,8 +393,11 @@ def benefit(
 
     Parameters
     ----------
-    table : the plant. before, after : models. loops : observer and controller that carry a model.
-    reference : (n, 3) position [m], velocity [m/s], acceleration [m/s²]. name : of the reference.
+    table : the plant.
+    before, after : models.
+    loops : observer and controller that carry a model.
+    reference : (n, 3) position [m], velocity [m/s], acceleration [m/s²].
+    name : of the reference.
     delay : samples by which a command reaches the valve late.
     tuned : observer and controller made for the table, with their margins; they run as well.
     neighbours : tables on which the loops are looked at for `seconds` of the reference [s].

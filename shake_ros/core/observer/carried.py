@@ -101,8 +101,9 @@ def motion_ahead(p, y, end, push, kick, whole, fraction, dt, work, motion):  # t
 
     Parameters
     ----------
-    y : state whose commands stand in y[STATES:end]; not changed. push : load pressure that a disturbance adds to P_A
-        and takes from P_B each sample [Pa]. kick : acceleration by a force that the model lacks [m/s²].
+    y : state whose commands stand in y[STATES:end]; not changed.
+    push : load pressure that a disturbance adds to P_A and takes from P_B each sample [Pa].
+    kick : acceleration by a force that the model lacks [m/s²].
     motion : as in `motion_now`
     """
     later, past, samples = y[:STATES].copy(), y[STATES:end], int(whole)

@@ -1,6 +1,6 @@
 """Observer that carries the identified table and takes every sensor that is there: position, accelerometer, pressures.
 
-As `model.observe` the whole compiled plant is advanced under the command that acted. What is told by a sample corrects
+As `model.observe` the whole compiled plant is advanced under the command that acted. What a sample shows corrects
 it by an extended Kalman filter on
 
     e = (z_1, z_2, z_3, d, f, b, l):  z' of the reduced model (6.36) under the jerk d − β_2 f,
@@ -8,7 +8,7 @@ it by an extended Kalman filter on
 with d the disturbance of the pressures [m/s³], f an acceleration by a force that the model lacks, b the accelerometer's
 bias [m/s²] and l what it shows behind its lag. The position is z_1, the accelerometer l + b (z_3 + b without a lag),
 the chamber pressures z_3 − f: a force that the model lacks moves the table and is no pressure. d wanders; f and b fade
-with their time constants, so that they stay bounded where no sensor tells them; without pressures f does not move, and
+with their time constants, so that they stay bounded where no sensor shows them; without pressures f does not move, and
 all that the model lacks counts as pressure. The covariance is part of the state and each sample takes the sensors that
 it has, one after the other; one that is lost is left out and the rest take over at gains of their own, without a bump.
 A reading counts at most `gate` standard deviations off what is expected. A sensor that is further off, or shows the
@@ -75,10 +75,10 @@ class FusedObserver(LinearObserver):
     force_memory: float = quantity("s", "time constant with which that force fades", low=1e-3, high=1e6)
     bias_noise: float = quantity("m/s^2.5", "density of the accelerometer's bias", low=1e-9)
     bias_memory: float = quantity("s", "time constant with which the bias fades", low=1e-3, high=1e6)
-    gate: float = quantity("-", "standard deviations beyond which a reading counts no more", low=1.0, high=1e6)
-    patience: float = quantity("s", "time beyond that, or at one number, until a sensor is not believed", low=1e-3)
+    gate: float = quantity("-", "standard deviations beyond which a reading is ignored", low=1.0, high=1e6)
+    patience: float = quantity("s", "time beyond that, or at one value, after which a sensor is left out", low=1e-3)
     model: str = choice("table configuration of the model")
-    loop_delay: float = quantity("s", "dead time of the loop beyond the model's", low=0.0, high=0.1, default=0.0)
+    loop_delay: float = quantity("s", "dead time of the feedback beyond the model's", low=0.0, high=0.1, default=0.0)
     predict: bool = choice("whether the estimate is that of the instant at which the command acts", default=False)
 
     def derive(self, sample_time: float, model: TableParameters | None) -> dict[str, float]:
@@ -107,7 +107,7 @@ class FusedObserver(LinearObserver):
 
 @njit
 def advance_covariance(covariance, p, command, pressed, dt):  # type: ignore[no-untyped-def]
-    """P ← Φ P Φᵀ + Q of e over a sample, in place; f only moves where the pressures tell it (`pressed`)."""
+    """P ← Φ P Φᵀ + Q of e over a sample, in place; f only changes where there are pressures (`pressed`)."""
     opening = abs(command)
     phi, gamma = transition(p.beta1 + p.beta5 * opening, p.beta2 + p.beta4 * opening, dt)
     step = np.zeros((UNKNOWNS, UNKNOWNS))
@@ -138,9 +138,13 @@ def correct(found, covariance, shown, away, noise, gate, watch, patient):  # typ
 
     Parameters
     ----------
-    found : (7,) e. shown : (7,) what the sensor shows of e. away : reading minus what the copy and e = 0 show.
-    noise : standard deviation of the reading. gate : standard deviations of the difference that count at most.
-    watch : (4,) of the sensor, changed in place; empty for one that is always believed. patient : samples.
+    found : (7,) e.
+    shown : (7,) what the sensor shows of e.
+    away : reading minus what the copy and e = 0 show.
+    noise : standard deviation of the reading.
+    gate : standard deviations of the difference that count at most.
+    watch : (4,) of the sensor, changed in place; empty for one that is always believed.
+    patient : samples.
 
     Returns
     -------
@@ -195,7 +199,8 @@ def observe(state, p, model, measured, command, dt, work, estimate):  # type: ig
     ----------
     state : (STATES + history + SIZE,) array: the copy's states, its past commands, d [m/s³], f, b, l [m/s²], the
         covariance, and the watches of accelerometer and pressures
-    model : the copy's record. p, measured, command, dt, work, estimate : as in `sliding_mode.observe`
+    model : the copy's record.
+    p, measured, command, dt, work, estimate : as in `sliding_mode.observe`
     """
     last = state.shape[0] - SIZE
     own = state[last:]

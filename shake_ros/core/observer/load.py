@@ -8,10 +8,10 @@ measured position by a slow correction; what they then say of the acceleration d
 
 the recursive prediction error method (Ljung and Söderström 1983) with a parameter that wanders. Of ε and ψ a band
 counts, without the accelerometer's bias and most of its noise. P never exceeds its first value and θ stays within
-bounds, so a motion that tells nothing changes nothing. ε is bounded, since friction that breaks away elsewhere than in
+bounds, so a motion without information changes nothing. ε is bounded, since friction that breaks away elsewhere than in
 the model is no mass. The frequency has several valleys: each part of its band has a tracker, and the one leads whose ε²
 has been the least of late. One copy more keeps the specimen that the table is known with: the leader is believed only
-where its ε² is clearly the smaller of the two, else the known specimen is told. The load that is told follows smoothly,
+where its ε² is clearly the smaller of the two, otherwise the known specimen is reported. That load follows smoothly,
 so that what is scheduled by it does not jump. Not in the thesis.
 
 Verified against: tables of known specimens, rigid and swaying, and one whose frequency drops.
@@ -57,14 +57,16 @@ class LoadTracking(Parameters):
     highest: float = quantity("Hz", "highest frequency of the specimen", low=0.1, high=100.0)
     trackers: int = quantity("-", "trackers, evenly spaced in ln f", low=1, high=32)
     damping: float = quantity("-", "damping ratio of the specimen", low=1e-3, high=1.0)
-    error: float = quantity("m/s^2", "acceleration error of a right model, noise included", low=1e-4, high=10.0)
-    correlation: float = quantity("s", "time over which that error resembles itself", low=1e-4, high=10.0)
+    error: float = quantity("m/s^2", "acceleration error of a correct model, noise included", low=1e-4, high=10.0)
+    correlation: float = quantity("s", "correlation time of that error", low=1e-4, high=10.0)
     following: float = quantity("s", "time in which a parameter may wander by its spread", low=0.01, high=1e4)
     memory: float = quantity("s", "time over which trackers are compared", low=0.01, high=100.0)
     slowest: float = quantity("rad/s", "ε and ψ count above this: bias and drift do not", low=0.1, high=1e3)
     fastest: float = quantity("rad/s", "ε and ψ count below this: noise does not", low=1.0, high=1e4)
-    hold: float = quantity("rad/s", "bandwidth at which the copies are held at their place", low=0.1, high=100.0)
-    smooth: float = quantity("s", "time constant with which the told load follows the leader", low=1e-3, high=100.0)
+    hold: float = quantity("rad/s", "bandwidth at which the copies are held in position", low=0.1, high=100.0)
+    smooth: float = quantity(
+        "s", "time constant with which the reported load follows the best tracker", low=1e-3, high=100.0
+    )
 
 
 class Fixed(NamedTuple):
@@ -85,7 +87,7 @@ class Fixed(NamedTuple):
     fade: float  # of ε² a sample
     below: float  # share of the way that the slow low-pass goes a sample
     within: float  # the same of the two fast ones
-    smooth: float  # the same of the load that is told
+    smooth: float  # the same of the reported load
 
 
 class State(NamedTuple):
@@ -101,7 +103,7 @@ class State(NamedTuple):
     known: Array  # (states and past commands,) the copy with the known specimen
     known_passed: Array  # (3,) low-passes of its ε
     known_cost: Array  # (1,) its mean of ε² of late [m²/s⁴]
-    told: Array  # (3,) θ that is told
+    told: Array  # (3,) reported θ
 
 
 @njit
@@ -158,7 +160,9 @@ def track(state, fixed, model, position, acceleration, command, work):  # type: 
     Parameters
     ----------
     model : the table's record, an array of one; the specimen in it is changed. position [m], acceleration [m/s²] :
-    measured now. command : held since the sample before [-]. work : from `carried.work`.
+        measured now.
+    command : held since the sample before [-].
+    work : from `carried.work`.
     """
     slope = np.empty(UNKNOWNS)
     for k in range(state.theta.shape[0]):
@@ -203,7 +207,8 @@ class LoadTracker:
 
     Parameters
     ----------
-    table : as it is known, with the specimen from which the search starts. sample_time : [s]
+    table : as it is known, with the specimen from which the search starts.
+    sample_time : [s]
     loop_delay : dead time beyond the table's [s].
     """
 
@@ -273,7 +278,7 @@ class LoadTracker:
 
         Returns
         -------
-        (loads, errors) : (n, 3) rigid mass [kg], swaying mass [kg], frequency [Hz] as they were told, and the standard
+        (loads, errors) : (n, 3) rigid mass [kg], swaying mass [kg], frequency [Hz] as reported, and the standard
             errors (3,) of the leader at the end.
 
         Raises

@@ -41,7 +41,7 @@ class ModelObserver(LinearObserver):
     derived: ClassVar[tuple[str, ...]] = (*LinearObserver.derived, *CARRIED)
 
     model: str = choice("table configuration of the model")
-    loop_delay: float = quantity("s", "dead time of the loop beyond the model's", low=0.0, high=0.1, default=0.0)
+    loop_delay: float = quantity("s", "dead time of the feedback beyond the model's", low=0.0, high=0.1, default=0.0)
     predict: bool = choice("whether the estimate is that of the instant at which the command acts", default=False)
 
     def derive(self, sample_time: float, model: TableParameters | None) -> dict[str, float]:
@@ -64,7 +64,8 @@ def observe(state, p, model, measured, command, dt, work, estimate):  # type: ig
     Parameters
     ----------
     state : (STATES + history + 1,) array: the copy's states, its past commands, the disturbance [m/s³]
-    model : the copy's record. p, measured, command, dt, work, estimate : as in `sliding_mode.observe`
+    model : the copy's record.
+    p, measured, command, dt, work, estimate : as in `sliding_mode.observe`
     """
     last = state.shape[0] - 1
     carry_copy(model, state, last, command, p.dead_samples, p.dead_fraction, dt, work)

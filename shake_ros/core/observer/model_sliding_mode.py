@@ -55,8 +55,8 @@ class ModelSlidingModeObserver(ObserverParameters):
     boundary2: float = quantity("m/s", "boundary layer of the velocity error, 0 for a sign", low=0.0)
     boundary3: float = quantity("m/s^2", "boundary layer of the acceleration error, 0 for a sign", low=0.0)
     boundary4: float = quantity("m/s^3", "boundary layer of the disturbance's error, 0 for a sign", low=0.0)
-    jerk_per_command: float = quantity("m/s^3", "jerk that a unit of command makes, β_3 where the gains hold", low=1e-6)
-    loop_delay: float = quantity("s", "dead time of the loop beyond the model's", low=0.0, high=0.1, default=0.0)
+    jerk_per_command: float = quantity("m/s^3", "jerk per unit of command, β_3 where the gains hold", low=1e-6)
+    loop_delay: float = quantity("s", "dead time of the feedback beyond the model's", low=0.0, high=0.1, default=0.0)
     predict: bool = choice("whether the estimate is that of the instant at which the command acts", default=False)
 
     def derive(self, sample_time: float, model: TableParameters | None) -> dict[str, float]:

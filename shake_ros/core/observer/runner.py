@@ -129,7 +129,7 @@ class Observer:
             self._model = delayed_by(model, getattr(parameters, "loop_delay", 0.0))
         if parameters.carries_table and model is None:
             named = getattr(parameters, "model", "")
-            raise ShakeError(f"observer '{kind}': the table '{named}' of its model was not handed over")
+            raise ShakeError(f"observer '{kind}': the table '{named}' of its model was not given")
         predicts = getattr(parameters, "predict", False)
         self.lead = float(self._model.value(DELAY)) if self._model is not None and predicts else 0.0
         record = NO_MODEL if self._model is None else FULL_LAYOUT.alone(self._model.vector())
@@ -172,7 +172,7 @@ class Observer:
 
         Raises
         ------
-        ShakeError : a measurement or command that is not a finite number; a carried model that left the finite numbers.
+        ShakeError : a measurement or command that is not a finite number; a carried model that diverged.
         """
         if not (math.isfinite(measured_position) and math.isfinite(u_previous)):
             raise ShakeError(f"observer: position {measured_position!r}, command {u_previous!r} not finite")
@@ -181,7 +181,7 @@ class Observer:
         given = measured, float(u_previous), self.sample_time
         self._step(following, *self.compiled, *given, self._work, estimate)
         if self._model is not None and not np.isfinite(estimate).all():
-            raise ShakeError("observer: the model's state left the finite numbers")
+            raise ShakeError("observer: the model's state diverged")
         return following, estimate
 
     def run(self, positions: Array, commands: Array, others: Array | None = None) -> Array:
@@ -195,7 +195,7 @@ class Observer:
 
         Raises
         ------
-        ShakeError : series of different length, a value that is not finite, a model that left the finite numbers.
+        ShakeError : series of different length, a value that is not finite, a model that diverged.
         """
         given, held = np.ascontiguousarray(positions, float), np.ascontiguousarray(commands, float)
         if given.ndim != 1 or given.shape != held.shape or not given.size:
@@ -210,5 +210,5 @@ class Observer:
         state = self.initial_state(given[0])
         observe_run(state, *self.compiled, measured, held, self.sample_time, self._work, estimates)
         if not np.isfinite(estimates).all():
-            raise ShakeError("observer: the estimate left the finite numbers")
+            raise ShakeError("observer: the estimate diverged")
         return estimates

@@ -101,9 +101,12 @@ def simulate(p, forces, standing, track, y0, dt, out):
 
     Parameters
     ----------
-    p : parameter record. forces : shape (n,) [N]. standing : force that acts until the first one arrives [N].
-    track : measured position that position-dependent forces follow,
-        shape (n,), or (0,) for the simulated one [m]. y0 : first state, shape (STATES,). dt : [s].
+    p : parameter record.
+    forces : shape (n,) [N].
+    standing : force that acts until the first one arrives [N].
+    track : measured position that position-dependent forces follow, shape (n,), or (0,) for the simulated one [m].
+    y0 : first state, shape (STATES,).
+    dt : [s].
     out : result, shape (n, OUTPUTS), row k is the instant t_k, before force k acts.
     """
     y = y0.copy()
@@ -163,9 +166,11 @@ def run_batch(
 
     Parameters
     ----------
-    vectors : shape (m, len(AXIS_LAYOUT.names)). start : shape (STATES,). forces : shape (n,), or (m, n) where each set
-        has its own [N]. sample_time [s].
-    track : measured position, shape (n,) [m], or empty. standing : force before the first [N].
+    vectors : shape (m, len(AXIS_LAYOUT.names)).
+    start : shape (STATES,).
+    forces : shape (n,), or (m, n) where each set has its own [N]. sample_time [s].
+    track : measured position, shape (n,) [m], or empty.
+    standing : force before the first [N].
 
     Returns
     -------

@@ -37,7 +37,7 @@ from shake_ros.core.quantities import Parameters, quantity
 class Cavitation(Parameters):
     """Lowest pressure of a chamber."""
 
-    width: float = quantity("Pa", "range w above the limit in which the oil yields", low=0.0, high=1e6, default=0.0)
+    width: float = quantity("Pa", "range w above the limit in which cavitation sets in", low=0.0, high=1e6, default=0.0)
     pressure: float = quantity(
         "Pa", "absolute pressure p_c that no chamber falls below", low=0.0, high=1e6, default=0.0
     )

@@ -15,7 +15,7 @@ plant written separately and the operating points of this one.
 Between which pressures the chambers can be, and the samples of a run that leave them.
 
 Below: with cavitation no chamber falls to its limit p_c. Without it, as the declared table stands, the oil of the model
-bears tension, so a pressure below absolute zero is possible and tells that the run left what the model describes.
+bears tension, so a pressure below absolute zero is possible and shows that the run left the range of the model.
 
 Above: a chamber beyond supply pressure takes in nothing, its edges and its leakages let oil out, so it rises only while
 the piston moves into it, V Ṗ/E ≤ A w with w the speed into the chamber, and the piston pays for it,
@@ -146,7 +146,8 @@ def highest_pressure(table: TableParameters, speed: float, reach: float, force: 
 
     Parameters
     ----------
-    speed : largest speed of the piston |v| [m/s]. reach : largest distance from mid-stroke |x| [m].
+    speed : largest speed of the piston |v| [m/s].
+    reach : largest distance from mid-stroke |x| [m].
     force : largest external force along the motion [N].
     """
     mass = table.moved_mass + max(table.value("effects.payload_error.mass"), 0.0)
@@ -164,7 +165,8 @@ class PressureWatch:
 
     Parameters
     ----------
-    table : whose chambers are watched. sample_time : [s].
+    table : whose chambers are watched.
+    sample_time : [s].
     """
 
     def __init__(self, table: TableParameters, sample_time: float) -> None:
@@ -196,7 +198,9 @@ class PressureWatch:
         force += table.value("effects.stiffness_to_ground.stiffness") * self._reach
         bound = highest_pressure(table, self._speed, self._reach, force)
         if self._highest > bound and not any(table.value(name) for name in LOOSE):
-            found.append(f"a chamber at {self._highest:.4g} Pa, above {bound:.4g} Pa that supply and inertia can make")
+            found.append(
+                f"a chamber at {self._highest:.4g} Pa, above {bound:.4g} Pa that supply and inertia can produce"
+            )
         return tuple(found)
 
 

@@ -83,8 +83,9 @@ def spool_path(p, y, wanted, h, path):
 
     Parameters
     ----------
-    wanted : as in `right_hand_side`. h : wanted length of the step [s]; the one returned is shorter where the spool
-        comes to a halt or reaches the end of its stroke.
+    wanted : as in `right_hand_side`.
+    h : wanted length of the step [s]; the one returned is shorter where the spool comes to a halt or reaches the end of
+        its stroke.
     """
     spool, rate = y[SPOOL], y[SPOOL_RATE]
     if p.valve_kind == DETAILED:

@@ -132,7 +132,7 @@ OUTPUTS = 7  # columns of `simulate`: position, velocity, acceleration, P_A, P_B
 
 @kernel
 def spool_command(p, y, u):
-    """Wanted spool position: gain and null shift, and with the detailed valve the play of the hysteresis.
+    """Wanted spool position: gain and null shift, and with the detailed valve the backlash of the hysteresis.
 
     The simplified valve has its hysteresis as dry friction on the spool (3.19), see `spool_path`. Keeps the command.
     """
@@ -371,12 +371,16 @@ def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, 
 
     Parameters
     ----------
-    p : parameter record. commands : shape (n,) [-]. standing : command that acts until the first one arrives [-].
+    p : parameter record.
+    commands : shape (n,) [-].
+    standing : command that acts until the first one arrives [-].
     forces : external force, shape (n,) or (0,) [N].
     track : measured position, shape (n,) or (0,) [m]: where given, the table follows it, see `follow`.
     measured : velocity [m/s] and acceleration [m/s²] of the first samples, shape (k, 2), k ≤ n: as far as they are
         given, the run is drawn towards them at the rate `injection` [1/s].
-    y0 : state at the first sample, shape (STATES,). dt : [s]. tolerance : relative local error of a step.
+    y0 : state at the first sample, shape (STATES,).
+    dt : [s].
+    tolerance : relative local error of a step.
     chain : filter behind the accelerometer, as `anti_alias.filter_step`.
     pace : instants of the steps by sample, shape (n, 1 + MOST) of `begin_sample`, or of no samples: kept there, or if
         `following` taken from there.

@@ -2,7 +2,7 @@
 
 A table is a tree of sections (`body`, `supply`, `valve`, …) and `effects`. Its dotted names (`valve.flow_coefficient`,
 `effects.soft_zone.depth`) are the names of a YAML file, of ROS parameters, of a fit and of a report; the record's
-fields are the same names with underscores for dots. Its layout tells which sections and effects there are: FULL_LAYOUT
+fields are the same names with underscores for dots. Its layout lists its sections and effects: FULL_LAYOUT
 is that of the sixth-order table (6.15), plant/reduced.py and plant/axis.py have the two others.
 
 The dead time between a command and its action: that of a table, and that of the loop around it.
@@ -124,7 +124,8 @@ class TableLayout:
     name : of the declared model, as effects name it.
     sections : class of each section, or the family that its class is of.
     optional : sections that a file may leave out; what they describe is absent then, at no cost.
-    forces_per_mass : whether the effects' forces count per moved mass. without : dotted names that mean nothing here.
+    forces_per_mass : whether the effects' forces count per moved mass.
+    without : dotted names that mean nothing here.
     """
 
     name: str

@@ -177,9 +177,12 @@ def simulate(p, commands, standing, track, y0, dt, out):
 
     Parameters
     ----------
-    p : parameter record. commands : shape (n,) [-]. standing : command that acts until the first one arrives [-].
+    p : parameter record.
+    commands : shape (n,) [-].
+    standing : command that acts until the first one arrives [-].
     track : measured position that position-dependent forces follow, shape (n,), or (0,) for the simulated one [m].
-    y0 : first state, shape (STATES,). dt : [s].
+    y0 : first state, shape (STATES,).
+    dt : [s].
     out : result, shape (n, OUTPUTS), row k is the instant t_k, before command k acts.
     """
     y = y0.copy()
@@ -218,8 +221,11 @@ def run_batch(
 
     Parameters
     ----------
-    vectors : shape (m, len(REDUCED_LAYOUT.names)). starts : shape (m, STATES). commands : shape (n,) [-].
-    sample_time [s]. track : measured position, shape (n,) [m], or empty. standing : command before the first [-].
+    vectors : shape (m, len(REDUCED_LAYOUT.names)).
+    starts : shape (m, STATES).
+    commands : shape (n,) [-]. sample_time [s].
+    track : measured position, shape (n,) [m], or empty.
+    standing : command before the first [-].
 
     Returns
     -------
@@ -250,7 +256,7 @@ def run(
 ) -> np.ndarray:
     """Simulate one recording; shape (n, OUTPUTS), columns as COLUMNS.
 
-    position [m], velocity [m/s] : at the first sample. standing : command before it, on which the valve stands [-].
+    position [m], velocity [m/s] : at the first sample. standing : command before it, at which the valve rests [-].
     """
     vector = table.vector()
     start = initial_state(vector, position, velocity, standing)

@@ -163,10 +163,14 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
 
     Parameters
     ----------
-    p : parameter record. y : states, shape (≥ n,). wanted : spool command behind play, gain and null shift [-];
-        with the detailed valve, which is integrated ahead on its own, the speed of its spool over the step [1/s].
+    p : parameter record.
+    y : states, shape (≥ n,).
+    wanted : spool command behind play, gain and null shift [-]; with the detailed valve, which is integrated ahead on
+        its own, the speed of its spool over the step [1/s].
     start : whole state at the start of the step, shape (STATES,), from which contact states follow the displacement.
-    external_force : along +x [N]. n : from `active_states`. rates : output, shape (≥ n,).
+    external_force : along +x [N].
+    n : from `active_states`.
+    rates : output, shape (≥ n,).
 
     Returns
     -------

@@ -121,7 +121,8 @@ def run(
     standing : command before the first one, which acts until that arrives where there is a dead time; null, as in a
         `Table`, where not given [-].
     position : start [m], or the measured position of shape (n,) which volumes and position-dependent effects follow.
-    forces : external force, shape (n,) [N]. state : first state; at rest where not given.
+    forces : external force, shape (n,) [N].
+    state : first state; at rest where not given.
     measured, injection, cutoff : as of `run_batch`.
 
     Raises
@@ -180,8 +181,11 @@ def run_batch(
 
     Parameters
     ----------
-    vectors : shape (m, len(NAMES)). starts : first states, shape (m, STATES). commands : shape (n,) or (m, n) [-].
-    track : measured position, shape (n,) [m], or empty. standing : as in `run` [-].
+    vectors : shape (m, len(NAMES)).
+    starts : first states, shape (m, STATES).
+    commands : shape (n,) or (m, n) [-].
+    track : measured position, shape (n,) [m], or empty.
+    standing : as in `run` [-].
     measured, injection : velocity [m/s] and acceleration [m/s²] of the first k samples, shape (k, 2), NaN where there
         is none, towards which the runs are drawn, and the rate [1/s].
     cutoff : of the filter behind the accelerometer [Hz]; 0 where there is none, see sensors.py.

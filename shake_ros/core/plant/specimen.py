@@ -71,7 +71,8 @@ def set_load(model, rigid, swaying, pitch):  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    model : array of one record. rigid, swaying : masses that stand rigidly, and on a spring [kg].
+    model : array of one record.
+    rigid, swaying : masses that stand rigidly, and on a spring [kg].
     pitch : logarithm of the frequency of that spring in Hz
     """
     p = model[0]

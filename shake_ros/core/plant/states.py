@@ -1,7 +1,7 @@
 """State vector of the table: indices, units, and which states a set of parameters sets in motion.
 
 The six states of (6.2) come first; those of effects follow and are integrated only where an effect needs them.
-Behind the continuous states stand those that change once a step: the spool command behind the play, the contact states
+After the continuous states come those that change once a step: the spool command after the backlash, the contact states
 of the friction laws, and the integrator's step.
 """
 

@@ -60,7 +60,9 @@ class Table:
 
     Parameters
     ----------
-    parameters : the table. sample_time : [s]. seed : of the sensor noise.
+    parameters : the table.
+    sample_time : [s].
+    seed : of the sensor noise.
     tolerance : relative local error of an integration step.
 
     The state is a float64 array of shape (STATES + history,): the states of plant/states.py and behind them the
@@ -114,7 +116,7 @@ class Table:
 
         Raises
         ------
-        ShakeError : command not finite, or the state left the finite numbers.
+        ShakeError : command not finite, or the state diverged.
         """
         if not math.isfinite(u) or not math.isfinite(force):
             raise ShakeError(f"valve command {u!r} with force {force!r} is not finite")
@@ -134,5 +136,5 @@ class Table:
             self.tolerance,
         )
         if not math.isfinite(y[VELOCITY]) or not math.isfinite(y[POSITION]):
-            raise ShakeError("the simulated table left the finite numbers")
+            raise ShakeError("the simulated table diverged")
         return y

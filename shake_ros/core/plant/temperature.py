@@ -44,7 +44,8 @@ def at_temperature(
 
     Parameters
     ----------
-    oil : viscosity and density of the fluid. temperature, reference_temperature : T, T_0 [K].
+    oil : viscosity and density of the fluid.
+    temperature, reference_temperature : T, T_0 [K].
     modulus_slope : relative loss of bulk modulus per temperature γ [1/K].
 
     Raises

@@ -16,7 +16,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.motion import LONGEST, Array, product, smooth_step
 
 TAPER = 0.02
-"""Part of the record at each end under the cosine taper."""
+"""Share of the accelerogram at each end under the cosine taper."""
 GUARD = 3.0
 """Rest on both sides while filtering, beyond the pads, in periods of the high-pass corner."""
 

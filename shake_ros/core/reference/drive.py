@@ -22,8 +22,10 @@ UNITS = ("", "m/s2", "cm/s2", "g")
 @dataclass(frozen=True)
 class DriveParameters(Parameters):
     record: str = choice("path of the drive's accelerations; empty = the table rests")
-    channel: int = quantity("-", "channel of a record that has several, from 1; 0 = it has one", low=0, high=1000)
-    unit: str = choice("unit of a record that does not name its own; empty = as the record says", UNITS)
+    channel: int = quantity(
+        "-", "channel of an accelerogram that has several, from 1; 0 = it has one", low=0, high=1000
+    )
+    unit: str = choice("unit of an accelerogram that names none; empty = as the file says", UNITS)
     scale: float = quantity("-", "factor on the acceleration", low=0.0, high=1e4, live=True)
 
 
@@ -34,7 +36,7 @@ def motion(parameters: DriveParameters, sample_time: float, record: EarthquakeRe
     """
     if record is None:
         if parameters.record:
-            raise ShakeError(f"drive: record '{parameters.record}' was named but not handed over")
+            raise ShakeError(f"drive: record '{parameters.record}' was named but not given")
         return Motion(np.zeros((sample_times(REST, sample_time).size, 3)), {})
     time, acceleration = record
     if time.shape != acceleration.shape or time.size < 8 or not np.isfinite(time + acceleration).all():
@@ -47,6 +49,8 @@ def motion(parameters: DriveParameters, sample_time: float, record: EarthquakeRe
     for name, column in (("displacement", 0), ("velocity", 1)):
         if abs(states[-1, column]) > AT_REST * largest[column]:
             share = 100.0 * abs(states[-1, column]) / largest[column]
-            raise ShakeError(f"drive: {share:.2g} % of its {name} is left at its end; a record is played as earthquake")
+            raise ShakeError(
+                f"drive: {share:.2g} % of its {name} is left at its end; an accelerogram is played as `earthquake`"
+            )
     states[-1, 1:] = 0.0
     return Motion(states, {"source": parameters.record})

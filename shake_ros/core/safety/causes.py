@@ -66,7 +66,7 @@ CAUSES: dict[str, Cause] = {
     "command_not_finite": Cause("-", "commands that are not finite numbers", 1e9),
     "command_range": Cause("-", "size of a command", 1e9),
     "command_jump": Cause("-", "step from one command to the next", 2.0),
-    "two_commanders": Cause("-", "commands that a second publisher could have sent", 1e9),
+    "two_commanders": Cause("-", "commands that a second publisher may have sent", 1e9),
     "tracking_error": Cause("m", "distance of the position from the reference", 10.0),
     "stale_reference": Cause("s", "age of the newest reference, once one has come", 10.0),
     "deadline_overruns": Cause("1/s", "periods missed within a second", 1e4),
@@ -85,7 +85,7 @@ CAUSES: dict[str, Cause] = {
     "supply_pressure_low": Cause("Pa", "supply pressure at the stage `run`", 1e8, below=True),
     "sensor_missing": Cause("s", "time without a finite reading of position and acceleration", 10.0),
     # last, since the numbers on the wire are in this order
-    "operator_gone": Cause("s", "age of the newest sign of the operator's page, at the stage run", 600.0),
+    "operator_gone": Cause("s", "time since the operator's page last reported, at the stage run", 600.0),
 }
 # causes that are younger than 1.0: an interlock that was written before does without
 LATER: dict[str, dict[str, Any]] = {"operator_gone": {"threshold": 1.0, "action": NONE, "latch": True}}
@@ -157,7 +157,7 @@ class InterlockParameters(Parameters):
     span: float = quantity("-", "master gain of the command", low=0.0, high=1.0, live=True)
     span_time: float = quantity("s", "from no to full span", low=0.0, high=600.0, live=True)
     return_time: float = quantity(
-        "s", "at full span, until the table must have come to the reference", low=0.0, high=600.0, live=True
+        "s", "at full span, until the table must have reached the reference", low=0.0, high=600.0, live=True
     )
     ramp_time: float = quantity("s", "from the full command to zero in a hold", low=0.0, high=10.0, live=True)
     enable_after_reset: bool = quantity("", "an enabled table starts by itself after `reset`")
@@ -226,9 +226,10 @@ def watch(
     ----------
     limits : thresholds in the order of SENSED, shape (10,); infinite (supply: −infinite) where a cause is not active.
     memory, values : of earlier samples, shape (MEMORY,), and the value of each cause, shape (10,); changed in place.
-    position [m], acceleration [m/s²], supply [Pa] : the readings. moving : whether the valve is open. dt [s].
-    expected : speed that belongs to the valve's opening [m/s], NaN where the hydraulics are off.
-    velocity_time, valve_time [s], bandwidth [rad/s] : of the three estimates.
+        position [m], acceleration [m/s²], supply [Pa] : the readings.
+    moving : whether the valve is open. dt [s].
+    expected : speed that belongs to the valve's opening [m/s], NaN where the hydraulics are off. velocity_time,
+        valve_time [s], bandwidth [rad/s] : of the three estimates.
 
     Returns
     -------

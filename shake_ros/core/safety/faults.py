@@ -3,7 +3,7 @@
 A fault of the machine is on or off; those with a unit have a value besides. Which are on is a mapping of name to value.
 Plant and target emulator have the same.
 
-Everything is told by stamps; nothing here reads a clock, and the same samples with the same seed come out the same.
+Everything goes by stamps; nothing here reads a clock, and the same samples with the same seed give the same result.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ NOISY = {"position_noise": "position", "acceleration_noise": "acceleration"}
 class MachineFaultParameters(Parameters):
     """The switches of a node: all off, until one is set."""
 
-    supply_failure: bool = quantity("", "the power unit stops, whatever it is asked for", live=True, default=False)
+    supply_failure: bool = quantity("", "the power unit stops", live=True, default=False)
     valve_stuck: bool = quantity("", "the spool stays where it is", live=True, default=False)
     valve_stuck_at: bool = quantity("", "the spool goes to `valve_opening` and stays", live=True, default=False)
     valve_opening: float = quantity("-", "of `valve_stuck_at`", low=-1.0, high=1.0, live=True, default=0.0)
@@ -124,10 +124,10 @@ Sample = tuple[int, tuple[float, ...]]  # stamp [ns], numbers
 class MessageFaultParameters(Parameters):
     """Faults of one topic: none, until one is set. Bias, noise, jump and NaN hit the first number, in its own unit."""
 
-    delay: float = quantity("s", "a sample leaves so much later", low=0.0, high=10.0, live=True, default=0.0)
+    delay: float = quantity("s", "delay of a sample", low=0.0, high=10.0, live=True, default=0.0)
     drop: float = quantity("-", "share of the samples that are lost", low=0.0, high=1.0, live=True, default=0.0)
     duplicate: float = quantity("-", "share that comes twice", low=0.0, high=1.0, live=True, default=0.0)
-    reorder: float = quantity("-", "share that changes places with the next", low=0.0, high=1.0, live=True, default=0.0)
+    reorder: float = quantity("-", "share that is swapped with the next", low=0.0, high=1.0, live=True, default=0.0)
     freeze: bool = quantity("", "the numbers stay as they are, under new stamps", live=True, default=False)
     jump: float = quantity("SI", "one sample is off by this, once when it is set", live=True, default=0.0)
     bias: float = quantity("SI", "every sample is off by this", live=True, default=0.0)

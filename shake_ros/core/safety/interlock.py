@@ -387,7 +387,7 @@ class Interlock:
 
     @property
     def now(self) -> int:
-        """The newest time that it has been told [ns]; −1 before the first."""
+        """The newest time given to it [ns]; −1 before the first."""
         return self._last
 
     @property

@@ -26,7 +26,8 @@ class PowerUnit:
 
     Parameters
     ----------
-    parameters : of the unit. high_pressure, tank_pressure : [Pa].
+    parameters : of the unit.
+    high_pressure, tank_pressure : [Pa].
     stage : at the start.
     """
 
@@ -75,7 +76,9 @@ class Machine:
     Parameters
     ----------
     parameters, unit : of the table and of its power unit.
-    sample_time : [s]. seed : of the sensor noise. position : at the start [m].
+    sample_time : [s].
+    seed : of the sensor noise.
+    position : at the start [m].
     stage : of the hydraulics at the start.
     """
 

@@ -91,10 +91,10 @@ class DetailedValve(Parameters):
         "-", "cosine of the jets' angle to the spool, 0 for no steady flow force", low=0.0, high=1.0, default=0.0
     )
     damping_length_a: float = quantity(
-        "m", "way L_A of port A's oil along the spool, positive where it damps", low=-0.1, high=0.1, default=0.0
+        "m", "damping length L_A of port A's oil along the spool, positive if it damps", low=-0.1, high=0.1, default=0.0
     )
     damping_length_b: float = quantity(
-        "m", "way L_B of port B's oil along the spool, positive where it damps", low=-0.1, high=0.1, default=0.0
+        "m", "damping length L_B of port B's oil along the spool, positive if it damps", low=-0.1, high=0.1, default=0.0
     )
 
 

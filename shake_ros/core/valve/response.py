@@ -53,7 +53,10 @@ def valve_response(
 
     Parameters
     ----------
-    valve : a member of VALVES. commands : shape (n,) [-]. dt : [s]. supply, tank : pressures [Pa].
+    valve : a member of VALVES.
+    commands : shape (n,) [-].
+    dt : [s].
+    supply, tank : pressures [Pa].
 
     Returns
     -------

@@ -43,7 +43,7 @@ class SimplifiedValve(Parameters):
 
 @njit
 def play(held, wanted, width):
-    """Command behind a play of half-width `width`: moves only when pushed by an edge [-]."""
+    """Command after a backlash of half-width `width`: moves only when pushed by an edge [-]."""
     return min(max(held, wanted - width), wanted + width)
 
 

@@ -27,7 +27,7 @@ from shake_ros.data.tables.containers import first_bytes, read_text
 
 
 class Format(NamedTuple):
-    """How a format is told from its lines, and what finds its channels."""
+    """How a format is recognised by its lines, and the function that finds its channels."""
 
     recognise: Callable[[Sequence[str]], bool]
     channels: Callable[[Text], list[Component]]
@@ -46,7 +46,7 @@ FORMATS: dict[str, Format] = {
 
 
 def read_accelerogram(path: Path | str, *, channel: int = 0, unit: str = "") -> Accelerogram:
-    """Read one channel of an accelerogram; the format is told by the content.
+    """Read one channel of an accelerogram; the format is recognised by the content.
 
     Parameters
     ----------

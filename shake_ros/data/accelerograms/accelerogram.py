@@ -88,7 +88,7 @@ class Text:
             raise self.bad(line, f"{what} '{shown(text)}' is not a finite number")
         value = float(text.replace("D", "E").replace("d", "e"))
         if abs(value) > LARGEST_NUMBER:
-            raise self.bad(line, f"{what} '{shown(text)}' is no plausible number")
+            raise self.bad(line, f"{what} '{shown(text)}' is not a plausible number")
         return value
 
     def whole(self, word: str, line: int, what: str, low: int = 1, high: int = MOST) -> int:
@@ -129,15 +129,19 @@ class Component:
     Attributes
     ----------
     label : component, as the file calls it.
-    name : of the station. step : between samples [s]. unit : of the numbers, empty where the file names none.
-    line : index of the line that announces them, for messages. first : index of the first line of numbers.
+    name : of the station.
+    step : between samples [s].
+    unit : of the numbers, empty where the file names none.
+    line : index of the line that announces them, for messages.
+    first : index of the first line of numbers.
     count : samples; None for all that follow.
     width, per_line : columns of characters and their number; 0 where blanks separate.
     columns, column : numbers to a sample, and which of them is the acceleration, from 0.
     factor : on the numbers, to `unit` [-].
     peak : as the header declares it, in `unit`; None where it does not.
     about_mean : the declared peak is about the mean.
-    titles : lines of text above. warnings : what a user should know.
+    titles : lines of text above.
+    warnings : what a user should know.
     followed : other numbers may stand right behind.
     """
 
@@ -165,7 +169,10 @@ def read_channel(text: Text, channels: Sequence[Component], channel: int, unit: 
 
     Parameters
     ----------
-    text : the file. channels : of it. channel : from 1; 0 where the file holds one. unit : that the caller names.
+    text : the file.
+    channels : of it.
+    channel : from 1; 0 where the file holds one.
+    unit : that the caller names.
     form : name of the format.
 
     Raises
@@ -232,7 +239,7 @@ def _peak_warning(c: Component, acceleration: Array, size: float) -> list[str]:
     found = about if c.about_mean else float(np.max(np.abs(acceleration)))
     lines = []
     if c.about_mean and abs(mean) > OFFSET * about:
-        lines.append(f"an offset of {mean:.4g} m/s² is in the record; the peak about it is {about:.4g} m/s²")
+        lines.append(f"an offset of {mean:.4g} m/s² is in the accelerogram; the peak about it is {about:.4g} m/s²")
     if c.peak is not None and abs(abs(c.peak) * size - found) > DIFFERS * found:
         lines.append(f"the header declares a peak of {abs(c.peak) * size:.4g} m/s², the samples reach {found:.4g} m/s²")
     return lines

@@ -107,7 +107,7 @@ def _unit(table: ColumnTable, place: int, asked: str) -> tuple[str, tuple[str, .
 def _step(table: ColumnTable, place: int, time: Array) -> float:
     """The time step [s]; an error where time stands still, goes back, or is not uniform to its printed digits."""
     if len(time) < 2:
-        raise ShakeError(f"{table.path}, {table.line(0)}: one sample is not a record")
+        raise ShakeError(f"{table.path}, {table.line(0)}: one sample is not an accelerogram")
     unit = table.unit(place)
     steps = np.diff(time)
     wrong = np.flatnonzero(steps <= 0.0)
@@ -239,4 +239,4 @@ def _count_and_step(text: Text) -> tuple[int, int | None, float]:
             raise text.bad(i, f"count and step cannot be read from '{shown(line.strip())}'")
         if _bare(text.lines, i) and (match := BARE.match(line)):
             return len("\n".join(text.lines[: i + 1])), text.whole(match[1], i, "NPTS"), text.number(match[2], i, "DT")
-    raise text.bad(min(HEADER_LINES, len(text.lines)) - 1, "no line with NPTS and DT so far")
+    raise text.bad(min(HEADER_LINES, len(text.lines)) - 1, "no line with NPTS and DT above it")

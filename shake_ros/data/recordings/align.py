@@ -109,7 +109,7 @@ def hold(series: Series, grid: Grid, findings: list[Finding]) -> Floats:
             findings.append(Finding("gap", topic, last, text, grid.seconds(len(grid.stamps) - last)))
         values[stale] = np.nan
     elif len(series) > 2:
-        text = "commands come irregularly and are taken as events that hold until the next"
+        text = "commands come irregularly and are taken as events that last until the next"
         findings.append(Finding("jitter", topic, len(series), text))
     used = np.unique(index[index >= 0]).size
     if len(series) > 1.5 * used and used:
@@ -145,7 +145,7 @@ def matched(series: Series, grid: Grid, findings: list[Finding]) -> Floats | Non
         findings.append(Finding("resampled", series.topic, int(same.sum()), text))
     missing = int((~same).sum())
     if missing > (1.0 - USABLE) * len(same):
-        text = f"is there for {len(same) - missing} of {len(same)} positions only; left out"
+        text = f"exists for {len(same) - missing} of {len(same)} positions only; left out"
         findings.append(Finding("absent", series.topic, missing, text))
         return None
     if missing:

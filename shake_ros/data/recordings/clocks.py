@@ -9,7 +9,7 @@ is stamped, with a finding.
 
 The valve's command is recorded as the controller sends it. While the pressure is off or comes up, in a hold, and while
 the master gain is below 1, the valve gets another one, or none, and a model that is driven by it learns nonsense. Each
-change is told at once, so the reports in the order of their receipt say it for every sample.
+change is reported at once, so the reports in the order of their receipt apply to every sample.
 """
 
 from __future__ import annotations
@@ -99,10 +99,10 @@ def _shift(name: str, series: Series, position: Series, findings: list[Finding])
     where = f"{abs(offset) / SECOND:.4g} s {'ahead of' if offset > 0 else 'behind'} the positions'"
     if sure:
         by = f" and drift by {1e6 * drift:+.0f} ppm" if drifts else ""
-        end = f"by the times of receipt; taken off, to within {max(scatter, 1e3) / 1e6:.2g} ms"
+        end = f"by the times of receipt; removed, to within {max(scatter, 1e3) / 1e6:.2g} ms"
         text = f"stamps are of another clock: they are {where}{by}, {end}"
     else:
-        text = f"stamps are {where} received with them: another clock, or late on the way; taken as they are stamped"
+        text = f"stamps are {where} received with them: another clock, or late in transit; used as they are stamped"
     findings.append(Finding("clock", series.topic, len(series), text))
     return shift if sure else None
 

@@ -60,7 +60,9 @@ def choices(take: Take | None) -> dict[str, Choice]:
             key = "topic" if text.startswith("/") else "publisher" if text.isdigit() else "joint"
             parts[key] = int(text) if key == "publisher" else text
         if "joint" in parts and not SIGNALS[name].joint:
-            raise ShakeError(f"{name} has no joints: '{parts['joint']}' is no topic (/…) and no publisher's number")
+            raise ShakeError(
+                f"{name} has no joints: '{parts['joint']}' is neither a topic (/…) nor a publisher's number"
+            )
         found[name] = Choice(**parts)  # type: ignore[arg-type]
     return found
 
@@ -104,7 +106,7 @@ def _of_the_joint(
     if others := sorted({joint for joints in there for joint in joints} - {collector.joint}):
         count = int(np.sum(~kept))
         listed = ", ".join(joint or "one without a name" for joint in others)
-        text = f"other joints are left out: {listed} ({count} messages hold none but these)"
+        text = f"other joints are left out: {listed} ({count} messages have only these)"
         findings.append(Finding("joint", series.topic, count, text))
     empty = [k for k in own if not sources[k].numbers]
     if len(empty) < len(own) and (none := np.isin(series.sources, empty)).any():
@@ -241,7 +243,7 @@ def _other_track(series: Series) -> Rows:
 
 
 def _in_between(stamps: Integers) -> Rows:
-    """Samples between two others one period apart, which the value alone has not told: where the two curves cross."""
+    """Samples between two others one period apart, which the value alone does not show: where the two curves cross."""
     found = np.zeros(len(stamps), dtype=bool)
     if len(stamps) > FEWEST:
         span = np.concatenate(([np.inf], stamps[2:] - stamps[:-2], [np.inf]))

@@ -19,7 +19,7 @@ GAP_FACTOR = 1.5
 JITTER_LIMIT = 0.1
 MEASURED, NOT_MEASURED = "linear_acceleration_covariance[0]", -1.0
 STRAY = 0.01  # share of values other than zero among messages that say that they hold none
-AROUND = 10  # samples on either side over which a stamp's jitter is told from a gap
+AROUND = 10  # samples on either side over which a stamp's jitter is distinguished from a gap
 
 
 class Publisher(NamedTuple):
@@ -39,7 +39,7 @@ class Signal:
     name : last component of the topic's name.
     also : other ends of its name, in the order in which they are preferred.
     type : message type.
-    paths : field of each column; `{joint}` stands for the index of the joint.
+    paths : field of each column; `{joint}` means the index of the joint.
     joint : name of the joint to take.
     """
 
@@ -130,7 +130,9 @@ class Collector:
 
     Parameters
     ----------
-    signal : what is read. topic : full name. joint : its name; the signal's where empty.
+    signal : what is read.
+    topic : full name.
+    joint : its name; the signal's where empty.
 
     Attributes
     ----------
@@ -186,11 +188,12 @@ def with_acceleration(series: Series, findings: list[Finding]) -> Series:
     count = int(without.sum())
     if np.mean(series.values[without, 0] != 0.0) > STRAY:
         text = (
-            f"{count} messages declare their acceleration as not measured (covariance −1) but hold data, which are kept"
+            f"{count} messages declare their acceleration as not measured (covariance −1) but contain data, which are "
+            "kept"
         )
         findings.append(Finding("covariance", series.topic, count, text))
         return series
-    text = f"{count} of {len(series)} messages hold no acceleration (covariance −1); they are left out"
+    text = f"{count} of {len(series)} messages contain no acceleration (covariance −1); they are left out"
     findings.append(Finding("absent", series.topic, count, text))
     return series[~without]
 
@@ -273,10 +276,10 @@ def in_order(series: Series, findings: list[Finding]) -> Series:
         bad[0] &= not 0 < following <= _far(series.stamps[1:])  # simulated time may start at zero
         report("missing_stamp", bad, "messages have no stamp")
         series = series[~bad]
-    report("reversed_time", bad := _strays(series.stamps), "stamps stand far off both neighbours; left out")
+    report("reversed_time", bad := _strays(series.stamps), "stamps are far from both neighbours; left out")
     series = _one_run(series[~bad], findings)
     steps = np.diff(series.stamps, prepend=series.stamps[:1] - 1)
-    report("reversed_time", steps < 0, "stamps go back in time; put in order")
+    report("reversed_time", steps < 0, "stamps go back in time; sorted")
     if (steps < 0).any():
         series = series[np.argsort(series.stamps, kind="stable")]
     same = np.diff(series.stamps, prepend=series.stamps[:1] - 1) == 0
@@ -284,7 +287,7 @@ def in_order(series: Series, findings: list[Finding]) -> Series:
         before = np.flatnonzero(same)
         differ = ~np.isclose(series.values[before], series.values[before - 1], rtol=0, atol=0, equal_nan=True)
         changed = int(differ.any(axis=1).sum())
-        report("duplicate", same, f"stamps occur twice, {changed} with another value; the first counts")
+        report("duplicate", same, f"stamps occur twice, {changed} with another value; the first is used")
         series = series[~same]
     return series
 

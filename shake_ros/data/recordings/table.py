@@ -265,7 +265,7 @@ def _assemble(bag: Bag, raw: dict[str, Series], acting: Acting, partial: bool = 
     segments = _segments(grid, list(main.values()), acts)
     if not segments and not partial:
         text = "; ".join(str(finding) for finding in findings[:3])
-        raise ShakeError(f"{bag.path}: no stretch in which command and position are both known ({text})")
+        raise ShakeError(f"{bag.path}: no segment in which command and position are both known ({text})")
     return TableRecording(
         name=_name(bag.path),
         time=grid.time,

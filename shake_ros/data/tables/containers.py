@@ -136,7 +136,7 @@ def _library(name: str, path: Path) -> Any:
 
 
 def _columns(path: Path, names: list[str], units: list[str], columns: list[Any]) -> Content:
-    """Columns of equal length; a ShakeError names the first that is no column of real numbers when it is asked for."""
+    """Columns of equal length; a ShakeError names the first that is not a column of real numbers when it is read."""
     if not names:
         raise ShakeError(f"{path}: holds no columns of numbers")
 
@@ -145,7 +145,9 @@ def _columns(path: Path, names: list[str], units: list[str], columns: list[Any])
         if values.dtype.kind == "M":
             values = (values - values[0]) / np.timedelta64(1, "ns") * 1e-9
         if values.dtype.kind not in "fiub" or values.size != max(values.shape, default=0) or values.size < 2:
-            raise ShakeError(f"{path}: variable '{names[place]}' of shape {values.shape} is no column of real numbers")
+            raise ShakeError(
+                f"{path}: variable '{names[place]}' of shape {values.shape} is not a column of real numbers"
+            )
         return np.asarray(values.ravel(), dtype=np.float64)
 
     return tuple(names), tuple(units), read

@@ -75,12 +75,12 @@ def is_number(cell: str) -> bool:
 
 
 def is_nothing(cell: str) -> bool:
-    """Whether a cell stands for a value that is not there."""
+    """Whether a cell means a missing value."""
     return cell.lower() in NOTHING
 
 
 def number(cell: str, decimal: str) -> float:
-    """The value of a cell, NaN where it stands for nothing; raises ValueError where it is no number.
+    """The value of a cell, NaN where it is missing; raises ValueError where it is not a number.
 
     >>> number("1.234,5", ","), number("1'234.5", "."), number("-1.5D-3", "."), number("", ".")
     (1234.5, 1234.5, -0.0015, nan)
@@ -98,7 +98,7 @@ def number(cell: str, decimal: str) -> float:
 
 
 def clock(cell: str) -> float:
-    """Seconds since midnight of a time of day, NaN where it stands for nothing; raises ValueError where it is none.
+    """Seconds since midnight of a time of day, NaN where it is missing; raises ValueError where it is none.
 
     >>> clock("2024-05-01 00:01:02.5"), clock("12:00:00,25"), clock("01:30 PM")
     (62.5, 43200.25, 48600.0)
@@ -196,7 +196,9 @@ def find_layout(lines: Sequence[str], skip: int = 0, decimal: str = "") -> Diale
 
     Parameters
     ----------
-    lines : of the file. skip : lines above the table that are not looked at. decimal : point or comma, where known.
+    lines : of the file.
+    skip : lines above the table that are not looked at.
+    decimal : point or comma, where known.
 
     Raises
     ------
@@ -390,7 +392,7 @@ def _rows(
                 after += 1
             stops.append(before)
             starts.append(after)
-        notes += [f"the heading stands {len(again) + 1} times: the blocks are read as one table"] if again else []
+        notes += [f"the heading occurs {len(again) + 1} times: the blocks are read as one table"] if again else []
     end = len(lines)
     while (
         end > starts[-1] and len(lines) - end < FOOTER and not is_row(end - 1) and _is_remark(lines[end - 1], separator)
@@ -398,7 +400,7 @@ def _rows(
         end -= 1
     behind = [line for line in lines[end:] if line.strip()]
     if behind:
-        notes.append(f"line {end + 1} and after: '{behind[0].strip()[:40]}' is no row; left out")
+        notes.append(f"line {end + 1} and after: '{behind[0].strip()[:40]}' is not a row; left out")
     return [(a, b) for a, b in zip(starts, [*stops, end], strict=True) if b > a], notes
 
 
@@ -417,5 +419,6 @@ def _decimal(sample: Sequence[str], separator: str, numbers: Sequence[int]) -> s
         return found
     example = next(cell for column in columns for cell in column if re.search(r"\d[.,]\d{3}$", cell))
     raise ShakeError(
-        f"'{example}' may be a thousand or a decimal fraction, and no number decides it: give --decimal . or ,"
+        f"'{example}' may be a thousand or a decimal fraction, and the other numbers do not decide it: give --decimal "
+        ". or ,"
     )

@@ -35,7 +35,9 @@ class Proposal:
 
     Attributes
     ----------
-    path : the file. columns : those that hold numbers. rows : their number.
+    path : the file.
+    columns : those that hold numbers.
+    rows : their number.
     rate : of the samples, from the column of the time [Hz]; None where there is none.
     arguments : of `import_csv`, with a word in capitals for what the user has to choose.
     notes : what was left out of the file.

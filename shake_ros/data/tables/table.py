@@ -142,7 +142,8 @@ class ColumnTable:
 
         Parameters
         ----------
-        columns : by the key of the result. wanted : quantity of each, of QUANTITIES, or "command".
+        columns : by the key of the result.
+        wanted : quantity of each, of QUANTITIES, or "command".
 
         Raises
         ------
@@ -175,7 +176,7 @@ class ColumnTable:
             what = unit.quantity if unit.quantity in QUANTITIES else "something else"
             raise ShakeError(
                 f"{self.path}: column '{name}' is in {unit.text}, {what}, where {article} {wanted} is wanted; "
-                f"give a scale, as in '{name}*1.0', where that is meant"
+                f"give a scale, as in '{name}*1.0', if that is meant"
             )
         if wanted == "command":
             return 1.0, "", ""
@@ -207,7 +208,7 @@ def read_table(
     ----------
     path : text, .xlsx, .tdms, or .mat.
     skip : lines above the table that are not looked at; None: what is above is found.
-    decimal : point or comma, where the numbers do not decide it.
+    decimal : point or comma, if the numbers do not decide it.
     largest : size of a text that is read [bytes].
 
     Raises
@@ -300,7 +301,7 @@ class _Rows:
             return []
         found = split(line, self.layout.separator)
         if len([cell for cell in found if cell]) == 1 and not any(map(is_number, found)):
-            note = f"line {index + 1}: '{line.strip()[:40]}' is no row; left out"
+            note = f"line {index + 1}: '{line.strip()[:40]}' is not a row; left out"
             if self.layout.width > 1 and note not in self.notes:
                 self.notes.append(note)
             return [] if self.layout.width > 1 else found

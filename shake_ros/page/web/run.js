@@ -126,7 +126,7 @@ async function upload(event) {
   if (!file) return
   try {
     const made = await fetched(`/api/upload?name=${encodeURIComponent(file.name)}&unit=${encodeURIComponent(element('unit').value)}&channel=${encodeURIComponent(element('component').value)}`, { method: 'POST', body: file })
-    columns = made.columns ? `no accelerogram, but a recording to import:\n${made.columns}` : ''
+    columns = made.columns ? `not an accelerogram, but a recording to import:\n${made.columns}` : ''
     element('columns').textContent = columns
     element('columns').hidden = !columns
     if (!columns) {

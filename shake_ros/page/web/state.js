@@ -101,8 +101,8 @@ function nodes(status) {
   const slow = status.nodes.plant && !status.lockstep && status.trips.some(trip => SLOW.includes(trip.cause))
   const trips = folded(status.trips).slice(-8).reverse().map(trip => `<div class="trip ${text(trip.action || trip.cause)}"><b>${text(trip.cause)}${trip.times > 1 ? ` × ${trip.times}` : ''}</b> ${clock(trip.at)}` +
     (trip.value && trip.cause !== 'stop' ? `, value ${number(trip.value)} against ${number(trip.limit)} ${text(trip.unit === '-' ? '' : trip.unit)}` : '') + `<br><span class="quiet">${text(trip.text)}${trip.action ? ` → ${text(trip.action)}` : ''}</span></div>`)
-  const before = ['tripped', 'stopped', 'hold'].includes(status.state) ? `<div class="trip">${text(status.message)}<br><span class="quiet">since before this page began</span></div>` : ''
-  put('trips', (slow ? HINT : '') + trips.join('') || before || '<span class="quiet">none since the page began</span>')
+  const before = ['tripped', 'stopped', 'hold'].includes(status.state) ? `<div class="trip">${text(status.message)}<br><span class="quiet">since before this page was opened</span></div>` : ''
+  put('trips', (slow ? HINT : '') + trips.join('') || before || '<span class="quiet">none since the page was opened</span>')
 }
 
 const small = {}

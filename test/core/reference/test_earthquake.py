@@ -169,7 +169,7 @@ def test_records_that_cannot_be_used_are_refused(parameters: EarthquakeParameter
         fit(parameters, EarthquakeRecord(record.time**2, record.acceleration))
     with pytest.raises(ShakeError, match="at least 8 samples"):
         fit(parameters, EarthquakeRecord(record.time[:3], record.acceleration[:3]))
-    with pytest.raises(ShakeError, match="was named but not handed over"):
+    with pytest.raises(ShakeError, match="was named but not given"):
         motion(parameters.replace(record="a.csv"), 0.001)
 
 

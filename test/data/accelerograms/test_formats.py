@@ -136,7 +136,7 @@ def test_times_may_have_just_the_digits_of_the_step(file: Path) -> None:
         (table(",", values=VALUES[:9]), ", line 1: 9 samples are fewer than 16"),
         (table(",", step=2.0), ": time step 2 without a unit"),
         ("0.0 1\n0.0 1\n", ", line 2: time does not advance"),
-        ("0.0 1\n", ", line 1: one sample is not a record"),
+        ("0.0 1\n", ", line 1: one sample is not an accelerogram"),
         (table(",").replace("0.050,", "0.050,2x"), ": line 6, column '2' holds '2x-0.1052350', not a number"),
         ("0,1e99\n" * 20, ", line 2: time does not advance"),
     ],

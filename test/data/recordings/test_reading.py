@@ -181,7 +181,7 @@ def test_one_stray_stamp_costs_one_sample(make, tmp_path):
     path = rewrite(make(), tmp_path / "s", lambda t, i, d: [stamped(d, 2 * 10**18) if t[0] == "j" and i == 50 else d])
     recording = read_table_recording(path)
     assert recording.segments == (slice(0, 50), slice(50, 2999))
-    assert "far off" in text_of(recording, "reversed_time")
+    assert "far from" in text_of(recording, "reversed_time")
 
 
 def test_not_a_number_ends_a_segment_and_is_reported(make, arrays):

@@ -119,7 +119,7 @@ def test_table_stands_anywhere_in_a_message_and_the_others_are_reported(bag: Wri
 
     found = read_table_recording(bag(mixed, command))
     np.testing.assert_array_equal(found.position, POSITION)
-    assert lines(found) == "joint: /joint_states: other joints are left out: crane (0 messages hold none but these)"
+    assert lines(found) == "joint: /joint_states: other joints are left out: crane (0 messages have only these)"
 
 
 def test_single_joint_of_another_name_is_read_and_said_and_several_are_refused(bag: Writes) -> None:
@@ -201,7 +201,7 @@ def test_absent_accelerations_are_left_out_and_data_beside_minus_one_kept(bag: W
     assert half.acceleration is not None
     np.testing.assert_array_equal(half.acceleration[::2], FELT[::2])
     assert np.nanmax(np.abs(half.acceleration - FELT)) < 0.05 * np.max(np.abs(FELT))
-    assert "750 of 1500 messages hold no acceleration (covariance −1); they are left out" in lines(half)
+    assert "750 of 1500 messages contain no acceleration (covariance −1); they are left out" in lines(half)
     none = given(lambda k: 0.0, lambda k: -1.0)
     assert none.acceleration is None
     assert none.segments == (slice(0, COUNT),)
@@ -264,7 +264,7 @@ def test_stamps_of_another_clock_are_named_and_aligned(
 ) -> None:
     found = read_table_recording(bag(*sources))
     assert said in lines(found)
-    assert lines(found).count("by the times of receipt; taken off") == sum("clock" == f.kind for f in found.findings)
+    assert lines(found).count("by the times of receipt; removed") == sum("clock" == f.kind for f in found.findings)
     np.testing.assert_array_equal(found.position, POSITION)
     np.testing.assert_array_equal(found.valve_command, COMMAND)
     np.testing.assert_array_equal(found.acceleration, FELT)
