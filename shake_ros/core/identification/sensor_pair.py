@@ -6,7 +6,7 @@ derivative of the position by
     g e^(−jωδ) (1 + jωτ_x)/(1 + jωτ_a)/(1 − β(ω)),  β = ω² c M ω_b²/(ω_b² − ω² + 2jζω_bω)
 
 with the lags τ_a of the accelerometer and τ_x of the position transducer, and β where the table stands on a base that
-moves (base_flexibility.py): the position is measured to the base, the acceleration is absolute, and β is the part of it
+moves (`base_flexibility`): the position is measured to the base, the acceleration is absolute, and β is the part of it
 that the base has. The delay δ of the filter tells nothing of the table and is taken out of the recording; the rest
 stays for the model to explain, as far as the lines show it.
 
