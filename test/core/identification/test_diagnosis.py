@@ -41,7 +41,7 @@ def judged(truth: TableParameters, acceleration: bool = True) -> tuple[Judgement
 
 
 def test_what_no_recording_was_asked_for_is_not_said_to_be_impossible() -> None:
-    assert diagnosed(TABLE).advice == "there was no time to ask which further recording would help"
+    assert diagnosed(TABLE).advice == "no time was left to find the most helpful further recording"
 
 
 def test_a_model_that_lacks_nothing_leaves_noise_in_every_recording() -> None:
