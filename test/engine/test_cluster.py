@@ -53,7 +53,7 @@ def test_where_dask_is_not_installed_a_line_says_what_to_install():
 
 
 def test_the_number_of_workers_is_the_clusters_own():
-    with pytest.raises(ShakeError, match="own"), engine("tcp://127.0.0.1:1", workers=2):
+    with pytest.raises(ShakeError, match="set by the cluster"), engine("tcp://127.0.0.1:1", workers=2):
         pass
 
 
