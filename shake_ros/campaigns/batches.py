@@ -191,7 +191,7 @@ def function_of(name: str) -> Callable[..., Any]:
     except (ImportError, ValueError, AttributeError) as error:
         raise ShakeError(f"{shown(name)} is not a function that can be imported as module:function ({error})") from None
     if not callable(found):
-        raise ShakeError(f"{shown(name)} is no function")
+        raise ShakeError(f"{shown(name)} is not a function")
     return found  # type: ignore[no-any-return]
 
 
