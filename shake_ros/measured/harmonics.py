@@ -168,22 +168,11 @@ class HarmonicProblem:
 
 
 @dataclass(frozen=True)
-class HarmonicAccount:
-    """Simulated harmonics of all runs of a problem.
-
-    Attributes
-    ----------
-    amplitudes : of the measured orders, in the order of `problem.measured`, shape (n,) [m/s²].
-    distortion : THD of the measured orders, shape (number of runs,) [-].
-    whole_distortion : THD of all orders below half the sampling rate, odd and even, shape (number of runs,) [-].
-    traces : per run the acceleration over its whole periods, from a peak of the command on, shape (samples,) [m/s²].
-    """
+class HarmonicAmplitudes:
+    """Simulated amplitudes of the measured orders, in the order of `problem.measured`, shape (n,) [m/s²]."""
 
     problem: HarmonicProblem
     amplitudes: np.ndarray
-    distortion: np.ndarray
-    whole_distortion: np.ndarray
-    traces: tuple[np.ndarray, ...]
 
     @property
     def rms(self) -> float:
@@ -195,6 +184,22 @@ class HarmonicAccount:
         """The same for each run, shape (number of runs,) [m/s²]."""
         error = self.amplitudes - self.problem.measured
         return np.array([np.sqrt(np.mean(error[span] ** 2)) for span in self.problem.spans])
+
+
+@dataclass(frozen=True)
+class HarmonicAccount(HarmonicAmplitudes):
+    """Simulated harmonics of all runs of a problem.
+
+    Attributes
+    ----------
+    distortion : THD of the measured orders, shape (number of runs,) [-].
+    whole_distortion : THD of all orders below half the sampling rate, odd and even, shape (number of runs,) [-].
+    traces : per run the acceleration over its whole periods, from a peak of the command on, shape (samples,) [m/s²].
+    """
+
+    distortion: np.ndarray
+    whole_distortion: np.ndarray
+    traces: tuple[np.ndarray, ...]
 
     @property
     def distortion_error(self) -> np.ndarray:

@@ -19,7 +19,7 @@ import numpy as np
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.measured.harmonics import HarmonicAccount, HarmonicProblem, account
+from shake_ros.measured.harmonics import HarmonicAccount, HarmonicAmplitudes, HarmonicProblem, account
 
 SHORT, LONG = 12, 30  # most trial points of a first fit and of a final one
 STARTS = 16  # random starts looked at around each centre
@@ -175,25 +175,6 @@ NEIGHBOURS = 3  # random starts around the solution of all runs, beside that sol
 SPREAD = 0.3  # their logarithmic standard deviation
 
 
-@dataclass(frozen=True)
-class LeftOut:
-    """Predictions of runs left out: `amplitudes` in the order of the measured ones [m/s²], shape (n,)."""
-
-    problem: HarmonicProblem
-    amplitudes: np.ndarray
-
-    @property
-    def rms(self) -> float:
-        """Root mean square error over all amplitudes [m/s²]."""
-        return float(np.sqrt(np.mean((self.amplitudes - self.problem.measured) ** 2)))
-
-    @property
-    def run_rms(self) -> np.ndarray:
-        """The same for each run, shape (number of runs,) [m/s²]."""
-        error = self.amplitudes - self.problem.measured
-        return np.array([np.sqrt(np.mean(error[span] ** 2)) for span in self.problem.spans])
-
-
 def predicted(problem: HarmonicProblem, fitted: Fit, index: int, neighbours: int = NEIGHBOURS) -> np.ndarray:
     """Amplitudes of run `index` by the model fitted to all other runs, shape (orders of the run,) [m/s²].
 
@@ -210,7 +191,7 @@ def predicted(problem: HarmonicProblem, fitted: Fit, index: int, neighbours: int
     return np.asarray(problem.part([index]).simulated(fitted.free.vectors(best.x))[0])
 
 
-def left_out(problem: HarmonicProblem, fitted: Fit, neighbours: int = NEIGHBOURS) -> LeftOut:
+def left_out(problem: HarmonicProblem, fitted: Fit, neighbours: int = NEIGHBOURS) -> HarmonicAmplitudes:
     """Every run predicted from the others.
 
     Parameters
@@ -219,7 +200,7 @@ def left_out(problem: HarmonicProblem, fitted: Fit, neighbours: int = NEIGHBOURS
     neighbours : random starts around it.
     """
     parts = [predicted(problem, fitted, i, neighbours) for i in range(len(problem.runs))]
-    return LeftOut(problem, np.concatenate(parts))
+    return HarmonicAmplitudes(problem, np.concatenate(parts))
 
 
 @dataclass(frozen=True)
@@ -239,7 +220,7 @@ class MeasuredModel:
     table: TableParameters
     account: HarmonicAccount
     fitted: FittedVariant | None = None
-    left_out: LeftOut | None = None
+    left_out: HarmonicAmplitudes | None = None
 
 
 @dataclass(frozen=True)

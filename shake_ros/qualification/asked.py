@@ -162,8 +162,11 @@ def asked_of(
     settings: str,
     refit: Sequence[str] | None,
     runs: int | None,
+    specimen: str,
+    seed: int,
+    live: LiveTable | None,
 ) -> Asked:
-    """The files that the arguments of `qualify` name."""
+    """The files that the arguments of `qualify` name, and what the certificate says of the table."""
     chosen = load_settings(settings)
     if runs is not None:
         chosen = replace(chosen, running=chosen.running.replace(runs=runs))
@@ -178,14 +181,16 @@ def asked_of(
     check_sampling(wanted, step)
     learn, _ = learning(carried, refit)
     about = {
-        "specimen": f"simulated, {plant.value('body.specimen_mass'):g} kg",
+        "specimen": specimen or f"simulated, {plant.value('body.specimen_mass'):g} kg",
         "table": _named(table, "table"),
         "model": "as the table is declared" if model is None else _named(model, "given"),
         "instruments": f"simulated sensors, accelerometer noise {plant.sensors.acceleration_noise:g} m/s² rms",
         "search": chosen.search.words,
+        "seed": str(seed),
     }
     test = Test(wanted, code, plant, chosen.motion_for(code), chosen.running, step)
-    return Asked(test, chosen, carried, None if refit is None else learn, about)
+    asked = Asked(test, chosen, carried, None if refit is None else learn, about)
+    return asked if live is None else _asked_live(asked, live, set)
 
 
 def _named(table: str | Path | TableParameters, otherwise: str) -> str:
@@ -197,7 +202,7 @@ def makes_loop(asked: Asked, live: LiveTable | None, model: object, refit: Seque
     return asked.settings.loop.is_own and (live is None or model is not None or refit is not None)
 
 
-def asked_live(asked: Asked, live: LiveTable, set: Mapping[str, float] | None) -> Asked:  # noqa: A002 (as of `qualify`)
+def _asked_live(asked: Asked, live: LiveTable, set: Mapping[str, float] | None) -> Asked:  # noqa: A002 (as above)
     """The same on a live table; ShakeError where it cannot be asked for there."""
     if set:
         raise ShakeError(f"set {', '.join(set)}: values of the simulated table; a live one has its own")

@@ -24,7 +24,7 @@ from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.recordings import TableRecording
 from shake_ros.iteration.drive import integrate
 from shake_ros.iteration.iterate import Learn
-from shake_ros.qualification.asked import Asked, QualificationSettings, asked_live, asked_of, makes_loop, released
+from shake_ros.qualification.asked import Asked, QualificationSettings, asked_of, makes_loop, released
 from shake_ros.qualification.motion import Demand, demand, refusal, synthesise
 from shake_ros.qualification.required import RequiredSpectrum
 from shake_ros.qualification.resonance import ResonanceSearch, search_motion
@@ -158,12 +158,19 @@ def qualify(
         if not 0 <= value <= most:
             raise ShakeError(f"{name} = {value} is not within 0 … {most}")
     asked = asked_of(
-        required, table, model=model, rules=rules, scale=scale, set=set, settings=settings, refit=refit, runs=runs
+        required,
+        table,
+        model=model,
+        rules=rules,
+        scale=scale,
+        set=set,
+        settings=settings,
+        refit=refit,
+        runs=runs,
+        specimen=specimen,
+        seed=seed,
+        live=live,
     )
-    about = {**asked.about, "specimen": specimen or asked.about["specimen"], "seed": str(seed)}
-    asked = replace(asked, about=about)
-    if live is not None:
-        asked = asked_live(asked, live, set)
     with Progress("qualify", progress) as bar:
         bar("making the motion", 0.0)
         motion = made_motion(asked.test, seed, record)

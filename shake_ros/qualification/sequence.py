@@ -22,7 +22,7 @@ from shake_ros.commissioning.steps import watched
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
 from shake_ros.data.recordings import read_table_recording
 from shake_ros.data.results import write_json, writing
-from shake_ros.qualification.asked import Asked, asked_live, asked_of, makes_loop
+from shake_ros.qualification.asked import Asked, asked_of, makes_loop
 from shake_ros.qualification.qualify import Laboratory, SimulatedLaboratory, conduct, made_motion
 from shake_ros.qualification.resonance import ResonanceSearch, Shift
 from shake_ros.qualification.result import Qualification, certified, moved
@@ -200,12 +200,19 @@ def qualify_sequence(
     """
     chosen, top = load_plan(plan), Path(folder)
     asked = asked_of(
-        required, table, model=model, rules=rules, scale=scale, set=set, settings=settings, refit=None, runs=runs
+        required,
+        table,
+        model=model,
+        rules=rules,
+        scale=scale,
+        set=set,
+        settings=settings,
+        refit=None,
+        runs=runs,
+        specimen=specimen,
+        seed=seed,
+        live=live,
     )
-    about = {**asked.about, "specimen": specimen or asked.about["specimen"], "seed": str(seed)}
-    asked = replace(asked, about=about)
-    if live is not None:
-        asked = asked_live(asked, live, set)
     told: dict[str, Any] = {
         "required": str(required),
         "plan": plan,

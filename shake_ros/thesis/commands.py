@@ -72,8 +72,8 @@ def reproduce_parser() -> argparse.ArgumentParser:
     listed = "".join(f"\n  {name:<14}{entry.line}" for name, entry in EXPERIMENTS.items())
     p = argparse.ArgumentParser(
         prog="reproduce",
-        description="reproduce: the experiments of the thesis's chapter 6 run aga"
-        "in, each claim beside what is found here."
+        description="reproduce: the experiments of the thesis's chapter 6 run again, "
+        "each claim beside what is found here."
         f"\n\nexperiments:{listed}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

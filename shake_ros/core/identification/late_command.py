@@ -32,10 +32,11 @@ def lead(records: Sequence[Record]) -> float:
     held = 0.5 * min(r.sample_time for r in records)
     try:
         moved = linear_table([earlier(r, LEAD) for r in records])
-        late = moved.cost < WORTH * linear_table(records).cost
+        ahead = LEAD + held - moved.delay
+        late = ahead > 0.0 and moved.cost < WORTH * linear_table(records).cost
     except ShakeError:  # no coherent line
         return 0.0
-    return max(LEAD + held - moved.delay, 0.0) if late else 0.0
+    return ahead if late else 0.0
 
 
 def earlier(record: Record, time: float) -> Record:

@@ -157,6 +157,61 @@ def factor(a, n, lower):
                 lower[i, j] = s / lower[j, j]
 
 
+@kernel
+def whitener(s_11, s_21, s_22, has_x, has_a):
+    """w_11, w_21, w_22 of the lower factor W with W S Wᵀ = 1; 0 where nothing was measured."""
+    w_11 = 1.0 / math.sqrt(s_11) if has_x else 0.0
+    w_21 = w_22 = 0.0
+    if has_a:
+        w_22 = 1.0 / math.sqrt(max(s_22 - (s_21 * s_21 / s_11 if has_x else 0.0), 1e-30))
+        w_21 = -s_21 / s_11 * w_22 if has_x else 0.0
+    return w_11, w_21, w_22
+
+
+@kernel
+def correct(cov, cross, s_11, s_21, s_22, w_11, w_21, w_22, process, gain):
+    """The gain K = C S⁻¹ = C Wᵀ W into `gain`, and the covariance after the correction and a sample's noise in place.
+
+    Parameters
+    ----------
+    cov : covariance of the coordinates, shape (s, s). cross : C, that with the innovations, shape (s, 2).
+    s_11, s_21, s_22 : S, covariance of the innovations. w_11, w_21, w_22 : W.
+    process : standard deviation that each coordinate gains over a sample, shape (s,). gain : result, shape (s, 2).
+    """
+    for j in range(cov.shape[0]):
+        b_x, b_a = cross[j, 0] * w_11, cross[j, 0] * w_21 + cross[j, 1] * w_22
+        gain[j, 0], gain[j, 1] = b_x * w_11 + b_a * w_21, b_a * w_22
+        for k in range(j + 1):
+            taken = gain[j, 0] * (s_11 * gain[k, 0] + s_21 * gain[k, 1])
+            taken += gain[j, 1] * (s_21 * gain[k, 0] + s_22 * gain[k, 1])
+            cov[j, k] -= taken
+            cov[k, j] = cov[j, k]
+        cov[j, j] = max(cov[j, j], 0.0) + process[j] ** 2
+
+
+@kernel
+def by_coordinates(change, sensor_change, lower, transition, sensing):
+    """Derivatives by the coordinates from those along the columns of a factor: F = D L⁻¹, from the last column on.
+
+    Parameters
+    ----------
+    change, sensor_change : of the coordinates and of what the sensors show along each column of L, shapes (s, s), (s, 2).
+    lower : L, shape (s, s). transition, sensing : results, shapes (s, s) and (s, 2).
+    """
+    n = lower.shape[0]
+    for j in range(n - 1, -1, -1):
+        for k in range(n):
+            value = change[k, j]
+            for m in range(j + 1, n):
+                value -= transition[k, m] * lower[m, j]
+            transition[k, j] = value / lower[j, j]
+        for c in range(2):
+            value = sensor_change[j, c]
+            for m in range(j + 1, n):
+                value -= sensing[m, c] * lower[m, j]
+            sensing[j, c] = value / lower[j, j]
+
+
 @njit
 def kalman(
     p,
@@ -213,27 +268,12 @@ def kalman(
         e_x = measured[i, 0] - row[0] if has_x else 0.0
         e_a = measured[i, 1] - row[1] if has_a else 0.0
         out[i, 0], out[i, 1] = e_x, e_a
-        w_11 = w_21 = w_22 = 0.0
-        if has_x:
-            w_11 = 1.0 / math.sqrt(s_11)
-        if has_a:
-            rest = s_22 - (s_21 * s_21 / s_11 if has_x else 0.0)
-            w_22 = 1.0 / math.sqrt(max(rest, 1e-30))
-            w_21 = -s_21 / s_11 * w_22 if has_x else 0.0
+        w_11, w_21, w_22 = whitener(s_11, s_21, s_22, has_x, has_a)
         whitening[i, 0], whitening[i, 1], whitening[i, 2] = w_11, w_21, w_22
-        for j in range(s):
-            # K = C S⁻¹ = C Wᵀ W
-            b_x = cross[j, 0] * w_11
-            b_a = cross[j, 0] * w_21 + cross[j, 1] * w_22
-            gains[i, j, 0] = b_x * w_11 + b_a * w_21
-            gains[i, j, 1] = b_a * w_22
+        correct(cov, cross, s_11, s_21, s_22, w_11, w_21, w_22, process, gains[i])
         for j in range(s):
             shift(p, y, aux, codes[j], gains[i, j, 0] * e_x + gains[i, j, 1] * e_a)
-            for k in range(j + 1):
-                taken = gains[i, j, 0] * (s_11 * gains[i, k, 0] + s_21 * gains[i, k, 1])
-                taken += gains[i, j, 1] * (s_21 * gains[i, k, 0] + s_22 * gains[i, k, 1])
-                cov[j, k] -= taken
-            cov[j, j] = max(cov[j, j], 0.0) + process[j] ** 2
+        for j in range(s):
             path[i, j] = coordinate(p, y, aux, codes[j])
         factor(cov, s, lower)
         for j in range(s):
@@ -253,17 +293,7 @@ def kalman(
                     value = 0.5 * sign * row[c]
                     sensor_change[j, c] = value if sign > 0.0 else sensor_change[j, c] + value
         now = advance_all(p, y, aux, commands, i, standing, decay, dt, work, tolerance, chain, now)
-        for j in range(s - 1, -1, -1):  # D = F L, so F = D L⁻¹ from the last column on
-            for k in range(s):
-                value = state_change[k, j]
-                for m in range(j + 1, s):
-                    value -= transition[i, k, m] * lower[m, j]
-                transition[i, k, j] = value / lower[j, j]
-            for c in range(2):
-                value = sensor_change[j, c]
-                for m in range(j + 1, s):
-                    value -= sensing[i, m, c] * lower[m, j]
-                sensing[i, j, c] = value / lower[j, j]
+        by_coordinates(state_change, sensor_change, lower, transition[i], sensing[i])
         s_11, s_21, s_22 = sensor[0] ** 2, 0.0, sensor[1] ** 2
         for j in range(s):
             s_11 += sensor_change[j, 0] ** 2
@@ -309,11 +339,7 @@ def relevelled(measured, gains, innovations, transition, sensing, first, process
         has_x, has_a = math.isfinite(measured[i, 0]), math.isfinite(measured[i, 1])
         e_x = innovations[i, 0] - shift_x if has_x else 0.0
         e_a = innovations[i, 1] - shift_a if has_a else 0.0
-        w_11 = 1.0 / math.sqrt(s_11) if has_x else 0.0
-        w_21 = w_22 = 0.0
-        if has_a:
-            w_22 = 1.0 / math.sqrt(max(s_22 - (s_21 * s_21 / s_11 if has_x else 0.0), 1e-30))
-            w_21 = -s_21 / s_11 * w_22 if has_x else 0.0
+        w_11, w_21, w_22 = whitener(s_11, s_21, s_22, has_x, has_a)
         if i >= start:
             a, b = w_11 * e_x, w_21 * e_x + w_22 * e_a
             value = -0.5 * (a * a + b * b)
@@ -322,18 +348,10 @@ def relevelled(measured, gains, innovations, transition, sensing, first, process
             if has_a:
                 value += math.log(w_22)
             found[(i - start) // block] += value
+        correct(cov, cross, s_11, s_21, s_22, w_11, w_21, w_22, process, gain)
         for j in range(s):
-            b_x, b_a = cross[j, 0] * w_11, cross[j, 0] * w_21 + cross[j, 1] * w_22
-            gain[j, 0], gain[j, 1] = b_x * w_11 + b_a * w_21, b_a * w_22
             corrected[j] = moved[j] + gain[j, 0] * e_x + gain[j, 1] * e_a
             corrected[j] -= gains[i, j, 0] * innovations[i, 0] + gains[i, j, 1] * innovations[i, 1]
-        for j in range(s):
-            for k in range(j + 1):
-                value = gain[j, 0] * (s_11 * gain[k, 0] + s_21 * gain[k, 1])
-                value += gain[j, 1] * (s_21 * gain[k, 0] + s_22 * gain[k, 1])
-                cov[j, k] -= value
-                cov[k, j] = cov[j, k]
-            cov[j, j] = max(cov[j, j], 0.0) + process[j] ** 2
         shift_x = shift_a = 0.0
         for j in range(s):
             shift_x += sensing[i, j, 0] * corrected[j]
