@@ -100,7 +100,7 @@ def table(
     body, valve, pressure = content["body"], content["valve"], content["supply"]
     area, ratio = _area(bore, None if single_rod else rod), _ratio(bore, rod) if single_rod else 1.0
     if area is None:
-        assumed.append(f"piston_area {body['piston_area']:g} m² is assumed: masses and forces are relative to it")
+        assumed.append(f"piston_area {body['piston_area']:g} m² as a gauge: masses and forces are relative to it")
     else:
         body["piston_area"] = area
         if single_rod:

@@ -380,7 +380,7 @@ def main(build: Build, name: str, arguments: Sequence[str]) -> int:
     except RuntimeError as error:
         raise _wrong_arguments(arguments, error) from None
     if foreign:
-        raise ShakeError(f"'{foreign[0]}' is not a ROS argument; parameters go after --ros-args -p name:=value")
+        raise ShakeError(f"'{foreign[0]}' is no ROS argument; parameters go after --ros-args -p name:=value")
     with ros_context(list(arguments)) as context:
         loop = NodeLoop(context)
         obey_signals(loop)

@@ -125,7 +125,7 @@ class Prepared:
         """How many spikes were taken out of the commands; empty where none was."""
         count = sum(n.spikes for n in self.nuisances)
         return (
-            f"{count} single-sample spikes removed from the commands; the motion does not follow them" if count else ""
+            f"{count} spikes of one sample removed from the commands; the motion does not follow them" if count else ""
         )
 
     def drifts(self) -> str:

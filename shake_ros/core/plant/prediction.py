@@ -195,7 +195,7 @@ def by_coordinates(change, sensor_change, lower, transition, sensing):
 
     Parameters
     ----------
-    change, sensor_change : of the coordinates and of what the sensors show along each column of L, shapes (s, s), (s, 2).
+    change, sensor_change : of the coordinates and the sensors along each column of L, shapes (s, s) and (s, 2).
     lower : L, shape (s, s). transition, sensing : results, shapes (s, s) and (s, 2).
     """
     n = lower.shape[0]
