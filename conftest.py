@@ -105,8 +105,8 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    if (told := getattr(session.config, "workeroutput", None)) is not None:
-        told["left"] = session.config.stash[LEFT]
+    if (output := getattr(session.config, "workeroutput", None)) is not None:
+        output["left"] = session.config.stash[LEFT]
 
 
 @pytest.hookimpl(optionalhook=True)

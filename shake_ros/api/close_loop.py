@@ -33,6 +33,7 @@ from shake_ros.core.loop.robust import Uncertainty
 from shake_ros.core.loop.trials import TrackingBenefit
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError, unknown_name
+from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.data.results import (
     axis_json,
     close_loop_json,
@@ -43,8 +44,6 @@ from shake_ros.data.results import (
     predictable_json,
     tracking_json,
     unknown_json,
-    write_folder,
-    write_json,
 )
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
 from shake_ros.fit.solver import Budget

@@ -15,7 +15,7 @@ from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.loop.metrics import MEANINGS, UNITS, Metrics, Outcome, Summary, judge, summarise
 from shake_ros.core.quantities import unknown_name
-from shake_ros.data.results import write_folder, write_json
+from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.report.comparison_page import HEAD, aligned, load_rows, summary_rows, trouble
 
 if TYPE_CHECKING:

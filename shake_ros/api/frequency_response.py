@@ -17,7 +17,7 @@ from shake_ros.core.analysis import frequency_response as analysis
 from shake_ros.core.analysis.frequency_response import FrequencyResponse
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
-from shake_ros.data.results import write_folder, write_json
+from shake_ros.data.result_folder import write_folder, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

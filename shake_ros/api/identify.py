@@ -20,6 +20,7 @@ from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
+from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.data.results import (
     IDENTIFY_SCHEMA,
     axis_json,
@@ -27,8 +28,6 @@ from shake_ros.data.results import (
     form_errors_json,
     model_json,
     unknown_json,
-    write_folder,
-    write_json,
 )
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
 from shake_ros.settings import save_table

@@ -23,7 +23,7 @@ from shake_ros.core.reference.shaping import Shaping
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.reference_file import load_reference
-from shake_ros.data.results import writing
+from shake_ros.data.result_folder import writing
 from shake_ros.settings import find, load_table, read_yaml
 
 if TYPE_CHECKING:

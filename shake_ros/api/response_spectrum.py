@@ -18,7 +18,7 @@ from shake_ros.core.loop import metrics
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
-from shake_ros.data.results import refuse_existing, writing
+from shake_ros.data.result_folder import refuse_existing, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

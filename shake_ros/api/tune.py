@@ -18,7 +18,7 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.results import refuse_existing, writing
+from shake_ros.data.result_folder import refuse_existing, writing
 from shake_ros.settings import find, load_variant, read_yaml
 
 KEYS = (

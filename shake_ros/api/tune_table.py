@@ -30,7 +30,7 @@ from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys, unknown_name
 from shake_ros.data.reference_file import build_program
-from shake_ros.data.results import refuse_existing, write_json, writing
+from shake_ros.data.result_folder import refuse_existing, write_json, writing
 from shake_ros.settings import find, load_table, load_variant, read_yaml, save_table
 
 

@@ -19,7 +19,7 @@ from shake_ros.campaigns.rows import CampaignFile, FinishedRow
 from shake_ros.campaigns.study import Study, canonical, load_study
 from shake_ros.campaigns.tables import section_table
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.results import writing
+from shake_ros.data.result_folder import writing
 
 
 @dataclass(frozen=True, repr=False)

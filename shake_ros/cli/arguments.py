@@ -19,7 +19,7 @@ from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings.bag import SUFFIXES
-from shake_ros.data.results import check_folder
+from shake_ros.data.result_folder import check_folder
 from shake_ros.declared import DEFAULT_TABLE
 from shake_ros.report.chart import FORMATS
 

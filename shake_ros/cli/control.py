@@ -18,7 +18,7 @@ from shake_ros.campaigns.campaign import campaign
 from shake_ros.cli.arguments import add_figures, reporting
 from shake_ros.core.loop.linear_loop import LAWS
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.results import refuse_existing
+from shake_ros.data.result_folder import refuse_existing
 from shake_ros.settings import value_of
 
 

@@ -15,7 +15,7 @@ from shake_ros.api.record_scale import accelerogram
 from shake_ros.cli.arguments import add_figures, add_take, change, live, live_arguments, released_by, reporting, taken
 from shake_ros.commissioning.commission import commission
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.results import check_folder
+from shake_ros.data.result_folder import check_folder
 from shake_ros.iteration.iterate import Iterated, iterate, iterate_simulated
 from shake_ros.iteration.table import SimulatedTable
 from shake_ros.qualification.qualify import qualify

@@ -15,7 +15,7 @@ from shake_ros.api.thd import thd
 from shake_ros.cli.arguments import Reporting, add_figures, add_take, reporting, source
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.accelerograms.accelerogram import UNITS
-from shake_ros.data.results import refuse_existing, writing
+from shake_ros.data.result_folder import refuse_existing, writing
 from shake_ros.report.page import write_page
 
 THD_METHOD = """\

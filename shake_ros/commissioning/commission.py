@@ -39,7 +39,7 @@ from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program
-from shake_ros.data.results import write_folder, write_json
+from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.settings import load_table, save_table
 
 

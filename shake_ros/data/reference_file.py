@@ -18,7 +18,7 @@ from shake_ros.core.reference.motion import EarthquakeRecord
 from shake_ros.core.reference.program import Program
 from shake_ros.core.reference.shaping import Shaping
 from shake_ros.data.accelerograms import read_accelerogram
-from shake_ros.data.results import writing
+from shake_ros.data.result_folder import writing
 from shake_ros.settings import find, read_yaml
 
 

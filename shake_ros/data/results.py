@@ -1,17 +1,11 @@
-"""Results → files: report.json of `close_loop` and `identify`, written whole or not at all."""
+"""Results as the content of report.json: those of `close_loop` and `identify`."""
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import shutil
-import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from itertools import zip_longest
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,7 +26,6 @@ from shake_ros.core.identification.predictability import Predictability
 from shake_ros.core.identification.slow_changes import SlowChange
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.trials import TrackingBenefit
-from shake_ros.core.quantities import ShakeError
 
 CLOSE_LOOP_SCHEMA = "shake_ros.close_loop/1"
 IDENTIFY_SCHEMA = "shake_ros.identify/1"
@@ -337,73 +330,3 @@ def tracking_json(benefit: TrackingBenefit) -> dict[str, Any]:
     errors = {when: known(values) for when, values in benefit.errors().items()}
     told = {"ringing": known(benefit.ringing), "warnings": benefit.warnings()}
     return {"reference": benefit.reference, **errors, **told, **margins}
-
-
-def refuse_existing(*paths: Path, force: bool) -> None:
-    """ShakeError for the first file or folder that is there already, unless it may be replaced."""
-    for path in paths:
-        if path.exists() and not force:
-            raise ShakeError(f"{path}: exists already (--force replaces it)")
-
-
-@contextmanager
-def writing() -> Iterator[None]:
-    """Files that cannot be written in the block are a ShakeError."""
-    try:
-        yield
-    except OSError as error:
-        raise ShakeError(f"{error.filename}: cannot be written ({error.strerror})") from None
-
-
-def check_folder(out: Path, force: bool) -> None:
-    """Refuse an existing result folder, or one that cannot be made: before the work, not after it."""
-    refuse_existing(out, force=force)
-    above = next((folder for folder in out.absolute().parents if folder.exists()), None)
-    if above is None or not above.is_dir() or not os.access(above, os.W_OK):
-        raise ShakeError(f"{out}: cannot be created (no permission to write in {above})")
-
-
-def write_folder(out: Path, fill: Callable[[Path], None], *, force: bool = False) -> None:
-    """Make a result folder whole or not at all: `fill` writes into a hidden neighbour which then takes its place.
-
-    Raises
-    ------
-    ShakeError : where the folder exists already and `force` is not set, or cannot be made.
-    """
-    refuse_existing(out, force=force)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        workshop = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
-    except OSError as error:
-        raise ShakeError(f"{out}: cannot be created ({error.strerror})") from None
-    try:
-        fill(workshop)
-        workshop.chmod(0o755)
-        if out.exists():
-            _exchange(workshop, out)
-        else:
-            os.replace(workshop, out)
-    except BaseException:
-        shutil.rmtree(workshop, ignore_errors=True)
-        raise
-
-
-def _exchange(workshop: Path, out: Path) -> None:
-    """Put the new folder where the old one is; the old one stays where that fails."""
-    attic = Path(tempfile.mkdtemp(prefix=f".{out.name}-old-", dir=out.parent))
-    try:
-        os.replace(out, attic / "old")
-        try:
-            os.replace(workshop, out)
-        except BaseException:
-            os.replace(attic / "old", out)
-            raise
-    except OSError as error:
-        raise ShakeError(f"{out}: cannot be replaced ({error.strerror})") from None
-    finally:
-        shutil.rmtree(attic, ignore_errors=True)
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Write JSON with NaN refused, readable by people."""
-    path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")

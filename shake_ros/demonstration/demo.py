@@ -26,7 +26,8 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.fit_records import fit_records
 from shake_ros.data.recordings import TableRecording, read_table_recording
-from shake_ros.data.results import close_loop_json, write_folder, write_json
+from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.results import close_loop_json
 from shake_ros.declared import model_structure
 from shake_ros.measured.models import MeasuredRuns
 from shake_ros.measured.runs import ALL, fit_runs, read_problem

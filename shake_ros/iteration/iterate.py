@@ -19,7 +19,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program, write_drive
-from shake_ros.data.results import write_folder, write_json
+from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.iteration.drive import Iteration, Run, drive_from_best, error_in_band, verdict
 from shake_ros.iteration.drive import iterate as corrected

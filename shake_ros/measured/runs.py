@@ -15,7 +15,7 @@ from shake_ros.api.result_table import ResultTable
 from shake_ros.core.identification.free_parameters import free_parameter
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.results import write_folder, write_json
+from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.declared import DEFAULT_TABLE, free_parameters
 from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, PrintedParameters, measured_distortion
 from shake_ros.measured.models import HarmonicComparison, MeasuredModel, MeasuredRuns, Variant, compare, study

@@ -12,7 +12,7 @@ import numpy as np
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
-from shake_ros.data.results import write_folder, write_json, writing
+from shake_ros.data.result_folder import write_folder, write_json, writing
 from shake_ros.qualification.asked import checksums, judgement_json, required_json
 from shake_ros.qualification.judge import Rules, SpectrumJudgement, judge, measured_motion
 from shake_ros.qualification.required import RequiredSpectrum

@@ -21,7 +21,7 @@ from shake_ros.api.simulate import Simulation
 from shake_ros.commissioning.steps import watched
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
 from shake_ros.data.recordings import read_table_recording
-from shake_ros.data.results import write_json, writing
+from shake_ros.data.result_folder import write_json, writing
 from shake_ros.qualification.asked import Asked, asked_of, makes_loop
 from shake_ros.qualification.qualify import Laboratory, SimulatedLaboratory, conduct, made_motion
 from shake_ros.qualification.resonance import ResonanceSearch, Shift

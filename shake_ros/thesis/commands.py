@@ -9,7 +9,7 @@ from pathlib import Path
 from shake_ros.cli import arguments as fitting
 from shake_ros.cli.arguments import add_figures, reporting
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.results import check_folder, refuse_existing, writing
+from shake_ros.data.result_folder import check_folder, refuse_existing, writing
 from shake_ros.measured.runs import ALL as ALL_VARIANTS
 from shake_ros.measured.runs import DEFAULT_RUNS, THESIS_EXTENSION, measured_runs
 from shake_ros.thesis.figures import FIGURES, figures, known_figures

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from shake_ros.api.progress import Progress, Told
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.quantities import unknown_name
-from shake_ros.data.results import write_folder, write_json
+from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.report.page import Made, Page
 from shake_ros.settings import find, read_yaml
 from shake_ros.thesis.experiment import Claim, ExperimentReport

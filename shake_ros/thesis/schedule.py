@@ -25,7 +25,7 @@ from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import ShakeError, strict_keys
-from shake_ros.data.results import write_folder, write_json
+from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Page

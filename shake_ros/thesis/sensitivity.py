@@ -16,7 +16,7 @@ import numpy as np
 from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.data.results import refuse_existing, writing
+from shake_ros.data.result_folder import refuse_existing, writing
 from shake_ros.report.chart import Chart
 from shake_ros.settings import find, load_table, read_yaml
 from shake_ros.thesis.charts import ParameterStudy, study_motion, study_of, study_spectrum

@@ -16,8 +16,9 @@ from closed_loops import command
 from shake_ros.core.effects import EFFECTS, PLACES
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data import results
-from shake_ros.data.results import close_loop_json, parameters_json, write_folder, write_json
+from shake_ros.data import result_folder
+from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.results import close_loop_json, parameters_json
 
 QUANTITIES = {"position", "velocity", "direction", "load_pressure", "valve_opening", "flow", "time", "frequency"}
 
@@ -199,7 +200,7 @@ def test_replacement_that_fails_at_the_last_moment_puts_the_earlier_folder_back(
             raise OSError(5, "Input/output error")
         replace(source, target)
 
-    monkeypatch.setattr(results.os, "replace", fail)
+    monkeypatch.setattr(result_folder.os, "replace", fail)
     with pytest.raises(ShakeError, match="out: cannot be replaced"):
         write_folder(tmp_path / "out", leave_a_file, force=True)
     assert names(tmp_path) == ["out"]
@@ -248,7 +249,7 @@ TERMINATED = """
 import sys, time
 from pathlib import Path
 from shake_ros.__main__ import leave_on_terminate
-from shake_ros.data.results import write_folder
+from shake_ros.data.result_folder import write_folder
 
 def fill(folder):
     (folder / "half").write_text("half")

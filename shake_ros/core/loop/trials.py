@@ -342,7 +342,7 @@ class TrackingBenefit:
         errors = self.errors()
         if shaken > 1.0:
             found.append(
-                "with the extended model and the present gains the closed loop oscillates on the identified table or "
+                "with the extended model and the present gains the closed loop rings on the identified table or "
                 "a neighbour: "
                 + (
                     f"its acceleration beyond 15 Hz, or at rest, is {shaken:.2g} times what is allowed"
