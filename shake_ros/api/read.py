@@ -103,12 +103,12 @@ class Recordings(Sequence[TableRecording]):
         return [line for r in self for line in finding_lines(r)]
 
     @property
-    def doubts(self) -> list[str]:
-        """What speaks against them as recordings of one table, a line each: units, signs, swapped signals, too little.
+    def data_checks(self) -> list[str]:
+        """Findings of the data checks, a line each: units, signs, swapped signals, two tables, too little motion.
 
-        Recordings without a valve command are not looked at, nor what no fit would take.
+        Recordings without a valve command are not checked, nor those that no fit would take.
         """
-        from shake_ros.core.identification.doubts import doubts
+        from shake_ros.core.identification.data_checks import data_checks
         from shake_ros.data.fit_records import fit_records
 
         found = []
@@ -117,7 +117,7 @@ class Recordings(Sequence[TableRecording]):
                 found += fit_records(recording)
             except ShakeError:
                 continue
-        return doubts(found) if found else []
+        return data_checks(found) if found else []
 
     def between(self, start: float, stop: float) -> Recordings:
         """The samples from `start` to before `stop` [s] of each recording; segments stay apart."""

@@ -116,7 +116,7 @@ def inputs(given: argparse.Namespace) -> tuple[Model, Recordings, Recordings]:
     estimation, validation = read_data(given)
     check_apart(estimation, validation)
     if declared.declared.driven_by == "valve_command":
-        for line in [*(estimation + validation).doubts, *declared.contradictions(estimation)]:
+        for line in [*(estimation + validation).data_checks, *declared.contradictions(estimation)]:
             print(line, file=sys.stderr)
     for note in declared.notes:
         print(note, file=sys.stderr)

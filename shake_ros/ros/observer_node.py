@@ -50,7 +50,7 @@ class OtherSensors:
         self._read: set[str] = set()
         self._waiting: tuple[int, float] = -1, 0.0  # sample, and since when it is waited for [s]
         self._wanted: Sequence[str] = ()
-        self._doubted: tuple[str, ...] = ()
+        self._left_out: tuple[str, ...] = ()
 
     def want(self, names: Sequence[str]) -> None:
         """The sensors to take from now on."""
@@ -117,27 +117,27 @@ class OtherSensors:
         if before < MISSED <= self._missed[name]:
             self._frame.say(WARN, f"observer: {TOPICS[name].name} is lost, the estimate continues without it")
 
-    def doubt(self, names: tuple[str, ...]) -> None:
-        """Say which sensors the observer does not believe, when that changes."""
-        if names != self._doubted:
-            for name in set(names) - set(self._doubted):
+    def leave_out(self, names: tuple[str, ...]) -> None:
+        """Report which sensors the observer does not believe, when that changes."""
+        if names != self._left_out:
+            for name in set(names) - set(self._left_out):
                 self._frame.say(WARN, f"observer: {name} is implausible or frozen, left out")
-            for name in set(self._doubted) - set(names):
+            for name in set(self._left_out) - set(names):
                 self._frame.say(OK, f"observer: {name} is used again")
-            self._doubted = names
+            self._left_out = names
 
     def text(self) -> str:
         """What is taken, lost or not believed, for /diagnostics; empty without sensors."""
         lost = self.lost
-        taken = [TOPICS[name].name for name in self._wanted if TOPICS[name].name not in (*lost, *self._doubted)]
+        taken = [TOPICS[name].name for name in self._wanted if TOPICS[name].name not in (*lost, *self._left_out)]
         parts = [f", with {' '.join(taken)}"] if taken else []
-        parts += [f", without {' '.join([*lost, *self._doubted])}"] if lost or self._doubted else []
+        parts += [f", without {' '.join([*lost, *self._left_out])}"] if lost or self._left_out else []
         return "".join(parts)
 
     @property
     def sound(self) -> bool:
         """Whether all that is wanted is taken."""
-        return not (self.lost or self._doubted)
+        return not (self.lost or self._left_out)
 
 
 PATIENCE = 0.25  # [s] between looks at who is silent
@@ -221,7 +221,7 @@ class ObserverNode(Behaviour):
             self._state = self._observer.initial_state(position)
         others = self._others.readings(stamp)
         self._state, self._estimate = self._observer.step(self._state, position, self._u, others)
-        self._others.doubt(self._observer.parameters.not_believed(self._state))
+        self._others.leave_out(self._observer.parameters.not_believed(self._state))
         self._last_stamp = stamp
         self._writer.send(stamp, *self._estimate.tolist())
         diagnostics = self.frame.diagnostics

@@ -41,7 +41,7 @@ FAR = 5.0  # ratio of the residual to the noise from which several effects are l
 BENT = 2.0  # the same from which an effect on a bound is no finding
 JOINED = 0.5  # part of the cost that these may leave
 ALONE = 0.25  # the same of one alone from a narrow start
-CLEAR = 0.1  # part that they leave where they are beyond doubt but for a bound or much that is left
+CLEAR = 0.1  # part that they leave where they are certain but for a bound or much that is left
 BEYOND = 0.03  # the same where they are beyond any
 JOINTS = 3  # times that they are looked for
 EffectsOf = Callable[[TableParameters], Mapping[str, JoiningEffect]]
@@ -161,7 +161,7 @@ def is_bent(pieces: RecordingProblem, found: Fit) -> bool:
     )
 
 
-def is_doubtful(pieces: RecordingProblem, joined: Fit, before: float) -> bool:
+def is_no_answer(pieces: RecordingProblem, joined: Fit, before: float) -> bool:
     """Whether what joined is no answer yet: it leaves more than CLEAR of the cost, or BEYOND and is far or bent."""
     left = joined.cost / before
     return left > CLEAR or (left > BEYOND and (is_far(pieces, joined) or is_bent(pieces, joined)))
@@ -185,9 +185,9 @@ def several_at_once(
     """The fit with the effects that hold where many are tried at once, and these; the one before where none does.
 
     An effect with narrow starts that shows at once is sought before: it stands where it leaves no more than ALONE of
-    the cost before. Where the fit with many is far, friction with a memory may join as well. Where it is doubtful then,
-    the fit from the best narrow start is held against it, and takes its place where it leaves less than JOINED of what
-    that leaves, and than ALONE of the cost before: a stiff contact between two bodies follows much that it is not.
+    the cost before. Where the fit with many is far, friction with a memory may join as well. Where that is no answer
+    yet, the fit from the best narrow start replaces it where it leaves less than JOINED of what that leaves, and than
+    ALONE of the cost before: a stiff contact between two bodies follows much that it is not.
     """
     absent = {name: effect for name, effect in known.items() if name not in begin.effects}
     narrow = [name for name, effect in absent.items() if effect.narrow]
@@ -209,7 +209,7 @@ def several_at_once(
     if is_far(pieces, best) and any(effect.where_far for effect in absent.values()):
         far = _joined(pieces, free, known, begin, before, far=True)
         best, more = min((best, more), far, key=lambda found: found[0].cost)
-    if is_doubtful(pieces, best, before.cost):
+    if is_no_answer(pieces, best, before.cost):
         others = [name for name in narrow if name not in at_once]
         return alone(others, min(JOINED * best.cost, ALONE * before.cost)) or (best, more)
     return best, more

@@ -168,7 +168,7 @@ def test_a_play_that_shows_at_once_is_sought_first(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize(
     ("cost", "left", "depth", "alone", "taken"),
     [
-        (0.5 * 1.5**2, 0.05, 0.97, 0.1, False),  # near the noise a bound is no doubt
+        (0.5 * 1.5**2, 0.05, 0.97, 0.1, False),  # near the noise a bound does not matter
         (0.5 * 3.0**2, 0.05, 0.5, 0.1, False),
         (0.5 * 3.0**2, 0.05, 0.97, 0.45, True),  # on its bound, and much is left
         (0.5 * 6.0**2, 0.05, 0.5, 0.45, True),
@@ -178,7 +178,7 @@ def test_a_play_that_shows_at_once_is_sought_first(monkeypatch: pytest.MonkeyPat
         (0.5 * 6.0**2, 0.9, 0.5, 0.3, False),  # far better, but it leaves more than a quarter of all
     ],
 )
-def test_a_play_stands_where_what_joined_is_in_doubt_and_it_leaves_far_less(
+def test_backlash_is_kept_where_the_joint_fit_is_no_answer_and_it_leaves_far_less(
     cost: float, left: float, depth: float, alone: float, taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     zone, play = (next(c for c in effect_candidates() if c.effect == e) for e in ("soft_zone", "coupling_backlash"))

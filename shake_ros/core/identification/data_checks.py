@@ -1,6 +1,6 @@
-"""What speaks against recordings before anything is fitted to them: wrong units and signs, swapped signals, too little.
+"""Data checks before a fit: wrong units and signs, swapped signals, two tables, too little motion.
 
-Each doubt is a line with the numbers behind it. Nothing is changed: whoever recorded knows what it is.
+Each finding is a line with the numbers behind it. Nothing is changed: whoever recorded knows what it is.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from shake_ros.core.identification.sensor_pair import FEWEST, between_sensors, c
 
 GRAVITY = 9.80665  # [m/s²]
 PROMPT = 5.0  # a filter or lag of the accelerometer hardly acts up to here [Hz]
-NEAR = 1.25  # factor between what two sensors say of the same motion up to which they agree
+AGREEMENT = 1.25  # factor between two sensors' sizes of the same motion up to which they agree
 UNITS = {
     1.0 / GRAVITY: "acceleration in g? import it with the scale 9.80665",
     1e-3: "position in millimetres? import it with the scale 0.001",
@@ -26,19 +26,19 @@ UNITS = {
 DELAYS = np.arange(0.0, 0.03, 1e-3)  # of an accelerometer's filter [s]
 FOLLOWS = 0.6  # correlation of the slow velocity with the command from which a table follows its valve
 TWICE = 1.6  # factor between the velocity gains of two recordings from which these are of two tables
-SHORT = 12.0  # of all recordings together: two of 5 s, one of them held out, are less [s]
+SHORT = 12.0  # of all recordings together: two of 5 s, one of them for validation, are less [s]
 SLOWLY = 150.0  # rate below which sampling hides what the sensors do, and effects of theirs are named wrongly [Hz]
 ONE_LINE = 0.95  # share of the command's power within 5 % of its strongest frequency that makes it a sine
 
 
-def doubts(records: Sequence[Record]) -> list[str]:
+def data_checks(records: Sequence[Record]) -> list[str]:
     """A line for each thing that speaks against these recordings of one table; drives are valve commands."""
     found = [line for record in records for line in (*_acceleration(record), *_swapped(record))]
     return found + _two_tables(records) + _too_little(records)
 
 
 def _acceleration(record: Record) -> list[str]:
-    """Whether the accelerometer tells the same motion as the position."""
+    """Whether accelerometer and position agree on the motion."""
     omega, response, weight = between_sensors([record])
     if len(omega) < FEWEST:
         return []
@@ -49,8 +49,10 @@ def _acceleration(record: Record) -> list[str]:
     size = abs(ratio)
     if ratio < 0.0:
         return [turned(record, ratio)]
-    hint = next((text for factor, text in UNITS.items() if 1.0 / NEAR < size / factor < NEAR), "another unit?")
-    return [] if 1.0 / NEAR < size < NEAR else [f"{compared(record, ratio)}: {hint}"]
+    hint = next(
+        (text for factor, text in UNITS.items() if 1.0 / AGREEMENT < size / factor < AGREEMENT), "another unit?"
+    )
+    return [] if 1.0 / AGREEMENT < size < AGREEMENT else [f"{compared(record, ratio)}: {hint}"]
 
 
 def correlation(a: np.ndarray, b: np.ndarray) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hidden_table import SAMPLE_TIME, record
 
-from shake_ros.core.identification.doubts import doubts
+from shake_ros.core.identification.data_checks import data_checks
 from shake_ros.core.identification.recordings import Record
 
 
@@ -20,12 +20,12 @@ def good(seed: int = 1, **own: float) -> Record:
 
 
 def said(*records: Record) -> str:
-    (line,) = doubts(records)
+    (line,) = data_checks(records)
     return line
 
 
-def test_good_recordings_raise_no_doubt() -> None:
-    assert doubts([good(1), good(2)]) == []
+def test_good_recordings_pass_the_data_checks() -> None:
+    assert data_checks([good(1), good(2)]) == []
 
 
 def sine(frequency: float, rate: float, resolution: float) -> Record:
@@ -38,8 +38,8 @@ def sine(frequency: float, rate: float, resolution: float) -> Record:
 @pytest.mark.parametrize("resolution", [0.0, 1e-6])
 @pytest.mark.parametrize("rate", [200.0, 500.0, 1000.0])
 @pytest.mark.parametrize("frequency", [0.5, 1.0, 2.03, 5.0, 10.0])
-def test_a_clean_sine_raises_no_doubt_of_units(frequency: float, rate: float, resolution: float) -> None:
-    assert not [line for line in doubts([sine(frequency, rate, resolution)]) if "second derivative" in line]
+def test_a_clean_sine_has_consistent_units(frequency: float, rate: float, resolution: float) -> None:
+    assert not [line for line in data_checks([sine(frequency, rate, resolution)]) if "second derivative" in line]
 
 
 def test_delay_of_a_filter_is_no_other_unit() -> None:
@@ -47,7 +47,7 @@ def test_delay_of_a_filter_is_no_other_unit() -> None:
     assert late.acceleration is not None
     samples = round(9e-3 / SAMPLE_TIME)
     felt = np.concatenate([np.zeros(samples), late.acceleration[:-samples]])
-    assert doubts([replace(late, acceleration=felt)]) == []
+    assert data_checks([replace(late, acceleration=felt)]) == []
 
 
 @pytest.mark.parametrize(
