@@ -88,16 +88,16 @@ class Exchange:
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / "lab"
-        self.door = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self.door.bind(str(self.path))
-        self.door.listen(1)
-        self.door.setblocking(False)
+        self.listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.listener.bind(str(self.path))
+        self.listener.listen(1)
+        self.listener.setblocking(False)
         self.line: Line | None = None
 
     def take(self) -> list[dict[str, Any]]:
         """What the page asks for."""
         with contextlib.suppress(BlockingIOError):
-            end, _ = self.door.accept()
+            end, _ = self.listener.accept()
             self.line = Line(end)
         return self.line.take() if self.line else []
 
@@ -110,7 +110,7 @@ class Exchange:
         """No more pages."""
         if self.line:
             self.line.close()
-        self.door.close()
+        self.listener.close()
 
 
 def call_lab(path: str) -> Line:

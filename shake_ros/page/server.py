@@ -29,7 +29,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.page.desk import Answer, Desk
-from shake_ros.page.door import OPERATOR, Allowance, Door, Keys, Seat
+from shake_ros.page.authentication import OPERATOR, Allowance, Authentication, Keys, Seat
 from shake_ros.page.jobs import Jobs
 from shake_ros.page.library import LARGEST, Library, checked_name, make_reference
 from shake_ros.page.samples import LEVELS, SampleStore
@@ -309,9 +309,9 @@ class Server:
         ]
         app = Starlette(routes=routes, exception_handlers={ShakeError: _refused})
         hosts = {f"{name}:{port}" for name in names}
-        door = Door(app, self.keys, hosts, self.scheme, self.cookie)
+        authenticated = Authentication(app, self.keys, hosts, self.scheme, self.cookie)
         settings = uvicorn.Config(
-            door, log_level="warning", access_log=False, lifespan="off", ws_max_size=1 << 16, ws_max_queue=8,
+            authenticated, log_level="warning", access_log=False, lifespan="off", ws_max_size=1 << 16, ws_max_queue=8,
             ws_per_message_deflate=False, timeout_graceful_shutdown=1, server_header=False, date_header=False,
             ssl_certfile=site.certificate or None, ssl_keyfile=site.key or None, limit_concurrency=4 * MOST_PAGES,
         )  # fmt: skip

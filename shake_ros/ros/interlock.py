@@ -1,4 +1,4 @@
-"""What plant and bridge alike have: the interlock, one door to it, and the sensors' topics.
+"""What plant and bridge alike have: the interlock, one way to it, and the sensors' topics.
 
 The interlock is parameters, services, lines on the console and a place on /diagnostics.
 """

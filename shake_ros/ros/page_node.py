@@ -130,7 +130,7 @@ class PageNode(Behaviour):
         frame.diagnostics.values["pages"] = lambda: self.server.pages
 
     def start(self) -> None:
-        """Open the door; the model follows once it is compiled."""
+        """Serve the page; the model follows once it is compiled."""
         self.server.start()
         threading.Thread(target=self.store.prediction.use, args=(self._model,), daemon=True).start()
         self.frame.say(OK, f"serving {self.server.url.partition('?')[0]}")

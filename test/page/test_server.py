@@ -51,7 +51,7 @@ class QuietDesk:
 
 
 class Running:
-    """A server with samples at 1 kHz, and doors to knock at."""
+    """A server with samples at 1 kHz, and ways to reach it."""
 
     def __init__(self, folder: Path) -> None:
         (folder / "recordings").mkdir()

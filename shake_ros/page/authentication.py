@@ -1,4 +1,4 @@
-"""Who may come in: tokens, Host and Origin, one operator at a time.
+"""Authentication of the page: tokens, Host and Origin, one operator at a time.
 
 The address that `lab` prints carries the operator's token; the page offers another one for spectators, who see all and
 change nothing. A token becomes a cookie that scripts cannot read and other sites do not send.
@@ -56,7 +56,7 @@ class Seat:
 
     def __init__(self) -> None:
         self.holder: object = None
-        self._seen = 0.0
+        self._present_at = 0.0
 
     def take(self, page: object) -> None:
         """Sit down."""
@@ -66,7 +66,7 @@ class Seat:
     def here(self, page: object) -> None:
         """The holder is at the page."""
         if page is self.holder:
-            self._seen = time.monotonic()
+            self._present_at = time.monotonic()
 
     def leave(self, page: object) -> None:
         """Stand up."""
@@ -76,11 +76,11 @@ class Seat:
     @property
     def occupied(self) -> bool:
         """Whether an operator's page is there and answers."""
-        return self.holder is not None and time.monotonic() - self._seen < PRESENT
+        return self.holder is not None and time.monotonic() - self._present_at < PRESENT
 
 
-class Door:
-    """ASGI middleware: a foreign Host or Origin, or no token, stays outside; every answer gets its headers.
+class Authentication:
+    """ASGI middleware: it refuses a foreign Host or Origin, or no token, and adds the headers to every answer.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class Door:
         return cookies[self._cookie].value if self._cookie in cookies else ""
 
     def _wrong(self, scope: Scope, headers: Headers, role: str) -> str:
-        """Why somebody may not come in; empty where he may."""
+        """Why a request is refused; empty where it is not."""
         if headers.getlist("host") != [headers.get("host")] or headers["host"] not in self._hosts:
             return "the Host header does not name this page"
         origin = headers.get("origin")
