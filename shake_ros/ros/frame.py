@@ -24,9 +24,9 @@ from rclpy.subscription import Subscription
 
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
 from shake_ros.realtime import RealtimeParameters
-from shake_ros.ros.claims import Claims
 from shake_ros.ros.conversions import SECOND, OtherJointError, codec
 from shake_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Input
+from shake_ros.ros.exclusive_writer import ExclusiveWriter
 from shake_ros.ros.interface import CLOCK, CLOCK_QOS, DIAGNOSTICS, NAMESPACE, TOPICS, Topic, overriding
 from shake_ros.ros.parameters import LiveSet, NodeParameters
 from shake_ros.settings import find, read_yaml
@@ -253,9 +253,9 @@ class Frame:
             cli_args=None if arguments is None else list(arguments),
             use_global_arguments=arguments is None,
         )
-        self.claims = Claims(context.get_domain_id())
-        context.on_shutdown(self.claims.give_up)  # also where the node could not be built
-        self.claims.take("node", self.node.get_fully_qualified_name())
+        self.exclusive = ExclusiveWriter(context.get_domain_id())
+        context.on_shutdown(self.exclusive.give_up)  # also where the node could not be built
+        self.exclusive.take("node", self.node.get_fully_qualified_name())
         self.parameters = NodeParameters(self.node)
         self.realtime = self.settings(RealtimeParameters, "realtime", file="common").value
         self.loop = self.settings(LoopParameters, file="common").value
@@ -315,10 +315,10 @@ class Frame:
     def publisher(self, topic: Topic, name: str = "") -> Publisher[Any]:
         """A publisher on a topic, or with its type on another, whose quality of service `qos_overrides` may change.
 
-        The only one on this machine, but on what every graph writes: see `Claims`.
+        The only one on this machine, but on what every graph writes: see `ExclusiveWriter`.
         """
         if topic not in SHARED:
-            self.claims.take("topic", self.resolved(name or topic.name))
+            self.exclusive.take("topic", self.resolved(name or topic.name))
         profile = topic.qos(self.lockstep)
         options = overriding(topic, self.lockstep)
         return self.node.create_publisher(topic.type, name or topic.name, profile, qos_overriding_options=options)
@@ -414,4 +414,4 @@ class Frame:
         except RuntimeError:
             pass
         self.node.destroy_node()
-        self.claims.give_up()
+        self.exclusive.give_up()

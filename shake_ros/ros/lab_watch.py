@@ -12,8 +12,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from shake_ros.core.safety.stages import OFF, STAGES
-from shake_ros.ros.claims import Claims
 from shake_ros.ros.diagnostics import ERROR, LEVELS, NO_ANSWER
+from shake_ros.ros.exclusive_writer import ExclusiveWriter
 from shake_ros.ros.interface import DIAGNOSTICS, ENABLE, ESTIMATE, JOINT_STATES, REFERENCE, VALVE_COMMAND
 
 TABLES = ("plant", "hardware_bridge")
@@ -75,12 +75,12 @@ class LabWatch:
 
     def refuse_a_second_graph(self, domain: int) -> None:
         """Raise ShakeError where a running node of this machine has a topic of the loop."""
-        claims = Claims(domain)
+        exclusive = ExclusiveWriter(domain)
         try:
             for topic in LOOP_TOPICS:
-                claims.take("topic", str(self.node.resolve_topic_name(topic.name)))
+                exclusive.take("topic", str(self.node.resolve_topic_name(topic.name)))
         finally:
-            claims.give_up()
+            exclusive.give_up()
 
     def stop_in_order(self, patience: float, slowly: Callable[[], None] | None = None) -> bool:
         """A hold, then the pressure off; whether the table said so within `patience` [s].

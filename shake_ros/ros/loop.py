@@ -211,7 +211,7 @@ class NodeLoop:
             for behaviour in [one for one in waiting if one.frame.ready()]:
                 waiting.remove(behaviour)
                 if os.environ.get(DISCOVERY_RANGE) not in LOCAL:
-                    behaviour.frame.claims.elsewhere(behaviour.frame.node, lambda: self.spin(STARTING))
+                    behaviour.frame.exclusive.elsewhere(behaviour.frame.node, lambda: self.spin(STARTING))
                 behaviour.frame.diagnostics.publish()
                 behaviour.start()
                 behaviour.frame.say(OK, "running")

@@ -83,7 +83,7 @@ class Player(Behaviour):
             self.frame.node.get_logger().warning(f"{name}: no Python package for type {topic.type}; left out")
             return None
         if name not in {one.name for one in SHARED}:
-            self.frame.claims.take("topic", self.frame.resolved(f"/{name.lstrip('/')}"))
+            self.frame.exclusive.take("topic", self.frame.resolved(f"/{name.lstrip('/')}"))
         return self.frame.node.create_publisher(kind, f"/{name.lstrip('/')}", interface.REALTIME_QOS)
 
     def _play(self) -> None:

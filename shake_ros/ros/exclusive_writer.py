@@ -1,8 +1,8 @@
 """One writer a topic, one node a name: who comes second on this machine is refused before it says anything.
 
-A claim is a socket in the abstract namespace of Linux, which has no file and goes with its process, however that ends;
-so a node that was killed can start again at once, while discovery still counts it. Where there is no such namespace
-nothing is refused. A writer on another machine is found by discovery, once the node is to start (`elsewhere`).
+Each name is held by a socket in the abstract namespace of Linux, which has no file and goes with its process, however
+that ends; so a node that was killed can start again at once, while discovery still counts it. Where there is no such
+namespace nothing is refused. A writer on another machine is found by discovery, once the node is to start (`elsewhere`).
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ LEASE = 4.0  # a writer that was killed counts for 3 s more (config/fastdds_netw
 OTHER = "another graph of these names? End it, or give this one a namespace: --ros-args -r __ns:=/other"
 
 
-class Claims:
-    """What one node has for itself; in one ROS domain.
+class ExclusiveWriter:
+    """The names that one node alone has in a ROS domain: its own and its topics'.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Claims:
         self._held: dict[str, socket.socket] = {}
 
     def take(self, kind: str, name: str) -> None:
-        """Claim the `node` or `topic` of this full name; ShakeError where a running node has it."""
+        """Take the `node` or `topic` of this full name; ShakeError where a running node has it."""
         if sys.platform != "linux":
             return
         address = "\0shake_ros " + hashlib.sha256(f"{self._domain} {kind} {name}".encode()).hexdigest()
@@ -55,7 +55,7 @@ class Claims:
         self._held[name] = held
 
     def elsewhere(self, node: Any, wait: Callable[[], None]) -> None:
-        """ShakeError where discovery finds another writer of a claimed topic that does not go within LEASE."""
+        """ShakeError where discovery finds another writer of a topic taken here that does not go within LEASE."""
         deadline = time.monotonic() + LEASE
         while found := [name for name in self._held if node.count_publishers(name) > 1]:
             if time.monotonic() > deadline:
@@ -70,7 +70,7 @@ class Claims:
 
 
 def _holder(address: str) -> int | None:
-    """Process that holds a claim; None where it has just gone."""
+    """Process that holds a name; None where it has just gone."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
         try:
             asking.connect(address)
