@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PATIENCE = 180.0  # a first start compiles
+TIMEOUT = 180.0  # a first start compiles
 
 
 class NodeProcess:
@@ -31,14 +31,14 @@ class NodeProcess:
         return self.log.read_text(errors="replace")
 
     def wait_for(self, text: str) -> None:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT
         while text not in self.said():
             assert time.monotonic() < deadline and self.process.poll() is None, self.said()
             time.sleep(0.02)
 
-    def end(self, *pauses: float, patience: float = 20.0) -> int:
+    def end(self, *pauses: float, timeout: float = 20.0) -> int:
         """SIGINT, and another one after each pause [s]; the exit code."""
         for pause in (0.0, *pauses):
             time.sleep(pause)
             self.process.send_signal(signal.SIGINT)
-        return self.process.wait(patience)
+        return self.process.wait(timeout)

@@ -24,7 +24,7 @@ from benchmarks.realtime.listener import Listener
 from shake_ros.ros.graph import Graph, NodeSpec
 
 NODE = "hardware_bridge"
-STARTING = 60.0  # patience until the table runs [s]
+STARTING = 60.0  # timeout until the table runs [s]
 REQUIRED = {"datagram to topic, median": "150 us", "round trip, p99": "1000 us", "late or lost": "0.5 %"}
 
 

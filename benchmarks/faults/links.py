@@ -28,7 +28,7 @@ from shake_ros.ros.loop import make_executor, ros_context
 from shake_ros.settings import config_folder, load_interlock
 
 TABLE_NODE = {PLANT: "plant", BRIDGE: "hardware_bridge"}
-PATIENCE = 30.0  # for a state [s]
+TIMEOUT = 30.0  # for a state [s]
 ANSWER = 1.0  # for one answer of a service, which may have gone to a server that has died [s]
 # A start in a second instead of in three: the stages' times and the span's; all that protects stays as it is.
 QUICK = {"interlock.low_pressure_time": 0.2, "interlock.high_pressure_time": 0.2, "interlock.span_time": 0.3}
@@ -57,8 +57,8 @@ class Operator:
         self._context.__exit__(*error)
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
-        """The answer; TimeoutError after PATIENCE."""
-        deadline = time.monotonic() + PATIENCE
+        """The answer; TimeoutError after TIMEOUT."""
+        deadline = time.monotonic() + TIMEOUT
         while time.monotonic() < deadline:
             client = self.node.create_client(kind, f"{NAMESPACE}/{name}")
             try:

@@ -34,7 +34,7 @@ TRAVEL = 0.005  # required [m]
 STILL = 0.003  # a table slower than this has come to rest [m/s]
 END_STOP = 0.130  # [m] of table bergamo
 SECOND = 1_000_000_000
-RESTARTING = 45.0  # patience with a node that is started again [s]
+RESTARTING = 45.0  # timeout of a node that is started again [s]
 RECENT = 200  # messages on /diagnostics that are looked at
 BEFORE = 10_000_000  # of a fault, that is still looked at [ns]
 

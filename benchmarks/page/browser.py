@@ -41,20 +41,20 @@ class Operator:
 
     Parameters
     ----------
-    driver : of the browser. patience : for anything that is waited for [s].
+    driver : of the browser. timeout : for anything that is waited for [s].
     """
 
-    def __init__(self, driver: Any, patience: float = 120.0) -> None:
-        self.driver, self.patience, self.refusal = driver, patience, ""
+    def __init__(self, driver: Any, timeout: float = 120.0) -> None:
+        self.driver, self.timeout, self.refusal = driver, timeout, ""
         self.clicks = 0
 
     def see(self, script: str) -> Any:
         """The value of a JavaScript expression."""
         return self.driver.execute_script(f"return {script}")
 
-    def wait_for(self, what: str, seen: Callable[[], Any], patience: float = 0.0) -> Any:
+    def wait_for(self, what: str, seen: Callable[[], Any], timeout: float = 0.0) -> Any:
         """What `seen` answers once that is true; AssertionError, with what the page says, where it never is."""
-        end = time.monotonic() + (patience or self.patience)
+        end = time.monotonic() + (timeout or self.timeout)
         while not (found := seen()):
             state = self.see("document.getElementById('state').innerText")
             assert time.monotonic() < end, f"{what} never came; state {state!r}, {self.answers()[-3:]} {self.refusal}"

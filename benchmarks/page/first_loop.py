@@ -28,7 +28,7 @@ from benchmarks.realtime.page_soak import SHAKE, laboratory
 SAVED = Path(__file__).with_suffix(".txt")
 DECLARED = "bergamo"  # table of which the operator knows
 LEARN, HOLD = "demo_excitation", "earthquake"  # what is played for the fit and against it
-PATIENCE = 420.0  # for any step, on a busy machine [s]
+TIMEOUT = 420.0  # for any step, on a busy machine [s]
 WANTED = 600.0  # the whole [s]
 JOB = "document.querySelector('.job')?.dataset"
 
@@ -173,10 +173,10 @@ def main() -> int:
         ]
         domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
         with laboratory(options, domain, program, where) as lab, chromium(folder / "profile") as driver:
-            address = lab.waits_for("open http", PATIENCE).partition("open ")[2]
+            address = lab.waits_for("open http", TIMEOUT).partition("open ")[2]
             steps.done("./shake lab, set-up included: address" if given.clone else "lab: address")
             driver.get(address)
-            operator = steps.operator = Operator(driver, PATIENCE)
+            operator = steps.operator = Operator(driver, TIMEOUT)
             found = work(operator, steps)
             errors = operator.errors()
     found.append(f"Ctrl-C: {lab.lines[-1]}")

@@ -14,7 +14,7 @@ from shake_ros.ros.conversions import codec, time_message
 from shake_ros.ros.interface import NAMESPACE, SERVICES, VALVE_COMMAND
 from shake_ros.ros.loop import make_executor, ros_context
 
-PATIENCE = 10.0  # for an answer [s]
+TIMEOUT = 10.0  # for an answer [s]
 
 
 class Driver:
@@ -80,9 +80,9 @@ class Driver:
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
         client = self._clients[name]
-        assert client.wait_for_service(PATIENCE), f"no service {name}"
+        assert client.wait_for_service(TIMEOUT), f"no service {name}"
         future = client.call_async(request)
-        self.executor.spin_until_future_complete(future, timeout_sec=PATIENCE)
+        self.executor.spin_until_future_complete(future, timeout_sec=TIMEOUT)
         assert future.done(), f"{name} does not answer"
         return future.result()
 

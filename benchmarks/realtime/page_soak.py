@@ -48,7 +48,7 @@ TIMER = Path(__file__).with_name("bare_timer.py")
 SHAKE = (sys.executable, "-m", "shake_ros")
 SETTLING = 60.0  # at most, before anything counts [s]
 ENDING = 180.0  # of an orderly stop, which is slow where lock-step is [s]
-STARTING = 180.0  # patience until the table runs [s]
+STARTING = 180.0  # timeout until the table runs [s]
 NICEST = 19
 LOOP = ("plant", "reference_generator")  # keep the time; all others follow
 OPENING = (
@@ -98,9 +98,9 @@ class Lab:
         assert self.process.stdout is not None
         self.lines.extend(line.strip() for line in self.process.stdout)
 
-    def waits_for(self, text: str, patience: float = STARTING) -> str:
+    def waits_for(self, text: str, timeout: float = STARTING) -> str:
         """The first line with `text`."""
-        deadline = time.monotonic() + patience
+        deadline = time.monotonic() + timeout
         while not (found := [line for line in self.lines if text in line]):
             if time.monotonic() > deadline or self.process.poll() is not None:
                 raise RuntimeError(f"lab did not say '{text}': {self.lines}")

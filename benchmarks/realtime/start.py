@@ -28,7 +28,7 @@ from shake_ros.data.recordings import write_table_recording
 from shake_ros.entry_points import NODES
 from shake_ros.ros.interface import DIAGNOSTICS
 
-PATIENCE = 120.0  # [s] the first start may have to compile
+TIMEOUT = 120.0  # [s] the first start may have to compile
 TICKS = os.sysconf("SC_CLK_TCK")
 BARE = "bare rclpy node"
 COMMON = ("--ros-args", "-p", "lockstep:=false", "-p")
@@ -61,7 +61,7 @@ def start_once(command: list[str], number: int, domain: int) -> tuple[float, flo
         begun = time.time_ns()
         process = subprocess.Popen([sys.executable, *given], env=environment, stderr=subprocess.PIPE)
         try:
-            deadline = time.monotonic() + PATIENCE
+            deadline = time.monotonic() + TIMEOUT
             while not listener.arrivals[DIAGNOSTICS.name]:
                 if process.poll() is not None or time.monotonic() > deadline:
                     process.kill()

@@ -38,7 +38,7 @@ from shake_ros.ros.interface import DIAGNOSTICS
 
 CLOCK_TICKS = os.sysconf("SC_CLK_TCK")
 SETTLING = 5.0  # at the start, which the nodes leave out of their figures too [s]
-STARTING = 120.0  # patience until the table runs [s]
+STARTING = 120.0  # timeout until the table runs [s]
 OWN_PRIORITY = 5
 SHORT = 60.0  # longest run of what is only there to compare with [s]
 COMPARED = ("usual", "unscheduled", "bridge_unscheduled")

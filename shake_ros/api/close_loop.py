@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 from shake_ros.api import fitted
 from shake_ros.api.fitted import LatentForces, seen_alike, unseen_records, with_test
 from shake_ros.api.model import Model
-from shake_ros.api.progress import Ending, Progress, Told
+from shake_ros.api.progress import Ending, Progress, ProgressOption
 from shake_ros.api.result_table import ResultTable
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tracking, tune_table
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.given_answer import GivenAnswer
-from shake_ros.core.discovery.problem import ModelStructure, patiently
+from shake_ros.core.discovery.problem import ModelStructure, unstopped
 from shake_ros.core.discovery.remaining import Remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.failures import Failures
@@ -320,7 +320,7 @@ def close_loop(
     tune: bool = False,
     minutes: float | None = None,
     search: str = FORWARD,
-    progress: Told = True,
+    progress: ProgressOption = True,
 ) -> Discovery:
     """Find what a declared model is missing, and add it.
 
@@ -373,7 +373,7 @@ def close_loop(
     unseen, stops = unseen_records(model, test, (estimation, validation))
     with Progress("close_loop", progress) as bar:
         with Ending(bar, minutes) as ending:
-            start = model.begin(*records, patiently(ending))
+            start = model.begin(*records, unstopped(ending))
             start = start.with_specimen() if declared is FULL and search == FORWARD else start
             data, structure = start.data, model_structure(start, declared)
             first, second = data.estimation, data.validation
@@ -382,7 +382,9 @@ def close_loop(
             given = None
             with failures.step("search over sets"):  # without it the other search answers
                 given = by_sets(structure, first, second, ending) if search == SETS else None
-            found = closing.close_loop(structure, first, second, limits, ending, ending.overdue, failures, given)
+            found = closing.close_loop(
+                structure, first, second, limits, ending, ending.deadline_passed, failures, given
+            )
         known, tuned, benefit, told = None, None, None, None
         data = data.seen(found.search.knowledge)
         data = replace(data, stops=(*data.stops, *stops))
@@ -400,7 +402,7 @@ def close_loop(
             benefit = tracking(found, known, tuned)
         bar("residuals and what would help", 1.0)
         with failures.step("diagnosis"):
-            asked = () if ending.overdue() else recordings_to_make()
+            asked = () if ending.deadline_passed() else recordings_to_make()
             told = diagnose(found.final.fit, first, second, asked, declared)
     return Discovery(model, found, first, second, told, benefit, data, tuned, failures, unseen)
 
@@ -416,7 +418,7 @@ def check_search(search: str, declared: DeclaredModel) -> None:
 def by_sets(structure: ModelStructure, first: list[Record], second: list[Record], ending: Ending) -> GivenAnswer:
     """The result of the search over sets of effects, within its time budget."""
     budget = Budget(over=ending.over)
-    progress = patiently(ending)
+    progress = unstopped(ending)
     return answer(structure, first, second, budget, lambda line: progress(line, 0.3))
 
 

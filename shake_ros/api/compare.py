@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shake_ros.api.loops import Combination, Course, Setup, combinations, load_setup
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.loop.metrics import MEANINGS, UNITS, Metrics, Outcome, Summary, judge, summarise
@@ -133,7 +133,7 @@ def compare(
     records: Sequence[str | Path] = (),
     only: Sequence[str] | None = None,
     changes: Mapping[str, Any] | None = None,
-    progress: Told = True,
+    progress: ProgressOption = True,
 ) -> Comparison:
     """Run every controller of a comparison on its references, loads and perturbed tables.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from shake_ros.api import fitted
 from shake_ros.api.model import Model
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.discovery import declared_fit
 from shake_ros.core.discovery.declared_fit import FittedModel
@@ -134,7 +134,7 @@ def identify(
     validation: fitted.Data | None = None,
     *,
     method: str = "free_run",
-    progress: Told = True,
+    progress: ProgressOption = True,
 ) -> Identification:
     """Fit a declared model to recordings.
 

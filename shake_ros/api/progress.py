@@ -2,8 +2,8 @@
 
 A long search ends after some minutes, or at Ctrl-C, with what it has found so far.
 
-Between its steps it is stopped; a fit that is under way ends where it is. How sure each effect is, is judged after that
-by fits that go on to their end, but for no longer than a part of the time that the search has had.
+Between its steps it is stopped; a fit that is under way ends where it is. The verdicts come after that, from fits that
+go on to their end, but for no longer than a part of the time that the search has had.
 """
 
 from __future__ import annotations
@@ -22,10 +22,12 @@ from tqdm import tqdm as plain
 from tqdm.auto import tqdm
 
 from shake_ros.core.discovery.problem import Stopped
-from shake_ros.core.identification.haste import in_haste
+from shake_ros.core.identification.time_budget import within_budget
 from shake_ros.core.quantities import ShakeError
 
-Told = bool | Callable[[str, float], None]  # whether progress is shown, or a function of what is done and which part
+ProgressOption = (
+    bool | Callable[[str, float], None]
+)  # whether progress is shown, or a function of what is done and which part
 
 TERMINAL = "{desc:<44.44}|{bar:24}| {percentage:3.0f} % {elapsed}"
 LIMITED = "{desc:<41.41}|{bar:10}| {percentage:3.0f} % {elapsed}{postfix}"  # with the minutes that are left
@@ -42,13 +44,13 @@ class Progress:
     Parameters
     ----------
     title : of the work.
-    told : whether to show it, or a function to call instead.
+    shown : whether to show it, or a function to call instead.
     """
 
-    def __init__(self, title: str, told: Told = True) -> None:
+    def __init__(self, title: str, shown: ProgressOption = True) -> None:
         notebook = hasattr(tqdm, "display") and tqdm.display is not plain.display
-        self._told = told
-        drawn = told is True and (notebook or sys.stderr.isatty())
+        self._shown = shown
+        drawn = shown is True and (notebook or sys.stderr.isatty())
         form = NOTEBOOK if notebook else TERMINAL
         # without a bar no lock of tqdm's, which a process that is ended at once would leave behind
         self._bar = tqdm(total=1.0, desc=title, bar_format=form, file=sys.stderr) if drawn else None
@@ -68,21 +70,21 @@ class Progress:
             self._bar.set_postfix_str(f"{max(minutes, 0.0):.1f} min left", refresh=False)
 
     def __call__(self, text: str, part: float) -> None:
-        """Say what is being done and which part of the present span is done; the bar never goes back."""
+        """Report what is being done and which part of the present span is done; the bar never goes back."""
         whole = self._low + (self._high - self._low) * min(max(part, 0.0), 1.0)
-        if text.startswith(SO_FAR) and self._told is True:
+        if text.startswith(SO_FAR) and self._shown is True:
             tqdm.write(f"{self._title}: {text}", file=sys.stderr)  # stays above the bar
             sys.stderr.flush()
             return
         if self._bar is not None:
             self._bar.n = max(self._bar.n, whole)
             self._bar.set_description_str(f"{self._title}: {text}")
-        elif callable(self._told):
-            self._told(text, whole)
-        elif self._told and PARTS:
+        elif callable(self._shown):
+            self._shown(text, whole)
+        elif self._shown and PARTS:
             sys.stderr.write(f"{whole:.4f}\t{self._title}: {text}\n")
             sys.stderr.flush()
-        elif self._told and text != self._text:
+        elif self._shown and text != self._text:
             sys.stderr.write(f"{self._title}: {text}\n")
             sys.stderr.flush()
         self._text = text
@@ -100,8 +102,8 @@ class Progress:
             self._bar.close()
 
 
-JUDGING = 0.25  # part of the time until a search is ended early that judging what it has found may take
-LEAST_JUDGING = 20.0  # [s] and at least
+ASSESSING = 0.25  # part of the time until a search is ended early that its verdicts may take
+LEAST_ASSESSING = 20.0  # [s] and at least
 
 
 class Ending:
@@ -121,11 +123,11 @@ class Ending:
         self._last = None if minutes is None else self._began + 60.0 * minutes
         self._asked: float | None = None
         self._before: object = None
-        self._haste = contextlib.ExitStack()
+        self._budget = contextlib.ExitStack()
         self._watching = threading.current_thread() is threading.main_thread()
 
     def __call__(self, text: str, part: float) -> None:
-        """Tell the progress, and end the search where it is time."""
+        """Report the progress, and end the search where it is time."""
         if self._last is not None:
             self._progress.left((self._last - time.monotonic()) / 60.0)
         self._progress(text, part)
@@ -136,16 +138,16 @@ class Ending:
         """Whether it is time to end the search."""
         return time.monotonic() > self._end
 
-    def overdue(self) -> bool:
+    def deadline_passed(self) -> bool:
         """Whether it is time to end all that follows the search as well."""
-        return time.monotonic() > self._end + max(JUDGING * (self._end - self._began), LEAST_JUDGING)
+        return time.monotonic() > self._end + max(ASSESSING * (self._end - self._began), LEAST_ASSESSING)
 
     @property
     def _end(self) -> float:
         return min((t for t in (self._asked, self._last) if t is not None), default=math.inf)
 
     def __enter__(self) -> Ending:
-        self._haste.enter_context(in_haste(self.over))
+        self._budget.enter_context(within_budget(self.over))
         if self._watching:
             self._before = signal.signal(signal.SIGINT, self._interrupted)
         return self
@@ -153,7 +155,7 @@ class Ending:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._haste.close()
+        self._budget.close()
         if self._watching:
             signal.signal(signal.SIGINT, self._before)  # type: ignore[arg-type]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from shake_ros.api.loops import MODELS, Combination, Course, Setup, load_setup, strict
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.tune_table import text_of, tune_table
 from shake_ros.core.control import CONTROLLERS, closed_loop
 from shake_ros.core.control.closed_loop import ClosedLoop
@@ -65,7 +65,11 @@ class TunedController:
 
 
 def tune(
-    controller: str | Path | TableParameters, settings: str | Path = "default", *, progress: Told = True, **changes: Any
+    controller: str | Path | TableParameters,
+    settings: str | Path = "default",
+    *,
+    progress: ProgressOption = True,
+    **changes: Any,
 ) -> Any:
     """Tune a controller's gains by Nelder and Mead on closed loops with the tables of a comparison.
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
@@ -192,7 +192,7 @@ def tune_table(
     *,
     uncertainty: Uncertainty | None = None,
     laws: Sequence[str] = tuple(LAWS),
-    progress: Told = True,
+    progress: ProgressOption = True,
 ) -> TunedTable:
     """Design observer and controller for a table.
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.result_table import ResultTable
 from shake_ros.campaigns.batches import Task, TaskOutcome, code_version, run
 from shake_ros.campaigns.engine import engine
@@ -107,7 +107,7 @@ def campaign(
     changes: Mapping[str, Any] | None = None,
     minutes: float | None = None,
     retry: bool = False,
-    progress: Told = True,
+    progress: ProgressOption = True,
 ) -> Campaign:
     """Run the rows of a study that are not there yet; each is written as soon as it is finished.
 

@@ -15,7 +15,7 @@ from shake_ros.api.identify import identify
 from shake_ros.api.live_table import LiveTable
 from shake_ros.api.model import Model
 from shake_ros.api.model import model as model_of
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.read import Recordings
 from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.api.simulate import Simulation
@@ -138,7 +138,7 @@ class _Way:
     stage: CommissionStage
     declared: Model
     settings: CommissionSettings
-    tell: Told
+    tell: ProgressOption
     runs: list[TableRecording] = field(default_factory=list)
 
     def motion(self, level: float) -> Array:
@@ -182,7 +182,7 @@ def commission(
     delay: int = 1,
     live: LiveTable | None = None,
     release: Callable[[str], bool] = lambda _: True,
-    progress: Told = True,
+    progress: ProgressOption = True,
 ) -> Commission:
     """Bring a table into service: run, fit, make gains, go higher; each run is released first.
 

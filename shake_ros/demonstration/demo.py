@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 from shake_ros.api.fitted import names_of, with_test
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.cli.arguments import add_figures, reporting
 from shake_ros.core.discovery.close_loop import LoopClosure, close_loop
 from shake_ros.core.identification.recordings import Record
@@ -125,7 +125,7 @@ def demo(
     hidden: str | None = None,
     figures: str | None = None,
     command: str = "",
-    progress: Told = True,
+    progress: ProgressOption = True,
 ) -> Demo:
     """The main job end to end; it needs ROS 2.
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.fitted import Data, recordings
-from shake_ros.api.progress import Told
+from shake_ros.api.progress import ProgressOption
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.loop.metrics import FREQUENCIES, HIGHEST, LOWEST
@@ -134,7 +134,7 @@ class Iterated:
     first_model: TableParameters | None = None
     records: tuple[Record, ...] = ()
 
-    def lacking(self, progress: Told = True) -> str:
+    def lacking(self, progress: ProgressOption = True) -> str:
         """Which effect the model of the runs lacks, in a sentence, as `close_loop` finds it in them."""
         from shake_ros.iteration.model import lacking
 

@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
@@ -104,7 +104,10 @@ def iterate_model(
 
 
 def lacking(
-    model: TableParameters, runs: Sequence[Record], settings: SearchSettings | None = None, progress: Told = True
+    model: TableParameters,
+    runs: Sequence[Record],
+    settings: SearchSettings | None = None,
+    progress: ProgressOption = True,
 ) -> str:
     """Which effect a model lacks, in a sentence, from at least two runs; the first is fitted, the last one judges.
 

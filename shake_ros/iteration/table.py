@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.live_table import OWN, OwnLoop, own_loop
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.simulate import controller_of, observer_of
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.runner import Controller
@@ -102,7 +102,7 @@ class SimulatedTable:
     controller: str = OWN
     delay: int = 0
     sample_time: float = 0.001
-    progress: Told = True
+    progress: ProgressOption = True
     changes: Mapping[str, float] = field(default_factory=dict)
     wanted: Array = field(default_factory=lambda: np.zeros((0, 3)), init=False)
     aim: Array = field(default_factory=lambda: np.zeros(0), init=False)

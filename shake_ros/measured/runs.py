@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shake_ros.api.loops import strict
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.identification.free_parameters import free_parameter
 from shake_ros.core.plant.parameters import TableParameters
@@ -168,7 +168,7 @@ def measured_runs(
     extend: Sequence[str] = (THESIS_EXTENSION,),
     second: Sequence[str] = (),
     *,
-    progress: Told = True,
+    progress: ProgressOption = True,
 ) -> MeasuredComparison:
     """Fit the declared model and extensions to measured harmonic amplitudes; minutes for all five runs.
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from shake_ros.core.quantities import ShakeError
 
-PATIENT = 15  # niceness: the loop goes first
+NICENESS = 15  # the graph goes first
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -77,7 +77,7 @@ class Jobs:
         environment = {**os.environ, "SHAKE_ROS_PROGRESS": "parts"}
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
         self._process = subprocess.Popen(
-            ["nice", "-n", str(PATIENT), sys.executable, "-m", "shake_ros", *job.arguments],
+            ["nice", "-n", str(NICENESS), sys.executable, "-m", "shake_ros", *job.arguments],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
             env=environment,
         )  # fmt: skip

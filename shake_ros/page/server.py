@@ -37,7 +37,7 @@ from shake_ros.settings import config_folder
 
 FRAME = 1.0 / 30.0  # [s]
 STATUS = 0.2  # [s]
-PATIENCE = 20.0  # for an answer of the graph [s]
+TIMEOUT = 20.0  # for an answer of the graph [s]
 COMPILING = 120.0  # for one that another table is built for: it may have to be compiled [s]
 RATE, BURST = 60.0, 200  # messages of one page
 FREE = ("stop", "here", "view", "between")  # need no seat; `stop` needs an operator's token all the same
@@ -173,8 +173,8 @@ class LivePage:
             raise ShakeError("another page has the controls: take them first")
         if what == "stop" or what in GRAPH:
             how = {name: value for name, value in message.items() if name not in ("do", "id")}
-            patience = COMPILING if what in ("table", "model") else PATIENCE
-            return await asyncio.wait_for(asyncio.wrap_future(server.site.desk.ask(what, **how)), patience)
+            timeout = COMPILING if what in ("table", "model") else TIMEOUT
+            return await asyncio.wait_for(asyncio.wrap_future(server.site.desk.ask(what, **how)), timeout)
         if what == "record":
             name = checked_name(str(message["name"]))
             note = str(message.get("note", ""))[:LONGEST_NOTE]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.live_table import FUSED, LiveLaboratory, LiveTable, OwnLoop, Release, own_loop
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.simulate import Simulation, simulate
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.identification.recordings import Record
@@ -125,7 +125,7 @@ def qualify(
     specimen: str = "",
     live: LiveTable | None = None,
     release: Release = lambda _: "",
-    progress: Told = True,
+    progress: ProgressOption = True,
 ) -> Qualification:
     """Make a motion that meets a required spectrum, run it until the test response spectrum passes, and judge it.
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from shake_ros.api.live_table import LiveLaboratory, LiveTable, OwnLoop, own_loop
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.simulate import Simulation
 from shake_ros.commissioning.steps import watched
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
@@ -182,7 +182,7 @@ def qualify_sequence(
     delay: int = 0,
     specimen: str = "",
     live: LiveTable | None = None,
-    progress: Told = True,
+    progress: ProgressOption = True,
 ) -> TestSequence:
     """Run the tests of a plan that are not in the folder yet, each after its acknowledgement.
 

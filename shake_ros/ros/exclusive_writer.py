@@ -2,7 +2,7 @@
 
 Each name is held by a socket in the abstract namespace of Linux, which has no file and goes with its process, however
 that ends; so a node that was killed can start again at once, while discovery still counts it. Where there is no such
-namespace nothing is refused. A writer on another machine is found by discovery, once the node is to start (`elsewhere`).
+namespace nothing is refused. A writer on another machine is found by discovery when the node is to start (`elsewhere`).
 """
 
 from __future__ import annotations

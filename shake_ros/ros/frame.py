@@ -183,7 +183,7 @@ P = TypeVar("P", bound=Parameters)
 FIRST_STAMP = SECOND  # lock-step time of sample 0 [ns]; zero would read as "no stamp"
 QUIET = 1.0  # lines of one key on the console are at least this far apart [s]
 SHARED = (DIAGNOSTICS, CLOCK)  # written by several nodes, of several graphs
-FAREWELL = 5.0  # at the end, readers get so long [s] to take what was sent
+DELIVERY = 5.0  # at the end, readers get so long [s] to take what was sent
 
 
 @dataclass(frozen=True)
@@ -407,7 +407,7 @@ class Frame:
         """Wait until lock-step readers have what was sent, then destroy the node."""
         try:
             if self.lockstep and self.node.context.ok():
-                deadline = time.monotonic() + FAREWELL
+                deadline = time.monotonic() + DELIVERY
                 for writer in self._writers:
                     left = max(0.0, deadline - time.monotonic())
                     writer.publisher.wait_for_all_acked(Duration(seconds=left))

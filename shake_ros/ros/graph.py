@@ -287,12 +287,12 @@ class Graph:
             try:
                 code = self.processes[name].wait(max(0.0, deadline - time.monotonic()))
             except subprocess.TimeoutExpired:
-                wrong.append(self._overdue(name))
+                wrong.append(self._did_not_end(name))
             else:
                 wrong += [self.failure(name)] if code not in (0, -signal.SIGINT) else []
         return wrong
 
-    def _overdue(self, name: str) -> str:
+    def _did_not_end(self, name: str) -> str:
         """Where a node stands that does not end; it is killed for that."""
         process = self.processes[name]
         process.send_signal(signal.SIGABRT)  # says it

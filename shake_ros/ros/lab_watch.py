@@ -82,16 +82,16 @@ class LabWatch:
         finally:
             exclusive.give_up()
 
-    def stop_in_order(self, patience: float, slowly: Callable[[], None] | None = None) -> bool:
-        """A hold, then the pressure off; whether the table said so within `patience` [s].
+    def stop_in_order(self, timeout: float, slowly: Callable[[], None] | None = None) -> bool:
+        """A hold, then the pressure off; whether the table said so within `timeout` [s].
 
-        With `slowly` (lock-step, which a busy machine runs at a fraction of real time) the patience begins anew with
+        With `slowly` (lock-step, which a busy machine runs at a fraction of real time) the timeout begins anew with
         every sample that the table takes; it is called once, where the stop takes longer than that of a quick table.
         """
         begun = since = time.monotonic()
         asked = told = False
         cycles = self.cycles
-        while self.stage not in ("", STAGES[OFF]) and time.monotonic() - since < patience:
+        while self.stage not in ("", STAGES[OFF]) and time.monotonic() - since < timeout:
             if not asked and self._enable.service_is_ready():
                 self._enable.call_async(ENABLE.type.Request(data=False))
                 asked = True

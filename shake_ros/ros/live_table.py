@@ -91,9 +91,9 @@ class LiveGraph:
                 report.values = {one.key: one.value for one in status.values}
                 report.heard, report.count = time.monotonic(), report.count + 1
 
-    def until(self, found: Callable[[], Any], patience: float) -> Any:
-        """What `found` finds as soon as it is something; what it finds after `patience` [s] else."""
-        deadline = time.monotonic() + patience
+    def until(self, found: Callable[[], Any], timeout: float) -> Any:
+        """What `found` finds as soon as it is something; what it finds after `timeout` [s] else."""
+        deadline = time.monotonic() + timeout
         while not (result := found()) and time.monotonic() < deadline:
             self._executor.spin_once(timeout_sec=POLL)
         return result

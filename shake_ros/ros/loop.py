@@ -44,7 +44,7 @@ from rclpy.utilities import remove_ros_args
 from shake_ros import realtime
 from shake_ros.core.quantities import ShakeError
 from shake_ros.ros.diagnostics import OK, WARN
-from shake_ros.ros.frame import FAREWELL, Behaviour, Frame
+from shake_ros.ros.frame import DELIVERY, Behaviour, Frame
 from shake_ros.ros.parameters import ParameterFiles
 from shake_ros.settings import config_folder
 
@@ -106,7 +106,7 @@ STARTING = 0.01  # pause between two looks for the awaited readers [s]
 ATTEND = 10  # ticks between two looks at services, where the node has the process for itself
 MARGIN = 150_000  # the executor gives back the thread so long before a deadline [ns]
 REPORT_PERIOD = 1.0  # of /diagnostics [s]
-IMPATIENT = 2.0  # after a signal, the next one means that the node hangs [s]
+SIGNAL_REPEAT = 2.0  # after a signal, the next one means that the node hangs [s]
 SLOW_START = 2.0  # from then on a start says that it compiles [s]
 TAKEN_DOWN = 3.0  # from then on the middleware is not waited for [s], but that lock-step readers have their time first
 PR_SET_TIMERSLACK = 29
@@ -251,8 +251,8 @@ class NodeLoop:
             last = count
             count += 1
 
-    def close(self, patience: float = math.inf) -> None:
-        """Let every node finish, then take it down; the process ends where that takes longer than `patience` [s]."""
+    def close(self, timeout: float = math.inf) -> None:
+        """Let every node finish, then take it down; the process ends where that takes longer than `timeout` [s]."""
         failed = int(sys.exc_info()[0] is not None)
         with ExitStack() as watched:
             for behaviour in self.behaviours:
@@ -262,9 +262,9 @@ class NodeLoop:
                         for line in behaviour.frame.diagnostics.whole_run.lines():
                             behaviour.frame.node.get_logger().info(line)
                 finally:
-                    if behaviour is self.behaviours[-1] and math.isfinite(patience):
-                        patience += FAREWELL * behaviour.frame.lockstep
-                        watched.enter_context(ends_within(patience, failed))
+                    if behaviour is self.behaviours[-1] and math.isfinite(timeout):
+                        timeout += DELIVERY * behaviour.frame.lockstep
+                        watched.enter_context(ends_within(timeout, failed))
                     self.executor.remove_node(behaviour.frame.node)
                     behaviour.frame.close()
             self.executor.shutdown()
@@ -277,16 +277,16 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 def obey_signals(loop: NodeLoop) -> dict[int, Any]:
     """SIGINT and SIGTERM end the loop between two callbacks, and a node that is still being built at once.
 
-    One Ctrl-C may come several times, from the terminal and from a launcher: what follows within IMPATIENT is the same
-    wish. Who asks again later, since a node hangs, ends the process there and then. Returns the handlers before.
+    One Ctrl-C may come several times, from the terminal and from a launcher: what follows within SIGNAL_REPEAT is the
+    same wish. Who asks again later, since a node hangs, ends the process there and then. Returns the handlers before.
     """
     first = 0.0
 
     def handle(number: int, _frame: Any) -> None:
         nonlocal first
         now = time.monotonic()
-        if first and now - first > IMPATIENT:
-            os.write(2, b"ended without a farewell\n")
+        if first and now - first > SIGNAL_REPEAT:
+            os.write(2, b"ended at once; the nodes were not closed\n")
             os._exit(128 + number)
         first = first or now
         loop.stop()

@@ -100,7 +100,7 @@ class OtherSensors:
             if self._stamps[name] < stamp:
                 self._count(name, 1)
 
-    def patience(self, stamp: int) -> bool:
+    def silent_too_long(self, stamp: int) -> bool:
         """Lock-step: whether who is silent at this sample is lost from now on."""
         if self._waiting[0] != stamp:
             self._waiting = stamp, time.monotonic()
@@ -140,7 +140,7 @@ class OtherSensors:
         return not (self.lost or self._left_out)
 
 
-PATIENCE = 0.25  # [s] between looks at who is silent
+LOOK = 0.25  # [s] between looks at which sensor is silent
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ class ObserverNode(Behaviour):
         frame.reader(interface.VALVE_COMMAND, self._on_command)
         frame.diagnostics.condition = self._condition
         if frame.lockstep:
-            frame.every(PATIENCE, self._be_patient)
+            frame.every(LOOK, self._look_for_silence)
 
     def _make(self, kind: str, sets: Sets) -> Observer:
         """An observer that has been compiled, so that its first sample is not late."""
@@ -205,9 +205,9 @@ class ObserverNode(Behaviour):
             waiting, self._waiting = self._waiting, None
             self._step(*waiting)
 
-    def _be_patient(self) -> None:
+    def _look_for_silence(self) -> None:
         """Lock-step: go on without a sensor that stays silent."""
-        if self._waiting is not None and self._commanded() and self._others.patience(self._waiting[0]):
+        if self._waiting is not None and self._commanded() and self._others.silent_too_long(self._waiting[0]):
             self._step_when_complete()
 
     def _step(self, stamp: int, position: float) -> None:

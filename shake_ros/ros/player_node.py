@@ -15,7 +15,7 @@ from shake_ros.data.recordings.bag import Bag, Message
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK
-from shake_ros.ros.frame import AGAIN, BLOCKED, FAREWELL, SHARED, Behaviour, Frame
+from shake_ros.ros.frame import AGAIN, BLOCKED, DELIVERY, SHARED, Behaviour, Frame
 from shake_ros.ros.recorded_topics import interface_class
 
 LONGEST_SLEEP = 0.1  # a pause looks for a stop this often [s]
@@ -92,7 +92,7 @@ class Player(Behaviour):
             while self._own.loop and played and not self._stopping.is_set():
                 played = self._pass()
             for publisher in self._publishers.values():
-                publisher.wait_for_all_acked(Duration(seconds=FAREWELL))
+                publisher.wait_for_all_acked(Duration(seconds=DELIVERY))
         except (ShakeError, OSError, RuntimeError) as error:
             self._error = str(error)
         self.frame.stop()

@@ -29,7 +29,7 @@ from shake_ros.ros.loop import ros_context
 from shake_ros.ros.recorded_topics import interface_class, matching
 
 DISCOVERY = 1.0  # names are gathered for so long [s]
-PATIENCE = 5.0  # for what must be there [s]
+TIMEOUT = 5.0  # for what must be there [s]
 REPORT = 1.0  # between two lines of `hz` [s]
 LONGEST = 128  # elements of an array, characters of a text, that `echo` shows
 HZ_WINDOW = 10000  # messages
@@ -53,9 +53,9 @@ class Console:
     def spin(self, seconds: float) -> None:
         self._executor.spin_once(timeout_sec=seconds)
 
-    def until(self, found: Callable[[], Any], patience: float = PATIENCE) -> Any:
+    def until(self, found: Callable[[], Any], timeout: float = TIMEOUT) -> Any:
         """What `found` finds, as soon as it is something; else what it finds at the end."""
-        deadline = time.monotonic() + patience
+        deadline = time.monotonic() + timeout
         while not (result := found()) and time.monotonic() < deadline:
             self.spin(0.05)
         return result
@@ -72,7 +72,7 @@ class Console:
     def answer(self, future: Any, of: str) -> Any:
         """The result of a call."""
         if not self.until(future.done):
-            raise ShakeError(f"no answer from {of} within {PATIENCE:g} s")
+            raise ShakeError(f"no answer from {of} within {TIMEOUT:g} s")
         return future.result()
 
     def parameters(self, name: str) -> AsyncParameterClient:

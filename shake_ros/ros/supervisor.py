@@ -105,7 +105,7 @@ class LabStart:
 
 
 POLL = 0.05  # [s]
-IMPATIENT = 2.0  # a signal that comes later than this after the first ends all at once [s]
+SIGNAL_REPEAT = 2.0  # a signal that comes later than this after the first ends all at once [s]
 STOPPING = 12.0  # an orderly stop may take so long [s]
 COMPILING = 4.0  # a start that takes longer says why [s]
 OUTSIDE = ("page", *LAST)  # do not take part in the loop
@@ -140,7 +140,7 @@ class Supervisor:
     def ask_to_stop(self) -> None:
         """End in order; at once where that was asked for before."""
         now = time.monotonic()
-        if self._asked and now - self._asked > IMPATIENT:
+        if self._asked and now - self._asked > SIGNAL_REPEAT:
             self.graph.kill()
             say("killed")
             raise SystemExit(1)
@@ -254,7 +254,7 @@ class Supervisor:
         return f"{name} started again"
 
     def _stop_in_order(self, broken: float) -> bool:
-        """Whether the table has said that its pressure is off; `broken`: patience where a node has died [s]."""
+        """Whether the table has said that its pressure is off; `broken`: timeout where a node has died [s]."""
         if self._dead:
             return self.watch.stop_in_order(broken)
         return self.watch.stop_in_order(STOPPING, self._say_slow if self.graph.lockstep else None)
@@ -309,7 +309,7 @@ class Supervisor:
         wrong = []
         if self._asked:
             say("stopping: hold, pressure off")
-            if not self._stop_in_order(IMPATIENT):
+            if not self._stop_in_order(SIGNAL_REPEAT):
                 wrong.append("the table has not reported that its pressure is off")
         recording = self._recorder()
         for group in (

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.quantities import unknown_name
 from shake_ros.data.result_folder import write_folder, write_json
@@ -166,7 +166,7 @@ def known_experiments(names: Sequence[str]) -> list[str]:
     return list(EXPERIMENTS) if ALL in names or not names else list(dict.fromkeys(names))
 
 
-def reproduce(*names: str, progress: Told = True) -> Reproduction:
+def reproduce(*names: str, progress: ProgressOption = True) -> Reproduction:
     """Run experiments of the thesis's chapter 6 again; minutes for all of them.
 
     Parameters

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shake_ros.api.fitted import Data, fit_data
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.result_table import ResultTable
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -390,7 +390,7 @@ def schedule(
     validation: Data | None = None,
     *,
     settings: str | Mapping[str, Any] = "default",
-    progress: Told = True,
+    progress: ProgressOption = True,
 ) -> ScheduleComparison:
     """Compare one set of parameters, the neural schedule and the physical effect.
 

@@ -56,7 +56,7 @@ def written(tmp_path: Path, content: object) -> str:
 
 
 @contextlib.contextmanager
-def hurried() -> Iterator[None]:
+def shortened() -> Iterator[None]:
     """Fits of few steps from few starts: enough for the files, not for the figures."""
     study = runs.study
     with (
@@ -74,7 +74,7 @@ def hurried() -> Iterator[None]:
 def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     folder = tmp_path_factory.mktemp("measured")
     out, printed = folder / "out", io.StringIO()
-    with hurried(), contextlib.redirect_stdout(printed):
+    with shortened(), contextlib.redirect_stdout(printed):
         arguments = ["--runs", written(folder, RUNS), "--second", "accelerometer_lag", "--out", str(out)]
         assert main(arguments) == 0
     return out, printed.getvalue()

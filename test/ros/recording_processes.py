@@ -19,7 +19,7 @@ from shake_ros.ros.interface import NAMESPACE
 from shake_ros.ros.loop import ros_context
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE = 30.0
+TIMEOUT = 30.0
 
 
 @contextmanager
@@ -45,7 +45,7 @@ def process(name: str, *, remaps: tuple[str, ...] = (), **parameters: Any) -> It
 def end(started: subprocess.Popen[str], number: int = signal.SIGINT) -> int:
     """Send a signal and return the exit code."""
     started.send_signal(number)
-    return started.wait(PATIENCE)
+    return started.wait(TIMEOUT)
 
 
 @contextmanager
@@ -60,10 +60,10 @@ def own_node(domain: int) -> Iterator[Node]:
 
 
 def wait_until(condition: Callable[[], bool], what: str) -> None:
-    """Return as soon as the condition holds; fail after PATIENCE seconds."""
-    deadline = time.monotonic() + PATIENCE
+    """Return as soon as the condition holds; fail after TIMEOUT seconds."""
+    deadline = time.monotonic() + TIMEOUT
     while not condition():
-        assert time.monotonic() < deadline, f"not within {PATIENCE:g} s: {what}"
+        assert time.monotonic() < deadline, f"not within {TIMEOUT:g} s: {what}"
         time.sleep(0.01)
 
 
@@ -71,9 +71,9 @@ def spin_until(node: Node, condition: Callable[[], bool], what: str) -> None:
     """Serve the test's subscriptions until the condition holds."""
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     while not condition():
-        assert time.monotonic() < deadline, f"not within {PATIENCE:g} s: {what}"
+        assert time.monotonic() < deadline, f"not within {TIMEOUT:g} s: {what}"
         executor.spin_once(timeout_sec=0.05)
     executor.remove_node(node)
     executor.shutdown()

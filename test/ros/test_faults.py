@@ -23,7 +23,7 @@ from shake_ros.ros.loop import build_node, ros_context
 from shake_ros.ros.plant_node import build as build_plant
 from shake_ros.settings import find, read_yaml
 
-PATIENCE = 40.0
+TIMEOUT = 40.0
 WATCHED = ("stop", "sensor_missing", "command_not_finite", "target_trip")
 NODE = {"plant": "plant", "bridge": "hardware_bridge"}
 
@@ -65,12 +65,12 @@ class Scene:
         self.driver = driver
 
     def expect(self, text: str) -> dict[str, str]:
-        return self.listener.wait_for_status(self.node, text, PATIENCE)
+        return self.listener.wait_for_status(self.node, text, TIMEOUT)
 
     def go(self) -> None:
         """Reset, enable, and the table moves."""
         for service, request in (("reset", {}), ("enable", {"data": True})):
-            deadline = time.monotonic() + PATIENCE
+            deadline = time.monotonic() + TIMEOUT
             while not (answer := self.driver.service(service, **request))[0]:
                 assert time.monotonic() < deadline, answer
                 time.sleep(0.1)

@@ -19,7 +19,7 @@ from shake_ros.ros.hardware_bridge_node import build
 from shake_ros.ros.loop import build_node, ros_context
 from shake_ros.settings import config_folder
 
-PATIENCE = 20.0
+TIMEOUT = 20.0
 RELAXED = (
     "sensor_missing",
     "link_loss",
@@ -45,7 +45,7 @@ def bridge(tmp_path: Path) -> Iterator[str]:
 
 def wait_for(driver: Driver, service: str, **request: object) -> None:
     """Call a service until it succeeds."""
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     while not (answer := driver.service(service, **request))[0]:
         assert time.monotonic() < deadline, answer
         time.sleep(0.1)
@@ -77,12 +77,12 @@ def run_over(bridge: str, ros_domain: int) -> None:
         driver.node.destroy_publisher(driver.publisher)
         with Graph(nodes, domain_id=ros_domain, lockstep=False) as graph:
             graph.wait_until_ready()
-            listener.wait_for_status("hardware_bridge", "not enabled", PATIENCE)
+            listener.wait_for_status("hardware_bridge", "not enabled", TIMEOUT)
             wait_for(driver, "enable", data=True)
-            status = listener.wait_for_status("hardware_bridge", "running", PATIENCE)
+            status = listener.wait_for_status("hardware_bridge", "running", TIMEOUT)
             time.sleep(1.5)
             assert driver.service("stop")[0]
-            listener.wait_for_status("hardware_bridge", "stopped; waiting for reset", PATIENCE)
+            listener.wait_for_status("hardware_bridge", "stopped; waiting for reset", TIMEOUT)
             wait_for(driver, "reset")
             graph.stop()
     moved = [message.position[0] for message in listener.messages("joint_states")]

@@ -10,7 +10,7 @@ import pytest
 from shake_ros.ros.lab_watch import LabWatch
 from shake_ros.ros.loop import ros_context
 
-PATIENCE = 0.3  # [s]
+TIMEOUT = 0.3  # [s]
 
 
 class SlowTable:
@@ -48,16 +48,16 @@ def watch(ros_domain) -> Any:
 
 
 def test_stop_in_lockstep_is_waited_for_as_long_as_the_table_goes_on(watch, monkeypatch) -> None:
-    monkeypatch.setattr("shake_ros.ros.lab_watch.SLOW", PATIENCE)
+    monkeypatch.setattr("shake_ros.ros.lab_watch.SLOW", TIMEOUT)
     table, said = SlowTable(watch, samples=20), []
-    assert watch.stop_in_order(PATIENCE, lambda: said.append("slow"))
+    assert watch.stop_in_order(TIMEOUT, lambda: said.append("slow"))
     assert table.taken == 20
     assert table.asked == [False]  # a hold and the pressure off, asked for once
     assert said == ["slow"]
 
 
 @pytest.mark.parametrize(("dies_at", "lockstep"), [(5, True), (-1, False)])
-def test_table_that_stands_still_or_keeps_real_time_has_its_patience_alone(watch, dies_at, lockstep) -> None:
+def test_table_that_stands_still_or_keeps_real_time_has_the_timeout_alone(watch, dies_at, lockstep) -> None:
     table = SlowTable(watch, 20, dies_at)
-    assert not watch.stop_in_order(PATIENCE, (lambda: None) if lockstep else None)
+    assert not watch.stop_in_order(TIMEOUT, (lambda: None) if lockstep else None)
     assert table.asked == [False]

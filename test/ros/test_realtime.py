@@ -31,7 +31,7 @@ ASKED = {
     "rate": 100.0,
 }  # fmt: skip
 PR_CAPBSET_DROP, CAP_IPC_LOCK, CAP_SYS_NICE = 24, 14, 23
-PATIENCE = 40.0
+TIMEOUT = 40.0
 RUNAWAY = 10_000_000  # at SCHED_FIFO without ever waiting [us]
 GROUPS = [tuple(NODES)[i : i + 3] for i in range(0, len(NODES), 3)]
 THREES = [pytest.param(g, id="-".join(g), marks=pytest.mark.second_tier if g != GROUPS[0] else []) for g in GROUPS]
@@ -114,7 +114,7 @@ def test_every_node_has_the_priority_the_processor_and_the_locked_memory_that_it
         Listener(["/diagnostics"], lockstep=False, domain_id=ros_domain) as listener,
         Graph(nodes, domain_id=ros_domain, lockstep=False) as graph,
     ):
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT
         for name in names:
             while "realtime" not in (listener.status(name) or {}):
                 graph.check()
@@ -138,14 +138,14 @@ def test_a_node_without_the_rights_runs_on_and_warns_once(ros_domain, unprivileg
         Graph(nodes, domain_id=ros_domain, lockstep=False) as graph,
     ):
         process = graph.processes["plant"].pid
-        listener.wait_for_status("plant", "waiting for the first command", PATIENCE)
+        listener.wait_for_status("plant", "waiting for the first command", TIMEOUT)
         while "realtime" not in listener.status("plant"):
             graph.check()
             time.sleep(0.05)
         assert {os.sched_getscheduler(thread) for thread in threads(process)} == {os.SCHED_OTHER}
         assert {frozenset(os.sched_getaffinity(thread)) for thread in threads(process)} == {frozenset({PROCESSOR})}
         assert locked_kilobytes(process) == 0
-        graph.wait(PATIENCE)
+        graph.wait(TIMEOUT)
         assert graph.output("plant").count("runs without") == 1
         assert WARNING in graph.output("plant")
         assert "done: 250 samples" in graph.output("plant")

@@ -6,7 +6,7 @@ import time
 
 import pytest
 from machine_time import on_a_machine_that_keeps_time
-from node_process import PATIENCE, NodeProcess
+from node_process import TIMEOUT, NodeProcess
 
 from shake_ros.ros import interface
 from shake_ros.ros.frame import Frame
@@ -45,7 +45,7 @@ def test_node_that_has_refused_every_command_tells_no_latency(ros_domain, tmp_pa
     with ros_context([], domain_id=ros_domain) as context:
         sender = Frame("sender", context, ["--ros-args"])
         commands = sender.writer(interface.VALVE_COMMAND)
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT
         while "no stamp" not in node.said():
             commands.send(0, 0.1)
             time.sleep(0.05)

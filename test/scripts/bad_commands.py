@@ -20,7 +20,7 @@ from benchmarks.realtime.driver import Driver
 from benchmarks.realtime.listener import Listener
 from shake_ros.ros.graph import Graph, NodeSpec
 
-PATIENCE = 15.0  # for a state on /diagnostics [s]
+TIMEOUT = 15.0  # for a state on /diagnostics [s]
 STILL = 2e-3  # a table in safe hold is slower than this [m/s] …
 RAMP = 1.0  # … once the command has ramped to zero, which is said when it begins [s]
 
@@ -34,7 +34,7 @@ class Scene:
 
     def expect(self, text: str) -> dict[str, str]:
         """Wait until the plant's status says `text`."""
-        status = self.listener.wait_for_status("plant", text, PATIENCE)
+        status = self.listener.wait_for_status("plant", text, TIMEOUT)
         print(f"  plant: {status['message']}")
         return status
 
@@ -81,7 +81,7 @@ def two_publishers(scene: Scene) -> None:
     success, message = scene.driver.service("reset")
     assert not success, f"reset although two publish: {message}"
     scene.driver.node.destroy_publisher(second)
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     while not scene.driver.service("reset")[0]:
         assert time.monotonic() < deadline, "no reset although one publishes"
         time.sleep(0.1)

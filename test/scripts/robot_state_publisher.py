@@ -26,7 +26,7 @@ MASTER = "/usr/bin/rosmaster"
 DESCRIPTION = Path(__file__).resolve().parents[2] / "config" / "description" / "shaking_table.urdf"
 NONE = 3  # exit status without the program
 COUNT = 300
-PATIENCE = 20.0  # [s]
+TIMEOUT = 20.0  # [s]
 
 
 @contextlib.contextmanager
@@ -48,7 +48,7 @@ def free_port() -> int:
 
 def until(what: str, seen: Any) -> None:
     """Wait until `seen()` is true."""
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     while not seen():
         assert time.monotonic() < deadline, f"{what} never came"
         time.sleep(0.002)

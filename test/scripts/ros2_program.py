@@ -25,7 +25,7 @@ from pathlib import Path
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE = 300.0  # for what a node is to say; the first start compiles [s]
+TIMEOUT = 300.0  # for what a node is to say; the first start compiles [s]
 NONE = 3  # exit status without the program
 TOLD = 0, 1, 2, 15  # that of `ros2 topic` after Ctrl-C, by where that meets it: those that were seen
 NODES = ("plant", "hardware_bridge", "reference_generator", "observer", "controller", "thd_analyzer", "recorder")
@@ -46,7 +46,7 @@ class User:
         }  # fmt: skip
         self._count = 0
 
-    def types(self, *command: str, fails: bool = False, patience: float = PATIENCE) -> str:
+    def types(self, *command: str, fails: bool = False, timeout: float = TIMEOUT) -> str:
         """Run a command to its end; what it printed."""
         done = subprocess.run(
             command,
@@ -54,7 +54,7 @@ class User:
             cwd=self.folder,
             capture_output=True,
             text=True,
-            timeout=patience,
+            timeout=timeout,
             check=False,
         )
         assert fails or done.returncode == 0, f"{' '.join(command)}: {done.returncode}\n{done.stdout}\n{done.stderr}"
@@ -66,7 +66,7 @@ class User:
 
     def tries(self, text: str, *words: str) -> str:
         """A `ros2` command again and again until it says `text`: what has just started is discovered in a while."""
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT
         while text not in (said := self.ros2(*words, fails=True)):
             assert time.monotonic() < deadline, f"ros2 {' '.join(words)} does not say '{text}': {said}"
         return said
@@ -105,7 +105,7 @@ class Terminal:
         return self.path.read_text(errors="replace")
 
     def waits_for(self, text: str) -> None:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT
         while text not in self.said():
             assert time.monotonic() < deadline and self.process.poll() is None, f"not said: '{text}'\n{self.said()}"
             time.sleep(0.05)
@@ -129,12 +129,12 @@ def build(user: User, colcon: str) -> None:
     for options in ([], ["--symlink-install"]):
         for name in ("build", "install", "log"):
             shutil.rmtree(user.folder / name, ignore_errors=True)
-        said = user.types(colcon, "build", *options, "--packages-select", "shake_ros", patience=300.0)
+        said = user.types(colcon, "build", *options, "--packages-select", "shake_ros", timeout=300.0)
         assert "1 package finished" in said, said
         for name in NODES:
             assert os.access(user.folder / "install" / "shake_ros" / "lib" / "shake_ros" / name, os.X_OK), name
     found = user.types(
-        colcon, "test", "--packages-select", "shake_ros", "--pytest-args", "test/test_packaging.py", patience=300.0
+        colcon, "test", "--packages-select", "shake_ros", "--pytest-args", "test/test_packaging.py", timeout=300.0
     )
     assert "1 package finished" in found, found
     result = user.types(colcon, "test-result", "--verbose")

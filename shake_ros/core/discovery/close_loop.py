@@ -12,16 +12,16 @@ from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fit
 from shake_ros.core.discovery.forward_selection import forward_selection, listened, recentred
 from shake_ros.core.discovery.given_answer import GivenAnswer, selection_of
 from shake_ros.core.discovery.latent_force import LatentForce, latent_forces
-from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, patiently
+from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, unstopped
 from shake_ros.core.discovery.remaining import UNKNOWN, Remaining, remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.standing import EffectStanding, judged
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.haste import in_haste, never
 from shake_ros.core.identification.knowledge import own_null_shifts
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
+from shake_ros.core.identification.time_budget import never, within_budget
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def close_loop(
     validation: Sequence[Record],
     settings: SearchSettings,
     progress: Progress,
-    overdue: Callable[[], bool] = never,
+    deadline_passed: Callable[[], bool] = never,
     failures: Failures = RAISING,
     given: GivenAnswer | None = None,
 ) -> LoopClosure:
@@ -72,21 +72,21 @@ def close_loop(
     estimation, validation : recordings that are fitted, and others that judge what is added.
     settings : thresholds of the search. progress : called with a text and the part done, 0 … 1; where it
         raises `Stopped`, the search ends with what it has.
-    overdue : whether what follows the search is to end as well; asked within its fits.
+    deadline_passed : whether what follows the search is to end as well; asked within its fits.
     failures : takes the errors of what comes after the fit of the declared model; the rest is done without it.
     given : what another search has found, which takes the place of this one.
     """
-    problem = SearchProblem.of(model, estimation, validation, settings, patiently(progress))
+    problem = SearchProblem.of(model, estimation, validation, settings, unstopped(progress))
     if given is not None:
-        with in_haste(overdue):
+        with within_budget(deadline_passed):
             return _concluded(problem, selection_of(problem, model, given), model, estimation, failures)
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
-    patient = problem.progress
+    reported = problem.progress
     problem, selection = forward_selection(replace(problem, progress=progress), declared, model, failures)
     with failures.step("search beside process noise"):
         problem, selection = listened(problem, selection, replace(model, shown=()))
-    with in_haste(overdue):  # how sure each effect is, is judged by fits that have ended, as long as there is time
-        return _concluded(replace(problem, progress=patient), selection, model, estimation, failures)
+    with within_budget(deadline_passed):  # the verdicts come from fits that have ended, as long as there is time
+        return _concluded(replace(problem, progress=reported), selection, model, estimation, failures)
 
 
 def _concluded(

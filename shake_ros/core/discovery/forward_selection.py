@@ -35,8 +35,8 @@ from shake_ros.core.discovery.unlisted_functions import (
 )
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.haste import hurried
 from shake_ros.core.identification.knowledge import without_null_shifts
+from shake_ros.core.identification.time_budget import time_is_over
 
 
 def forward_selection(
@@ -121,7 +121,7 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
             yield found
             continue
         listed = step is not None and step.chosen.candidate.effect != UNLISTED
-        if step is None or (listed and not hurried()):
+        if step is None or (listed and not time_is_over()):
             step, functions = or_function(problem, current, step, ranking, None if improved else functions)
             if step is not None and step.chosen.candidate.effect == UNLISTED:
                 step = refined_function(problem, step)
@@ -192,17 +192,17 @@ def forward_step(
             if function:
                 return function, ranking, current, functions
         refits = refit(problem, screening, effects, ranking, current)
-        patient = problem.patient()
-        converged, others = converge(patient, current, refits)
+        unstopped = problem.unstopped()
+        converged, others = converge(unstopped, current, refits)
         ranking = (*ranked(converged), *ranked(others))  # a fit to pieces is no answer, however well it scores
         if improves(ranking[0].result, current, settings, tried):
             break
     else:
         return None, ranking, current, functions
-    current = reconverged(patient, current, ranking[0])
+    current = reconverged(unstopped, current, ranking[0])
     if not improves(ranking[0].result, current, settings, tried):
         return None, ranking, current, functions
-    ranking = (*ranked(refined(patient, converged)), *ranked(others))
+    ranking = (*ranked(refined(unstopped, converged)), *ranked(others))
     step = decide(ranking, screening.trials, settings, problem.validation.noise_cost())
     return step, step.ranking, current, functions
 

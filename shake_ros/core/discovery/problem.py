@@ -55,17 +55,17 @@ class ModelStructure:
 
 
 class Stopped(Exception):
-    """A search is to end with what it has found; whoever is told of its progress may raise it."""
+    """A search is to end with what it has found; whoever receives its progress may raise it."""
 
 
-def patiently(progress: Progress) -> Progress:
+def unstopped(progress: Progress) -> Progress:
     """Progress of what is done to its end even where the search is to stop."""
 
-    def tell(text: str, part: float) -> None:
+    def report(text: str, part: float) -> None:
         with contextlib.suppress(Stopped):
             progress(text, part)
 
-    return tell
+    return report
 
 
 def side_by_side(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
@@ -243,9 +243,9 @@ class SearchProblem:
     def _validation_residuals(self, result: Fit) -> np.ndarray:
         return np.nan_to_num(self.validation.residuals(self.validation.centred(result.vector)[None, :])[0], nan=LOST)
 
-    def patient(self) -> SearchProblem:
+    def unstopped(self) -> SearchProblem:
         """The same for what is done to its end even where the search is to stop."""
-        return replace(self, progress=patiently(self.progress))
+        return replace(self, progress=unstopped(self.progress))
 
     def seen(self, knowledge: Knowledge) -> SearchProblem:
         """The problem with what a model has told of the recordings."""

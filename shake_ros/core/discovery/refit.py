@@ -16,7 +16,7 @@ from shake_ros.core.identification.approach import Approach
 from shake_ros.core.identification.by_bands import from_slow_to_fast
 from shake_ros.core.identification.fit import Fit, Problem
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.haste import hurried
+from shake_ros.core.identification.time_budget import time_is_over
 
 MOST_TRIALS = 7  # of an effect, the most promising first, from which a refit may start
 MUCH_BETTER = 0.5  # of a score that was told, from which the same effect is told of again
@@ -66,14 +66,14 @@ def refit(
 ) -> tuple[Refit, ...]:
     """Effects refitted on pieces of the recordings, the best of these and of those known on all; the best first.
 
-    Once all have begun a search that is to stop has an answer there, so the step goes on, in haste.
+    Once all have begun a search that is to stop has an answer there, so the step goes on, with fits that end early.
 
     current : the model without them; which of them leads against it is told on the way.
     """
     settings = problem.settings
     most, tolerance = settings.continued_evaluations, settings.continued_tolerance
     refits = list(ranked(known, first_refits(problem, screening, effects, current)))
-    problem = problem.patient()
+    problem = problem.unstopped()
     first = refits[0]
     tell_of(problem, first, current)
     problem.progress(f"improving the fit with {first.candidate.effect}", 0.6)
@@ -134,8 +134,8 @@ def short_refits(problem: SearchProblem, screening: Screening, effects: list[str
     for first in side_by_side(lambda e: begun(problem, screening, e, most, tolerance), effects):
         on_way.append(first)
         problem.progress(f"first fit with {first.trial.candidate.effect}", 0.1 + 0.25 * len(on_way) / len(effects))
-    problem = problem.patient()
-    if all(problem.far(each.way) for each in on_way) and not hurried():
+    problem = problem.unstopped()
+    if all(problem.far(each.way) for each in on_way) and not time_is_over():
         on_way = [sought(problem, each, most, tolerance) for each in on_way]
     bound = settings.hopeless * min(each.way.drawn_cost for each in on_way)
 

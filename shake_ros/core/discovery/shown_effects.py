@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, improves
 from shake_ros.core.discovery.elimination import without
-from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, Stopped, patiently
+from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, Stopped, unstopped
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.free_parameters import FreeParameters, is_of_recording
 from shake_ros.core.identification.joint_start import loss
@@ -28,7 +28,7 @@ def shown_steps(problem: SearchProblem, model: ModelStructure, declared: ScoredF
     own = [p for c in left for p in c.free]
     free = FreeParameters(model.table, [*model.free, *own])  # a table that lacks them, so that each can be taken out
     start = free.x_of({p.name: model.fitted.value(p.name) for p in (*model.free, *own) if not is_of_recording(p.name)})
-    patiently(problem.progress)(f"with {' and '.join(c.effect for c in left)}", 0.0)
+    unstopped(problem.progress)(f"with {' and '.join(c.effect for c in left)}", 0.0)
     final = problem.fitted(free, start, settings.converging_evaluations, settings.converged)
     while left:
         try:

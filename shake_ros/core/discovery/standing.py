@@ -13,8 +13,8 @@ Where much remains, a combination with something else may replace what was found
 something that is missing. Such effects are candidates, not findings. An effect by which the sensors differ is none of
 them for what remains: whatever else is missing moves the table, and the table moves both sensors.
 
-A fit without an effect that had to end early leaves at least what it would have left at its end. So in haste (haste.py)
-an effect may still turn out to be needless, but none is established.
+A fit without an effect that had to end early leaves at least what it would have left at its end. So when the time
+budget is over an effect may still turn out to be needless, but none is established.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from shake_ros.core.discovery.elimination import without
 from shake_ros.core.discovery.exchange import in_its_place, rivals
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
 from shake_ros.core.discovery.selection import Selection
-from shake_ros.core.identification.haste import hurried
+from shake_ros.core.identification.time_budget import time_is_over
 from shake_ros.core.identification.uncertainty import at_bound
 
 ESTABLISHED, LIKELY, ONE_OF_THESE, NOT_ESTABLISHED = "established", "likely", "one of these", "not established"
@@ -61,7 +61,7 @@ def own_bounds(final: ScoredFit, step: ForwardStep) -> tuple[str, ...]:
 
 def alternatives(problem: SearchProblem, found: Selection, step: ForwardStep) -> tuple[str, ...]:
     """Effects that could stand for a step's in the final model; for the last step the search has told already."""
-    if step is found.steps[-1] or hurried():
+    if step is found.steps[-1] or time_is_over():
         return step.alternatives
     settings, noise = problem.settings, problem.validation.noise_cost()
     near = rivals(found.steps, step, settings.rival, settings.most_continued)
@@ -85,7 +85,7 @@ def standing(
     small = reduced.validation_cost - final.validation_cost < settings.worth_of_likely * unexplained
     near = final.validation_cost <= settings.near_noise**2 * noise
     others = alternatives(problem, found, step)
-    early = hurried()
+    early = time_is_over()
     if candidate.strength.name in bounds:
         state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
     elif not improves(final, reduced, settings):

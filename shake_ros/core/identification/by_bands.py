@@ -17,8 +17,8 @@ import numpy as np
 
 from shake_ros.core.identification.fit import Problem, costs, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.haste import hurried
 from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.time_budget import time_is_over
 
 
 class Band(NamedTuple):
@@ -60,15 +60,15 @@ def from_slow_to_fast(
     ----------
     starts : values of the free parameters, shape (p,) each. own : names of those that are tried one by one, the least
     known first, three at most. most : half the sum of squares that is of use; the way ends after a band that leaves
-    FALL times as much. In haste (haste.py) it ends where it is.
+    FALL times as much. When the time budget is over it ends where it is.
     """
     x = _best(slow(problem), free, np.array(starts))
     for band in BANDS:
-        if hurried():
+        if time_is_over():
             break
         heard = problem.below(band.below, band.difference)
         x = _fitted(heard, band, free, x, own)
-        if hurried() or costs(heard, free, x)[0] > FALL * most:  # all that rings comes on top
+        if time_is_over() or costs(heard, free, x)[0] > FALL * most:  # all that rings comes on top
             break
         x = _tried(problem, band, free, x, own)
         if costs(problem, free, x)[0] > FALL * most:

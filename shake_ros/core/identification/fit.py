@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.haste import hurried
+from shake_ros.core.identification.time_budget import time_is_over
 from shake_ros.core.plant.parameters import TableParameters
 
 DIFFERENCE = 2e-3  # difference step as a part of a parameter's scale or of its value, whichever is larger
@@ -101,7 +101,7 @@ def left_beside(jacobian: np.ndarray, residuals: np.ndarray) -> np.ndarray:
     return np.asarray(residuals - q @ (q.T @ residuals))
 
 
-class HurriedError(Exception):
+class TimeOverError(Exception):
     """A fit is to end where it is."""
 
 
@@ -136,8 +136,8 @@ class KeptJacobian:
         return self._last[1]
 
     def _go_on(self) -> None:
-        if self.taken and hurried():
-            raise HurriedError
+        if self.taken and time_is_over():
+            raise TimeOverError
 
     def forget(self) -> None:
         """Take the next Jacobian anew."""
@@ -171,12 +171,12 @@ def fit(
     Parameters
     ----------
     evaluations : most Jacobians that are simulated, or trial points where each has its own. tolerance : relative change
-        of the cost and of x at which it stops. In haste (haste.py) it ends at the best that it has met.
+        of the cost and of x at which it stops. When the time budget is over it ends at the best that it has met.
     """
     derivative = KeptJacobian(problem, free)
     try:
         return _fit(derivative, free, start, evaluations, tolerance)
-    except HurriedError:
+    except TimeOverError:
         cost, x, r = derivative.best
         return Fit(free, x, r, derivative.new, cost, derivative.simulated)
 

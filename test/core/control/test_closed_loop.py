@@ -153,7 +153,7 @@ def test_virtual_table_follows_the_reference_through_a_dead_band(
     assert error[2] < 0.06
 
 
-def test_feedforward_does_not_hurry_through_the_play_of_a_joint(declared: TableParameters, earthquake: Program) -> None:
+def test_feedforward_goes_slowly_through_backlash(declared: TableParameters, earthquake: Program) -> None:
     worn = declared.with_values({"effects.coupling_backlash.gap": 1.4e-4, "effects.coupling_backlash.stiffness": 3e8})
     wanted = np.array([earthquake.at(k) for k in range(300)])
     commands = [VirtualTable(table, DT, 100.0, 0.002, 1.0).follow(wanted)[0] for table in (declared, worn)]

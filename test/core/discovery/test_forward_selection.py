@@ -11,7 +11,7 @@ from closed_loops import DEAD_BAND, LEAN, declared_fit, named, problem_of, recor
 
 from shake_ros.core.discovery import forward_selection as forward
 from shake_ros.core.discovery.problem import ModelStructure, Stopped
-from shake_ros.core.identification.haste import in_haste
+from shake_ros.core.identification.time_budget import within_budget
 from shake_ros.core.identification.uncertainty import estimates
 from shake_ros.declared import effect_candidates
 from shake_ros.settings import load_table
@@ -109,7 +109,7 @@ def test_step_whose_effects_have_begun_is_taken_though_the_time_is_over() -> Non
     problem = problem_of(learn.records, [recording(case, 2, "hold")])
     known = tuple(c for c in effect_candidates() if c.effect == case)
     structure = ModelStructure(load_table("bergamo"), (), candidates=known)
-    with in_haste(lambda: over):
+    with within_budget(lambda: over):
         _, found = forward.forward_selection(replace(problem, progress=ending), declared, structure)
     assert found.stopped
     assert [s.chosen.candidate.effect for s in found.steps] == [case]

@@ -67,7 +67,7 @@ def tried(monkeypatch: pytest.MonkeyPatch, function: float, moved: float, *, pro
         progress=lambda text, part: said.append(text),
         at_noise=lambda m: m.validation_cost < 1.05,
         validation=SimpleNamespace(noise_cost=lambda: 1.0),
-        patient=lambda: problem,
+        unstopped=lambda: problem,
     )
     step, _, _, functions = forward.forward_step(cast("SearchProblem", problem), scored(1000.0), ())
     return Case(refits, step, functions, said)

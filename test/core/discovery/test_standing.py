@@ -9,7 +9,7 @@ from linear_effects import FIRST, NOISE, SECOND, Hidden, fitted, problem_of, ste
 from shake_ros.core.discovery.problem import SearchProblem
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.standing import ESTABLISHED, LIKELY, EffectStanding, judged
-from shake_ros.core.identification.haste import in_haste
+from shake_ros.core.identification.time_budget import within_budget
 
 
 class Unexplained(Hidden):
@@ -29,7 +29,7 @@ def standings(hidden: Hidden, *, late: bool = False) -> tuple[dict[str, EffectSt
     """How each effect stands that stays, and those that leave the model; late: the time is over."""
     problem = problem_of(hidden)
     found = found_in(problem)
-    with in_haste(lambda: late):
+    with within_budget(lambda: late):
         kept, told, doubtful = judged(problem, found)
     assert [s.chosen.candidate.effect for s in kept.steps] == [s.effect for s in told]
     return {s.effect: s for s in told}, tuple(s.effect for s in doubtful)

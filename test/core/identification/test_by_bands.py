@@ -11,9 +11,9 @@ from shake_ros.core.identification import by_bands
 from shake_ros.core.identification.by_bands import FALL, FRICTION, from_slow_to_fast
 from shake_ros.core.identification.fit import Fit, costs, fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
-from shake_ros.core.identification.haste import in_haste
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.time_budget import within_budget
 from shake_ros.core.identification.velocity_filter import low_pass
 from shake_ros.core.plant.parameters import INDEX
 from shake_ros.core.plant.simulation import run
@@ -106,11 +106,11 @@ def test_the_slow_part_leaves_the_rod_s_mass_where_it_is(monkeypatch: pytest.Mon
     assert moved == [(GAP,), (GAP, ROD), (GAP, ROD)]
 
 
-def test_in_haste_the_best_start_is_taken_as_it_is() -> None:
+def test_when_the_time_is_over_the_best_start_is_taken_as_it_is() -> None:
     free = free_ones()
     problem: Any = Ringing()
     starts = [free.x_of({GAP: gap}) for gap in (2e-5, 1.2e-4, 4e-4)]
-    with in_haste(lambda: True):
+    with within_budget(lambda: True):
         found = from_slow_to_fast(problem, free, starts, [ROD, GAP])
     assert found.tolist() == starts[1].tolist()
 

@@ -1,4 +1,4 @@
-"""A fit in haste ends at the best that it has met, in the context that is in haste alone."""
+"""A fit whose time budget is over ends at the best that it has met, in the context of that budget alone."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from shake_ros.core.discovery.problem import side_by_side
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.haste import hurried, in_haste, never
+from shake_ros.core.identification.time_budget import never, time_is_over, within_budget
 from shake_ros.settings import load_table
 
 TABLE = load_table("bergamo")
@@ -30,11 +30,11 @@ def fitted() -> Fit:
     return fit(Valley(), FREE, np.array([4.0]), tolerance=1e-10)
 
 
-def test_a_fit_in_haste_ends_at_the_best_that_it_has_met() -> None:
+def test_a_fit_whose_time_is_over_ends_at_the_best_that_it_has_met() -> None:
     whole = fitted()
     assert whole.x[0] == pytest.approx(50.0, abs=1e-3)
     asked = count()
-    with in_haste(lambda: next(asked) >= 2):
+    with within_budget(lambda: next(asked) >= 2):
         cut = fitted()
     assert cut.evaluations < whole.evaluations
     assert whole.cost < cut.cost < 0.5 * float(np.sum(Valley().residuals(FREE.vectors(np.array([4.0]))) ** 2))
@@ -42,19 +42,19 @@ def test_a_fit_in_haste_ends_at_the_best_that_it_has_met() -> None:
 
 
 def test_a_fit_that_has_just_begun_still_takes_one_jacobian() -> None:
-    with in_haste(lambda: True):
+    with within_budget(lambda: True):
         found = fitted()
     assert found.x[0] == pytest.approx(4.0)
     assert found.jacobian.shape == (2, 1) and np.all(found.jacobian != 0.0)
 
 
-def test_haste_is_that_of_a_context_and_goes_along_to_what_is_done_side_by_side() -> None:
+def test_a_time_budget_belongs_to_a_context_and_holds_for_what_is_done_side_by_side() -> None:
     elsewhere = list[bool]()
-    with in_haste(lambda: True):
-        assert list(side_by_side(lambda _: hurried(), range(4))) == [True] * 4
-        thread = Thread(target=lambda: elsewhere.append(hurried()))
+    with within_budget(lambda: True):
+        assert list(side_by_side(lambda _: time_is_over(), range(4))) == [True] * 4
+        thread = Thread(target=lambda: elsewhere.append(time_is_over()))
         thread.start()
         thread.join()
-        with in_haste(never):
-            assert not hurried()
-    assert elsewhere == [False] and not hurried()
+        with within_budget(never):
+            assert not time_is_over()
+    assert elsewhere == [False] and not time_is_over()
