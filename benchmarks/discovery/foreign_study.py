@@ -46,7 +46,7 @@ def measure(seed: int, seconds: float, minutes: float, most: int = max(foreign.C
         ],
         "named": list(named),
         "alternatives": [list(e.alternatives) for e in found.effects],
-        "worth": [s.worth for s in found.closed.standings],
+        "worth": [s.worth for s in found.closed.verdicts],
         "left_out": [{"effect": c.effect, "worth": c.worth, "reason": c.reason} for c in found.closed.candidates],
         "wrong_names": sum(name not in case.effects for name in named),
         "false_alarm": None if case.effects else bool(named),

@@ -255,7 +255,7 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
             stretch.drive,
             stretch.position,
             None if dead else stretch.acceleration,
-            standing=float(stretch.drive[0]) if stretch.first or recording.time[0] > 0.0 else 0.0,
+            command_before=float(stretch.drive[0]) if stretch.first or recording.time[0] > 0.0 else 0.0,
         )
         records.append(_without_unheard(record, stretch))
     if not np.ptp(recording.position[np.isfinite(recording.position)]):

@@ -17,7 +17,7 @@ from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.second_form import ChangeForm, LearntChange
-from shake_ros.core.discovery.standing import EffectStanding
+from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.failures import Failures
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.innovations import HORIZONS, RATES, Innovations
@@ -181,18 +181,18 @@ def _refit_json(refit: Refit) -> dict[str, Any]:
     }
 
 
-def _standing_json(standing: EffectStanding) -> dict[str, Any]:
+def _verdict_json(verdict: EffectVerdict) -> dict[str, Any]:
     return {
-        "state": standing.state,
-        "reason": standing.reason,
-        "worth": standing.worth,
-        "at_bound": list(standing.bounds),
+        "state": verdict.state,
+        "reason": verdict.reason,
+        "worth": verdict.worth,
+        "at_bound": list(verdict.bounds),
     }
 
 
-def _candidate_json(standing: EffectStanding) -> dict[str, Any]:
-    named = {"effect": standing.effect, "place": standing.place, "alternatives": list(standing.alternatives)}
-    return named | _standing_json(standing)
+def _candidate_json(verdict: EffectVerdict) -> dict[str, Any]:
+    named = {"effect": verdict.effect, "place": verdict.place, "alternatives": list(verdict.alternatives)}
+    return named | _verdict_json(verdict)
 
 
 def function_json(function: LearntFunction) -> dict[str, Any]:
@@ -257,7 +257,7 @@ def _force_json(force: LatentForce) -> dict[str, Any]:
     }
 
 
-def _step_json(step: ForwardStep, model: FittedModel, standing: EffectStanding | None) -> dict[str, Any]:
+def _step_json(step: ForwardStep, model: FittedModel, verdict: EffectVerdict | None) -> dict[str, Any]:
     own = {f.name for f in step.chosen.candidate.free}
     best, second = step.chosen, step.ranking[1] if len(step.ranking) > 1 else None
     least = best.result.validation_cost
@@ -270,8 +270,8 @@ def _step_json(step: ForwardStep, model: FittedModel, standing: EffectStanding |
         why += f", next {second.candidate.effect} with {next_least:.3g}"
     return {
         "effect": best.candidate.effect,
-        "alternatives": list(standing.alternatives if standing else step.alternatives),
-        **(_standing_json(standing) if standing else {}),
+        "alternatives": list(verdict.alternatives if verdict else step.alternatives),
+        **(_verdict_json(verdict) if verdict else {}),
         "place": best.candidate.place,
         "depends_on": list(best.candidate.depends_on),
         "parameters": parameters_json([p for p in model.parameters if p.name in own]),
@@ -300,8 +300,8 @@ def close_loop_json(
         "noise": result.noise,
         "baseline": model_json(result.baseline),
         "steps": [
-            _step_json(step, model, standing)
-            for step, model, standing in zip_longest(result.search.steps, result.models, result.standings)
+            _step_json(step, model, verdict)
+            for step, model, verdict in zip_longest(result.search.steps, result.models, result.verdicts)
         ],
         "final": model_json(result.final),
         "remaining": {

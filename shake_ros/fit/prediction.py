@@ -136,7 +136,7 @@ class Predictor:
         gains, whitening, out = np.zeros((n, size, 2)), np.zeros((n, 3)), np.zeros((n, 2))
         transition, sensing = np.zeros((n, size, size)), np.zeros((n, size, 2))
         path = kalman(
-            *(FULL_LAYOUT.alone(table)[0], s.commands, s.standing, s.measured(vector[TABLE]), numbers),
+            *(FULL_LAYOUT.alone(table)[0], s.commands, s.command_before, s.measured(vector[TABLE]), numbers),
             *(*deviations(table, s, self.levels, numbers), start_state(table, s), self.decay(s), s.dt, ROUGH, chain),
             *(gains, whitening, out, transition, sensing),
         )
@@ -210,7 +210,7 @@ class Predictor:
         out = np.empty((len(s.commands), 2))
         following = i > 0 and len(run.pace) > 0
         predict(
-            *(FULL_LAYOUT.alone(vector[:TABLE])[0], s.commands, s.standing, s.measured(vector[TABLE]), run.codes),
+            *(FULL_LAYOUT.alone(vector[:TABLE])[0], s.commands, s.command_before, s.measured(vector[TABLE]), run.codes),
             *(run.gains, start_state(vector[:TABLE], s), self.decay(s), s.dt, TOLERANCE),
             *(chain_of(vector, s.dt), run.pace, following, out),
         )

@@ -24,7 +24,7 @@ class Segment:
 
     Attributes
     ----------
-    name : of the recording. run : its number. dt : [s]. commands : [-]. standing : command before the first one [-].
+    name : of the recording. run : its number. dt : [s]. commands : [-]. command_before : before the first one [-].
     position : [m]. acceleration : [m/s²], NaN where it was not measured. velocity : at the first sample [m/s].
     begin : time of the first sample since the recording's start [s].
     noise : standard deviation of the sensors' noise of position [m] and acceleration [m/s²].
@@ -34,7 +34,7 @@ class Segment:
     run: int
     dt: float
     commands: Array
-    standing: float
+    command_before: float
     position: Array
     acceleration: Array
     velocity: float
@@ -56,7 +56,7 @@ class Segment:
             record.run,
             record.sample_time,
             np.ascontiguousarray(record.commands, dtype=float),
-            record.standing,
+            record.command_before,
             np.ascontiguousarray(record.position, dtype=float),
             felt,
             float(record.velocity[0]),

@@ -122,7 +122,7 @@ def lacking(
     with Progress("close_loop on the runs", progress) as bar:
         found = closing.close_loop(
             model_structure(model), runs[:1], runs[-1:], settings or search_settings(), bar
-        ).standings
+        ).verdicts
     if not found:
         return (
             "close_loop on the runs finds nothing missing from the model: the gains do not suit this table; ./shake "

@@ -15,7 +15,7 @@ from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.standing import EffectStanding
+from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.diagnosis import Diagnosis
@@ -46,9 +46,9 @@ from shake_ros.report.text import (
     largest_force,
     percent,
     sentence,
-    standing_lines,
     told_force,
     unit_of,
+    verdict_lines,
     why_nothing,
 )
 
@@ -273,11 +273,11 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
     page.cards(cards)
     if not steps and not result.candidates:
         page.paragraph(f"Nothing is added: {why_nothing(result)}.")
-    for step, model, standing in zip_longest(steps, result.models, result.standings):
-        said = _sentences(standing) if standing else []
-        page.paragraph(" ".join([step_text(step, model, standing, result.function), *said]))
-    for doubtful in result.candidates:
-        page.paragraph(" ".join([f"Not added: {doubtful.effect} ({doubtful.place}).", *_sentences(doubtful)]))
+    for step, model, verdict in zip_longest(steps, result.models, result.verdicts):
+        said = _sentences(verdict) if verdict else []
+        page.paragraph(" ".join([step_text(step, model, verdict, result.function), *said]))
+    for candidate in result.candidates:
+        page.paragraph(" ".join([f"Not added: {candidate.effect} ({candidate.place}).", *_sentences(candidate)]))
     if result.with_candidates:
         page.paragraph(_if_added(result))
     if result.search.stopped:
@@ -293,14 +293,14 @@ def _if_added(result: LoopClosure) -> str:
     return f"With {what} in the model the error of {' and '.join(channels)} on validation data would be {left}."
 
 
-def _sentences(standing: EffectStanding) -> list[str]:
-    return [sentence(line.strip()) for line in standing_lines(standing)]
+def _sentences(verdict: EffectVerdict) -> list[str]:
+    return [sentence(line.strip()) for line in verdict_lines(verdict)]
 
 
 def step_text(
     step: ForwardStep,
     model: FittedModel,
-    standing: EffectStanding | None = None,
+    verdict: EffectVerdict | None = None,
     function: LearntFunction | None = None,
 ) -> str:
     """An added effect with its values, and what could replace it, in the final model if there is a verdict."""
@@ -311,7 +311,7 @@ def step_text(
         for p in model.parameters
         if p.name in own and chosen.effect != "unlisted"
     ]
-    others, refitted = standing.alternatives if standing else step.alternatives, len(step.ranking) - 1
+    others, refitted = verdict.alternatives if verdict else step.alternatives, len(step.ranking) - 1
     if others:
         sure = f"These recordings cannot distinguish it from {', '.join(others)}."
     elif refitted:

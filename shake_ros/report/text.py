@@ -11,7 +11,7 @@ from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.declared_fit import Errors, FittedModel
 from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.second_form import LearntChange
-from shake_ros.core.discovery.standing import EffectStanding
+from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.predictability import verdict
@@ -193,10 +193,10 @@ def told_force(forces: Sequence[LatentForce]) -> str:
     return f"the force that the model lacks: {size}; it {force.kinds.text}{left}"
 
 
-def standing_lines(standing: EffectStanding) -> list[str]:
+def verdict_lines(verdict: EffectVerdict) -> list[str]:
     """State of an effect with its worth and what rests on a bound."""
-    lines = [f"  {standing.state}: {standing.reason}; without it the error is {standing.worth:.2f} times as large"]
-    return lines + [f"  {name} rests on a bound: something else is missing" for name in standing.bounds]
+    lines = [f"  {verdict.state}: {verdict.reason}; without it the error is {verdict.worth:.2f} times as large"]
+    return lines + [f"  {name} rests on a bound: something else is missing" for name in verdict.bounds]
 
 
 def why_nothing(result: LoopClosure) -> str:
@@ -211,11 +211,11 @@ def why_nothing(result: LoopClosure) -> str:
 def close_loop_lines(result: LoopClosure) -> list[str]:
     """Baseline, steps, final and what remains."""
     lines = error_lines(result.baseline, "declared model, error of the free run")
-    for step, model, standing in zip_longest(result.search.steps, result.models, result.standings):
-        best, others = step.chosen.candidate, standing.alternatives if standing else step.alternatives
+    for step, model, concluded in zip_longest(result.search.steps, result.models, result.verdicts):
+        best, others = step.chosen.candidate, concluded.alternatives if concluded else step.alternatives
         also = f" (these recordings cannot distinguish it from {', '.join(others)})" if others else ""
         lines += ["", f"added: {best.effect} ({best.place}){also}"]
-        lines += standing_lines(standing) if standing else []
+        lines += verdict_lines(concluded) if concluded else []
         own = {f.name for f in best.free}
         lines += parameter_lines([p for p in model.parameters if p.name in own])
         lines += error_lines(model)
@@ -226,9 +226,9 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
     lines += [told_force(result.forces)] if result.forces else []
     if result.search.stopped:
         lines.append("the search was ended early; this is the best answer so far")
-    for doubtful in result.candidates:
-        lines.append(f"not added: {doubtful.effect} ({doubtful.place})")
-        lines += standing_lines(doubtful)
+    for candidate in result.candidates:
+        lines.append(f"not added: {candidate.effect} ({candidate.place})")
+        lines += verdict_lines(candidate)
     if result.with_candidates:
         return [
             *lines,

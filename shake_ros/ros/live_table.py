@@ -161,7 +161,7 @@ LOOK = 6.0  # for a graph [s]
 WHOLE = 15.0  # for all of its nodes, once one has reported [s]
 STARTING = 60.0  # of the hydraulics, and of a stop in order [s]
 SAYING = 1.0  # from the report of a hold to its words [s]
-STANDING = 20.0  # the reference does not advance for so long: the graph stands [s]
+STALLED = 20.0  # the reference does not advance for so long: the graph stands [s]
 STARTS = "starting", "waiting for the first command"
 GENERATOR = "reference_generator"
 NEEDED = GENERATOR, "observer", "controller"
@@ -286,8 +286,8 @@ class GraphTable:
                 held = "; ".join(graph.trips[trips:]) or graph.report(self.table).message
             if (now := graph.report(GENERATOR).values.get("sample")) != place:
                 place, moved = now, time.monotonic()
-            elif time.monotonic() - moved > STANDING:
-                raise ShakeError(f"the graph has stopped: no sample for {STANDING:g} s")
+            elif time.monotonic() - moved > STALLED:
+                raise ShakeError(f"the graph has stopped: no sample for {STALLED:g} s")
         end = int(graph.report(GENERATOR).values["sample"])
         graph.set(GENERATOR, {"play": False})
         self._wait_for(recorder, end)
@@ -307,8 +307,8 @@ class GraphTable:
                 return False
             return int(report.values.get("recorded_to_ns", 0)) >= needed
 
-        if not graph.until(there, STANDING):
-            raise ShakeError(f"{name} is more than {STANDING:g} s behind the table")
+        if not graph.until(there, STALLED):
+            raise ShakeError(f"{name} is more than {STALLED:g} s behind the table")
 
     def carry(self, observer: Path, controller: Path) -> None:
         """See `LiveTable`."""

@@ -24,7 +24,6 @@ from shake_ros.core.discovery.problem import SearchProblem, linearised
 from shake_ros.core.discovery.refined_nodes import refined_function
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.selection import Selection
-from shake_ros.core.discovery.standing import EffectStanding, standing
 from shake_ros.core.discovery.unlisted_functions import (
     KINDS,
     NODE_NAMES,
@@ -40,6 +39,7 @@ from shake_ros.core.discovery.unlisted_functions import (
     ranges,
     screen_function,
 )
+from shake_ros.core.discovery.verdict import EffectVerdict, verdict_of
 from shake_ros.core.effects.unlisted import NODES
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.stages import StartingPoint
@@ -123,9 +123,9 @@ def search_for(kind: FunctionKind) -> Any:
 
 def kept(
     problem: SearchProblem, found: Selection, *_: object
-) -> tuple[Selection, tuple[EffectStanding, ...], tuple[()]]:
+) -> tuple[Selection, tuple[EffectVerdict, ...], tuple[()]]:
     """How sure the function is; it stays in any case."""
-    return found, tuple(standing(problem, found, step)[0] for step in found.steps), ()
+    return found, tuple(verdict_of(problem, found, step)[0] for step in found.steps), ()
 
 
 @pytest.mark.parametrize(("model", "kind"), CASES)
@@ -133,7 +133,7 @@ def test_unlisted_effect_ends_in_a_whole_report(
     model: str, kind: FunctionKind, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(closing, "forward_selection", search_for(kind))
-    monkeypatch.setattr(closing, "judged", kept)
+    monkeypatch.setattr(closing, "with_verdicts", kept)
     monkeypatch.setattr(tune_table, "neighbours", lambda table, *_: [table])
     monkeypatch.setattr(tune_table, "read_yaml", lambda path: {**read_yaml(path), "reference": "pulse"})
     monkeypatch.setattr(

@@ -28,7 +28,7 @@ from shake_ros.settings import load_table
 STEPS: list[tuple[ModuleType, str, str]] = [
     (forward, "stages", "search"),
     (closing, "listened", "search beside process noise"),
-    (closing, "judged", "judgement"),
+    (closing, "with_verdicts", "verdicts"),
     (closing, "centred", "final fit"),
     (closing, "passed_through", "errors"),
     (closing, "remaining", "what remains"),
@@ -43,7 +43,7 @@ STEPS: list[tuple[ModuleType, str, str]] = [
     (close_loop_page, "close_loop_page", "page"),
     (cli, "discovery_lines", "text"),
 ]
-FIRST = ("search", "judgement", "final fit", "diagnosis", "page", "text")  # the others are of the second tier
+FIRST = ("search", "verdicts", "final fit", "diagnosis", "page", "text")  # the others are of the second tier
 CASES = [pytest.param(*one, id=one[2], marks=[] if one[2] in FIRST else pytest.mark.second_tier) for one in STEPS]
 
 
@@ -116,7 +116,7 @@ def test_error_within_the_search_leaves_what_it_had_found(closed: Any, monkeypat
         raise KeyError("behind the first effect")
 
     monkeypatch.setattr(forward, "stages", stages)
-    monkeypatch.setattr(closing, "judged", lambda problem, found, _: (found, (), ()))
+    monkeypatch.setattr(closing, "with_verdicts", lambda problem, found, _: (found, (), ()))
     monkeypatch.setattr(verb, "tracking", lambda *_: None)
     code, said, out = closed()
     assert code == 1

@@ -16,7 +16,7 @@ from hidden_table import SAMPLE_TIME
 from pages import Reader, read_page
 
 from shake_ros.core.discovery.closed_form import LearntFunction, fitted_forms
-from shake_ros.core.discovery.standing import EffectStanding
+from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.report import charts_fit, text
@@ -281,9 +281,9 @@ def test_lines_of_the_terminal_hold_values_errors_and_alternatives() -> None:
     width = next(line for line in lines if "spool_deadband" in line)
     assert re.search(r"effects\.spool_deadband\.width +0\.0\d+ +[\d.e-]+ +[\d.e-]+  -$", width)
     assert "at bound" in text.parameter_lines([Estimate("x", 1.0, None, "N")])[1]
-    (standing,) = done.result.standings
-    standings = (dataclasses.replace(standing, alternatives=("slow_valve",)),)
-    told = "\n".join(text.close_loop_lines(dataclasses.replace(done.result, standings=standings)))
+    (verdict,) = done.result.verdicts
+    verdicts = (dataclasses.replace(verdict, alternatives=("slow_valve",)),)
+    told = "\n".join(text.close_loop_lines(dataclasses.replace(done.result, verdicts=verdicts)))
     assert "(these recordings cannot distinguish it from slow_valve)" in told
 
 
@@ -312,16 +312,16 @@ def test_function_without_a_name_is_told_by_what_it_depends_on_and_its_form() ->
 
 def test_what_is_not_established_is_not_called_nothing_missing_and_has_its_figures() -> None:
     found = command("nothing").result
-    doubtful = EffectStanding("coulomb_friction", "friction", "not established", 1.35, "worth little")
+    candidate = EffectVerdict("coulomb_friction", "friction", "not established", 1.35, "worth little")
     errors = {"held": {"velocity": 0.185, "acceleration": 0.251}}
     page = Page("a", "b")
-    found_section(page, dataclasses.replace(found, candidates=(doubtful,), with_candidates=errors), None)
+    found_section(page, dataclasses.replace(found, candidates=(candidate,), with_candidates=errors), None)
     words = read_page(page.render()).words
     assert "nothing established" in words
     assert "With it in the model the error of velocity and acceleration on validation data would be" in words
     assert "held 18.50 % and 25.10 %" in words
     velocity = {"held": {"velocity": 0.185}}
-    both = dataclasses.replace(found, candidates=(doubtful, doubtful), with_candidates=velocity)
+    both = dataclasses.replace(found, candidates=(candidate, candidate), with_candidates=velocity)
     page = Page("a", "b")
     found_section(page, both, None)
     words = read_page(page.render()).words

@@ -69,11 +69,11 @@ FLAT_RUN = 3  # neighbours at the extreme value, at least once
 FLAT_SHARE = 0.005  # of all samples that stand there, above which it is no chance
 
 
-def standing_at(values: NDArray[np.float64], extreme: float) -> NDArray[np.bool_]:
+def held_at(values: NDArray[np.float64], extreme: float) -> NDArray[np.bool_]:
     """Samples at an extreme value that a signal is clipped to, shape (n,); none where it only passes through.
 
     >>> wave = np.sin(np.arange(400) / 20.0)
-    >>> int(standing_at(np.clip(wave, -2.0, 0.5), 0.5).sum()), int(standing_at(wave, wave.max()).sum())
+    >>> int(held_at(np.clip(wave, -2.0, 0.5), 0.5).sum()), int(held_at(wave, wave.max()).sum())
     (138, 0)
     """
     at = np.asarray(values == extreme)
@@ -88,7 +88,7 @@ def clipped(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     low, high = float(np.min(values)), float(np.max(values))
     if low == high:
         return np.zeros(len(values), dtype=np.bool_)
-    return standing_at(values, low) | standing_at(values, high)
+    return held_at(values, low) | held_at(values, high)
 
 
 def restored(values: NDArray[np.float64], at: NDArray[np.bool_], like: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
-from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model, unjudged_model
+from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model, unassessed_model
 from shake_ros.core.discovery.forward_selection import forward_selection, listened, recentred
 from shake_ros.core.discovery.given_answer import GivenAnswer, selection_of
 from shake_ros.core.discovery.latent_force import LatentForce, latent_forces
@@ -16,7 +16,7 @@ from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchPro
 from shake_ros.core.discovery.remaining import UNKNOWN, Remaining, remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.discovery.selection import Selection
-from shake_ros.core.discovery.standing import EffectStanding, judged
+from shake_ros.core.discovery.verdict import EffectVerdict, with_verdicts
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.knowledge import own_null_shifts
@@ -28,7 +28,7 @@ from shake_ros.core.identification.time_budget import never, within_budget
 class LoopClosure:
     """Result of closing the loop: models before and after, the steps between them, what remains.
 
-    standings : how sure each step's effect is. candidates : effects that helped and are not established.
+    verdicts : on each step's effect. candidates : effects that helped and are not established.
     with_candidates : held-out errors of the model that has them too, as FittedModel.validation; empty without any.
     function : the one without a name, where it was needed. forces : that the final model lacks, by recording.
     unpredictable : mean square that process noise and sensor noise leave over that of sensor noise, where equal
@@ -41,8 +41,8 @@ class LoopClosure:
     remaining: Remaining
     noise: dict[str, float]
     model: DeclaredModel = FULL
-    standings: tuple[EffectStanding, ...] = ()
-    candidates: tuple[EffectStanding, ...] = ()
+    verdicts: tuple[EffectVerdict, ...] = ()
+    candidates: tuple[EffectVerdict, ...] = ()
     with_candidates: dict[str, dict[str, float]] = field(default_factory=dict)
     function: LearntFunction | None = None
     forces: tuple[LatentForce, ...] = ()
@@ -69,7 +69,7 @@ def close_loop(
     Parameters
     ----------
     model : declared model with its free parameters and the effects that it may lack.
-    estimation, validation : recordings that are fitted, and others that judge what is added.
+    estimation, validation : recordings that are fitted, and others by which what is added is accepted.
     settings : thresholds of the search. progress : called with a text and the part done, 0 … 1; where it
         raises `Stopped`, the search ends with what it has.
     deadline_passed : whether what follows the search is to end as well; asked within its fits.
@@ -96,12 +96,12 @@ def _concluded(
     estimation: Sequence[Record],
     failures: Failures,
 ) -> LoopClosure:
-    """How sure each effect is, and what the final model leaves."""
-    found, standings, doubtful = selection, tuple[EffectStanding, ...](), tuple[EffectStanding, ...]()
+    """The verdict on each effect, and what the final model leaves."""
+    found, verdicts, dropped = selection, tuple[EffectVerdict, ...](), tuple[EffectVerdict, ...]()
     tentative, rest, function, forces = dict[str, dict[str, float]](), UNKNOWN, None, tuple[LatentForce, ...]()
-    with failures.step("judgement"):
-        found, standings, doubtful = judged(problem, selection, model.between)
-        tentative = problem.validation.errors(selection.final.fit.vector) if doubtful else {}
+    with failures.step("verdicts"):
+        found, verdicts, dropped = with_verdicts(problem, selection, model.between)
+        tentative = problem.validation.errors(selection.final.fit.vector) if dropped else {}
     searched = problem.estimation.blocks()
     with failures.step("final fit"):
         if problem.fits_less_than(estimation):
@@ -110,7 +110,7 @@ def _concluded(
         found = found.on(lambda m: m, problem.heard) if problem.drawing > 0.0 else found
         problem, found = centred(problem, found)
     problem.progress("errors and remaining residual", 0.9)
-    models = tuple(unjudged_model(m.fit) for m in found.models)
+    models = tuple(unassessed_model(m.fit) for m in found.models)
     with failures.step("errors"):
         models = passed_through(problem, found, searched)
     with failures.step("what remains"):
@@ -120,9 +120,9 @@ def _concluded(
         forces = latent_forces(problem, models[-1].table)
     with failures.step("closed form"):
         function = learnt_function(problem, found.final)
-    told = standings, doubtful, tentative, function, forces, problem.estimation.unpredictable
+    concluded = verdicts, dropped, tentative, function, forces, problem.estimation.unpredictable
     noise = problem.estimation.noise()
-    return LoopClosure(models[0], models[1:], found, rest, noise, model.simulator, *told)
+    return LoopClosure(models[0], models[1:], found, rest, noise, model.simulator, *concluded)
 
 
 def centred(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:

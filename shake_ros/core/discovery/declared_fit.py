@@ -60,7 +60,7 @@ def fitted_model(
     )
 
 
-def unjudged_model(result: Fit) -> FittedModel:
+def unassessed_model(result: Fit) -> FittedModel:
     """Parameters without standard errors, where neither these nor errors of free runs could be computed."""
     values = (result.x * result.free.scale).tolist()
     own = [(f, value) for f, value in zip(result.free.free, values, strict=True) if not is_of_recording(f.name)]

@@ -12,7 +12,7 @@ FIRST, ROUGH = 10, 1e-2  # trial points and tolerance of the drawn and of the fr
 
 
 def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect) -> ScoredFit:
-    """The fit with an effect taken out and everything else refitted; remembered, since elimination and standing ask.
+    """The fit with an effect taken out and everything else refitted; remembered, since elimination and verdict ask.
 
     The model without it is the same wherever the current fit stands, so one that was far worse is not fitted again.
     """

@@ -1,4 +1,4 @@
-"""What another search has found, fitted to free runs and judged like a selection of this one.
+"""What another search has found, fitted to free runs and assessed like a selection of this one.
 
 A search over sets of effects (shake_ros.search) names them and gives values near the end of a fit; the models along the
 way, from the declared one to that with all effects, are fitted here from these values.

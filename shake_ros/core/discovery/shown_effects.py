@@ -33,7 +33,7 @@ def shown_steps(problem: SearchProblem, model: ModelStructure, declared: ScoredF
     while left:
         try:
             problem.progress("which of them are needed?", 1.0 - len(left) / shown)
-        except Stopped:  # how sure each is will be judged all the same
+        except Stopped:  # each has its verdict all the same
             return (*(ForwardStep(each, (each,)) for each in (Refit(c, final, 0.0) for c in left)), *reversed(steps))
         dropped, reduced = needed_least(problem, final, left) if len(left) > 1 else (left[0], declared)
         left.remove(dropped)

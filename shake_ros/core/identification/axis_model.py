@@ -77,7 +77,7 @@ class AxisModel(DeclaredModel):
     @staticmethod
     def _runs(vectors: np.ndarray, forces: np.ndarray, record: Record, track: np.ndarray) -> np.ndarray:
         start = initial_state(record.track[0], record.velocity[0], record.begin)
-        return run_batch(vectors, start, forces, record.sample_time, track, standing=record.standing)
+        return run_batch(vectors, start, forces, record.sample_time, track, force_before=record.command_before)
 
     def forces_left(self, table: TableParameters, record: Record) -> np.ndarray:
         """What a table leaves of the low-passed force along the measured motion, shape (n,) [N]."""
@@ -86,7 +86,7 @@ class AxisModel(DeclaredModel):
         expected = np.empty(len(v))
         series = np.ascontiguousarray(np.broadcast_to(forces, (1, len(v)))[0])
         p = AXIS_LAYOUT.records(vectors)[0]
-        accelerations(p, series, record.standing, v, record.track, record.begin, dt, expected)
+        accelerations(p, series, record.command_before, v, record.track, record.begin, dt, expected)
         return self.moved_mass(table) * low_pass(expected - np.gradient(v, dt), dt)
 
     def run_under(self, table: TableParameters, record: Record, forces: np.ndarray) -> np.ndarray:

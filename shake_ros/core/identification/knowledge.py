@@ -53,7 +53,7 @@ class Knowledge:
         if shift == record.shift:
             return known
         more = shift - record.shift
-        return replace(known, commands=known.commands + more, standing=known.standing + more, shift=shift)
+        return replace(known, commands=known.commands + more, command_before=known.command_before + more, shift=shift)
 
     def problem(self, problem: RecordingProblem) -> RecordingProblem:
         """A problem with its recordings as they are seen."""

@@ -46,8 +46,8 @@ def earlier(record: Record, time: float) -> Record:
     u = record.commands
     moved = (1.0 - part) * u + part * np.append(u[1:], u[-1])
     count = len(u) - whole
-    standing = float(moved[whole - 1]) if whole else record.standing
-    return replace(record.part(slice(0, count)), commands=moved[whole:], standing=standing)
+    command_before = float(moved[whole - 1]) if whole else record.command_before
+    return replace(record.part(slice(0, count)), commands=moved[whole:], command_before=command_before)
 
 
 def in_time(data: Prepared) -> Prepared:

@@ -169,7 +169,7 @@ def check_zero(records: Sequence[Record]) -> None:
 
 def per_unit(record: Record, scale: float) -> Record:
     """The recording with its command in parts of a full scale."""
-    return replace(record, commands=record.commands / scale, standing=record.standing / scale)
+    return replace(record, commands=record.commands / scale, command_before=record.command_before / scale)
 
 
 def standstill(record: Record) -> float:
@@ -247,7 +247,10 @@ def without_offsets(record: Record) -> tuple[Record, Nuisance]:
         bias = float(np.mean(acceleration) - (record.velocity[-1] - record.velocity[0]) / seconds)
         acceleration = acceleration - bias - wander
     moved = replace(
-        record, commands=record.commands + shift, acceleration=acceleration, standing=record.standing + shift
+        record,
+        commands=record.commands + shift,
+        acceleration=acceleration,
+        command_before=record.command_before + shift,
     )
     return moved, Nuisance(record.name, shift, bias, drift=float(np.ptp(wander)))
 

@@ -41,7 +41,7 @@ MODEL_FLOOR = 2e-3  # part of a channel's rms that counts as noise at least
 class Record:
     """One recording or a piece of it, all arrays of shape (n,), SI units; acceleration may be absent.
 
-    begin : time of the first sample since the recording's start [s]. standing : command before the first sample [-],
+    begin : time of the first sample since the recording's start [s]. command_before : before the first sample [-],
         null where the recording begins with the motion. moved : False of a command alone, at a place.
     delay : of the accelerometer [s], which has been taken out but for that of a filter. cutoff : of that filter [Hz];
         0: none. heard : samples whose acceleration was measured, shape (n,): not clipped, nor too late to be recorded;
@@ -57,7 +57,7 @@ class Record:
     position: np.ndarray
     acceleration: np.ndarray | None = None
     begin: float = 0.0
-    standing: float = 0.0
+    command_before: float = 0.0
     moved: bool = True
     delay: float = 0.0
     cutoff: float = 0.0
@@ -87,7 +87,7 @@ class Record:
             position=self.position[span],
             acceleration=None if self.acceleration is None else self.acceleration[span],
             begin=self.begin + first * self.sample_time,
-            standing=float(self.commands[first - 1]) if first else self.standing,
+            command_before=float(self.commands[first - 1]) if first else self.command_before,
             heard=None if self.heard is None else self.heard[span],
             own=(),
         )
@@ -103,7 +103,7 @@ class Record:
     def beginning(self) -> np.ndarray:
         """The motion before `start`, towards which a free run is drawn: a table that is recorded in the midst of a
         motion, or that rings, has pressures that follow from nothing else, shape (k, 2). Empty where the recording
-        begins at rest, whose state is known: the noise of the measured velocity would only break a standing contact.
+        begins at rest, whose state is known: the noise of the measured velocity would only break a resting contact.
         """
         return self.motion[: self.start] if self.moved and not self._begins_at_rest() else UNSEEN
 
@@ -307,7 +307,7 @@ class FullModel(DeclaredModel):
         out = run_batch(
             *(vectors, starts, record.commands, record.sample_time),
             track=record.track,
-            standing=record.standing,
+            command_before=record.command_before,
             measured=measured,
             injection=injection or DRAWN,
             cutoff=record.cutoff,
@@ -328,7 +328,7 @@ class FullModel(DeclaredModel):
             position=record.track,
             forces=forces,
             state=state,
-            standing=record.standing,
+            command_before=record.command_before,
             measured=record.beginning,
             injection=DRAWN,
             cutoff=record.cutoff,

@@ -26,9 +26,11 @@ class ReducedModel(DeclaredModel):
     candidates_file = "reduced_effects"
 
     def _runs(self, vectors: np.ndarray, record: Record) -> np.ndarray:
-        place, speed, standing = record.track[0], record.velocity[0], record.standing
-        starts = np.array([initial_state(v, place, speed, standing) for v in vectors])
-        return run_batch(vectors, starts, record.commands, record.sample_time, record.track, standing=standing)
+        place, speed, command_before = record.track[0], record.velocity[0], record.command_before
+        starts = np.array([initial_state(v, place, speed, command_before) for v in vectors])
+        return run_batch(
+            vectors, starts, record.commands, record.sample_time, record.track, command_before=command_before
+        )
 
     def simulate(self, vectors: np.ndarray, record: Record, _injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration for rows of parameters."""

@@ -96,7 +96,7 @@ def schedule_of(network: Network, free: FreeParameters, record: Record) -> tuple
 
 
 @njit
-def _simulate(rows, acting, commands, standing, track, y0, dt, tolerance, out):
+def _simulate(rows, acting, commands, command_before, track, y0, dt, tolerance, out):
     """As plant/integration.py:simulate, with the parameters of rows[acting[i]] during sample i."""
     y = y0.copy()
     work = workspace()
@@ -105,7 +105,7 @@ def _simulate(rows, acting, commands, standing, track, y0, dt, tolerance, out):
         p = rows[acting[i]]
         follow(p, y, track[i])
         outputs(p, y, acceleration, out[i])
-        late, timely, fraction = delayed(commands, i, p.command_delay_delay / dt, standing)
+        late, timely, fraction = delayed(commands, i, p.command_delay_delay / dt, command_before)
         acceleration = advance_sample(p, y, late, timely, fraction, 0.0, dt, work, False, tolerance)
 
 
@@ -117,5 +117,7 @@ def run_scheduled(network: Network, free: FreeParameters, record: Record) -> np.
     y0[VELOCITY] = record.velocity[0]
     out = np.empty((len(record.commands), OUTPUTS))
     commands = np.ascontiguousarray(record.commands, dtype=float)
-    _simulate(records(vectors), acting, commands, record.standing, record.track, y0, record.sample_time, SMOOTH, out)
+    _simulate(
+        records(vectors), acting, commands, record.command_before, record.track, y0, record.sample_time, SMOOTH, out
+    )
     return out

@@ -96,14 +96,14 @@ def hold(p, y, force, place, duration):
 
 
 @njit
-def simulate(p, forces, standing, track, y0, dt, out):
+def simulate(p, forces, force_before, track, y0, dt, out):
     """Free run under recorded forces.
 
     Parameters
     ----------
     p : parameter record.
     forces : shape (n,) [N].
-    standing : force that acts until the first one arrives [N].
+    force_before : force that acts until the first one arrives [N].
     track : measured position that position-dependent forces follow, shape (n,), or (0,) for the simulated one [m].
     y0 : first state, shape (STATES,).
     dt : [s].
@@ -117,7 +117,7 @@ def simulate(p, forces, standing, track, y0, dt, out):
         out[i, 1] = (y[POSITION] - y[SENSED]) / tau if tau > 1e-6 else y[VELOCITY]
         out[i, 2] = y[ACCELERATION]
         place = track[i] + y[POSITION] - y[SENSED] if track.shape[0] > 0 else y[POSITION]
-        late, timely, fraction = delayed(forces, i, delay, standing)
+        late, timely, fraction = delayed(forces, i, delay, force_before)
         if fraction > 1e-9:
             hold(p, y, late, place, fraction * dt)
         if fraction < 1.0:
@@ -126,7 +126,7 @@ def simulate(p, forces, standing, track, y0, dt, out):
 
 
 @njit
-def accelerations(p, forces, standing, velocity, position, begin, dt, out):
+def accelerations(p, forces, force_before, velocity, position, begin, dt, out):
     """Accelerations that forces give the axis along a measured motion, shape (n,) [m/s²]; arguments as in `simulate`.
 
     begin : time of the recording at the first sample [s].
@@ -139,7 +139,7 @@ def accelerations(p, forces, standing, velocity, position, begin, dt, out):
         y[POSITION] = position[i]
         y[VELOCITY] = velocity[i]
         y[CLOCK] = begin + i * dt
-        late, timely, fraction = delayed(forces, i, delay, standing)
+        late, timely, fraction = delayed(forces, i, delay, force_before)
         hold(p, y, fraction * late + (1.0 - fraction) * timely, position[i], dt)
         out[i] = (y[VELOCITY] - velocity[i]) / dt
 
@@ -160,7 +160,7 @@ def run_batch(
     sample_time: float,
     track: np.ndarray = NOTHING,
     *,
-    standing: float = 0.0,
+    force_before: float = 0.0,
 ) -> np.ndarray:
     """Simulate many parameter sets on all cores.
 
@@ -170,7 +170,7 @@ def run_batch(
     start : shape (STATES,).
     forces : shape (n,), or (m, n) where each set has its own [N]. sample_time [s].
     track : measured position, shape (n,) [m], or empty.
-    standing : force before the first [N].
+    force_before : force before the first [N].
 
     Returns
     -------
@@ -183,7 +183,7 @@ def run_batch(
     result = np.empty((len(rows), count, OUTPUTS))
 
     def one(i: int) -> None:
-        simulate(rows[i], np.ascontiguousarray(own[i]), standing, track, start, sample_time, result[i])
+        simulate(rows[i], np.ascontiguousarray(own[i]), force_before, track, start, sample_time, result[i])
 
     with ThreadPoolExecutor(workers()) as pool:
         list(pool.map(one, range(len(rows))))

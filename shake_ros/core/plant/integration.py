@@ -292,15 +292,15 @@ def follow(p, y, measured):
 
 
 @kernel
-def delayed(commands, k, delay_samples, standing):
+def delayed(commands, k, delay_samples, command_before):
     """Commands that act at the start and at the end of sample k, and the fraction of the sample for the first.
 
-    A command u_k stamped t_k acts from t_k + T; until the first one arrives the command `standing` acts.
+    A command u_k stamped t_k acts from t_k + T; until the first one arrives `command_before` acts.
     """
     whole = math.floor(delay_samples)
     fraction = delay_samples - whole
-    late = commands[k - whole - 1] if k > whole else standing
-    timely = commands[k - whole] if k >= whole else standing
+    late = commands[k - whole - 1] if k > whole else command_before
+    timely = commands[k - whole] if k >= whole else command_before
     return late, timely, fraction
 
 
@@ -366,14 +366,16 @@ def inject(p, y, velocity, acceleration, part):
 
 
 @njit
-def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, tolerance, chain, pace, following, out):
+def simulate(
+    p, commands, command_before, forces, track, measured, injection, y0, dt, tolerance, chain, pace, following, out
+):
     """Simulation under recorded commands: a free run, or one that is drawn towards what was measured.
 
     Parameters
     ----------
     p : parameter record.
     commands : shape (n,) [-].
-    standing : command that acts until the first one arrives [-].
+    command_before : acts until the first one arrives [-].
     forces : external force, shape (n,) or (0,) [N].
     track : measured position, shape (n,) or (0,) [m]: where given, the table follows it, see `follow`.
     measured : velocity [m/s] and acceleration [m/s²] of the first samples, shape (k, 2), k ≤ n: as far as they are
@@ -406,7 +408,7 @@ def simulate(p, commands, standing, forces, track, measured, injection, y0, dt, 
             out[i, 2] = scaled(p, z[OUTPUT])
         speed = y[VELOCITY] + y[BASE_RATE]
         before, force = force, forces[i] if forces.shape[0] > 0 else 0.0
-        late, timely, fraction = delayed(commands, i, delay, standing)
+        late, timely, fraction = delayed(commands, i, delay, command_before)
         if pacing:
             begin_sample(work[PACE], pace[i], following)
         known = known and force == before and not tracking and not drawn

@@ -78,12 +78,12 @@ def coordinate(p, y, aux, code):
 
 
 @kernel
-def advance_all(p, y, aux, commands, k, standing, decay, dt, work, tolerance, chain, before):
+def advance_all(p, y, aux, commands, k, command_before, decay, dt, work, tolerance, chain, before):
     """One sample of the table with its disturbances, in place; returns the felt acceleration at its end [m/s²].
 
     before : the felt acceleration at the sample's start [m/s²], which the anti-aliasing filter takes.
     """
-    late, timely, fraction = delayed(commands, k, p.command_delay_delay / dt, standing)
+    late, timely, fraction = delayed(commands, k, p.command_delay_delay / dt, command_before)
     force = aux[1] * (p.body_table_mass + p.body_specimen_mass)
     speed = y[VELOCITY] + y[BASE_RATE]
     null = aux[2]
@@ -109,12 +109,12 @@ def shown(p, y, aux, now, chain, row):
 
 
 @njit
-def predict(p, commands, standing, measured, codes, gains, y0, decay, dt, tolerance, chain, pace, following, out):
+def predict(p, commands, command_before, measured, codes, gains, y0, decay, dt, tolerance, chain, pace, following, out):
     """Predicted position and acceleration of each sample from all that was measured before it.
 
     Parameters
     ----------
-    p : parameter record. commands : shape (n,) [-]. standing : command before the first one [-].
+    p : parameter record. commands : shape (n,) [-]. command_before : before the first one [-].
     measured : position [m] and acceleration [m/s²], shape (n, 2); NaN where not measured.
     codes : corrected coordinates, shape (s,). gains : K of every sample, shape (n, s, 2).
     y0 : state at the first sample. decay : of the random force over a sample [-]. dt : [s].
@@ -135,7 +135,7 @@ def predict(p, commands, standing, measured, codes, gains, y0, decay, dt, tolera
             shift(p, y, aux, codes[j], gains[i, j, 0] * out[i, 0] + gains[i, j, 1] * out[i, 1])
         if pacing:
             begin_sample(work[PACE], pace[i], following)
-        now = advance_all(p, y, aux, commands, i, standing, decay, dt, work, tolerance, chain, now)
+        now = advance_all(p, y, aux, commands, i, command_before, decay, dt, work, tolerance, chain, now)
         if pacing and not following:
             end_sample(work[PACE], pace[i])
         if not math.isfinite(now):
@@ -216,7 +216,7 @@ def by_coordinates(change, sensor_change, lower, transition, sensing):
 def kalman(
     p,
     commands,
-    standing,
+    command_before,
     measured,
     codes,
     first,
@@ -284,7 +284,9 @@ def kalman(
                     tried_aux[k] = aux[k]
                 for k in range(j, s):
                     shift(p, tried, tried_aux, codes[k], sign * lower[k, j])
-                after = advance_all(p, tried, tried_aux, commands, i, standing, decay, dt, work, tolerance, chain, now)
+                after = advance_all(
+                    p, tried, tried_aux, commands, i, command_before, decay, dt, work, tolerance, chain, now
+                )
                 shown(p, tried, tried_aux, after, chain, row)
                 for k in range(s):
                     value = 0.5 * sign * coordinate(p, tried, tried_aux, codes[k])
@@ -292,7 +294,7 @@ def kalman(
                 for c in range(2):
                     value = 0.5 * sign * row[c]
                     sensor_change[j, c] = value if sign > 0.0 else sensor_change[j, c] + value
-        now = advance_all(p, y, aux, commands, i, standing, decay, dt, work, tolerance, chain, now)
+        now = advance_all(p, y, aux, commands, i, command_before, decay, dt, work, tolerance, chain, now)
         by_coordinates(state_change, sensor_change, lower, transition[i], sensing[i])
         s_11, s_21, s_22 = sensor[0] ** 2, 0.0, sensor[1] ** 2
         for j in range(s):

@@ -172,14 +172,14 @@ def outputs(p, y, row):
 
 
 @njit
-def simulate(p, commands, standing, track, y0, dt, out):
+def simulate(p, commands, command_before, track, y0, dt, out):
     """Free run under recorded commands.
 
     Parameters
     ----------
     p : parameter record.
     commands : shape (n,) [-].
-    standing : command that acts until the first one arrives [-].
+    command_before : acts until the first one arrives [-].
     track : measured position that position-dependent forces follow, shape (n,), or (0,) for the simulated one [m].
     y0 : first state, shape (STATES,).
     dt : [s].
@@ -190,7 +190,7 @@ def simulate(p, commands, standing, track, y0, dt, out):
     for i in range(commands.shape[0]):
         outputs(p, y, out[i])
         place = track[i] + y[POSITION] - y[SENSED_POSITION] if track.shape[0] > 0 else y[POSITION]
-        late, timely, fraction = delayed(commands, i, delay, standing)
+        late, timely, fraction = delayed(commands, i, delay, command_before)
         if fraction > 1e-9:
             hold(p, y, late, place, fraction * dt)
         if fraction < 1.0:
@@ -215,7 +215,7 @@ def run_batch(
     sample_time: float,
     track: np.ndarray = NOTHING,
     *,
-    standing: float = 0.0,
+    command_before: float = 0.0,
 ) -> np.ndarray:
     """Simulate many parameter sets under the same commands on all cores.
 
@@ -225,7 +225,7 @@ def run_batch(
     starts : shape (m, STATES).
     commands : shape (n,) [-]. sample_time [s].
     track : measured position, shape (n,) [m], or empty.
-    standing : command before the first [-].
+    command_before : before the first one [-].
 
     Returns
     -------
@@ -237,7 +237,7 @@ def run_batch(
     result = np.empty((len(rows), len(commands), OUTPUTS))
 
     def one(i: int) -> None:
-        simulate(rows[i], commands, standing, track, starts[i], sample_time, result[i])
+        simulate(rows[i], commands, command_before, track, starts[i], sample_time, result[i])
 
     with ThreadPoolExecutor(workers()) as pool:
         list(pool.map(one, range(len(rows))))
@@ -251,13 +251,13 @@ def run(
     *,
     position: float = 0.0,
     velocity: float = 0.0,
-    standing: float = 0.0,
+    command_before: float = 0.0,
     track: np.ndarray = NOTHING,
 ) -> np.ndarray:
     """Simulate one recording; shape (n, OUTPUTS), columns as COLUMNS.
 
-    position [m], velocity [m/s] : at the first sample. standing : command before it, at which the valve rests [-].
+    position [m], velocity [m/s] : at the first sample. command_before : before it, at which the valve rests [-].
     """
     vector = table.vector()
-    start = initial_state(vector, position, velocity, standing)
-    return run_batch(vector, start[None, :], commands, sample_time, track, standing=float(standing))[0]
+    start = initial_state(vector, position, velocity, command_before)
+    return run_batch(vector, start[None, :], commands, sample_time, track, command_before=float(command_before))[0]

@@ -107,7 +107,7 @@ def run(
     position: np.ndarray | float = 0.0,
     forces: np.ndarray = NOTHING,
     state: np.ndarray | None = None,
-    standing: float = 0.0,
+    command_before: float = 0.0,
     measured: np.ndarray = UNSEEN,
     injection: float = 0.0,
     cutoff: float = 0.0,
@@ -118,7 +118,7 @@ def run(
     Parameters
     ----------
     commands : shape (n,) [-], held from each sample to the next. sample_time [s].
-    standing : command before the first one, which acts until that arrives where there is a dead time; null, as in a
+    command_before : before the first one; it acts until that arrives where there is a dead time; null, as in a
         `Table`, where not given [-].
     position : start [m], or the measured position of shape (n,) which volumes and position-dependent effects follow.
     forces : external force, shape (n,) [N].
@@ -141,7 +141,7 @@ def run(
     start = float(np.ravel(position)[0])
     y0 = initial_state(vector, start) if state is None else state
     out = np.empty((len(commands), OUTPUTS))
-    given = (commands, float(standing), forces, track, measured, injection)
+    given = (commands, float(command_before), forces, track, measured, injection)
     chain = filter_step(cutoff, sample_time)
     simulate(records(vector)[0], *given, y0, sample_time, tolerance, chain, NO_PACE, False, out)
     return out
@@ -167,7 +167,7 @@ def run_batch(
     sample_time: float,
     *,
     track: np.ndarray = NOTHING,
-    standing: float = 0.0,
+    command_before: float = 0.0,
     measured: np.ndarray = UNSEEN,
     injection: float = 0.0,
     cutoff: float = 0.0,
@@ -185,7 +185,7 @@ def run_batch(
     starts : first states, shape (m, STATES).
     commands : shape (n,) or (m, n) [-].
     track : measured position, shape (n,) [m], or empty.
-    standing : as in `run` [-].
+    command_before : as in `run` [-].
     measured, injection : velocity [m/s] and acceleration [m/s²] of the first k samples, shape (k, 2), NaN where there
         is none, towards which the runs are drawn, and the rate [1/s].
     cutoff : of the filter behind the accelerometer [Hz]; 0 where there is none, see sensors.py.
@@ -208,7 +208,7 @@ def run_batch(
 
     def one(i: int) -> None:
         out = np.empty((length, OUTPUTS))
-        given = (rows[i], each[i % len(each)], standing, NOTHING, track, measured, injection)
+        given = (rows[i], each[i % len(each)], command_before, NOTHING, track, measured, injection)
         simulate(*given, starts[i], sample_time, tolerance, chain, pace, len(pace) > 0 and i > 0, out)
         result[i] = out[:, columns]
 

@@ -63,7 +63,7 @@ class Trip:
 
 
 @dataclass
-class Standing:
+class ActiveTrip:
     """A cause that stands, or is latched."""
 
     trip: Trip
@@ -82,7 +82,7 @@ class Ledger:
     """The causes that stand or are latched, by name, and the latest trips."""
 
     def __init__(self) -> None:
-        self.active: dict[str, Standing] = {}
+        self.active: dict[str, ActiveTrip] = {}
         self.severity = 0  # of the hardest action that anything asks for
         self.trips: deque[Trip] = deque(maxlen=MOST_TRIPS)
         self.counts: Counter[str] = Counter()
@@ -90,28 +90,28 @@ class Ledger:
 
     def update(self, name: str, response: Response, seen: Trip, stands: bool) -> None:
         """A cause stands, or does not any more; the first time is a trip, with the response's limit and action."""
-        standing = self.active.get(name)
-        if standing is None:
+        active = self.active.get(name)
+        if active is None:
             if not stands or not response.active:
                 return
             severity = SEVERITY[response.action]
             latched = response.latch or severity >= STOPS
             trip = dataclasses.replace(seen, limit=response.threshold, action=response.action, latched=latched)
-            self.active[name] = Standing(trip, severity, latched, True)
+            self.active[name] = ActiveTrip(trip, severity, latched, True)
             self.trips.append(trip)
             self.counts[name] += 1
             self.trip_count += 1
         else:
-            standing.stands = stands
-            if not stands and (not standing.latched or standing.acknowledged):
+            active.stands = stands
+            if not stands and (not active.latched or active.acknowledged):
                 del self.active[name]
         self._weigh()
 
     def reset(self) -> str:
         """Forget what is latched; the reason where something stands that may not be left behind, else empty."""
-        for name, standing in self.active.items():
-            if standing.stands and standing.severity >= HOLDS and standing.latched and name not in ACKNOWLEDGED:
-                return f"{standing.trip} still stands"
+        for name, active in self.active.items():
+            if active.stands and active.severity >= HOLDS and active.latched and name not in ACKNOWLEDGED:
+                return f"{active.trip} still stands"
         for name in list(self.active):
             if self.active[name].stands and name in ACKNOWLEDGED:
                 self.active[name].acknowledged = True
@@ -127,7 +127,7 @@ class Ledger:
         """Whether the table was reset beyond a limit of its position, and still is."""
         return any(name in self.active and self.active[name].acknowledged for name in ACKNOWLEDGED)
 
-    def leading(self) -> Standing | None:
+    def leading(self) -> ActiveTrip | None:
         """What is in force: of the hardest causes the first; None where nothing is."""
         return max(self.active.values(), key=lambda one: one.acts, default=None)
 
@@ -430,8 +430,8 @@ class Interlock:
         noted = [str(one.trip) for one in self._active.values()]
         return (WARN, f"running; {'; '.join(noted)}") if noted else (OK, "running")
 
-    def _blocked(self, standing: Standing) -> tuple[int, str]:
-        trip = standing.trip
+    def _blocked(self, active: ActiveTrip) -> tuple[int, str]:
+        trip = active.trip
         if trip.cause == "stop":
             return WARN, trip.text
         if trip.cause in ("stale_command", "command_lost"):
@@ -439,8 +439,8 @@ class Interlock:
             what = f"no command for {age:.3f} s"
         else:
             what = str(trip)
-        if standing.severity >= TRIPS:
+        if active.severity >= TRIPS:
             return ERROR, f"hydraulic interlock: {what}; waiting for reset"
-        if standing.severity >= STOPS:
+        if active.severity >= STOPS:
             return ERROR, f"program stop: {what}; waiting for reset"
-        return ERROR, f"safe hold: {what}" + ("; waiting for reset" if standing.latched and not trip.text else "")
+        return ERROR, f"safe hold: {what}" + ("; waiting for reset" if active.latched and not trip.text else "")

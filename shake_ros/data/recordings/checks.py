@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shake_ros.core.analysis.stretches import standing_at
+from shake_ros.core.analysis.stretches import held_at
 from shake_ros.data.recordings.align import Grid
 from shake_ros.data.recordings.bag import Finding
 from shake_ros.data.recordings.cdr import Floats
@@ -70,7 +70,7 @@ def _flat(values: Floats, topic: str, grid: Grid, findings: list[Finding]) -> No
         findings.append(Finding("constant", topic, len(finite), f"has the same value {low:.6g} throughout"))
         return
     for extreme in (low, high):
-        at = standing_at(values, extreme)
+        at = held_at(values, extreme)
         if at.any():
             first = grid.seconds(int(np.argmax(at)))
             text = (

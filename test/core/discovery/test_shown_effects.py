@@ -63,7 +63,7 @@ def test_only_effects_that_may_be_needed_least_are_refitted_without(
     assert len(problem.reduced) == refitted
 
 
-def test_where_the_time_is_over_what_shows_is_fitted_and_stays_to_be_judged() -> None:
+def test_where_the_time_is_over_what_shows_is_fitted_and_waits_for_its_verdict() -> None:
     def over(text: str, part: float) -> None:
         raise Stopped
 

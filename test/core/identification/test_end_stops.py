@@ -35,7 +35,7 @@ def test_a_recording_is_parted_at_its_stops() -> None:
         span = slice(first, first + len(part.commands))
         assert not at[span].any() and np.array_equal(part.position, record.position[span])
         assert np.array_equal(part.whole, record.whole[span])
-        assert part.standing == (record.commands[first - 1] if first else 0.0)
+        assert part.command_before == (record.commands[first - 1] if first else 0.0)
     used = sum(len(p.commands) for p in found[:2])
     assert at.sum() + 400 <= 10000 - used <= at.sum() + 1000
     assert lines == (

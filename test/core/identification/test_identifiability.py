@@ -118,7 +118,7 @@ def test_wrong_candidate_is_an_error_that_names_the_file(content: dict, text: st
     assert text in str(caught.value)
 
 
-def test_a_fast_recording_is_advised_where_only_a_standing_table_was_recorded() -> None:
+def test_a_fast_recording_is_advised_where_only_a_table_at_rest_was_recorded() -> None:
     names = ("bulk_modulus.modulus", "friction.viscous")
     free = FreeParameters(TABLE, [free_parameter(n, {"scale": TABLE.value(n)}, "here") for n in names])
     command = 0.01 * np.sin(2.0 * np.pi * 0.5 * np.arange(2000) * 1e-3)

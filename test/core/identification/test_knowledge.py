@@ -91,7 +91,7 @@ def test_a_lost_run_shows_nothing(quiet: Record) -> None:
 def shifted(by: float) -> Record:
     made = record(6, 10.0)
     commands = made.commands + by
-    return Record("run6", SAMPLE_TIME, commands, made.position, made.acceleration, standing=by)
+    return Record("run6", SAMPLE_TIME, commands, made.position, made.acceleration, command_before=by)
 
 
 def test_null_shift_is_that_at_which_the_table_has_the_measured_mean_velocity() -> None:
@@ -100,7 +100,7 @@ def test_null_shift_is_that_at_which_the_table_has_the_measured_mean_velocity() 
     assert known.shifts["run6"] == pytest.approx(-0.01, rel=0.03)
     seen = known.seen(moved)
     assert seen.commands == pytest.approx(shifted(0.0).commands, abs=3e-4)
-    assert seen.standing == pytest.approx(0.0, abs=3e-4)
+    assert seen.command_before == pytest.approx(0.0, abs=3e-4)
     assert known.seen(seen) is seen
     assert learned(known, [seen], model=UNKNOWN).shifts == known.shifts
 

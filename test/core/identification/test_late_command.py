@@ -54,5 +54,5 @@ def test_earlier_by_whole_samples_is_the_command_to_the_bit() -> None:
     record = foreign_run(425)
     moved = earlier(record, 0.004)
     assert np.array_equal(moved.commands, record.commands[2:])
-    assert moved.standing == record.commands[1]
+    assert moved.command_before == record.commands[1]
     assert np.array_equal(moved.position, record.position[:-2])

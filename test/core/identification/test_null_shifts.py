@@ -30,7 +30,7 @@ def run(number: int) -> Record:
     return Record(
         f"run{number}",
         *(SAMPLE_TIME, commands, made.position, made.acceleration),
-        standing=-SHIFTS[number],
+        command_before=-SHIFTS[number],
         run=number,
     )
 

@@ -123,7 +123,7 @@ def test_a_recording_that_begins_in_the_midst_of_ringing_runs_as_it_was() -> Non
     command = 0.03 * blow * np.sin(2.0 * math.pi * 6.0 * np.arange(9000) * 1e-3)
     out, later = run(table, command, 1e-3), slice(5000, None)
     given = (1e-3, command[later], out[later, 0], out[later, 2])
-    begun, blind = (Record("cut", *given, standing=command[4999], moved=moved) for moved in (True, False))
+    begun, blind = (Record("cut", *given, command_before=command[4999], moved=moved) for moved in (True, False))
     error, without = (RecordingProblem([r]).errors(table.vector())["cut"]["acceleration"] for r in (begun, blind))
     assert error < 0.01
     assert without > 0.5

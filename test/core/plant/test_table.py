@@ -155,7 +155,7 @@ def test_a_command_that_stands_before_the_first_one_acts_for_the_dead_time() -> 
     whole = np.concatenate([np.full(20, 0.3), np.full(40, -0.2)])
     late = BERGAMO.with_values({"effects.command_delay.delay": 0.005})
     state = initial_state(late.vector())
-    begun = run(late, whole[20:], SAMPLE, state=state, standing=0.3)
+    begun = run(late, whole[20:], SAMPLE, state=state, command_before=0.3)
     expected = run(BERGAMO, whole[15:55], SAMPLE, state=state)
     np.testing.assert_allclose(begun, expected, rtol=1e-9, atol=1e-12)
 

@@ -1,11 +1,11 @@
-"""How sure each effect is, judged in the final model: its worth when it alone is taken out, and what could replace it.
+"""The verdict on each effect in the final model: its worth when it alone is taken out, and what could replace it.
 
 An effect is
 
     established      the residual is near the noise, the effect is needed, and no other could stand for it
     one of these     another effect explains the data equally well in the final model
     likely           needed, and worth more than all that is still unexplained, which stands above the noise; or there
-                     was no time to judge it to the end
+                     was no time to assess it to the end
     not established  its strength at a bound, or any number of it while much is unexplained; not needed beyond chance;
                      or worth less than what is still unexplained
 
@@ -36,10 +36,10 @@ ESTABLISHED, LIKELY, ONE_OF_THESE, NOT_ESTABLISHED = "established", "likely", "o
 
 
 @dataclass(frozen=True)
-class EffectStanding:
-    """One effect as it stands in the final model.
+class EffectVerdict:
+    """What is concluded about one effect in the final model.
 
-    worth : rms residual of the validation data without it, over that with it [-]. reason : of the state, one phrase.
+    worth : rms residual of the validation data without it, over that with it [-]. reason : of the verdict, one phrase.
     alternatives : effects that could stand for it in the final model. bounds : its parameters that rest on a bound.
     """
 
@@ -52,7 +52,7 @@ class EffectStanding:
     bounds: tuple[str, ...] = ()
 
 
-def own_bounds(final: ScoredFit, step: ForwardStep) -> tuple[str, ...]:
+def resting_parameters(final: ScoredFit, step: ForwardStep) -> tuple[str, ...]:
     """Parameters of an effect that rest on a bound in the final fit, but for a strength that is absent."""
     names = {f.name for f in step.chosen.candidate.free}
     resting = zip(final.fit.free.names, at_bound(final.fit), strict=True)
@@ -60,19 +60,19 @@ def own_bounds(final: ScoredFit, step: ForwardStep) -> tuple[str, ...]:
 
 
 def alternatives(problem: SearchProblem, found: Selection, step: ForwardStep) -> tuple[str, ...]:
-    """Effects that could stand for a step's in the final model; for the last step the search has told already."""
+    """Effects that could stand for a step's in the final model; for the last step the search has found them."""
     if step is found.steps[-1] or time_is_over():
         return step.alternatives
     settings, noise = problem.settings, problem.validation.noise_cost()
-    near = rivals(found.steps, step, settings.rival, settings.most_continued)
-    tried = side_by_side(lambda r: in_its_place(problem, found.final, step, r), near)
+    close = rivals(found.steps, step, settings.rival, settings.most_continued)
+    tried = side_by_side(lambda r: in_its_place(problem, found.final, step, r), close)
     return tuple(r.candidate.effect for r in tried if not distinguishable(found.final, r.result, settings, noise))
 
 
-def standing(
+def verdict_of(
     problem: SearchProblem, found: Selection, step: ForwardStep, between: Sequence[str] = ()
-) -> tuple[EffectStanding, ScoredFit]:
-    """How sure one effect is, and the final model without it.
+) -> tuple[EffectVerdict, ScoredFit]:
+    """The verdict on one effect, and the final model without it.
 
     between : effects by which the sensors differ.
     """
@@ -80,17 +80,17 @@ def standing(
     candidate, noise = step.chosen.candidate, problem.validation.noise_cost()
     reduced = without(problem, final, candidate) if len(found.steps) > 1 else found.declared
     worth = float(np.sqrt(reduced.validation_cost / final.validation_cost))
-    bounds = own_bounds(final, step)
+    bounds = resting_parameters(final, step)
     unexplained = final.validation_cost - noise
     small = reduced.validation_cost - final.validation_cost < settings.worth_of_likely * unexplained
-    near = final.validation_cost <= settings.near_noise**2 * noise
+    near_noise = final.validation_cost <= settings.near_noise**2 * noise
     others = alternatives(problem, found, step)
     early = time_is_over()
     if candidate.strength.name in bounds:
         state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
     elif not improves(final, reduced, settings):
         state, reason = NOT_ESTABLISHED, "the model is as good without it"
-    elif bounds and not near and candidate.effect not in between:
+    elif bounds and not near_noise and candidate.effect not in between:
         state, reason = NOT_ESTABLISHED, "at a bound, and the unexplained residual may have the same cause"
     elif small and candidate.effect not in between:
         state, reason = (
@@ -101,29 +101,29 @@ def standing(
         state, reason = ONE_OF_THESE, "another effect explains the data equally well"
     elif early:
         state, reason = LIKELY, "not fully assessed: the time budget ended"
-    elif near:
+    elif near_noise:
         state, reason = ESTABLISHED, "needed, no other effect replaces it, and the residual is near the noise"
     else:
         state, reason = LIKELY, "needed, but much of the residual is unexplained"
-    return EffectStanding(candidate.effect, candidate.place, state, worth, reason, others, bounds), reduced
+    return EffectVerdict(candidate.effect, candidate.place, state, worth, reason, others, bounds), reduced
 
 
-def judged(
+def with_verdicts(
     problem: SearchProblem, found: Selection, between: Sequence[str] = ()
-) -> tuple[Selection, tuple[EffectStanding, ...], tuple[EffectStanding, ...]]:
-    """The selection with what is established, likely or one of several; how each stands; and what is not established.
+) -> tuple[Selection, tuple[EffectVerdict, ...], tuple[EffectVerdict, ...]]:
+    """The selection with what is established, likely or one of several; the verdicts on it; and those not established.
 
-    Effects that are not established leave the model one by one, the one worth least first, and the others are judged
-    again without it. between : effects by which the sensors differ.
+    Effects that are not established leave the model one by one, the one worth least first, and the others are
+    assessed again without it. between : effects by which the sensors differ.
     """
     problem.progress("assessing each effect", 0.5)
-    dropped: list[EffectStanding] = []
+    dropped: list[EffectVerdict] = []
     while found.steps:
-        each = [standing(problem, found, step, between) for step in found.steps]
-        doubtful = [i for i, (s, _) in enumerate(each) if s.state == NOT_ESTABLISHED]
-        if not doubtful:
+        each = [verdict_of(problem, found, step, between) for step in found.steps]
+        refused = [i for i, (s, _) in enumerate(each) if s.state == NOT_ESTABLISHED]
+        if not refused:
             return found, tuple(s for s, _ in each), tuple(dropped)
-        i = min(doubtful, key=lambda i: each[i][0].worth)
+        i = min(refused, key=lambda i: each[i][0].worth)
         dropped.append(each[i][0])
         steps = tuple(s for k, s in enumerate(found.steps) if k != i)
         found = replace(found, steps=steps, final=each[i][1], removed=(*found.removed, dropped[-1].effect))

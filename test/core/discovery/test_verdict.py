@@ -8,7 +8,7 @@ from linear_effects import FIRST, NOISE, SECOND, Hidden, fitted, problem_of, ste
 
 from shake_ros.core.discovery.problem import SearchProblem
 from shake_ros.core.discovery.selection import Selection
-from shake_ros.core.discovery.standing import ESTABLISHED, LIKELY, EffectStanding, judged
+from shake_ros.core.discovery.verdict import ESTABLISHED, LIKELY, EffectVerdict, with_verdicts
 from shake_ros.core.identification.time_budget import within_budget
 
 
@@ -25,20 +25,20 @@ def found_in(problem: SearchProblem) -> Selection:
     return Selection(fitted(problem), steps, steps[-1].chosen.result)
 
 
-def standings(hidden: Hidden, *, late: bool = False) -> tuple[dict[str, EffectStanding], tuple[str, ...]]:
+def verdicts(hidden: Hidden, *, late: bool = False) -> tuple[dict[str, EffectVerdict], tuple[str, ...]]:
     """How each effect stands that stays, and those that leave the model; late: the time is over."""
     problem = problem_of(hidden)
     found = found_in(problem)
     with within_budget(lambda: late):
-        kept, told, doubtful = judged(problem, found)
+        kept, told, dropped = with_verdicts(problem, found)
     assert [s.chosen.candidate.effect for s in kept.steps] == [s.effect for s in told]
-    return {s.effect: s for s in told}, tuple(s.effect for s in doubtful)
+    return {s.effect: s for s in told}, tuple(s.effect for s in dropped)
 
 
 def states(hidden: Hidden, *, late: bool = False) -> tuple[dict[str, str], tuple[str, ...]]:
     """The state alone of each effect that stays, and those that leave the model."""
-    told, doubtful = standings(hidden, late=late)
-    return {name: s.state for name, s in told.items()}, doubtful
+    told, dropped = verdicts(hidden, late=late)
+    return {name: s.state for name, s in told.items()}, dropped
 
 
 def test_two_effects_that_are_needed_at_the_noise_are_established() -> None:
@@ -55,32 +55,32 @@ def test_effect_without_which_the_model_does_as_well_leaves_it() -> None:
 def test_where_the_time_is_over_nothing_is_established_and_what_is_needless_leaves_all_the_same(
     first: float, expected: dict[str, str]
 ) -> None:
-    kept, doubtful = states(Hidden(first, 2.0), late=True)
+    kept, dropped = states(Hidden(first, 2.0), late=True)
     assert kept == expected
-    assert doubtful == (() if first else (FIRST.effect,))
+    assert dropped == (() if first else (FIRST.effect,))
 
 
-def test_what_there_was_no_time_to_judge_says_so() -> None:
-    told, _ = standings(Hidden(1.0, 2.0), late=True)
+def test_a_verdict_without_time_says_so() -> None:
+    told, _ = verdicts(Hidden(1.0, 2.0), late=True)
     assert {s.reason for s in told.values()} == {"not fully assessed: the time budget ended"}
 
 
 @pytest.mark.parametrize(
-    ("between", "expected", "doubtful"),
+    ("between", "expected", "dropped"),
     [
         ((), {SECOND.effect: LIKELY}, (FIRST.effect,)),
         ((FIRST.effect,), {FIRST.effect: LIKELY, SECOND.effect: LIKELY}, ()),
     ],
 )
 def test_what_shows_between_the_sensors_stays_however_much_is_unexplained(
-    between: tuple[str, ...], expected: dict[str, str], doubtful: tuple[str, ...]
+    between: tuple[str, ...], expected: dict[str, str], dropped: tuple[str, ...]
 ) -> None:
     problem = problem_of(Unexplained(0.5, 3.0))
-    _, told, left = judged(problem, found_in(problem), between)
-    assert ({s.effect: s.state for s in told}, tuple(s.effect for s in left)) == (expected, doubtful)
+    _, told, left = with_verdicts(problem, found_in(problem), between)
+    assert ({s.effect: s.state for s in told}, tuple(s.effect for s in left)) == (expected, dropped)
 
 
 def test_what_shows_between_the_sensors_leaves_where_the_model_does_as_well_without_it() -> None:
     problem = problem_of(Unexplained(0.0, 3.0))
-    _, _, left = judged(problem, found_in(problem), (FIRST.effect,))
+    _, _, left = with_verdicts(problem, found_in(problem), (FIRST.effect,))
     assert [s.effect for s in left] == [FIRST.effect]
