@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shake_ros.api import fitted
-from shake_ros.api.fitted import LatentForces, seen_alike, unseen_records, with_test
+from shake_ros.api.fitted import LatentForces, prepared_alike, test_records, with_test
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Ending, Progress, ProgressOption
 from shake_ros.api.result_table import ResultTable
@@ -370,7 +370,7 @@ def close_loop(
     declared = model.declared
     check_search(search, declared)
     records = fitted.fit_data(estimation, validation, declared.driven_by)
-    unseen, stops = unseen_records(model, test, (estimation, validation))
+    test_data, stops = test_records(model, test, (estimation, validation))
     with Progress("close_loop", progress) as bar:
         with Ending(bar, minutes) as ending:
             start = model.begin(*records, unstopped(ending))
@@ -386,13 +386,13 @@ def close_loop(
                 structure, first, second, limits, ending, ending.deadline_passed, failures, given
             )
         known, tuned, benefit, told = None, None, None, None
-        data = data.seen(found.search.knowledge)
+        data = data.with_nuisances(found.search.nuisances)
         data = replace(data, stops=(*data.stops, *stops))
         first, second = data.estimation, data.validation
         with failures.step("test data"):
-            if unseen:
-                unseen, data = seen_alike(model, unseen, data, found)
-                found = with_test(found, unseen)
+            if test_data:
+                test_data, data = prepared_alike(model, test_data, data, found)
+                found = with_test(found, test_data)
         with failures.step("uncertainty"):
             known = _uncertainty(found, first)
         with failures.step("tuning"):
@@ -404,7 +404,7 @@ def close_loop(
         with failures.step("diagnosis"):
             asked = () if ending.deadline_passed() else recordings_to_make()
             told = diagnose(found.final.fit, first, second, asked, declared)
-    return Discovery(model, found, first, second, told, benefit, data, tuned, failures, unseen)
+    return Discovery(model, found, first, second, told, benefit, data, tuned, failures, test_data)
 
 
 def check_search(search: str, declared: DeclaredModel) -> None:

@@ -24,8 +24,8 @@ from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.identification.axis_model import AXIS, forecast_errors, slow_changes
 from shake_ros.core.identification.end_stops import within_stroke
 from shake_ros.core.identification.identified import identified
-from shake_ros.core.identification.knowledge import Knowledge, own_null_shifts
 from shake_ros.core.identification.late_command import earlier
+from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates, estimated_null_shifts
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
@@ -239,7 +239,7 @@ def text_of(parts: Sequence[tuple[str, Any]]) -> str:
     return "\n\n".join(f"{title}\n{part}" for title, part in parts)
 
 
-def unseen_records(
+def test_records(
     model: Model, test: Data | None, others: Sequence[Data | None]
 ) -> tuple[list[Record], tuple[str, ...]]:
     """Test data as records between the end stops, and a line on each recording that meets one.
@@ -255,7 +255,7 @@ def unseen_records(
     return within_stroke(records, model.stroke) if model.stroke is not None else (records, ())
 
 
-def seen_alike(
+def prepared_alike(
     model: Model, records: Sequence[Record], data: Prepared, found: LoopClosure
 ) -> tuple[list[Record], Prepared]:
     """Test records as the models see recordings; and the other recordings with what was taken out of these as well."""
@@ -264,11 +264,13 @@ def seen_alike(
         return with_own(data.estimation, records)[1], data
     if not declared.nuisances:
         return list(records), data
-    seen, offsets = data.alike(records)
-    seen = [filter_of(data.estimation[0]).seen(earlier(r, data.ahead) if data.ahead else r) for r in seen]
-    shifts = own_null_shifts(declared, found.final.fit, (), seen)
+    alike, offsets = data.alike(records)
+    alike = [filter_of(data.estimation[0]).applied(earlier(r, data.ahead) if data.ahead else r) for r in alike]
+    shifts = estimated_null_shifts(declared, found.final.fit, (), alike)
     offsets = tuple(replace(n, null_shift=n.null_shift + shifts.get(n.recording, 0.0)) for n in offsets)
-    return [Knowledge(shifts=shifts).seen(r) for r in seen], replace(data, nuisances=(*data.nuisances, *offsets))
+    return [NuisanceEstimates(shifts=shifts).applied(r) for r in alike], replace(
+        data, nuisances=(*data.nuisances, *offsets)
+    )
 
 
 def with_test(found: LoopClosure, records: Sequence[Record]) -> LoopClosure:

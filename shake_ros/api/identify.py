@@ -15,7 +15,11 @@ from shake_ros.core.discovery import declared_fit
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
-from shake_ros.core.identification.knowledge import Knowledge, own_null_shifts, without_null_shifts
+from shake_ros.core.identification.nuisance_estimates import (
+    NuisanceEstimates,
+    estimated_null_shifts,
+    without_null_shifts,
+)
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
@@ -184,7 +188,7 @@ def identify(
             return Identification(model, start.table, found, first, second, told, data)
         bar.span(0.4, 0.85)
         found = declared_fit.identify(structure, first, second, settings, bar)
-        data = data.seen(Knowledge(shifts=own_null_shifts(declared, found.fit, first, second)))
+        data = data.with_nuisances(NuisanceEstimates(shifts=estimated_null_shifts(declared, found.fit, first, second)))
         found = replace(found, fit=without_null_shifts(found.fit, first, data.estimation))
         first, second = data.estimation, data.validation
         bar.span(0.85, 1.0)

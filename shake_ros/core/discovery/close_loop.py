@@ -19,7 +19,7 @@ from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.verdict import EffectVerdict, with_verdicts
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.knowledge import own_null_shifts
+from shake_ros.core.identification.nuisance_estimates import estimated_null_shifts
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.identification.time_budget import never, within_budget
 
@@ -126,12 +126,12 @@ def _concluded(
 
 
 def centred(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
-    """Problem and models with the null shifts that the final model tells, in the recordings' commands."""
+    """Problem and models with the null shifts of the final model in the recordings' commands."""
     first, second = problem.estimation, problem.validation
-    told = own_null_shifts(first.model, found.final.fit, first.records, second.records)
-    known = replace(found.knowledge, shifts={**found.knowledge.shifts, **told})
-    seen = problem.seen(known)
-    return seen, replace(recentred(problem, seen, found), knowledge=known)
+    shifts = estimated_null_shifts(first.model, found.final.fit, first.records, second.records)
+    known = replace(found.nuisances, shifts={**found.nuisances.shifts, **shifts})
+    updated = problem.with_nuisances(known)
+    return updated, replace(recentred(problem, updated, found), nuisances=known)
 
 
 def passed_through(problem: SearchProblem, found: Selection, searched: np.ndarray) -> tuple[FittedModel, ...]:
@@ -145,5 +145,5 @@ def passed_through(problem: SearchProblem, found: Selection, searched: np.ndarra
 
 def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Record]) -> tuple[SearchProblem, Selection]:
     """Problem and models on all estimation data: the final model fitted to them, those before it as they are."""
-    whole = problem.on_whole(estimation).seen(found.knowledge)
+    whole = problem.on_whole(estimation).with_nuisances(found.nuisances)
     return whole, found.on(lambda m: m, whole.converged_again)

@@ -5,7 +5,7 @@
 v, w and g are what the table has beyond the model: velocity [m/s], force of the drive per mass [m/s²], the force that
 the model lacks per mass [m/s²]. φ is viscous friction per mass, κ the oil spring per mass, ζ its relaxation; a model
 that is driven by a force has κ = ζ = 0. g is held from sample to sample, as a simulation holds a force, so that the
-transition is exact. Seen are v, where its noise is independent, and the acceleration −φ v + w + g.
+transition is exact. Residuals are v, where its noise is independent, and the acceleration −φ v + w + g.
 
 The backward pass is that of Bryson and Frazier, which gives what Rauch, Tung and Striebel's gives and inverts nothing.
 Verified against least squares over all samples at once (test_force_smoother.py).
@@ -60,8 +60,8 @@ class ForceDynamics:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What a run lacks of the measurement, NaN where nothing is seen.
+class Residuals:
+    """What a run lacks of the measurement, NaN where nothing was measured.
 
     Attributes
     ----------
@@ -124,22 +124,22 @@ def _product(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _forward(steps, rows, seen, variances, growth, start, x, p, gains, errors, spreads):  # type: ignore[no-untyped-def]
+def _forward(steps, rows, residuals, variances, growth, start, x, p, gains, errors, spreads):  # type: ignore[no-untyped-def]
     """Predictions x, p of every sample with gains, errors and spreads of its two channels, in place; log-likelihood.
 
     A channel without a measurement has spread 0.
     """
-    n = seen.shape[0]
+    n = residuals.shape[0]
     mean, cov, moved = np.zeros(STATES), np.diag(start), np.zeros((STATES, STATES))
     likelihood = 0.0
     for k in range(n):
         x[k], p[k] = mean, cov
         for c in range(2):
             spreads[k, c] = 0.0
-            if not math.isfinite(seen[k, c]):
+            if not math.isfinite(residuals[k, c]):
                 continue
             h = rows[c]
-            e, s = seen[k, c], variances[c]
+            e, s = residuals[k, c], variances[c]
             for i in range(STATES):
                 e -= h[i] * mean[i]
                 gains[k, c, i] = 0.0
@@ -203,14 +203,14 @@ def _backward(steps, rows, x, p, gains, errors, spreads):  # type: ignore[no-unt
 class ForceSmoother:
     """The smoother of one recording. start : standard deviations of v, w, g at its first sample."""
 
-    def __init__(self, dynamics: ForceDynamics, seen: Seen, start: tuple[float, float, float]) -> None:
+    def __init__(self, dynamics: ForceDynamics, residuals: Residuals, start: tuple[float, float, float]) -> None:
         self.dt = dynamics.sample_time
-        self.noise = seen.noise
-        self.seen = np.column_stack([seen.velocity, seen.acceleration])
+        self.noise = residuals.noise
+        self.residuals = np.column_stack([residuals.velocity, residuals.acceleration])
         self.start = np.array(start) ** 2
         self.rows = np.array([[1.0, 0.0, 0.0], dynamics.acceleration_row])
         self.steps = dynamics.steps
-        n = len(self.seen)
+        n = len(self.residuals)
         self._x, self._p = np.empty((n, STATES)), np.empty((n, STATES, STATES))
         self._gains, self._errors, self._spreads = np.zeros((n, 2, STATES)), np.zeros((n, 2)), np.zeros((n, 2))
 
@@ -218,7 +218,7 @@ class ForceSmoother:
         """Logarithm of the likelihood of the innovations, but for a constant; intensity s [(m/s²)²/s]."""
         work = self._x, self._p, self._gains, self._errors, self._spreads
         variances = np.array(self.noise) ** 2
-        return float(_forward(self.steps, self.rows, self.seen, variances, intensity * self.dt, self.start, *work))
+        return float(_forward(self.steps, self.rows, self.residuals, variances, intensity * self.dt, self.start, *work))
 
     def most_likely(self) -> float:
         """Intensity of the largest likelihood [(m/s²)²/s]."""

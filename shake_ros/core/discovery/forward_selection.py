@@ -35,7 +35,7 @@ from shake_ros.core.discovery.unlisted_functions import (
 )
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.knowledge import without_null_shifts
+from shake_ros.core.identification.nuisance_estimates import without_null_shifts
 from shake_ros.core.identification.time_budget import time_is_over
 
 
@@ -61,9 +61,9 @@ def forward_selection(
             if added != before:
                 names = [f"an unlisted effect ({c.place})" if c.effect == UNLISTED else c.effect for c in added]
                 problem.progress(found_by_now(problem, names, found.final, found.declared), 0.0)
-        steps, final, removed = eliminate(problem.seen(found.knowledge), found.steps, found.final)
+        steps, final, removed = eliminate(problem.with_nuisances(found.nuisances), found.steps, found.final)
         found, done = replace(found, steps=steps, final=final, removed=removed), True
-    return problem.seen(found.knowledge), replace(found, stopped=not done)
+    return problem.with_nuisances(found.nuisances), replace(found, stopped=not done)
 
 
 def listened(problem: SearchProblem, found: Selection, model: ModelStructure) -> tuple[SearchProblem, Selection]:
@@ -101,7 +101,7 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
         left = tuple(c for c in left if c.effect != shown.chosen.candidate.effect)
     yield found
     while left and len(found.steps) < problem.settings.most_effects:
-        problem, found = with_knowledge(problem, found)
+        problem, found = with_nuisances(problem, found)
         freed = with_late_parameters(problem, found.final) if found.steps else found.final
         found = found.with_better_fit(freed) if freed is not found.final else found
         yield found
@@ -139,22 +139,22 @@ def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> I
             yield found
             break
     if found.steps:  # the final model has been fitted since it was last asked
-        yield with_knowledge(problem, found)[1]
+        yield with_nuisances(problem, found)[1]
 
 
-def with_knowledge(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
-    """Problem and models with what the final model tells of the recordings."""
-    known, others = found.knowledge, problem.validation.records
-    learned = known.learned(problem.estimation, others, found.final.fit)
-    if learned is known:
+def with_nuisances(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
+    """Problem and models with the nuisance parameters that the final model gives the recordings."""
+    known, others = found.nuisances, problem.validation.records
+    estimates = known.updated(problem.estimation, others, found.final.fit)
+    if estimates is known:
         return problem, found
-    seen = problem.seen(learned)
-    return seen, replace(fitted_again(seen, recentred(problem, seen, found)), knowledge=learned)
+    updated = problem.with_nuisances(estimates)
+    return updated, replace(fitted_again(updated, recentred(problem, updated, found)), nuisances=estimates)
 
 
-def recentred(problem: SearchProblem, seen: SearchProblem, found: Selection) -> Selection:
+def recentred(problem: SearchProblem, updated: SearchProblem, found: Selection) -> Selection:
     """The same models where null shifts that were their own have gone into the recordings' commands."""
-    before, after = problem.estimation.records, seen.estimation.records
+    before, after = problem.estimation.records, updated.estimation.records
 
     def moved(m: ScoredFit) -> ScoredFit:
         return replace(m, fit=without_null_shifts(m.fit, before, after))

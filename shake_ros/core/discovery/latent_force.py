@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.discovery.force_dynamics import force_dynamics, moving_mass
 from shake_ros.core.discovery.force_kinds import ForceKinds, band_factor, beside_band, judged_kinds
-from shake_ros.core.discovery.force_smoother import ForceSmoother, Seen, Smoothed
+from shake_ros.core.discovery.force_smoother import ForceSmoother, Residuals, Smoothed
 from shake_ros.core.discovery.problem import SearchProblem, side_by_side
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
@@ -33,7 +33,7 @@ from shake_ros.core.plant.parameters import TableParameters
 
 Array = NDArray[np.float64]
 EXPLAINED = 0.5  # part of what a run leaves, from which on the force is the smaller part of what is missing
-SPIKE = 8.0  # multiples of the noise by which a single sample stands out; no force of the band seen does that
+SPIKE = 8.0  # multiples of the noise by which a single sample stands out; no force of the estimated band does that
 
 
 @dataclass(frozen=True)
@@ -158,9 +158,9 @@ class _Passes:
         if self.start is None:
             self.start = self._start(velocity, acceleration)
         by_velocity, by_acceleration = dynamics.response(applied)
-        seen = np.full(len(velocity), np.nan)
-        seen[:: self.stride] = (velocity + by_velocity)[:: self.stride]
-        smoother = ForceSmoother(dynamics, Seen(seen, acceleration + by_acceleration, self.noise), self.start)
+        residuals = np.full(len(velocity), np.nan)
+        residuals[:: self.stride] = (velocity + by_velocity)[:: self.stride]
+        smoother = ForceSmoother(dynamics, Residuals(residuals, acceleration + by_acceleration, self.noise), self.start)
         intensity = smoother.most_likely() if intensity is None else intensity
         result = smoother.smoothed(intensity)
         force = result.states[:, 2]

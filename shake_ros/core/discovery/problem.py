@@ -20,7 +20,7 @@ from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.approach import INJECTION, Approach, approached, arrived, led
 from shake_ros.core.identification.fit import LOST, Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.knowledge import Knowledge
+from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates
 from shake_ros.core.identification.process_noise import FreeAndDrawn, process_noise
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, windows
@@ -247,14 +247,14 @@ class SearchProblem:
         """The same for what is done to its end even where the search is to stop."""
         return replace(self, progress=unstopped(self.progress))
 
-    def seen(self, knowledge: Knowledge) -> SearchProblem:
-        """The problem with what a model has told of the recordings."""
+    def with_nuisances(self, nuisances: NuisanceEstimates) -> SearchProblem:
+        """The problem with nuisance parameters applied to its recordings."""
         return replace(
             self,
-            estimation=knowledge.problem(self.estimation),
-            validation=knowledge.problem(self.validation),
-            estimation_pieces=knowledge.problem(self.estimation_pieces),
-            validation_pieces=knowledge.problem(self.validation_pieces),
+            estimation=nuisances.problem(self.estimation),
+            validation=nuisances.problem(self.validation),
+            estimation_pieces=nuisances.problem(self.estimation_pieces),
+            validation_pieces=nuisances.problem(self.validation_pieces),
             reduced={key: Reduced(b"", known.reduced) for key, known in self.reduced.items()},
         )
 

@@ -9,7 +9,7 @@ from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.unlisted_functions import FunctionSearch
-from shake_ros.core.identification.knowledge import Knowledge
+from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Selection:
 
     removed : effects taken out again. rejected : ranking of the last step, which nothing passed. functions : what was
     tried in it for something that no listed effect explains. stopped : whether the search ended before it was done.
-    knowledge : what its models have told of the recordings.
+    nuisances : estimates of the recordings' nuisance parameters with its models.
     """
 
     declared: ScoredFit
@@ -28,7 +28,7 @@ class Selection:
     rejected: tuple[Refit, ...] = ()
     functions: FunctionSearch | None = None
     stopped: bool = False
-    knowledge: Knowledge = field(default_factory=Knowledge)
+    nuisances: NuisanceEstimates = field(default_factory=NuisanceEstimates)
 
     @property
     def models(self) -> tuple[ScoredFit, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, decimate, sosfiltfilt
 
-from shake_ros.core.identification.knowledge import Knowledge
+from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import ALIKE, SensorPair, sensor_pair, timely
 from shake_ros.core.identification.spikes import unseen_spikes, without
@@ -76,9 +76,9 @@ class Prepared:
         ]
         return _without_offsets(scaled, self.sensors.delay, places, first)
 
-    def seen(self, knowledge: Knowledge) -> Prepared:
-        """The same with what a model has told of the recordings."""
-        both = [[knowledge.seen(r) for r in records] for records in (self.estimation, self.validation)]
+    def with_nuisances(self, nuisances: NuisanceEstimates) -> Prepared:
+        """The same with nuisance parameters that a model has given."""
+        both = [[nuisances.applied(r) for r in records] for records in (self.estimation, self.validation)]
         more = {
             after.name: after.shift - before.shift
             for before, after in zip((*self.estimation, *self.validation), (*both[0], *both[1]), strict=True)

@@ -52,7 +52,7 @@ class SensorFilter:
         """Of the filter [Hz]; 0 where there is none."""
         return FILTER_DELAY / self.by_filter if self.by_filter > 0.0 else 0.0
 
-    def seen(self, record: Record) -> Record:
+    def applied(self, record: Record) -> Record:
         """The recording with the pure delay taken out; the filter's stays, for the simulation to have it as well."""
         present = filter_of(record)
         if np.allclose((self.delay, self.pure), (present.delay, present.pure), rtol=0.0, atol=SAME):
@@ -89,8 +89,8 @@ def better_filter(problem: RecordingProblem, found: Fit) -> SensorFilter | None:
 
     @cache
     def left(tried: SensorFilter) -> float:
-        seen = RecordingProblem([tried.seen(r) for r in problem.records], problem.model)
-        r = seen.residuals(found.vector[None, :])[0]
+        corrected = RecordingProblem([tried.applied(r) for r in problem.records], problem.model)
+        r = corrected.residuals(found.vector[None, :])[0]
         return float(np.mean((r - explained @ (explained.T @ r)) ** 2))
 
     first = best = filter_of((late or heard)[0])

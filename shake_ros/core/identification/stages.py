@@ -19,7 +19,7 @@ from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.fit import Fit, costs, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, null_shifts_of
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
-from shake_ros.core.identification.knowledge import Knowledge, own_null_shifts
+from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates, estimated_null_shifts
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import windows
@@ -98,7 +98,7 @@ def staged_start(
     """
     progress("first guess from the recordings", 0.0)
     assert model.table is not None
-    data = data.seen(Knowledge(behind_filter(data.estimation)))
+    data = data.with_nuisances(NuisanceEstimates(behind_filter(data.estimation)))
     first = FirstGuess(data.estimation, data.sensors)
     may_lack = tuple(effect for effect in SHOWN if model.may_lack(effect))
 
@@ -120,7 +120,7 @@ def staged_start(
     progress("first fit", 0.0)
     best = _best_of(pieces, moved(shown), guesses)
     if (behind := better_filter(pieces, best)) is not None:
-        data = data.seen(Knowledge(behind))
+        data = data.with_nuisances(NuisanceEstimates(behind))
         pieces = _pieces(model, data)
         best = _fitted(pieces, moved(shown), best.table)
     begin = guesses[0]
@@ -140,8 +140,10 @@ def staged_start(
         best = min(best, anew, key=attrgetter("cost"))
     if not is_far(pieces, best):
         best = with_lag_parted(pieces, best, TOLERANCE)
-    table, told = best.table, own_null_shifts(model, best, data.estimation, data.validation)
-    return StartingPoint(table.without(shown), data.seen(Knowledge(shifts=told)), table, shown, between)
+    table, told = best.table, estimated_null_shifts(model, best, data.estimation, data.validation)
+    return StartingPoint(
+        table.without(shown), data.with_nuisances(NuisanceEstimates(shifts=told)), table, shown, between
+    )
 
 
 def over_noise(pieces: RecordingProblem, found: Fit) -> float:

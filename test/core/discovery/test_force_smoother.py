@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from shake_ros.core.discovery.force_smoother import ForceDynamics, ForceSmoother, Seen
+from shake_ros.core.discovery.force_smoother import ForceDynamics, ForceSmoother, Residuals
 
 DT = 1e-3
 START = (0.01, 2.0, 3.0)
@@ -20,16 +20,16 @@ def dynamics(n: int, dt: float = DT) -> ForceDynamics:
     return ForceDynamics(0.6, np.linspace(3000.0, 5000.0, n), np.linspace(1.0, 9.0, n), dt)
 
 
-def seen(n: int) -> Seen:
+def residuals(n: int) -> Residuals:
     """Noise and a wave, the velocity at every third sample, gaps in both."""
     rng = np.random.default_rng(3)
     velocity, acceleration = np.full(n, np.nan), np.sin(0.2 * np.arange(n)) + 0.05 * rng.standard_normal(n)
     velocity[::3] = 2e-3 * rng.standard_normal(len(velocity[::3]))
     acceleration[10:14] = np.nan
-    return Seen(velocity, acceleration, NOISE)
+    return Residuals(velocity, acceleration, NOISE)
 
 
-def least_squares(model: ForceDynamics, data: Seen, intensity: float) -> tuple[np.ndarray, np.ndarray]:
+def least_squares(model: ForceDynamics, data: Residuals, intensity: float) -> tuple[np.ndarray, np.ndarray]:
     """States of the largest posterior density and the force's deviation, from the normal equations of all samples."""
     n = len(data.velocity)
     rows, right = [], []
@@ -66,7 +66,7 @@ def least_squares(model: ForceDynamics, data: Seen, intensity: float) -> tuple[n
 
 
 def test_smoothed_states_are_those_of_least_squares_over_all_samples() -> None:
-    model, data = dynamics(60), seen(60)
+    model, data = dynamics(60), residuals(60)
     result = ForceSmoother(model, data, START).smoothed(40.0)
     states, deviation = least_squares(model, data, 40.0)
     np.testing.assert_allclose(result.states, states, rtol=1e-6, atol=1e-7)
@@ -74,18 +74,18 @@ def test_smoothed_states_are_those_of_least_squares_over_all_samples() -> None:
 
 
 def test_slow_sampling_of_a_stiff_column_is_as_exact() -> None:
-    model, data = dynamics(40, dt=0.02), seen(40)
+    model, data = dynamics(40, dt=0.02), residuals(40)
     result = ForceSmoother(model, data, START).smoothed(40.0)
     np.testing.assert_allclose(result.states, least_squares(model, data, 40.0)[0], rtol=1e-6, atol=1e-7)
 
 
 def test_force_on_a_free_mass_is_weighted_as_the_walk_in_noise_asks() -> None:
-    """ĝ_k = (1 − θ)/(1 + θ) Σ θ^|j| a_(k+j), θ + 1/θ = 2 + q/r, far from the ends of a walk seen in white noise."""
+    """ĝ_k = (1 − θ)/(1 + θ) Σ θ^|j| a_(k+j), θ + 1/θ = 2 + q/r, far from the ends of a walk in white noise."""
     n, intensity = 801, 30.0
     none = np.zeros(n)
     impulse = np.zeros(n)
     impulse[400] = 1.0
-    data = Seen(np.full(n, np.nan), impulse, NOISE)
+    data = Residuals(np.full(n, np.nan), impulse, NOISE)
     result = ForceSmoother(ForceDynamics(0.0, none, none, DT), data, (1e-9, 1e-9, 1.0)).smoothed(intensity)
     ratio = intensity * DT / NOISE[1] ** 2
     theta = 1.0 + 0.5 * ratio - math.sqrt(ratio + 0.25 * ratio**2)
@@ -98,7 +98,7 @@ def test_intensity_of_a_walk_is_found() -> None:
     n, true = 6000, 5.0
     none = np.zeros(n)
     walk = np.cumsum(math.sqrt(true * DT) * rng.standard_normal(n))
-    data = Seen(np.full(n, np.nan), walk + NOISE[1] * rng.standard_normal(n), NOISE)
+    data = Residuals(np.full(n, np.nan), walk + NOISE[1] * rng.standard_normal(n), NOISE)
     smoother = ForceSmoother(ForceDynamics(0.0, none, none, DT), data, (1e-9, 1e-9, 1.0))
     assert smoother.most_likely() == pytest.approx(true, rel=0.25)
 

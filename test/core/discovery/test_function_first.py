@@ -116,7 +116,7 @@ def test_a_function_of_two_quantities_comes_where_nothing_else_helps(
     search, without = FunctionSearch({}, None), scored(1000.0)
     effect, both, better = (refitted(name, 400.0) for name in ("spool_deadband", UNLISTED, UNLISTED))
     step = ForwardStep(effect, (effect,)) if listed else None
-    monkeypatch.setattr(forward, "with_knowledge", lambda problem, found: (problem, found))
+    monkeypatch.setattr(forward, "with_nuisances", lambda problem, found: (problem, found))
     monkeypatch.setattr(forward, "forward_step", lambda *_: (step, (), without, None))
     monkeypatch.setattr(forward, "joint_steps", lambda *_: ())
     monkeypatch.setattr(forward, "or_function", lambda *_: (step, search))

@@ -8,7 +8,11 @@ from hidden_table import SAMPLE_TIME, TRUE, record
 
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters, null_shifts_of
-from shake_ros.core.identification.knowledge import Knowledge, own_null_shifts, without_null_shifts
+from shake_ros.core.identification.nuisance_estimates import (
+    NuisanceEstimates,
+    estimated_null_shifts,
+    without_null_shifts,
+)
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, Record
 from shake_ros.core.identification.uncertainty import estimates, of_table
@@ -56,12 +60,12 @@ def test_a_fit_finds_the_null_shift_of_each_recording(runs: list[Record]) -> Non
     whole, part = (np.linalg.inv(f.jacobian.T @ f.jacobian)[0, 0] for f in (found, alone))
     assert part == pytest.approx(whole, rel=1e-9)  # as uncertain as beside the null shifts of the others
 
-    told = own_null_shifts(UNKNOWN, found, learned, held)
+    told = estimated_null_shifts(UNKNOWN, found, learned, held)
     assert told == {
         "run1": pytest.approx(SHIFTS[1] - SHIFTS[0], abs=2e-4),
         "run2": pytest.approx(SHIFTS[2] - SHIFTS[0], abs=2e-4),
     }
-    after = [Knowledge(shifts=told).seen(r) for r in learned]
+    after = [NuisanceEstimates(shifts=told).applied(r) for r in learned]
     same = without_null_shifts(found, learned, after)
     assert same.vector[-1] == pytest.approx(0.0, abs=1e-9)
     again = RecordingProblem(after, UNKNOWN).residuals(same.vector[None, :])[0]

@@ -38,30 +38,30 @@ def late(acceleration: np.ndarray, delay: float) -> Record:
     return timely(Record("late", SAMPLE_TIME, made.commands, made.position, acceleration + noise), delay)
 
 
-def better(seen: Record, table: TableParameters = TABLE) -> SensorFilter | None:
-    problem = RecordingProblem([seen])
+def better(recorded: Record, table: TableParameters = TABLE) -> SensorFilter | None:
+    problem = RecordingProblem([recorded])
     return better_filter(problem, as_fitted(table, problem))
 
 
 def test_filter_is_found_and_the_recording_goes_back_behind_it() -> None:
-    seen = late(filtered(), DELAY)
-    found = better(seen)
+    recorded = late(filtered(), DELAY)
+    found = better(recorded)
     assert found is not None
     assert found.by_filter == found.delay
     assert found.delay == pytest.approx(DELAY, rel=0.02)
     whole = SensorFilter(DELAY, DELAY)
-    back = whole.seen(seen)
+    back = whole.applied(recorded)
     assert back.cutoff == pytest.approx(CUTOFF)
     assert back.acceleration is not None
-    assert seen.whole.sum() == back.whole.sum() - 4 and back.whole[:-1].all()
+    assert recorded.whole.sum() == back.whole.sum() - 4 and back.whole[:-1].all()
     assert back.acceleration[500:-5] == pytest.approx(filtered()[500:-5], abs=0.12)
-    assert whole.seen(back) is back
+    assert whole.applied(back) is back
     assert better(back) is None
 
 
 def test_delay_that_the_sensors_do_not_show_rightly_is_found() -> None:
-    seen = SensorFilter(0.8 * DELAY, 0.8 * DELAY).seen(late(filtered(), 0.8 * DELAY))
-    found = better(seen)
+    recorded = SensorFilter(0.8 * DELAY, 0.8 * DELAY).applied(late(filtered(), 0.8 * DELAY))
+    found = better(recorded)
     assert found is not None
     assert found.delay == pytest.approx(DELAY, rel=0.05)
     assert found.cutoff == pytest.approx(CUTOFF, rel=0.3)
@@ -69,12 +69,12 @@ def test_delay_that_the_sensors_do_not_show_rightly_is_found() -> None:
 
 def test_delay_without_a_filter_stays_one() -> None:
     behind = round(DELAY / SAMPLE_TIME)
-    seen = late(np.concatenate([np.zeros(behind), QUICK[:-behind]]), behind * SAMPLE_TIME)
-    assert better(seen) is None
-    found = better(SensorFilter(seen.delay, seen.delay).seen(seen))
+    recorded = late(np.concatenate([np.zeros(behind), QUICK[:-behind]]), behind * SAMPLE_TIME)
+    assert better(recorded) is None
+    found = better(SensorFilter(recorded.delay, recorded.delay).applied(recorded))
     assert found is not None
     assert found.by_filter == 0.0
-    assert found.delay == pytest.approx(seen.delay, rel=0.02)
+    assert found.delay == pytest.approx(recorded.delay, rel=0.02)
 
 
 def test_a_table_that_is_far_off_chooses_no_filter() -> None:
@@ -105,10 +105,10 @@ def test_all_of_a_delay_counts_as_a_filter_at_first() -> None:
     assert begun.cutoff == pytest.approx(CUTOFF)
 
 
-def test_filter_survives_being_seen() -> None:
-    seen = late(filtered(), DELAY)
+def test_filter_survives_being_applied() -> None:
+    recorded = late(filtered(), DELAY)
     for by_filter in (0.0, 0.4 * DELAY, DELAY):
-        there = filter_of(SensorFilter(DELAY, by_filter).seen(seen))
+        there = filter_of(SensorFilter(DELAY, by_filter).applied(recorded))
         assert (there.delay, there.by_filter) == pytest.approx((DELAY, by_filter))
 
 

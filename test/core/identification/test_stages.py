@@ -15,7 +15,7 @@ from shake_ros.core.identification import stages
 from shake_ros.core.identification.by_bands import FALL
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.knowledge import Knowledge, null_shifts
+from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates, null_shifts
 from shake_ros.core.identification.nuisances import Nuisance, Prepared, prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.sensor_pair import BaseMode, SensorPair
@@ -108,7 +108,7 @@ def test_null_shift_that_the_free_run_tells_leaves_what_else_was_taken_out() -> 
     before = Nuisance("run", 0.001, 0.1, spikes=7)
     data = Prepared([foreign_run(425)], [], 1.0, (before,))
     told = null_shifts(unknown_model(), load_table("bergamo"), data.estimation)
-    (after,) = data.seen(Knowledge(shifts=told)).nuisances
+    (after,) = data.with_nuisances(NuisanceEstimates(shifts=told)).nuisances
     assert after.null_shift != before.null_shift
     assert (after.acceleration_bias, after.spikes) == (0.1, 7)
 
@@ -240,7 +240,7 @@ def test_what_the_sensors_show_stays_known_to_the_search_as_theirs(monkeypatch: 
     late = replace(run, position=lfilter([1.0 - left], [1.0, -left], run.position))
     monkeypatch.setattr(stages, "_best_of", lambda _pieces, _free, guesses: SimpleNamespace(cost=1.0, table=guesses[0]))
     monkeypatch.setattr(stages, "better_filter", lambda *_: None)
-    monkeypatch.setattr(stages, "own_null_shifts", lambda *_: {})
+    monkeypatch.setattr(stages, "estimated_null_shifts", lambda *_: {})
     monkeypatch.setattr(stages, "is_far", lambda *_: False)
     monkeypatch.setattr(stages, "with_lag_parted", lambda _pieces, found, _tolerance: found)
     effects = {c.effect: c for c in effect_candidates()}

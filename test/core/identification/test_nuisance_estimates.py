@@ -10,7 +10,7 @@ import pytest
 from as_fitted import as_fitted
 from hidden_table import ACCELERATION_NOISE, SAMPLE_TIME, TRUE, record
 
-from shake_ros.core.identification.knowledge import Knowledge, residual_noise
+from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates, residual_noise
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, windows
 from shake_ros.core.identification.unknown_model import UnknownModel
@@ -32,15 +32,15 @@ def slowly(seed: int, noise: float) -> Record:
     return Record(f"run{seed}", EACH * SAMPLE_TIME, commands[:n], made.position[::EACH][:n], felt[:n])
 
 
-def learned(
-    known: Knowledge,
+def estimates(
+    known: NuisanceEstimates,
     records: list[Record],
     others: Sequence[Record] = (),
     table: TableParameters = TABLE,
     model: DeclaredModel = FULL,
-) -> Knowledge:
+) -> NuisanceEstimates:
     problem = RecordingProblem(records, model)
-    return known.learned(problem, others, as_fitted(table, problem))
+    return known.updated(problem, others, as_fitted(table, problem))
 
 
 @pytest.fixture(scope="module")
@@ -49,37 +49,37 @@ def quiet() -> Record:
 
 
 def test_a_table_that_explains_the_jumps_shows_less_noise(quiet: Record) -> None:
-    seen = learned(Knowledge(), [quiet])
-    assert seen.noise["run5"] < 0.8 * quiet.acceleration_noise()
-    assert seen.noise["run5"] > 0.2 * ACCELERATION_NOISE
-    known = seen.seen(quiet)
-    assert known.acceleration_noise() == seen.noise["run5"]
+    updated = estimates(NuisanceEstimates(), [quiet])
+    assert updated.noise["run5"] < 0.8 * quiet.acceleration_noise()
+    assert updated.noise["run5"] > 0.2 * ACCELERATION_NOISE
+    known = updated.applied(quiet)
+    assert known.acceleration_noise() == updated.noise["run5"]
     assert RecordingProblem([known]).acceleration_weights[0] > RecordingProblem([quiet]).acceleration_weights[0]
 
 
 def test_nothing_new_is_nothing(quiet: Record) -> None:
-    first = learned(Knowledge(), [quiet])
-    assert learned(first, [first.seen(quiet)]) is first
+    first = estimates(NuisanceEstimates(), [quiet])
+    assert estimates(first, [first.applied(quiet)]) is first
 
 
 def test_a_table_that_explains_nothing_shows_no_less(quiet: Record) -> None:
     still = TABLE.with_values({"valve.flow_coefficient": 1e-9})
-    nothing = Knowledge()
-    assert learned(nothing, [quiet], table=still) is nothing
+    nothing = NuisanceEstimates()
+    assert estimates(nothing, [quiet], table=still) is nothing
 
 
 def test_pieces_of_a_recording_share_its_noise_and_others_have_their_own(quiet: Record) -> None:
     other = slowly(6, ACCELERATION_NOISE)
     pieces = windows([quiet, other], 10.0, 2.5)
-    seen = learned(Knowledge(), pieces, [other])
-    assert seen.noise["run5"] < 0.5 * other.acceleration_noise()
-    assert len({seen.seen(r).acceleration_noise() for r in pieces if r.name == "run5"}) == 1
+    updated = estimates(NuisanceEstimates(), pieces, [other])
+    assert updated.noise["run5"] < 0.5 * other.acceleration_noise()
+    assert len({updated.applied(r).acceleration_noise() for r in pieces if r.name == "run5"}) == 1
 
 
 def test_recording_without_acceleration_is_left_alone(quiet: Record) -> None:
     bare = replace(quiet, acceleration=None)
-    nothing = Knowledge()
-    assert learned(nothing, [bare]) is nothing
+    nothing = NuisanceEstimates()
+    assert estimates(nothing, [bare]) is nothing
 
 
 def test_a_lost_run_shows_nothing(quiet: Record) -> None:
@@ -96,14 +96,14 @@ def shifted(by: float) -> Record:
 
 def test_null_shift_is_that_at_which_the_table_has_the_measured_mean_velocity() -> None:
     moved = shifted(0.01)
-    known = learned(Knowledge(), [moved], model=UNKNOWN)
+    known = estimates(NuisanceEstimates(), [moved], model=UNKNOWN)
     assert known.shifts["run6"] == pytest.approx(-0.01, rel=0.03)
-    seen = known.seen(moved)
-    assert seen.commands == pytest.approx(shifted(0.0).commands, abs=3e-4)
-    assert seen.command_before == pytest.approx(0.0, abs=3e-4)
-    assert known.seen(seen) is seen
-    assert learned(known, [seen], model=UNKNOWN).shifts == known.shifts
+    updated = known.applied(moved)
+    assert updated.commands == pytest.approx(shifted(0.0).commands, abs=3e-4)
+    assert updated.command_before == pytest.approx(0.0, abs=3e-4)
+    assert known.applied(updated) is updated
+    assert estimates(known, [updated], model=UNKNOWN).shifts == known.shifts
 
 
 def test_a_declared_table_has_no_null_shifts_of_single_runs() -> None:
-    assert learned(Knowledge(), [shifted(0.01)]).shifts == {}
+    assert estimates(NuisanceEstimates(), [shifted(0.01)]).shifts == {}

@@ -1,13 +1,13 @@
-"""What a fitted model tells of its recordings: the filter behind the accelerometer, its noise, the valve's null shifts.
+"""Nuisance parameters of recordings from a fitted model: the accelerometer's filter and noise, the valve's null shifts.
 
 Before a fit the noise comes from the highest frequencies of a recording (noise.py), where friction at rest and rattling
 joints still move a table that is sampled slowly: up to four times the truth. What a model predicts of such jumps is no
 noise, so the highest frequencies of what it leaves are a better measure, and still never too small a one.
 
 The null shift of a recording is free in every fit to it. That at which the free run has its mean velocity leaves it
-open by what may be many times the noise, where friction holds a table between slow motions. A recording that is held
-out has the one that leaves least. A flow gain that differs by direction moves them as well,
-by as much as the command is large, so those of a model without it are no others' (`RecordingProblem.centred`).
+open by what may be many times the noise, where friction holds a table between slow motions. A validation recording has
+the one that leaves least. A flow gain that differs by direction moves them as well, by as much as the command is large,
+so those of a model without it are no others' (`RecordingProblem.centred`).
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 
 CALMER = 0.95  # of the noise that is assumed, from which a smaller one counts
-CLEAR, WIDEST = 3e-4, 0.05  # of the largest command: change of a null shift that counts, and the largest at once
+LEAST_CHANGE, WIDEST = 3e-4, 0.05  # of the largest command: change of a null shift that counts, and the largest at once
 
 
 @dataclass(frozen=True)
-class Knowledge:
-    """What is known of recordings from a model.
+class NuisanceEstimates:
+    """Nuisance parameters of recordings, estimated with a model.
 
     behind : delay and filter of the accelerometer, as of sensor_filter.py; None: as at the start.
     noise : largest standard deviation by recording [m/s²], where a model shows it to be smaller than at the start.
@@ -44,9 +44,9 @@ class Knowledge:
     noise: Mapping[str, float] = field(default_factory=dict)
     shifts: Mapping[str, float] = field(default_factory=dict)
 
-    def seen(self, record: Record) -> Record:
-        """A recording as it is seen with this knowledge."""
-        known = record if self.behind is None else self.behind.seen(record)
+    def applied(self, record: Record) -> Record:
+        """The recording with these estimates applied."""
+        known = record if self.behind is None else self.behind.applied(record)
         if record.name in self.noise:
             known = replace(known, calmest=self.noise[record.name])
         shift = self.shifts.get(record.name, record.shift)
@@ -56,26 +56,26 @@ class Knowledge:
         return replace(known, commands=known.commands + more, command_before=known.command_before + more, shift=shift)
 
     def problem(self, problem: RecordingProblem) -> RecordingProblem:
-        """A problem with its recordings as they are seen."""
-        seen = RecordingProblem([self.seen(r) for r in problem.records], problem.model)
-        return seen.unpredicted(problem.unpredictable)
+        """A problem with these estimates applied to its recordings."""
+        corrected = RecordingProblem([self.applied(r) for r in problem.records], problem.model)
+        return corrected.unpredicted(problem.unpredictable)
 
-    def learned(self, problem: RecordingProblem, others: Sequence[Record], model: Fit) -> Knowledge:
-        """More of it from a fitted table, or the same where that tells nothing new.
+    def updated(self, problem: RecordingProblem, others: Sequence[Record], model: Fit) -> NuisanceEstimates:
+        """These estimates updated with a fitted table, or the same where that changes nothing.
 
         Parameters
         ----------
-        problem : recordings of the fit, as they are seen. others : recordings that are held out.
+        problem : recordings of the fit, with these estimates applied. others : validation data.
         model : the fit of the table to them.
         """
         behind = better_filter(problem, model)
         known = self if behind is None else replace(self, behind=behind)
         noise = dict(known.noise)
-        for name, records in by_name([known.seen(r) for r in (*problem.records, *others)]).items():
+        for name, records in by_name([known.applied(r) for r in (*problem.records, *others)]).items():
             found = residual_noise(RecordingProblem(records, problem.model), model.vector)
             if found < CALMER * records[0].acceleration_noise():
                 noise[name] = found
-        shifts = own_null_shifts(problem.model, model, problem.records, others)
+        shifts = estimated_null_shifts(problem.model, model, problem.records, others)
         if shifts:
             known = replace(known, shifts={**known.shifts, **shifts})
         return known if noise == known.noise else replace(known, noise=noise)
@@ -95,27 +95,31 @@ def null_shifts(model: DeclaredModel, table: TableParameters, records: Sequence[
         left = float(np.mean(np.concatenate([_velocity_left(model, table, r) for r in parts])))
         largest = max(float(np.max(np.abs(r.commands))) for r in parts)
         more = float(np.clip(left / gain, -WIDEST * largest, WIDEST * largest)) if math.isfinite(left) else 0.0
-        if abs(more) > CLEAR * largest:
+        if abs(more) > LEAST_CHANGE * largest:
             found[name] = parts[0].shift + more
     return found
 
 
-def own_null_shifts(
+def estimated_null_shifts(
     model: DeclaredModel, found: Fit, estimation: Sequence[Record], validation: Sequence[Record]
 ) -> dict[str, float]:
     """Null shift by recording, where it is clearly another than the present [-].
 
-    That which the fit has found; where it has none for a recording, as for one held out, that which leaves least, from
-    the present one or from that of the mean velocity.
+    That which the fit has found; where it has none, as for a validation recording, that which leaves least, from the
+    present one or from that of the mean velocity.
     """
-    told: dict[str, float] = {}
+    shifts: dict[str, float] = {}
     width = len(model.layout.names)
     if not model.nuisances:
-        return told
+        return shifts
     for records in filter(None, (estimation, validation)):
         present = RecordingProblem(list(records), model)
         left_open = [r for r in records if r.run >= len(found.vector) - width]
-        moved = Knowledge(shifts=null_shifts(model, found.table, left_open)).problem(present) if left_open else present
+        moved = (
+            NuisanceEstimates(shifts=null_shifts(model, found.table, left_open)).problem(present)
+            if left_open
+            else present
+        )
         least: dict[int, float] = {}
         for problem in (present,) if moved is present else (present, moved):
             row = problem.centred(found.vector)
@@ -125,10 +129,10 @@ def own_null_shifts(
                 change = abs(shift - before.shift)
                 if left[record.run] <= least.setdefault(record.run, left[record.run]):
                     least[record.run] = left[record.run]
-                    told.pop(record.name, None)
-                    if change > CLEAR * float(np.max(np.abs(record.commands))):
-                        told[record.name] = shift
-    return told
+                    shifts.pop(record.name, None)
+                    if change > LEAST_CHANGE * float(np.max(np.abs(record.commands))):
+                        shifts[record.name] = shift
+    return shifts
 
 
 def without_null_shifts(found: Fit, before: Sequence[Record], after: Sequence[Record]) -> Fit:
