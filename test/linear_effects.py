@@ -40,7 +40,7 @@ class Hidden:
     def blocks(self) -> np.ndarray:
         return np.arange(len(NOISE)) // 100
 
-    def drawn(self, _injection: float) -> Hidden:
+    def predictor(self, _injection: float) -> Hidden:
         return self
 
     def noise_cost(self) -> float:

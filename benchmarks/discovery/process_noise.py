@@ -1,12 +1,12 @@
-"""Does a fit that hears drawn runs too tell parameters better where process noise acts? And which effects are named?
+"""Does a fit with predictor runs too estimate parameters better where process noise acts? Which effects are named?
 
     python -m benchmarks.discovery.process_noise [--seeds 101:109] [--names 3]
 
 Tables of hidden_tables.py, which shares nothing with the package, on which a random force acts that no command tells:
 0, 60 and 180 N rms with a memory of 8 ms. First the declared model, of
-which nothing is missing, is fitted to the free runs alone, and to free and drawn runs together (process_noise.py of the
-package) where equal commands show process noise. Then, for so many seeds, `close_loop` is asked what is missing, from
-six effects, with one or none hidden, free runs alone against both. The last output is in process_noise.txt.
+which nothing is missing, is fitted to the free runs alone, and to free and predictor runs together (process_noise.py of
+the package) where equal commands show process noise. Then, for so many seeds, `close_loop` is asked what is missing,
+from six effects, with one or none hidden, free runs alone against both. The last output is in process_noise.txt.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from shake_ros.core.discovery.close_loop import close_loop
 from shake_ros.core.identification.approach import INJECTION, approached
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.process_noise import FreeAndDrawn, process_noise
+from shake_ros.core.identification.process_noise import FreeAndPredictor, process_noise
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import model_structure
@@ -44,7 +44,7 @@ AMONG = (
 )
 HIDDEN = ("none", "spool_deadband", "specimen_resonance")
 SEVERITY, NAMES_FORCE = 0.1, 60.0  # relative change of the acceleration by the hidden effect; force where it hides [N]
-NEVER = 1e9  # ratio from which process noise is heard where it is not to be
+NEVER = 1e9  # ratio from which process noise counts where it is not to
 
 
 def quantities(values: dict[str, float]) -> dict[str, float]:
@@ -85,7 +85,7 @@ def fitted(seed: int, force: float) -> tuple[float | None, dict[str, float], dic
     ratio = process_noise([learn, hold], alone.vector, load_search().process_noise)
     if ratio is None:
         return None, errors(alone, truth), errors(alone, truth)
-    both = fit(FreeAndDrawn(learn, INJECTION, alone.vector), free, alone.x, tolerance=1e-6)
+    both = fit(FreeAndPredictor(learn, INJECTION, alone.vector), free, alone.x, tolerance=1e-6)
     return ratio, errors(alone, truth), errors(both, truth)
 
 
@@ -116,12 +116,12 @@ def parameter_table(seeds: Sequence[int]) -> None:
         print(f"  [{time.perf_counter() - start:.0f} s]", flush=True)
 
 
-def named(seed: int, effect: str, heard: bool) -> tuple[str, ...]:
+def named(seed: int, effect: str, with_predictor: bool) -> tuple[str, ...]:
     """What close_loop adds."""
     commands = hidden.excitations(seed, 0.8)
     truth = confusion.truth(effect, SEVERITY, seed, commands)._replace(rumble=NAMES_FORCE)
     structure = replace(model_structure(load_table("bergamo")), candidates=confusion.candidates(AMONG))
-    settings = load_search() if heard else load_search().replace(process_noise=NEVER)
+    settings = load_search() if with_predictor else load_search().replace(process_noise=NEVER)
     with Progress("close_loop", told=False) as silent:
         found = close_loop(structure, *recordings(seed, truth, 0.8, effect), settings, silent)
     return tuple(step.chosen.candidate.effect for step in found.search.steps)

@@ -162,7 +162,7 @@ class Stretch:
     ----------
     drive [-] or [N], position [m], acceleration [m/s²] or None.
     first : row of the recording at which it begins.
-    heard : whether the accelerometer measured each sample: it was neither clipped nor lost.
+    valid : whether the accelerometer measured each sample: it was neither clipped nor lost.
     filled : whether a sample or one of its values was lost.
     """
 
@@ -170,7 +170,7 @@ class Stretch:
     position: NDArray[np.float64]
     acceleration: NDArray[np.float64] | None
     first: int
-    heard: NDArray[np.bool_]
+    valid: NDArray[np.bool_]
     filled: NDArray[np.bool_]
 
 
@@ -183,9 +183,9 @@ def stretches_of(recording: TableRecording, driven_by: str = "valve_command") ->
     clip, found = clipped_in(recording), list[Stretch]()
     for rows in _joined(recording, np.isfinite(np.column_stack(list(columns.values()))).all(axis=1)):
         whole = bridged({"time": recording.time[rows]} | {n: c[rows] for n, c in columns.items()}, SHORT)
-        heard = ~whole.filled & ~((whole.rows >= 0) & clip[rows][whole.rows])
+        valid = ~whole.filled & ~((whole.rows >= 0) & clip[rows][whole.rows])
         cuts = leaps(whole.values["position"])
-        for first, last in zip([0, *cuts], [*cuts, len(heard)], strict=True):
+        for first, last in zip([0, *cuts], [*cuts, len(valid)], strict=True):
             if (last - first) * recording.sample_time < SHORTEST:
                 continue
             part = {name: column[first:last] for name, column in whole.values.items()}
@@ -195,7 +195,7 @@ def stretches_of(recording: TableRecording, driven_by: str = "valve_command") ->
                     part["position"],
                     part.get("acceleration"),
                     rows.start + int(np.max(whole.rows[: first + 1])),
-                    heard[first:last],
+                    valid[first:last],
                     whole.filled[first:last],
                 )
             )
@@ -279,11 +279,11 @@ def clipped_in(recording: TableRecording) -> NDArray[np.bool_]:
 
 def _without_unheard(record: Record, stretch: Stretch) -> Record:
     """The segment with its lost acceleration ignored; for spectra it follows the position there."""
-    if record.acceleration is None or stretch.heard.all() or not stretch.heard.any():
+    if record.acceleration is None or stretch.valid.all() or not stretch.valid.any():
         return record
-    clip = ~stretch.heard & ~stretch.filled
+    clip = ~stretch.valid & ~stretch.filled
     felt = restored(record.acceleration, clip, np.gradient(record.velocity, record.sample_time))
-    return replace(record, acceleration=felt, heard=stretch.heard)
+    return replace(record, acceleration=felt, valid=stretch.valid)
 
 
 def finding_lines(recording: TableRecording) -> list[str]:

@@ -27,7 +27,7 @@ from shake_ros.settings import load_table
 
 STEPS: list[tuple[ModuleType, str, str]] = [
     (forward, "stages", "search"),
-    (closing, "listened", "search beside process noise"),
+    (closing, "with_predictor_search", "search beside process noise"),
     (closing, "with_verdicts", "verdicts"),
     (closing, "centred", "final fit"),
     (closing, "passed_through", "errors"),

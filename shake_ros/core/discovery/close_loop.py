@@ -9,7 +9,7 @@ import numpy as np
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model, unassessed_model
-from shake_ros.core.discovery.forward_selection import forward_selection, listened, recentred
+from shake_ros.core.discovery.forward_selection import forward_selection, recentred, with_predictor_search
 from shake_ros.core.discovery.given_answer import GivenAnswer, selection_of
 from shake_ros.core.discovery.latent_force import LatentForce, latent_forces
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, unstopped
@@ -84,7 +84,7 @@ def close_loop(
     reported = problem.progress
     problem, selection = forward_selection(replace(problem, progress=progress), declared, model, failures)
     with failures.step("search beside process noise"):
-        problem, selection = listened(problem, selection, replace(model, shown=()))
+        problem, selection = with_predictor_search(problem, selection, replace(model, shown=()))
     with within_budget(deadline_passed):  # the verdicts come from fits that have ended, as long as there is time
         return _concluded(replace(problem, progress=reported), selection, model, estimation, failures)
 
@@ -107,7 +107,7 @@ def _concluded(
         if problem.fits_less_than(estimation):
             problem.progress("final fit to all estimation data", 0.8)
             problem, found = on_whole(problem, found, estimation)
-        found = found.on(lambda m: m, problem.heard) if problem.drawing > 0.0 else found
+        found = found.on(lambda m: m, problem.refitted) if problem.predictor_rate > 0.0 else found
         problem, found = centred(problem, found)
     problem.progress("errors and remaining residual", 0.9)
     models = tuple(unassessed_model(m.fit) for m in found.models)

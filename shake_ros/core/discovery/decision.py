@@ -1,7 +1,7 @@
 """Decision: is the best refit better than the model without it, beyond chance, and which others may stand for it?
 
 Costs are mean squares of weighted residuals; those of the validation data also block of time by block of time, so that
-a difference can be held against its own scatter. Where process noise shows, the errors of drawn runs have a say
+a difference can be held against its own scatter. Where process noise shows, the errors of predictor runs have a say
 beside those of free ones: they may forbid an effect, and decide on one that the free run cannot tell from chance.
 """
 
@@ -52,25 +52,28 @@ def beyond_chance(chance: float, tried: int, blocks: int) -> float:
 def improves(best: ScoredFit, without: ScoredFit, settings: SearchSettings, tried: int = 1) -> bool:
     """Whether a model is better than the one without its last effect, beyond chance.
 
-    Free runs decide; where drawn runs are heard too, neither may get worse beyond chance, and one must get better.
+    Free runs decide; where predictor runs count too, neither may get worse beyond chance, and one must get better.
 
     Parameters
     ----------
     tried : number of candidates of which this is the best.
     """
-    drawn, before = best.innovation_blocks, without.innovation_blocks
-    if not len(drawn) or len(drawn) != len(before):
+    predictor, before = best.innovation_blocks, without.innovation_blocks
+    if not len(predictor) or len(predictor) != len(before):
         return free_run_improves(best, without, settings, tried)
     least = beyond_chance(settings.chance, tried, len(before))
-    if significance(before, drawn) > beyond_chance(settings.chance, 1, len(before)):
-        return False  # drawn runs get worse
+    if significance(before, predictor) > beyond_chance(settings.chance, 1, len(before)):
+        return False  # predictor runs get worse
     if free_run_improves(best, without, settings, tried):
         return True
     blocks = without.validation_blocks
     worse = significance(blocks, best.validation_blocks) > beyond_chance(settings.chance, 1, len(blocks))
-    clear = np.mean(drawn) <= (1.0 - settings.least_validation_gain) * np.mean(before)
+    clear = np.mean(predictor) <= (1.0 - settings.least_validation_gain) * np.mean(before)
     return bool(
-        best.estimation_cost <= without.estimation_cost and not worse and clear and significance(drawn, before) > least
+        best.estimation_cost <= without.estimation_cost
+        and not worse
+        and clear
+        and significance(predictor, before) > least
     )
 
 

@@ -8,7 +8,7 @@ from shake_ros.core.discovery.problem import Reduced, ScoredFit, SearchProblem, 
 from shake_ros.core.identification.free_parameters import FreeParameters
 
 FAR = 10.0  # times the score: without such an effect the model is so much worse that its fit need not converge
-FIRST, ROUGH = 10, 1e-2  # trial points and tolerance of the drawn and of the free fit that tell whether it is
+FIRST, ROUGH = 10, 1e-2  # trial points and tolerance of the predictor and of the free fit that show whether it is
 
 
 def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect) -> ScoredFit:
@@ -45,7 +45,7 @@ def eliminate(
     for step in steps[:-1]:
         reduced = without(problem, current, step.chosen.candidate)
         needless = reduced.estimation_cost * least < current.estimation_cost
-        needless = needless and not (problem.drawing > 0.0 and improves(current, reduced, problem.settings))
+        needless = needless and not (problem.predictor_rate > 0.0 and improves(current, reduced, problem.settings))
         if needless and reduced.validation_cost * least < current.validation_cost:
             kept.remove(step)
             removed.append(step.chosen.candidate.effect)

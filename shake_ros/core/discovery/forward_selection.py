@@ -66,31 +66,33 @@ def forward_selection(
     return problem.with_nuisances(found.nuisances), replace(found, stopped=not done)
 
 
-def listened(problem: SearchProblem, found: Selection, model: ModelStructure) -> tuple[SearchProblem, Selection]:
-    """The search gone on with drawn runs heard beside the free ones, where equal commands still show process noise.
+def with_predictor_search(
+    problem: SearchProblem, found: Selection, model: ModelStructure
+) -> tuple[SearchProblem, Selection]:
+    """The search gone on with predictor runs beside the free ones, where equal commands still show process noise.
 
     It begins with what free runs alone have found: what depends on time differs between equal commands as well, and is
     no process noise once the model has it.
     """
-    listening = problem.listening(found.final.fit)
-    if listening is problem:
+    with_predictor = problem.with_predictor(found.final.fit)
+    if with_predictor is problem:
         return problem, found
 
     def again(m: ScoredFit) -> ScoredFit:
-        return listening.scored(m.fit)
+        return with_predictor.scored(m.fit)
 
     found = found.on(again, again)
     present = {step.chosen.candidate.effect for step in found.steps}
     if found.stopped or UNLISTED in present:
-        return listening, found
+        return with_predictor, found
     left = tuple(c for c in model.candidates if c.effect not in present)
     try:
-        for grown in stages(listening, found, replace(model, candidates=left)):
+        for grown in stages(with_predictor, found, replace(model, candidates=left)):
             found = grown
-        steps, final, removed = eliminate(listening, found.steps, found.final)
+        steps, final, removed = eliminate(with_predictor, found.steps, found.final)
     except Stopped:
-        return listening, replace(found, stopped=True)
-    return listening, replace(found, steps=steps, final=final, removed=(*found.removed, *removed))
+        return with_predictor, replace(found, stopped=True)
+    return with_predictor, replace(found, steps=steps, final=final, removed=(*found.removed, *removed))
 
 
 def stages(problem: SearchProblem, found: Selection, model: ModelStructure) -> Iterator[Selection]:

@@ -2,7 +2,8 @@
 
 A soft zone hides the mode of a specimen from every model that has only one of the two, and a dead time both. So where
 the search comes to its end far above the noise without an effect, many are freed at once (joint_start.py), in runs that
-are drawn towards the measurement; those that the fit holds on to are fitted together, and each has to prove its worth.
+are corrected towards the measurement; those that the fit holds on to are fitted together, and each has to prove its
+worth.
 """
 
 from __future__ import annotations

@@ -17,11 +17,11 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification.approach import INJECTION, Approach, approached, arrived, led
+from shake_ros.core.identification.approach import INJECTION, Approach, approached, arrived, predictor_start
 from shake_ros.core.identification.fit import LOST, Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates
-from shake_ros.core.identification.process_noise import FreeAndDrawn, process_noise
+from shake_ros.core.identification.process_noise import FreeAndPredictor, process_noise
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, windows
 from shake_ros.core.plant.parameters import TableParameters
@@ -92,7 +92,7 @@ class ScoredFit:
     """A fit with its costs on estimation and validation data [-].
 
     validation_blocks : validation cost of each block of time, shape (b,); empty for a fit to pieces, whose costs are
-    too preliminary to be tested. innovation_blocks : the same of runs that are drawn towards the measurement, where
+    too preliminary to be tested. innovation_blocks : the same of runs that are corrected towards the measurement, where
     process noise shows; empty elsewhere.
     """
 
@@ -126,8 +126,8 @@ class SearchProblem:
     """Estimation and validation data with pieces of both, the parameters that may be freed late, settings, progress.
 
     progress : called with what is being done and the part of the step that is done. reduced : fits that have been made
-    without an effect, by its name and those of all free parameters before. drawing : rate of the drawn runs that are
-    heard beside the free ones [1/s]; 0 where no process noise shows.
+    without an effect, by its name and those of all free parameters before. predictor_rate : of the predictor runs that
+    count beside the free ones [1/s]; 0 where no process noise shows.
     """
 
     estimation: RecordingProblem
@@ -138,7 +138,7 @@ class SearchProblem:
     settings: SearchSettings
     progress: Progress
     reduced: dict[tuple[str, tuple[str, ...]], Reduced] = field(default_factory=dict, repr=False)
-    drawing: float = 0.0
+    predictor_rate: float = 0.0
 
     @classmethod
     def of(
@@ -179,11 +179,13 @@ class SearchProblem:
         """The way to a fit to pieces of the estimation data."""
         problem = self.estimation_pieces
         near = self._much_left(problem)
-        return led(problem, free, start, evaluations=evaluations, tolerance=tolerance, near=near)
+        return predictor_start(problem, free, start, evaluations=evaluations, tolerance=tolerance, near=near)
 
     def far(self, way: Approach) -> bool:
-        """Whether drawn runs leave much above the noise."""
-        return way.drawn is not None and mean_square(way.drawn.residuals) > self._much_left(self.estimation_pieces)
+        """Whether predictor runs leave much above the noise."""
+        return way.predictor is not None and mean_square(way.predictor.residuals) > self._much_left(
+            self.estimation_pieces
+        )
 
     def fitted_to_pieces(
         self, free: FreeParameters, way: Approach, evaluations: int, tolerance: float, whole: float
@@ -210,20 +212,20 @@ class SearchProblem:
         r = self._validation_residuals(result)
         number = self.validation.blocks()
         blocks = np.bincount(number, r**2) / np.maximum(np.bincount(number), 1)
-        drawn = np.zeros(0)
-        if self.drawing > 0.0:
-            left = self.validation.drawn(self.drawing).residuals(result.free.vectors(result.x))[0]
-            drawn = np.bincount(number, np.nan_to_num(left, nan=LOST) ** 2) / np.maximum(np.bincount(number), 1)
-        return ScoredFit(result, mean_square(result.residuals), mean_square(r), np.asarray(blocks), drawn)
+        predictor = np.zeros(0)
+        if self.predictor_rate > 0.0:
+            left = self.validation.predictor(self.predictor_rate).residuals(result.free.vectors(result.x))[0]
+            predictor = np.bincount(number, np.nan_to_num(left, nan=LOST) ** 2) / np.maximum(np.bincount(number), 1)
+        return ScoredFit(result, mean_square(result.residuals), mean_square(r), np.asarray(blocks), predictor)
 
-    def listening(self, model: Fit) -> SearchProblem:
-        """The same, with drawn runs heard beside the free ones where equal commands show process noise."""
+    def with_predictor(self, model: Fit) -> SearchProblem:
+        """The same, with predictor runs beside the free ones where equal commands show process noise."""
         ratio = process_noise([self.estimation, self.validation], model.vector, self.settings.process_noise)
         if ratio is None:
             return self
         return replace(
             self,
-            drawing=INJECTION,
+            predictor_rate=INJECTION,
             estimation=self.estimation.unpredicted(ratio),
             validation=self.validation.unpredicted(ratio),
             estimation_pieces=self.estimation_pieces.unpredicted(ratio),
@@ -231,11 +233,11 @@ class SearchProblem:
             reduced={},
         )
 
-    def heard(self, current: ScoredFit) -> ScoredFit:
-        """A fit of free runs, or where process noise shows one of free and drawn runs together from there."""
-        if self.drawing <= 0.0:
+    def refitted(self, current: ScoredFit) -> ScoredFit:
+        """A fit of free runs, or where process noise shows one of free and predictor runs together from there."""
+        if self.predictor_rate <= 0.0:
             return current
-        both = FreeAndDrawn(self.estimation, self.drawing, current.fit.vector)
+        both = FreeAndPredictor(self.estimation, self.predictor_rate, current.fit.vector)
         most, tolerance = self.settings.converging_evaluations, self.settings.converged
         result = fit(both, current.fit.free, current.fit.x, evaluations=most, tolerance=tolerance)
         return self.scored(linearised(self.estimation, result))
@@ -272,8 +274,8 @@ class SearchProblem:
 
         Where the estimation data leave less than that, what the validation data show cannot be learned from them.
         """
-        if self.drawing > 0.0:
-            return False  # drawn runs may tell what free runs leave in the noise
+        if self.predictor_rate > 0.0:
+            return False  # predictor runs may tell what free runs leave in the noise
         most, noise = self.settings.at_noise, self.estimation.noise_cost()
         if current.estimation_cost > most * noise:
             return False

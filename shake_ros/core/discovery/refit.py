@@ -127,7 +127,7 @@ def leading(problem: SearchProblem, screening: Screening, effects: Sequence[str]
 
 
 def short_refits(problem: SearchProblem, screening: Screening, effects: list[str]) -> list[Refit]:
-    """First refits of effects; those of which drawn runs show already that another one is far better end there."""
+    """First refits of effects; those of which predictor runs show already that another one is far better end there."""
     settings, on_way, short = problem.settings, list[Begun](), list[Refit]()
     most, tolerance = settings.first_evaluations, settings.first_tolerance
     problem.progress(f"fitting with {effects[0]}", 0.1)
@@ -137,10 +137,10 @@ def short_refits(problem: SearchProblem, screening: Screening, effects: list[str
     problem = problem.unstopped()
     if all(problem.far(each.way) for each in on_way) and not time_is_over():
         on_way = [sought(problem, each, most, tolerance) for each in on_way]
-    bound = settings.hopeless * min(each.way.drawn_cost for each in on_way)
+    bound = settings.hopeless * min(each.way.predictor_cost for each in on_way)
 
     def ended(each: Begun) -> Refit:
-        return finished(problem, screening, each, most if each.way.drawn_cost <= bound else 1, tolerance)
+        return finished(problem, screening, each, most if each.way.predictor_cost <= bound else 1, tolerance)
 
     for tried in side_by_side(ended, on_way):
         short.append(tried)
@@ -178,7 +178,7 @@ def sought(problem: SearchProblem, begun: Begun, evaluations: int, tolerance: fl
     problem.progress(f"fitting {candidate.effect}, slow motion first", 0.3)
     x = from_slow_to_fast(problem.estimation_pieces, free, starts, own)
     other = replace(begun, way=problem.way_to_pieces(free, x, evaluations, tolerance))
-    return min(begun, other, key=attrgetter("way.drawn_cost"))
+    return min(begun, other, key=attrgetter("way.predictor_cost"))
 
 
 def finished(problem: SearchProblem, screening: Screening, begun: Begun, evaluations: int, tolerance: float) -> Refit:

@@ -50,7 +50,7 @@ class SearchSettings(Parameters):
     start_multiples: tuple[float, ...] = quantity("-", "multiples of a trial from which a refit may start", low=0.0)
     first_evaluations: int = quantity("-", "most trial points of a first refit", low=1)
     first_tolerance: float = quantity("-", "relative change at which a first refit stops", low=1e-12, high=1.0)
-    hopeless: float = quantity("-", "ratio to the least cost of drawn runs from which a refit ends there", low=1.0)
+    hopeless: float = quantity("-", "ratio to the least cost of predictor runs from which a refit ends there", low=1.0)
     most_continued: int = quantity("-", "effects whose refit goes on, on the whole recordings", low=1)
     worth_continuing: float = quantity("-", "ratio to the best score up to which a refit goes on", low=1.0)
     continued_evaluations: int = quantity("-", "most trial points of such a refit", low=1)

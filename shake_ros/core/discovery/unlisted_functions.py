@@ -338,10 +338,10 @@ class WithNodePrior:
         """As the problem is."""
         return self._problem.smooth
 
-    def drawn(self, injection: float) -> WithNodePrior:
-        """The same with drawn runs."""
+    def predictor(self, injection: float) -> WithNodePrior:
+        """The same with predictor runs."""
         problem = copy.copy(self)
-        problem._problem = self._problem.drawn(injection)
+        problem._problem = self._problem.predictor(injection)
         return problem
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:

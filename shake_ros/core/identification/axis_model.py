@@ -57,7 +57,7 @@ class AxisModel(DeclaredModel):
     def contradicted(self, before: TableParameters, after: TableParameters, records: list[Record]) -> bool:
         """Whether the force along the measured motion fits a table less than before.
 
-        A free run that is drawn to the velocities of a recording by steps of its friction is near it, whatever the
+        A free run that is pulled to the velocities of a recording by steps of its friction is near it, whatever the
         force; along the measured motion each such step is an error of the force.
         """
         return force_error(after, records) > force_error(before, records)

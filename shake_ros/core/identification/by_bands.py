@@ -66,29 +66,29 @@ def from_slow_to_fast(
     for band in BANDS:
         if time_is_over():
             break
-        heard = problem.below(band.below, band.difference)
-        x = _fitted(heard, band, free, x, own)
-        if time_is_over() or costs(heard, free, x)[0] > FALL * most:  # all that rings comes on top
+        band_limited = problem.below(band.below, band.difference)
+        x = _fitted(band_limited, band, free, x, own)
+        if time_is_over() or costs(band_limited, free, x)[0] > FALL * most:  # all that rings comes on top
             break
         x = _tried(problem, band, free, x, own)
         if costs(problem, free, x)[0] > FALL * most:
             break
-        anew = _best(heard, free, _with_friction_split(free, x))
+        anew = _best(band_limited, free, _with_friction_split(free, x))
         if not np.array_equal(anew, x):
-            x = _tried(problem, band, free, _fitted(heard, band, free, anew, own), own)
+            x = _tried(problem, band, free, _fitted(band_limited, band, free, anew, own), own)
     return x
 
 
 def slow(problem: RecordingProblem) -> RecordingProblem:
-    """What is heard of slow motion, in the first band."""
+    """The slow motion alone, in the first band."""
     return problem.below(BANDS[0].below, BANDS[0].difference)
 
 
-def _fitted(heard: Problem, band: Band, free: FreeParameters, x: np.ndarray, own: Sequence[str]) -> np.ndarray:
-    """A fit to what is heard of a band."""
+def _fitted(band_limited: Problem, band: Band, free: FreeParameters, x: np.ndarray, own: Sequence[str]) -> np.ndarray:
+    """A fit within a band."""
     held = own[: band.held]
     moved = FreeParameters(free.table(x), [f for f in free.free if f.name not in held])
-    found = fit(heard, moved, moved.start(), evaluations=band.evaluations, tolerance=TOLERANCE)
+    found = fit(band_limited, moved, moved.start(), evaluations=band.evaluations, tolerance=TOLERANCE)
     return FreeParameters(moved.table(found.x), free.free).start()
 
 

@@ -44,7 +44,7 @@ class Judgement:
 class Diagnosis:
     """Judgements of all recordings, identifiability, and what each candidate recording would add.
 
-    predictable : what of each residual is predictable at all. innovations : errors of drawn runs on held-out data.
+    predictable : what of each residual is predictable at all. innovations : errors of predictor runs on held-out data.
     asked : whether any recording was asked what it would add.
     """
 
@@ -121,7 +121,7 @@ def diagnose(
         others = RecordingProblem(list(validation), model)
         judged += judge(others, vector, True)
         held = residuals_left(others, vector, True)
-    drawn = innovations(others, vector, result.table)
+    ahead = innovations(others, vector, result.table)
     blocks = problem.blocks() if blocks is None else blocks
     if len(blocks) != len(result.residuals):  # fitted to a part of the recordings
         residuals = problem.residuals(vector[None, :])[0]
@@ -130,4 +130,4 @@ def diagnose(
     result = of_table(result)
     known = identifiability(result, blocks)
     helpful = tuple(benefits(result, known, estimation, candidates, model))
-    return Diagnosis(tuple(judged), known, helpful, predictability(left, held), drawn, bool(candidates))
+    return Diagnosis(tuple(judged), known, helpful, predictability(left, held), ahead, bool(candidates))

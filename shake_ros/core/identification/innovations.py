@@ -1,10 +1,10 @@
-"""Innovations: how far a run errs that is drawn towards the measurement, at several rates, and how far ahead.
+"""Innovations: how far a predictor errs at several rates of correction, and how far ahead.
 
-A free run carries along what no command tells (process noise), a drawn one forgets it (`inject` in
-plant/integration.py). Where the model is right and nothing but the command drives the table, drawing only lets sensor
-noise in: each error is held against what sensor noise alone makes of the same run, which a run of the model itself with
-noise added shows. Process noise makes a drawn run err less than that; a model that lacks something does so too, so
-drawing alone tells no process noise: equal commands do (process_noise.py).
+A free run carries along what no command tells (process noise), a predictor forgets it (`inject` in
+plant/integration.py). Where the model is right and nothing but the command drives the table, a predictor only lets
+sensor noise in: each error is held against what sensor noise alone makes of the same run, which a run of the model
+itself with noise added shows. Process noise makes a predictor run err less than that; a model that lacks something does
+so too, so a predictor alone shows no process noise: equal commands do (process_noise.py).
 
 The measured velocity has passed a zero-phase filter and looks some 10 ms ahead: horizons below that are flattered.
 """
@@ -25,12 +25,12 @@ from shake_ros.core.identification.velocity_filter import derivative, filtered_v
 from shake_ros.core.plant.parameters import TableParameters
 
 Floats = NDArray[np.float64]
-RATES = (0.0, 5.0, 10.0, 20.0, 40.0, 80.0)  # of drawing [1/s]; 0: a free run
+RATES = (0.0, 5.0, 10.0, 20.0, 40.0, 80.0)  # of correction [1/s]; 0: a free run
 HORIZONS = (0.005, 0.02, 0.1)  # of prediction [s]
-DRAWN_FOR = 3.0  # times 1/rate that a run is drawn before each prediction
+CORRECTED_FOR = 3.0  # times 1/rate that a run is corrected before each prediction
 OFFSETS = 5  # predictions begin at so many places of the recording, evenly apart
 SECONDS, PIECE = 12.0, 3.0  # of recordings, and of each piece of them, that are predicted [s]
-HELPS = 0.8  # part of the free run's mean square, relative to the noise, from which drawing helps …
+HELPS = 0.8  # part of the free run's mean square, relative to the noise, from which a predictor helps …
 BEYOND = 3.0  # … where it is beyond so many standard errors
 TRIES = 3  # of the force that explains a residual: friction makes the answer depend on its size
 
@@ -41,9 +41,10 @@ class Innovations:
 
     errors, by_noise : rms by channel over the sensor noise at each of RATES, and what sensor noise alone makes of it.
     relative : mean square of all weighted errors at each rate over that of sensor noise alone. best : rate at which
-    that is least [1/s]. helps : whether drawing at it helps beyond chance. horizons : rms by channel over the sensor
-    noise at each of HORIZONS, for runs that were drawn until then. force : random force below the velocity filter's
-    cut-off that would leave as much [N rms]; None where drawing does not help, or the model takes no force.
+    that is least [1/s]. helps : whether a predictor at it helps beyond chance. horizons : rms by channel over the
+    sensor noise at each of HORIZONS, for runs that were corrected until then. force : random force below the velocity
+    filter's cut-off that would leave as much [N rms]; None where a predictor does not help, or the model takes no
+    force.
     """
 
     errors: Mapping[str, tuple[float, ...]]
@@ -70,7 +71,7 @@ class Innovations:
 
 
 def innovations(problem: RecordingProblem, vector: np.ndarray, table: TableParameters) -> Innovations | None:
-    """Errors of prediction of a table over (pieces of) recordings; None of a model whose runs cannot be drawn."""
+    """Errors of prediction of a table over (pieces of) recordings; None of a model whose runs cannot be corrected."""
     if not problem.model.injects:
         return None
     problem = RecordingProblem(windows(problem.records, SECONDS, PIECE), problem.model)
@@ -104,10 +105,10 @@ def _errors(
     found = []
     weights = list(zip(problem.velocity_weights, problem.acceleration_weights, strict=True))
     for rate in RATES:
-        drawn = problem.drawn(rate)
+        predictor = problem.predictor(rate)
         rows = []
         for record, motion, weight in zip(problem.records, motions, weights, strict=True):
-            simulated = drawn.simulate(vector[None, :], record.drawn_by(motion))
+            simulated = predictor.simulate(vector[None, :], record.corrected_by(motion))
             pairs = zip(_signals(record, motion), simulated, weight, strict=False)
             left = [w * (wanted - s[0])[record.start :] for (wanted, _), s, w in pairs]
             rows.append([np.where(record.whole[record.start :], each, 0.0) ** 2 for each in left])
@@ -138,14 +139,18 @@ def _with_noise(problem: RecordingProblem, vector: np.ndarray, number: int) -> F
 
 
 def _helps(
-    problem: RecordingProblem, free: list[list[Floats]], drawn: list[list[Floats]], by_free: float, by_drawn: float
+    problem: RecordingProblem,
+    free: list[list[Floats]],
+    predictor: list[list[Floats]],
+    by_free: float,
+    by_predictor: float,
 ) -> bool:
-    """Whether drawing helps beyond chance, block of time by block of time, each error over what noise makes of it."""
+    """Whether a predictor helps beyond chance, block by block of time, each error over what noise makes of it."""
     gains, costs = [], []
-    for record, before, after in zip(problem.records, free, drawn, strict=True):
+    for record, before, after in zip(problem.records, free, predictor, strict=True):
         count = max(len(before[0]) // max(round(BLOCK / record.sample_time), 1), 1)
         then = np.mean(before, axis=0) / by_free
-        gains += [float(np.mean(b)) for b in np.array_split(then - np.mean(after, axis=0) / by_drawn, count)]
+        gains += [float(np.mean(b)) for b in np.array_split(then - np.mean(after, axis=0) / by_predictor, count)]
         costs += [float(np.mean(b)) for b in np.array_split(then, count)]
     if len(gains) < 3 or np.mean(gains) < (1.0 - HELPS) * np.mean(costs):
         return False
@@ -154,14 +159,14 @@ def _helps(
 
 def _horizons(problem: RecordingProblem, vector: np.ndarray, rate: float) -> list[tuple[float, ...]]:
     """Rms error over the sensor noise of each channel at HORIZONS after the run was left free."""
-    drawn, squares = problem.drawn(rate), [[list[Floats]() for _ in HORIZONS] for _ in range(2)]
-    cycle = DRAWN_FOR / rate + HORIZONS[-1]
+    predictor, squares = problem.predictor(rate), [[list[Floats]() for _ in HORIZONS] for _ in range(2)]
+    cycle = CORRECTED_FOR / rate + HORIZONS[-1]
     for record in problem.records:
         time = np.arange(len(record.commands)) * record.sample_time
         for offset in np.arange(OFFSETS) * cycle / OFFSETS:
-            since = (time + offset) % cycle - DRAWN_FOR / rate  # the run was left free
+            since = (time + offset) % cycle - CORRECTED_FOR / rate  # the run was left free
             motion = np.where((since > 0.0)[:, None], np.nan, record.motion)
-            simulated = drawn.simulate(vector[None, :], record.drawn_by(motion))
+            simulated = predictor.simulate(vector[None, :], record.corrected_by(motion))
             for i, (wanted, noise) in enumerate(_signals(record, record.motion)):
                 error = ((wanted - simulated[i][0]) / noise) ** 2
                 for k, horizon in enumerate(HORIZONS):

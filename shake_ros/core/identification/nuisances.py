@@ -208,7 +208,7 @@ def thinned(record: Record) -> Record:
         commands=commands,
         position=fewer(record.position),
         acceleration=None if record.acceleration is None else averaged(record.acceleration),
-        heard=np.logical_and.reduce(record.whole[: count * factor].reshape(count, factor), axis=1),
+        valid=np.logical_and.reduce(record.whole[: count * factor].reshape(count, factor), axis=1),
     )
 
 

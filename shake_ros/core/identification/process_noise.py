@@ -1,8 +1,8 @@
-"""Process noise: what no command tells, shown by equal commands; and fits to free and drawn runs where it acts.
+"""Process noise: what no command tells, shown by equal commands; and fits to free and predictor runs where it acts.
 
 What two stretches under equal commands leave differently is no fault of the model. A free run carries all of it along,
-so its sum of squares is mostly chance and its residuals last; a drawn run forgets it within 1/rate. Each of the two is
-weighted by its own size and by how few of its samples are independent,
+so its sum of squares is mostly chance and its residuals last; a predictor run forgets it within 1/rate. Each of the two
+is weighted by its own size and by how few of its samples are independent,
 
     w = 1/√(m τ),   m : mean square,   τ = 1 + 2 Σ_k ρ(k)² : samples for each independent one,
 
@@ -29,7 +29,7 @@ BEYOND = 3.0  # standard errors by which the difference must stand above the sen
 def process_noise(problems: Sequence[RecordingProblem], vector: np.ndarray, least: float) -> float | None:
     """What differs between equal commands over the sensor noise, both as weighted mean squares [-]; None below `least`.
 
-    None as well where no command repeats, where it may be chance, and where runs cannot be drawn.
+    None as well where no command repeats, where it may be chance, and where runs cannot be corrected.
 
     Parameters
     ----------
@@ -89,16 +89,16 @@ def samples_for_one(residuals: Floats, reach: int) -> float:
     return float(1.0 + 2.0 * np.sum(taper * (np.square(product[1:] / product[0]) - chance)))
 
 
-class FreeAndDrawn:
-    """A problem whose residuals are those of the free and of the drawn runs of another, see above for their weights.
+class FreeAndPredictor:
+    """A problem whose residuals are those of the free and the predictor runs of another, see above for their weights.
 
     Parameters
     ----------
-    problem : of free runs. rate : at which its runs are drawn [1/s]. vector : parameters at which both are weighed.
+    problem : of free runs. rate : at which its runs are corrected [1/s]. vector : parameters at which both are weighed.
     """
 
     def __init__(self, problem: RecordingProblem, rate: float, vector: np.ndarray) -> None:
-        self.parts = problem, problem.drawn(rate)
+        self.parts = problem, problem.predictor(rate)
         self.weights = [_weight(problem, part.residuals(vector[None, :])[0]) for part in self.parts]
 
     @property

@@ -58,8 +58,8 @@ class RecordingProblem:
         """Whether its residuals change with the parameters without small jumps."""
         return self.model.smooth
 
-    def drawn(self, injection: float) -> RecordingProblem:
-        """The same with runs that are drawn towards the measurement at a rate [1/s], where the model can."""
+    def predictor(self, injection: float) -> RecordingProblem:
+        """The same with runs that are corrected towards the measurement at a rate [1/s], where the model can."""
         if not self.model.injects:
             return self
         problem = copy.copy(self)
@@ -112,11 +112,11 @@ class RecordingProblem:
             if position is not None:
                 parts.append(w_x * (position - record.position)[:, record.start :])
             own = slice(len(parts) - self._channels(record), len(parts))
-            parts[own] = [self._heard(part, record.sample_time) for part in parts[own]]
+            parts[own] = [self._in_band(part, record.sample_time) for part in parts[own]]
         parts += [(vectors[:, [i]] - value) / deviation for i, value, deviation in self.model.priors]
         return np.concatenate(parts, axis=1)
 
-    def _heard(self, part: np.ndarray, sample_time: float) -> np.ndarray:
+    def _in_band(self, part: np.ndarray, sample_time: float) -> np.ndarray:
         """Rows of residuals of one signal, or what they have below the band."""
         if not self.band < HIGHEST / sample_time:
             return part
@@ -142,8 +142,8 @@ class RecordingProblem:
             told = 1.0 if record.noise_from_periods else self.unpredictable
             total += told * n * (w_v * record.velocity_noise()) ** 2
             if record.acceleration is not None:
-                heard = np.count_nonzero(record.whole[record.start :])
-                total += told * heard * (w_a * record.acceleration_noise()) ** 2
+                valid = np.count_nonzero(record.whole[record.start :])
+                total += told * valid * (w_a * record.acceleration_noise()) ** 2
             if self.model.positions:
                 total += n * (w_x * record.position_noise()) ** 2
         return float(total / self.count)

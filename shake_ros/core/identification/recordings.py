@@ -2,7 +2,7 @@
 
 Velocity is the zero-phase filtered derivative of the measured position. Volumes and position-dependent effects follow
 the measured position. What the state was when the recording began shows in its first half second: a run of the full
-model is drawn to the measured motion there, and free from then on. The error over several recordings is that of
+model is corrected to the measured motion there, and free from then on. The error over several recordings is that of
 recording_problem.py.
 """
 
@@ -31,7 +31,7 @@ from shake_ros.core.quantities import ShakeError
 
 SHORTEST = 1.0  # a part of a recording that is shorter than this tells nothing of the dynamics [s]
 SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pressures are not known there …
-DRAWN = 40.0  # … and found by drawing the run towards the measured motion at this rate [1/s], unless …
+CORRECTION_RATE = 40.0  # … and found by correcting the run towards the measured motion at this rate [1/s], unless …
 AT_REST = 0.01  # … it begins at rest: with a velocity over this time [s] …
 QUIET = 4.0  # … below so many times its noise
 MODEL_FLOOR = 2e-3  # part of a channel's rms that counts as noise at least
@@ -44,7 +44,7 @@ class Record:
     begin : time of the first sample since the recording's start [s]. command_before : before the first sample [-],
         null where the recording begins with the motion. moved : False of a command alone, at a place.
     delay : of the accelerometer [s], which has been taken out but for that of a filter. cutoff : of that filter [Hz];
-        0: none. heard : samples whose acceleration was measured, shape (n,): not clipped, nor too late to be recorded;
+        0: none. valid : samples whose acceleration was measured, shape (n,): not clipped, nor too late to be recorded;
         None: all. calmest : noise of the acceleration at most, where a model has shown it [m/s²]. shift : null shift of
         the valve that models have added to the commands [-]. run : number of the recording, of those that are learned
         from and then those held out. own : what a force-driven axis takes from this recording
@@ -61,7 +61,7 @@ class Record:
     moved: bool = True
     delay: float = 0.0
     cutoff: float = 0.0
-    heard: np.ndarray | None = None
+    valid: np.ndarray | None = None
     calmest: float = math.inf
     shift: float = 0.0
     run: int = 0
@@ -76,7 +76,7 @@ class Record:
     @property
     def whole(self) -> np.ndarray:
         """Whether each sample has its acceleration, shape (n,); of no meaning in a recording without one."""
-        return np.ones(len(self.commands), dtype=np.bool_) if self.heard is None else self.heard
+        return np.ones(len(self.commands), dtype=np.bool_) if self.valid is None else self.valid
 
     def part(self, span: slice) -> Record:
         """The samples from span.start to before span.stop, as a recording of the same name with nothing of its own."""
@@ -88,7 +88,7 @@ class Record:
             acceleration=None if self.acceleration is None else self.acceleration[span],
             begin=self.begin + first * self.sample_time,
             command_before=float(self.commands[first - 1]) if first else self.command_before,
-            heard=None if self.heard is None else self.heard[span],
+            valid=None if self.valid is None else self.valid[span],
             own=(),
         )
 
@@ -101,14 +101,14 @@ class Record:
 
     @cached_property
     def beginning(self) -> np.ndarray:
-        """The motion before `start`, towards which a free run is drawn: a table that is recorded in the midst of a
+        """The motion before `start`, towards which a free run is corrected: a table that is recorded in the midst of a
         motion, or that rings, has pressures that follow from nothing else, shape (k, 2). Empty where the recording
         begins at rest, whose state is known: the noise of the measured velocity would only break a resting contact.
         """
         return self.motion[: self.start] if self.moved and not self._begins_at_rest() else UNSEEN
 
-    def drawn_by(self, motion: np.ndarray) -> Record:
-        """The same recording with another motion that draws its runs, shape (n, 2); NaN where a run is free."""
+    def corrected_by(self, motion: np.ndarray) -> Record:
+        """The same recording with another motion that corrects its runs, shape (n, 2); NaN where a run is free."""
         other = copy.copy(self)
         other.__dict__["motion"] = motion
         return other
@@ -205,7 +205,7 @@ class DeclaredModel(ABC):
     ----------
     layout : of its tables; its name is the model's. driven_by : signal of a recording that a Record's `commands` are.
     candidates_file : file of config/discovery with the effects it may lack. nuisances : whether the offset of each
-    channel and recording is estimated with every fit. injects : whether a run can be drawn towards the measurement.
+    channel and recording is estimated with every fit. injects : whether a run can be corrected towards the measurement.
     smooth : whether its runs change with the parameters without small jumps, as friction makes them that holds a table
     fast for whole steps. positions : whether the position of its free run is compared as well.
     """
@@ -240,7 +240,7 @@ class DeclaredModel(ABC):
     def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0, /) -> tuple[np.ndarray, np.ndarray]:
         """Unfiltered velocity [m/s] and acceleration [m/s²] for rows of parameters, each of shape (m, n).
 
-        injection : rate at which a model that `injects` is drawn towards what was measured [1/s].
+        injection : rate at which a model that `injects` is corrected towards what was measured [1/s].
         """
 
     def compared(
@@ -309,7 +309,7 @@ class FullModel(DeclaredModel):
             track=record.track,
             command_before=record.command_before,
             measured=measured,
-            injection=injection or DRAWN,
+            injection=injection or CORRECTION_RATE,
             cutoff=record.cutoff,
             tolerance=SMOOTH,
         )
@@ -330,7 +330,7 @@ class FullModel(DeclaredModel):
             state=state,
             command_before=record.command_before,
             measured=record.beginning,
-            injection=DRAWN,
+            injection=CORRECTION_RATE,
             cutoff=record.cutoff,
             tolerance=SMOOTH,
         )

@@ -82,8 +82,8 @@ def better_filter(problem: RecordingProblem, found: Fit) -> SensorFilter | None:
     shows, one is sought only if clock and offsets of the recordings are their own.
     """
     late = [r for r in problem.records if is_late(r)]
-    heard = [r for r in problem.records if r.acceleration is not None]
-    if not late and not (heard and problem.model.nuisances):
+    accelerations = [r for r in problem.records if r.acceleration is not None]
+    if not late and not (accelerations and problem.model.nuisances):
         return None
     explained = np.linalg.qr(found.jacobian)[0]
 
@@ -93,10 +93,10 @@ def better_filter(problem: RecordingProblem, found: Fit) -> SensorFilter | None:
         r = corrected.residuals(found.vector[None, :])[0]
         return float(np.mean((r - explained @ (explained.T @ r)) ** 2))
 
-    first = best = filter_of((late or heard)[0])
+    first = best = filter_of((late or accelerations)[0])
     before = least = left(first)
     for _ in range(SWEEPS):
-        near = _late(best, first.delay, left) if late else _timely(best, heard[0].sample_time, left)
+        near = _late(best, first.delay, left) if late else _timely(best, accelerations[0].sample_time, left)
         nearest = min(near, key=left)
         if left(nearest) >= least:
             break

@@ -255,17 +255,17 @@ def advanced(values: np.ndarray, samples: float) -> np.ndarray:
 
 
 def timely(record: Record, delay: float) -> Record:
-    """The recording with its acceleration earlier by a delay [s]; not heard at its end, where it came too late."""
+    """The recording with its acceleration earlier by a delay [s]; not valid at its end, where it came too late."""
     if record.acceleration is None or delay == 0.0:
         return record
     samples = delay / record.sample_time
     n, moved = len(record.commands), np.arange(len(record.commands)) + samples
     ends = (np.floor(moved).astype(int), np.ceil(moved).astype(int))
-    heard = record.whole[np.clip(ends[0], 0, n - 1)] & record.whole[np.clip(ends[1], 0, n - 1)] & (moved <= n - 1)
+    valid = record.whole[np.clip(ends[0], 0, n - 1)] & record.whole[np.clip(ends[1], 0, n - 1)] & (moved <= n - 1)
     return replace(
         record,
         acceleration=advanced(record.acceleration, samples),
         delay=record.delay + delay,
-        heard=heard,
+        valid=valid,
         calmest=record.acceleration_noise(),  # jumps ring between the samples of an advanced signal
     )

@@ -13,7 +13,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from shake_ros.core.identification.approach import arrived, led
+from shake_ros.core.identification.approach import arrived, predictor_start
 from shake_ros.core.identification.by_bands import FALL, from_slow_to_fast, slow
 from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.fit import Fit, costs, fit
@@ -35,8 +35,8 @@ PIECES, PIECE = 18.0, 6.0  # of the recordings that the first fit sees, and leng
 SLOW_PIECES, SLOW_PIECE = 9.0, 3.0  # the same of what a way from slow to fast motion sees [s]
 GUESSES = 2  # that are fitted
 EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
-ROUGH = 5e-3  # tolerance where it ends far from the noise, and of the drawn runs before
-SAME = 0.99  # part of the cost of drawn runs from which a second guess leads nowhere else
+ROUGH = 5e-3  # tolerance where it ends far from the noise, and of the predictor runs before
+SAME = 0.99  # part of the cost of predictor runs from which a second guess leads nowhere else
 FAR = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
 BENT = 2.0  # the same from which an effect on a bound is no finding
 JOINED = 0.5  # part of the cost that these may leave
@@ -253,7 +253,7 @@ def from_narrow_start(
     x = from_slow_to_fast(few, parameters, starts, [f.name for f in reversed(effect.free)], useful)
     if costs(pieces, parameters, x)[0] > FALL * most:
         return None
-    return fit(pieces, parameters, x, evaluations=EVALUATIONS, tolerance=TOLERANCE)  # drawn runs would lead away
+    return fit(pieces, parameters, x, evaluations=EVALUATIONS, tolerance=TOLERANCE)  # predictor runs would lead away
 
 
 def narrow_starts(parameters: FreeParameters, effect: JoiningEffect, before: Fit) -> np.ndarray:
@@ -268,10 +268,10 @@ def shows_at_once(pieces: RecordingProblem, effect: JoiningEffect, before: Fit) 
 
     Most plays of some hundredths of a millimetre and more do, and no other effect that was tried.
     """
-    heard = slow(pieces)
+    slow_motion = slow(pieces)
     parameters = FreeParameters(before.table.with_values(effect.narrow[0]), [*before.free.free, *effect.free])
-    with_it = costs(heard, parameters, narrow_starts(parameters, effect, before))
-    return bool(np.min(with_it) < costs(heard, before.free, before.x[None, :])[0])
+    with_it = costs(slow_motion, parameters, narrow_starts(parameters, effect, before))
+    return bool(np.min(with_it) < costs(slow_motion, before.free, before.x[None, :])[0])
 
 
 def told_by_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:
@@ -318,16 +318,16 @@ def _fitted(pieces: RecordingProblem, free: Sequence[FreeParameter], start: Tabl
 
 
 def _best_of(pieces: RecordingProblem, free: Sequence[FreeParameter], guesses: Sequence[TableParameters]) -> Fit:
-    """The best of short fits to pieces; none is made from a guess whose drawn runs end no better than another's."""
+    """The best of short fits to pieces; none is made from a guess whose predictor runs end no better than another's."""
     best: Fit | None = None
     least = np.inf
     for guess in guesses:
         parameters = FreeParameters(guess, free)
-        way = led(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=ROUGH)
-        if best is None or way.drawn_cost < SAME * least:
+        way = predictor_start(pieces, parameters, parameters.start(), evaluations=EVALUATIONS, tolerance=ROUGH)
+        if best is None or way.predictor_cost < SAME * least:
             found = arrived(pieces, parameters, way, evaluations=EVALUATIONS, tolerance=ROUGH)
             best = found if best is None else min(best, found, key=attrgetter("cost"))
-        least = min(least, way.drawn_cost)
+        least = min(least, way.predictor_cost)
     assert best is not None
     return best if is_far(pieces, best) else _finished(pieces, best)
 

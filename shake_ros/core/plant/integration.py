@@ -369,7 +369,7 @@ def inject(p, y, velocity, acceleration, part):
 def simulate(
     p, commands, command_before, forces, track, measured, injection, y0, dt, tolerance, chain, pace, following, out
 ):
-    """Simulation under recorded commands: a free run, or one that is drawn towards what was measured.
+    """Simulation under recorded commands: a free run, or one that is corrected towards what was measured.
 
     Parameters
     ----------
@@ -379,7 +379,7 @@ def simulate(
     forces : external force, shape (n,) or (0,) [N].
     track : measured position, shape (n,) or (0,) [m]: where given, the table follows it, see `follow`.
     measured : velocity [m/s] and acceleration [m/s²] of the first samples, shape (k, 2), k ≤ n: as far as they are
-        given, the run is drawn towards them at the rate `injection` [1/s].
+        given, the run is corrected towards them at the rate `injection` [1/s].
     y0 : state at the first sample, shape (STATES,).
     dt : [s].
     tolerance : relative local error of a step.
@@ -401,8 +401,8 @@ def simulate(
         if tracking:
             follow(p, y, track[i])
         outputs(p, y, acceleration, out[i])
-        drawn = i < measured.shape[0]
-        if drawn:
+        correcting = i < measured.shape[0]
+        if correcting:
             inject(p, y, measured[i, 0] - out[i, 1], measured[i, 1] - out[i, 2], min(injection * dt, 0.5))
         if filtering:
             out[i, 2] = scaled(p, z[OUTPUT])
@@ -411,7 +411,7 @@ def simulate(
         late, timely, fraction = delayed(commands, i, delay, command_before)
         if pacing:
             begin_sample(work[PACE], pace[i], following)
-        known = known and force == before and not tracking and not drawn
+        known = known and force == before and not tracking and not correcting
         acceleration = advance_sample(p, y, late, timely, fraction, force, dt, work, known, tolerance)
         if pacing and not following:
             end_sample(work[PACE], pace[i])

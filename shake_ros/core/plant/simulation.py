@@ -36,7 +36,7 @@ from shake_ros.core.valve.detailed import VALVE_STATES, valve_at_rest
 TOLERANCE = 2e-6  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
 SMOOTH = 1e-6  # the same of a fit, whose batches follow the steps of their first run (integration.py)
 NOTHING = np.zeros(0)
-UNSEEN = np.zeros((0, 2))  # no measurement that draws the run
+UNSEEN = np.zeros((0, 2))  # no measurement that corrects the run
 NO_PACE = np.zeros((0, 1 + MOST))  # every run by its own steps
 WEIGHED = 3  # corrections of the load pressure; its law is linear but for the chambers' limits
 BALANCED = 1e-9  # [m/s²] departure of the acceleration that is none
@@ -187,7 +187,7 @@ def run_batch(
     track : measured position, shape (n,) [m], or empty.
     command_before : as in `run` [-].
     measured, injection : velocity [m/s] and acceleration [m/s²] of the first k samples, shape (k, 2), NaN where there
-        is none, towards which the runs are drawn, and the rate [1/s].
+        is none, towards which the runs are corrected, and the rate [1/s].
     cutoff : of the filter behind the accelerometer [Hz]; 0 where there is none, see sensors.py.
     columns : which of COLUMNS to keep.
 

@@ -29,7 +29,7 @@ NOISE, FORCE, INERTIA = np.random.default_rng(3).standard_normal((3, 500))
 class OneForTheOther:
     """More mass and more friction, or a back pressure: only the ratio of force to inertia shows."""
 
-    def drawn(self, _injection: float) -> OneForTheOther:
+    def predictor(self, _injection: float) -> OneForTheOther:
         return self
 
     def noise_cost(self) -> float:
@@ -83,7 +83,7 @@ ONE: Any = SimpleNamespace(names=("x",), low=np.array([-3.0]), high=np.array([3.
 class TwoValleys:
     """Residuals x² − 1 and 0.3 (x − 1): nought at 1, a worse valley of its own near −0.95."""
 
-    def drawn(self, _injection: float) -> TwoValleys:
+    def predictor(self, _injection: float) -> TwoValleys:
         return self
 
     def noise_cost(self) -> float:

@@ -80,8 +80,8 @@ def test_the_best_of_many_candidates_must_stand_out_further(tried: int, added: b
     assert improves(best, with_blocks(1.0 + blocks), SETTINGS, tried) is added
 
 
-def heard(validation: float, innovations: float, scatter: float = 0.0) -> ScoredFit:
-    """A fit whose drawn runs are heard as well; the scatter is that of both."""
+def with_predictor(validation: float, innovations: float, scatter: float = 0.0) -> ScoredFit:
+    """A fit whose predictor runs count as well; the scatter is that of both."""
     wave = np.where(np.arange(40) % 2, scatter, -scatter)
     return replace(with_blocks(validation + wave), innovation_blocks=innovations + wave, estimation_cost=0.9)
 
@@ -89,9 +89,9 @@ def heard(validation: float, innovations: float, scatter: float = 0.0) -> Scored
 @pytest.mark.parametrize(
     ("validation", "innovations", "added"),
     [
-        (0.60, 1.00, True),  # free runs decide, drawn runs have no objection
-        (0.60, 1.20, False),  # drawn runs get worse
-        (1.00, 0.80, True),  # free runs cannot decide, drawn runs do clearly
+        (0.60, 1.00, True),  # free runs decide, predictor runs have no objection
+        (0.60, 1.20, False),  # predictor runs get worse
+        (1.00, 0.80, True),  # free runs cannot decide, predictor runs do clearly
         (1.00, 0.99, False),  # better, but less than counts
         (1.20, 0.60, False),  # free runs get worse
     ],
@@ -99,12 +99,12 @@ def heard(validation: float, innovations: float, scatter: float = 0.0) -> Scored
 def test_with_process_noise_both_kinds_of_runs_have_a_say(validation: float, innovations: float, added: bool) -> None:
     wave = np.where(np.arange(40) % 2, 0.05, -0.05)
     before = replace(with_blocks(1.0 + wave), innovation_blocks=1.0 + wave)
-    assert improves(heard(validation, innovations), before, SETTINGS) is added
+    assert improves(with_predictor(validation, innovations), before, SETTINGS) is added
 
 
-def test_drawn_runs_that_may_be_better_by_chance_do_not_decide() -> None:
+def test_predictor_runs_that_may_be_better_by_chance_do_not_decide() -> None:
     before = replace(with_blocks(np.ones(40)), innovation_blocks=np.ones(40))
-    assert not improves(heard(1.0, 0.9, 0.6), before, SETTINGS)
+    assert not improves(with_predictor(1.0, 0.9, 0.6), before, SETTINGS)
 
 
 def back_pressure(pressure: float, blocks: int = 0) -> Refit:

@@ -80,11 +80,11 @@ def test_an_effect_that_the_best_resembles_is_compared_though_it_promised_little
 
 
 def trial_points(costs: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
-    """Most trial points of each effect's free runs where drawn runs leave these costs."""
+    """Most trial points of each effect's free runs where predictor runs leave these costs."""
     settings, given = load_search().replace(hopeless=2.0, first_evaluations=5), dict[str, int]()
 
     def begun(_problem: Any, _screening: Any, effect: str, _most: int, _least: float) -> Any:
-        way = SimpleNamespace(drawn_cost=costs[effect])
+        way = SimpleNamespace(predictor_cost=costs[effect])
         return SimpleNamespace(trial=SimpleNamespace(candidate=SimpleNamespace(effect=effect)), way=way)
 
     def finished(_problem: Any, _screening: Any, way: Any, most: int, _least: float) -> Any:
@@ -112,15 +112,15 @@ def test_a_play_is_sought_from_slow_to_fast_with_friction_as_declared(monkeypatc
         return starts[0]
 
     def way_to_pieces(_free: Any, x: np.ndarray, _most: int, _least: float) -> Approach:
-        drawn: Any = SimpleNamespace(cost=1.0)
-        return Approach(x, drawn)
+        predictor: Any = SimpleNamespace(cost=1.0)
+        return Approach(x, predictor)
 
     def found(cost: float, effect: CandidateEffect) -> Begun:
         trial: Any = SimpleNamespace(candidate=effect)
-        drawn: Any = SimpleNamespace(cost=cost)
+        predictor: Any = SimpleNamespace(cost=cost)
         told = {"way_to_pieces": way_to_pieces, "estimation_pieces": None, "progress": lambda text, part: None}
         problem: Any = SimpleNamespace(**told)
-        return sought(problem, Begun(trial, free, Approach(bent, drawn)), 5, 1e-3)
+        return sought(problem, Begun(trial, free, Approach(bent, predictor)), 5, 1e-3)
 
     monkeypatch.setattr(refit, "from_slow_to_fast", from_slow_to_fast)
     assert found(0.1, play).way.start is bent
@@ -132,12 +132,14 @@ def test_a_play_is_sought_from_slow_to_fast_with_friction_as_declared(monkeypatc
     assert found(10.0, replace(play, narrow=())).way.start is bent
 
 
-def test_a_refit_ends_where_drawn_runs_show_that_another_effect_is_far_better(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refit_ends_where_predictor_runs_show_that_another_effect_is_far_better(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     costs = {"soft_zone": 60.0, "slow_valve": 6.0, "dead_volume": 11.0}
     assert trial_points(costs, monkeypatch) == {"soft_zone": 1, "slow_valve": 5, "dead_volume": 5}
 
 
-def test_no_refit_ends_early_where_runs_cannot_be_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_refit_ends_early_without_a_predictor(monkeypatch: pytest.MonkeyPatch) -> None:
     assert set(trial_points({"soft_zone": 0.0, "slow_valve": 0.0}, monkeypatch).values()) == {5}
 
 

@@ -66,12 +66,12 @@ def test_a_ringing_maze_is_left_by_its_slow_part() -> None:
 def test_a_way_ends_where_a_band_leaves_far_more_than_is_of_use(
     use: str, bands: int, tried: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """use : of what the start leaves, below what is heard of it, between that and all of it, or more."""
-    heard, own = list[float](), list[int]()
+    """use : of what the start leaves, below what its band has, between that and all of it, or more."""
+    band_limited, own = list[float](), list[int]()
 
     class Heard(Ringing):
         def below(self, band: float, difference: float) -> Ringing:
-            heard.append(band)
+            band_limited.append(band)
             return super().below(band, difference)
 
     def unchanged(_problem: Any, _band: Any, _free: Any, x: np.ndarray, _own: Any) -> np.ndarray:
@@ -83,13 +83,13 @@ def test_a_way_ends_where_a_band_leaves_far_more_than_is_of_use(
     start = free.x_of({GAP: 4e-4})
     slow, whole = (costs(p, free, start)[0] for p in (problem.below(40.0, 5e-2), problem))
     assert slow < 0.98 * whole
-    heard.clear()
-    monkeypatch.setattr(by_bands, "_fitted", lambda _heard, _band, _free, x, _own: x)
+    band_limited.clear()
+    monkeypatch.setattr(by_bands, "_fitted", lambda _band_limited, _band, _free, x, _own: x)
     monkeypatch.setattr(by_bands, "_tried", unchanged)
     left = {"little": 0.5 * slow, "between": 0.5 * (slow + whole), "enough": 2.0 * whole}[use]
     x = from_slow_to_fast(problem, free, [start], [ROD, GAP], left / FALL)
     assert x.tolist() == start.tolist()
-    assert (len(heard) - 1, len(own)) == (bands, tried)
+    assert (len(band_limited) - 1, len(own)) == (bands, tried)
 
 
 def test_the_slow_part_leaves_the_rod_s_mass_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,9 +97,9 @@ def test_the_slow_part_leaves_the_rod_s_mass_where_it_is(monkeypatch: pytest.Mon
     free = free_ones()
     moved = list[tuple[str, ...]]()
 
-    def short(heard: Any, free: FreeParameters, x: np.ndarray, **options: Any) -> Fit:
+    def short(band_limited: Any, free: FreeParameters, x: np.ndarray, **options: Any) -> Fit:
         moved.append(free.names)
-        return fit(heard, free, x, **options)
+        return fit(band_limited, free, x, **options)
 
     monkeypatch.setattr(by_bands, "fit", short)
     from_slow_to_fast(problem, free, [free.x_of({GAP: 5e-5})], [ROD, GAP])

@@ -16,7 +16,7 @@ def swinging(offset: float, name: str = "run") -> Record:
     """Ten seconds of a sine of 60 mm about an offset, ended by hard stops [m]."""
     time = np.arange(10000) / 1000.0
     position = np.clip(offset + 0.06 * np.sin(0.4 * np.pi * time), -0.5 * STROKE, 0.5 * STROKE)
-    return Record(name, 1e-3, np.cos(0.4 * np.pi * time), position, -position, heard=time < 9.0)
+    return Record(name, 1e-3, np.cos(0.4 * np.pi * time), position, -position, valid=time < 9.0)
 
 
 def test_a_recording_within_the_stroke_is_left_as_it_is() -> None:

@@ -1,4 +1,4 @@
-"""Innovations on tables of another simulator: drawing helps where process noise acts, and not where none does."""
+"""Innovations on tables of another simulator: a predictor helps where process noise acts, and not where none does."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ def rumbling() -> Innovations:
     return found(FORCE)
 
 
-def test_drawing_the_right_model_does_not_help_without_process_noise(calm: Innovations) -> None:
+def test_a_predictor_of_the_right_model_does_not_help_without_process_noise(calm: Innovations) -> None:
     assert not calm.helps
     assert calm.force is None
     assert calm.relative == pytest.approx([1.0] * len(RATES), abs=0.06)
 
 
-def test_drawing_helps_where_a_random_force_acts(rumbling: Innovations) -> None:
+def test_a_predictor_helps_where_a_random_force_acts(rumbling: Innovations) -> None:
     assert rumbling.helps
     assert rumbling.best >= 40.0
     assert rumbling.relative[0] > 4.0 * min(rumbling.relative)
@@ -68,7 +68,7 @@ def test_process_noise_lets_a_prediction_err_more_the_farther_it_goes(calm: Inno
         assert max(calm.horizons[channel]) < 1.5
 
 
-def test_a_model_whose_runs_cannot_be_drawn_has_no_innovations() -> None:
+def test_a_model_without_a_predictor_has_no_innovations() -> None:
     structure = model_structure(load_table("bergamo"))
     free = FreeParameters(structure.table, structure.free)
     record = Record("still", 1e-3, np.zeros(2000), 1e-6 * np.random.default_rng(1).standard_normal(2000))

@@ -1,4 +1,4 @@
-"""Process noise shows in equal commands of tables of another simulator, and in nothing else; drawn runs know more."""
+"""Process noise shows in equal commands of tables of another simulator, and nowhere else; predictor runs know more."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.core.identification.models import MODELS
-from shake_ros.core.identification.process_noise import FreeAndDrawn, process_noise, samples_for_one
+from shake_ros.core.identification.process_noise import FreeAndPredictor, process_noise, samples_for_one
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import model_structure
@@ -48,7 +48,7 @@ def test_without_equal_commands_nothing_is_said() -> None:
     assert process_noise([p], true, LEAST) is None
 
 
-def test_a_model_whose_runs_cannot_be_drawn_hears_free_runs_alone() -> None:
+def test_a_model_without_a_predictor_uses_free_runs_alone() -> None:
     p, true = problem(1, rumble=120.0)
     assert process_noise([RecordingProblem(p.records, MODELS["reduced"])], true, LEAST) is None
 
@@ -62,9 +62,9 @@ def test_samples_of_an_autoregression_are_worth_as_many_as_bartlett_says() -> No
 
 def test_both_voices_are_weighed_by_their_independent_samples() -> None:
     p, true = problem(1, rumble=120.0)
-    both = FreeAndDrawn(p, 40.0, true)
-    free, drawn = np.split(both.residuals(true[None, :])[0], 2)
-    assert np.mean(drawn**2) > 2.0 * np.mean(free**2)  # a free run's errors last longer
+    both = FreeAndPredictor(p, 40.0, true)
+    free, predictor = np.split(both.residuals(true[None, :])[0], 2)
+    assert np.mean(predictor**2) > 2.0 * np.mean(free**2)  # a free run's errors last longer
     assert both.weights[1] > both.weights[0]
 
 

@@ -114,20 +114,20 @@ def test_null_shift_that_the_free_run_tells_leaves_what_else_was_taken_out() -> 
 
 
 @pytest.mark.parametrize("second", [0.5 * SAME, 1.5 * SAME])
-def test_a_second_guess_whose_drawn_runs_end_no_better_is_not_fitted(
+def test_a_second_guess_whose_predictor_runs_end_no_better_is_not_fitted(
     second: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, other = load_table("bergamo"), load_table("bergamo").with_values({"body.table_mass": 1e3})
     arrived = list[float]()
 
-    def led(_problem: Any, free: FreeParameters, *_: Any, **__: Any) -> Any:
-        return SimpleNamespace(drawn_cost=1.0 if free.base is first else second, start=free.base)
+    def predictor_start(_problem: Any, free: FreeParameters, *_: Any, **__: Any) -> Any:
+        return SimpleNamespace(predictor_cost=1.0 if free.base is first else second, start=free.base)
 
     def end(_problem: Any, _free: Any, way: Any, **_: Any) -> Any:
-        arrived.append(way.drawn_cost)
+        arrived.append(way.predictor_cost)
         return SimpleNamespace(cost=2.0 if way.start is first else 1.0, table=way.start)
 
-    monkeypatch.setattr(stages, "led", led)
+    monkeypatch.setattr(stages, "predictor_start", predictor_start)
     monkeypatch.setattr(stages, "arrived", end)
     monkeypatch.setattr(stages, "is_far", lambda *_: True)
     found = stages._best_of(RecordingProblem([], unknown_model()), (), (first, other))
@@ -140,8 +140,8 @@ def test_a_play_shows_at_once_where_it_alone_lowers_what_is_left_of_slow_motion(
     play = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
     free = FreeParameters(load_table("bergamo"), ())
     column = [*free.base.fields].index("effects.coupling_backlash.gap")
-    heard = SimpleNamespace(residuals=lambda rows: 1e4 * (rows[:, [column]] - gap))
-    pieces: Any = SimpleNamespace(below=lambda *_: heard)
+    slow_motion = SimpleNamespace(residuals=lambda rows: 1e4 * (rows[:, [column]] - gap))
+    pieces: Any = SimpleNamespace(below=lambda *_: slow_motion)
     before = Fit(free, np.zeros(0), np.zeros(1), np.zeros((1, 0)), 1.0, 1)
     assert shows_at_once(pieces, play, before) is shows
 

@@ -1,4 +1,4 @@
-"""A search hears drawn runs beside the free ones only where equal commands show process noise."""
+"""A search uses predictor runs beside the free ones only where equal commands show process noise."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.core.discovery.forward_selection import listened
+from shake_ros.core.discovery.forward_selection import with_predictor_search
 from shake_ros.core.discovery.problem import ModelStructure, SearchProblem
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.approach import INJECTION
@@ -41,40 +41,40 @@ def rumbling() -> tuple[SearchProblem, Fit]:
 def test_without_process_noise_a_search_stays_as_it_is() -> None:
     problem, true = search(0.0)
     current = problem.scored(true)
-    assert problem.listening(true) is problem
-    assert problem.heard(current) is current
+    assert problem.with_predictor(true) is problem
+    assert problem.refitted(current) is current
     assert len(current.innovation_blocks) == 0
     found = Selection(current, (), current)
-    assert listened(problem, found, STRUCTURE) == (problem, found)
+    assert with_predictor_search(problem, found, STRUCTURE) == (problem, found)
 
 
 def test_with_process_noise_both_kinds_of_runs_are_scored(rumbling: tuple[SearchProblem, Fit]) -> None:
     problem, true = rumbling
-    hearing = problem.listening(true)
-    assert hearing.drawing == INJECTION
-    current = hearing.scored(true)
+    corrected = problem.with_predictor(true)
+    assert corrected.predictor_rate == INJECTION
+    current = corrected.scored(true)
     assert len(current.innovation_blocks) == len(current.validation_blocks)
     assert np.mean(current.innovation_blocks) < 0.6 * current.validation_cost
-    assert hearing.validation.noise_cost() > 4.0 * problem.validation.noise_cost()
+    assert corrected.validation.noise_cost() > 4.0 * problem.validation.noise_cost()
 
 
-def test_a_fit_that_hears_both_lowers_the_error_of_drawn_runs(rumbling: tuple[SearchProblem, Fit]) -> None:
+def test_a_fit_to_both_lowers_the_error_of_predictor_runs(rumbling: tuple[SearchProblem, Fit]) -> None:
     problem, true = rumbling
-    hearing = problem.listening(true)
-    alone = hearing.fitted(true.free, true.x, 10, 1e-4, near=True)
-    both = hearing.heard(alone)
-    drawn = hearing.estimation.drawn(INJECTION)
-    left = [float(np.mean(drawn.residuals(m.fit.vector[None, :]) ** 2)) for m in (alone, both)]
+    corrected = problem.with_predictor(true)
+    alone = corrected.fitted(true.free, true.x, 10, 1e-4, near=True)
+    both = corrected.refitted(alone)
+    predictor = corrected.estimation.predictor(INJECTION)
+    left = [float(np.mean(predictor.residuals(m.fit.vector[None, :]) ** 2)) for m in (alone, both)]
     assert left[1] < left[0]
-    assert len(both.fit.residuals) == hearing.estimation.count
+    assert len(both.fit.residuals) == corrected.estimation.count
 
 
 def test_nothing_to_add_leaves_the_models_as_free_runs_have_found_them(rumbling: tuple[SearchProblem, Fit]) -> None:
     problem, true = rumbling
     current = problem.scored(true)
     no_candidates = ModelStructure(STRUCTURE.table, STRUCTURE.free)
-    hearing, found = listened(problem, Selection(current, (), current), no_candidates)
-    assert hearing.drawing == INJECTION
+    corrected, found = with_predictor_search(problem, Selection(current, (), current), no_candidates)
+    assert corrected.predictor_rate == INJECTION
     assert found.steps == ()
     assert found.final.fit is true
     assert len(found.final.innovation_blocks) > 0
