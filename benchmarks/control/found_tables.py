@@ -19,8 +19,8 @@ has nothing, has in some half second an rms above RINGING times the reference's 
 where the acceleration has AT_REST of it in the half second of rest at the end. The valve cannot follow where the
 command that the extended model needs is at its limit for more than SATURATED of the time.
 
-A table behind a play is struck by its rod at each reversal of the force, whatever the loop. What that alone makes of it
-is shown by the errors behind a rod that follows the reference exactly, as no loop does.
+A table behind backlash is struck by its rod at each reversal of the force, whatever the loop. What that alone makes of
+it is shown by the errors behind a rod that follows the reference exactly, as no loop does.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ LATE = 1  # samples by which a command reaches the table late
 SECONDS = 6.0  # of the earthquake, its strongest part
 RINGING = 0.5  # see above
 SATURATED = 0.005
-STRUCK = 100  # steps a sample of a table behind a play
+STRUCK = 100  # steps a sample of a table behind backlash
 LOOPS = ("declared", "extended", "with gains")
 EVALUATIONS = 6  # trial points of a fit
 
@@ -274,7 +274,7 @@ def tried(content: dict[str, Any], law: str, seed: int) -> dict[str, Any]:
 
 @numba.njit(cache=True)
 def struck(t: Any, rod: np.ndarray, dt: float, substeps: int) -> np.ndarray:
-    """Position, velocity and acceleration of a table behind a play, whose rod moves as told, shape (n, 3)."""
+    """Position, velocity and acceleration of a table behind backlash, whose rod moves as told, shape (n, 3)."""
     out, h = np.zeros_like(rod), dt / substeps
     mass, half = t.mass - t.rod_mass, 0.5 * t.coupling_backlash
     damping = 2.0 * t.contact_damping * math.sqrt(t.contact_stiffness * t.rod_mass)
@@ -297,8 +297,8 @@ def struck(t: Any, rod: np.ndarray, dt: float, substeps: int) -> np.ndarray:
     return out
 
 
-def behind_a_play(case: Case) -> dict[str, float | bool]:
-    """Figures of a table behind a play whose rod follows the reference exactly."""
+def behind_backlash(case: Case) -> dict[str, float | bool]:
+    """Figures of a table behind backlash whose rod follows the reference exactly."""
     reference = motion()
     moved = struck(truth_of(case), reference, hidden.SAMPLE, STRUCK)
     none = np.zeros(len(reference))
@@ -365,7 +365,7 @@ def main() -> None:
     lines += summary(rows)
     for case in cases():
         if case.key in rows and "coupling_backlash" in case.effects:
-            alone = behind_a_play(case)
+            alone = behind_backlash(case)
             errors = f"{alone['x']:.2f} / {alone['v']:.2f} / {alone['a']:.0f} %"
             said = "it rings" if alone["rings"] else "it does not ring"
             lines.append(f"{case.key}: behind a rod that follows the reference exactly {errors}, {said}")

@@ -3,7 +3,7 @@
 Written from the equation sheet and the definitions of the effects alone; nothing of shake_ros is imported. What differs
 from the package on purpose: classical Runge–Kutta of fixed steps of 25 µs with the dry friction split off and solved
 implicitly, a friction that saturates linearly at 0.7 mm/s, the valve's hysteresis as dry friction on the spool (3.19)
-instead of a play of the command, another rounding of the flow's root, and sensors of its own. A weak position loop
+instead of backlash of the command, another rounding of the flow's root, and sensors of its own. A weak position loop
 keeps the table centred; the recorded command is the one that reaches the valve.
 """
 

@@ -37,7 +37,7 @@ OTHERS: dict[str, dict[str, float]] = {
     "supply pulsation of 10 %": {"supply_pulsation": 0.1},
     "soft zone": {"soft_zone": 0.5},
     "hardening specimen of 60 kg": {"cubic_specimen": 60.0},
-    "play of 0.3 mm": {"coupling_backlash": 3e-4},
+    "backlash of 0.3 mm": {"coupling_backlash": 3e-4},
 }
 BANDS = ((0.0, 1.0), (1.0, 5.0), (5.0, 10.0), (10.0, 20.0), (20.0, 40.0))  # [Hz]
 RECORDINGS = ("hold_multisine", "hold_pulses")

@@ -10,7 +10,7 @@ the search; as in the command, friction's transition velocity is freed where it 
 A true value exists only where the model can represent the truth. So the data come, by default, from a second writing
 of the declared equations (plant/reference_model.py): no line of code in common, classical Runge–Kutta of 40 µs instead
 of an error-controlled Dormand–Prince method, sensors with noise and steps of their own; but the same regularised
-forms near rest, tanh(v/v_t) and the laminar stretch of the flow's root, and the valve's hysteresis as a play.
+forms near rest, tanh(v/v_t) and the laminar stretch of the flow's root, and the valve's hysteresis as backlash.
 
 `forms=other` takes the data from discovery/hidden_tables.py, where these three are other functions: friction
 saturates linearly (`saturation`: width; by default that which takes as much off as the declared tanh does), the root

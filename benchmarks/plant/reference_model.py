@@ -241,13 +241,15 @@ def _radau(
     return result
 
 
-def rates_with_play(y: Any, wanted: float, c: Any, play: tuple[float, float, float, float]) -> tuple[float, ...]:
+def rates_with_backlash(
+    y: Any, wanted: float, c: Any, backlash: tuple[float, float, float, float]
+) -> tuple[float, ...]:
     """Rates of eight states: table x, v; P_A, P_B, x_s*, ẋ_s*; piston x, v, which a gap parts from the table.
 
-    play : gap g [m], contact stiffness k [N/m], rod mass m_r [kg], damping ratio ζ of the contact on it [-]. With
+    backlash : gap g [m], contact stiffness k [N/m], rod mass m_r [kg], damping ratio ζ of the contact on it [-]. With
     q = (5 µm/g)² the contact is k (1 + q) stiff and damped by ζ + (1 − ζ) q/(1 + q).
     """
-    gap, stiffness, rod_mass, ratio = play
+    gap, stiffness, rod_mass, ratio = backlash
     of_piston = compiled_rates(np.array([y[6], y[7], y[2], y[3], y[4], y[5]]), wanted, c)
     stiffer = (5e-6 / gap) ** 2
     stiffness *= 1.0 + stiffer
@@ -262,14 +264,18 @@ def rates_with_play(y: Any, wanted: float, c: Any, play: tuple[float, float, flo
     return y[1], of_table, *of_piston[2:], y[7], (c.mass * of_piston[1] - contact) / rod_mass
 
 
-def radau_with_play(
-    commands: np.ndarray, sample_time: float, c: Constants, play: tuple[float, float, float, float], rtol: float = 1e-8
+def radau_with_backlash(
+    commands: np.ndarray,
+    sample_time: float,
+    c: Constants,
+    backlash: tuple[float, float, float, float],
+    rtol: float = 1e-8,
 ) -> np.ndarray:
-    """Acceleration of the table at every sample [m/s²], shape (n,), with play between it and the rod."""
+    """Acceleration of the table at every sample [m/s²], shape (n,), with backlash between it and the rod."""
     scales = np.concatenate([SCALES, SCALES[:2]])
     scales[[0, 6]] = 1e-4
     y = np.concatenate([at_rest(c), np.zeros(2)])
-    return _radau(lambda s, u: rates_with_play(s, u, c, play), commands, sample_time, c, y, rtol * scales, rtol)
+    return _radau(lambda s, u: rates_with_backlash(s, u, c, backlash), commands, sample_time, c, y, rtol * scales, rtol)
 
 
 def rates_with_bristles(y: Any, wanted: float, c: Any, law: dict[str, float]) -> tuple[float, ...]:

@@ -56,7 +56,7 @@ def initial_head(states, decay, command):  # type: ignore[no-untyped-def]
 def start_offset(state, law, reference, estimate, feedforward, dt, command):  # type: ignore[no-untyped-def]
     """What must be added to the feedforward so that the law's first command is `command` [-].
 
-    The limit plays no part in the search. Secant steps, since a law may be bent in its feedforward.
+    The search does not use the limit. Secant steps, since a law may be bent in its feedforward.
     """
     free = law.copy()
     free[0].limit = np.inf

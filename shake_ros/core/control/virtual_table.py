@@ -7,8 +7,8 @@ noise. At each sample the command is sought which, held over a short horizon, br
 
 where the reference at t + H is continued from its position, velocity, acceleration and the difference of its last two
 accelerations. s rises with the command, so a few secant steps inside a bracket find it, whatever stands between
-the command and the table: dead band, null shift, soft zone, the valve's play, friction, dead time. No inverse is
-written by hand. A play between rod and table is closed in the copy: within it no command moves the table, and the one
+the command and the table: dead band, null shift, soft zone, the valve's backlash, friction, dead time. No inverse is
+written by hand. Backlash between rod and table is closed in the copy: within it no command moves the table, and the one
 that crossed it at once would be the limit.
 With a lead the copy has no dead time and runs ahead of the table by it: its motion is that of the instant at which the
 command acts, and the reference is continued so much further.
@@ -178,7 +178,7 @@ class VirtualTable:
 
     Parameters
     ----------
-    model : the table's parameters; its sensors play no part.
+    model : the table's parameters; its sensors are not used.
     sample_time : [s]
     bandwidth : ω of the surface [rad/s]
     horizon : H [s]; a dead time of the model is added to it, and the sum rounded to at least one sample.

@@ -6,7 +6,7 @@
     line          about one frequency at which the table does not move as much
     at reversals  within a short time of the velocity's zeros, more than those times would have by chance
     impulsive     few short events: kurtosis
-    memory        the position behind a play, or within it, explains more of it than position, direction or velocity:
+    memory        the position behind backlash, or within it, explains more of it than position, direction or velocity:
                   a loop that is no friction
 
 and on which quantities it depends (`explained_share`), less what chance would explain of a force that is as smooth. A
@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from shake_ros.core.compiled import njit
 from shake_ros.core.discovery.remaining import band_share, explained_share
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.valve.simplified import play
+from shake_ros.core.valve.simplified import backlash
 
 Array = NDArray[np.float64]
 SAMPLES = 4  # independent ones that each group needs
 SIMPLER = 0.03  # share by which direction, of which velocity tells as well, may lie behind it
-PLAYS = (0.1, 0.3, 0.6, 1.0)  # half widths, in standard deviations of the position
+WIDTHS = (0.1, 0.3, 0.6, 1.0)  # half widths, in standard deviations of the position
 THIRD = 2.0 ** (1.0 / 6.0)  # from the centre of a third of an octave to its ends
 SAYS = {  # kind → what it says of the force
     "constant": "is constant",
@@ -128,20 +128,20 @@ def near_reversal(velocity: Array, sample_time: float, within: float) -> NDArray
 
 
 @njit
-def played(values, width):  # type: ignore[no-untyped-def]
-    """Values behind a play of half a width."""
+def behind_backlash(values, width):  # type: ignore[no-untyped-def]
+    """Values behind backlash of half a width."""
     result, held = np.empty_like(values), values[0]
     for k in range(len(values)):
-        held = play(held, values[k], width)
+        held = backlash(held, values[k], width)
         result[k] = held
     return result
 
 
 def memory(force: Array, known: dict[str, Array], settings: SearchSettings) -> float:
-    """Share that the position behind a play, or within it, explains beyond position, direction or velocity [-]."""
+    """Share that the position behind backlash, or within it, explains beyond position, direction or velocity [-]."""
     groups, independent = groups_of(force, settings)
     position = np.ascontiguousarray(known["position"], dtype=np.float64)
-    behind = [played(position, width * float(np.std(position))) for width in PLAYS]
+    behind = [behind_backlash(position, width * float(np.std(position))) for width in WIDTHS]
     loops = [by for follows in behind for by in (follows, position - follows)]
     best = max(adjusted_share(force, by, groups, independent) for by in loops)
     alone = (adjusted_share(force, known[n], groups, independent) for n in ("position", "direction", "velocity"))

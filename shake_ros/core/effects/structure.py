@@ -77,16 +77,16 @@ def spring_force(deflection, rate, mass, frequency, damping):
 
 @dataclass(frozen=True)
 class CouplingBacklash(Effect):
-    """Play between piston rod and table.
+    """Backlash between piston rod and table.
 
-    Play between piston rod and table: a worn clevis or spherical bearing.
+    Backlash between piston rod and table: a worn clevis or spherical bearing.
 
     The rod moves by δ relative to the table; beyond half the gap g a stiff spring with a damper carries the force.
 
         F_c = k_g dz(δ) + c δ̇ in contact, m_r v̇_r = A_p P_L − friction − F_c, (M − m_r) v̇ = F_c
         k_g = k (1 + q), ζ_g = ζ + (1 − ζ) q/(1 + q), q = (g_s/g)²
 
-    Friction acts on the rod (seals). Absent at g = 0, where rod and table are one body. A joint without play is as
+    Friction acts on the rod (seals). Absent at g = 0, where rod and table are one body. A joint without backlash is as
     stiff as the rod and does not rattle, so the contact stiffens below g_s = 5 µm, critically damped in the end,
     and the limit of a small gap is the rigid joint of the declared model: no jump at the value at which the effect
     is absent. From 20 µm on k_g is k to within a few per cent. Verified against the same two bodies written a
@@ -96,7 +96,7 @@ class CouplingBacklash(Effect):
     place: ClassVar[str] = "structure"
     depends_on: ClassVar[tuple[str, ...]] = ("load_pressure", "direction")
 
-    gap: float = quantity("m", "total play g", low=0.0, high=1e-2, default=0.0)
+    gap: float = quantity("m", "total backlash g", low=0.0, high=1e-2, default=0.0)
     stiffness: float = quantity("N/m", "contact stiffness k", low=1e5, high=1e9, default=5e7)
     rod_mass: float = quantity("kg", "mass m_r on the piston's side of the backlash", low=1.0, high=300.0, default=30.0)
     damping: float = quantity("-", "damping ratio of the contact on the rod's mass", low=0.0, high=2.0, default=0.2)
@@ -107,7 +107,7 @@ NO_GAP = 1e-7  # [m] below it rod and table count as one body; the joint would b
 
 
 @njit
-def has_play(gap):
+def has_backlash(gap):
     """Whether rod and table are two bodies."""
     return gap > NO_GAP
 

@@ -1,6 +1,6 @@
 """A fit that begins with what is slow: of the way to an effect whose valley is hardly met otherwise.
 
-The ringing of a play's contacts follows its parameters so fast that the sum of squares of a free run is a maze within
+The ringing of backlash contacts follows its parameters so fast that the sum of squares of a free run is a maze within
 some per cent of the truth. What lies below 40 Hz is a single valley from far off. So the residuals go through a
 low-pass, zero-phase as that of the velocity, first at 40 Hz, then at 120 and 300 Hz, each fit with differences that
 step over what ripples there; between them the effect's own parameters, which the slow part may leave open (the mass on

@@ -1,8 +1,8 @@
 """The first stages of a fit to recordings of a table without a data sheet.
 
 The best first guesses are fitted briefly to pieces of the recordings, with the filter behind the accelerometer that
-leaves least; where that leaves much, with a play alone (by_bands.py) or with several effects at once (joint_start.py).
-The null shift of each recording is free in these fits, and stands in the recordings at their end.
+leaves least; where that leaves much, with backlash alone (by_bands.py) or with several effects at once
+(joint_start.py). The null shift of each recording is free in these fits, and stands in the recordings at their end.
 """
 
 from __future__ import annotations
@@ -242,7 +242,7 @@ def from_narrow_start(
 ) -> Fit | None:
     """The fit with one effect whose valley is too narrow to be met from its absence; None where it is hopeless.
 
-    A play between rod and table is one: near nothing it is a rigid joint, and other effects smear its dwells.
+    Backlash between rod and table is one: near nothing it is a rigid joint, and other effects smear its dwells.
     free : what the fit moves, with the effect's own parameters. begin, before : a first guess and the fit without the
     effect, from the better of which it sets out. most : cost that it may leave.
     """
@@ -266,7 +266,7 @@ def narrow_starts(parameters: FreeParameters, effect: JoiningEffect, before: Fit
 def shows_at_once(pieces: RecordingProblem, effect: JoiningEffect, before: Fit) -> bool:
     """Whether an effect lowers what a fit leaves of slow motion as soon as it is put on it and nothing else moved.
 
-    Most plays of some hundredths of a millimetre and more do, and no other effect that was tried.
+    Most backlash of some hundredths of a millimetre and more does, and no other effect that was tried.
     """
     slow_motion = slow(pieces)
     parameters = FreeParameters(before.table.with_values(effect.narrow[0]), [*before.free.free, *effect.free])

@@ -100,7 +100,7 @@ def error_root(n, gains, rest, h):  # type: ignore[no-untyped-def]
 
 @njit
 def observe(state, p, model, measured, command, dt, work, estimate):  # type: ignore[no-untyped-def]
-    """One sample, in place; arguments as in `sliding_mode.observe`, with a (4,) state; the command plays no part."""
+    """One sample, in place; arguments as in `sliding_mode.observe`, with a (4,) state; the command is not used."""
     n = int(p.order)
     gains = (p.k0, p.k1, p.k2, p.k3)
     rest, power = measured[0], 1.0

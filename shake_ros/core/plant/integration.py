@@ -2,7 +2,7 @@
 
 Between two sampling instants the command is held (zero-order hold); within a sample the step adapts to the
 tolerance and never crosses the sample's end or the instant at which a delayed command arrives. The equation is
-non-stiff by construction (spool and play are exact, the pre-sliding law is a function of displacement, sroot is
+non-stiff by construction (spool and backlash are exact, the pre-sliding law is a function of displacement, sroot is
 laminar near zero), so an explicit method of high order is the fastest that holds 0.1 %: one step a sample as a rule,
 and because a new command does not change the rates of the table, the last stage of a sample is the first of the next.
 Verified against Radau at rtol 1e-9.
@@ -70,7 +70,7 @@ from shake_ros.core.plant.states import (
 from shake_ros.core.valve.detailed import CODE as DETAILED
 from shake_ros.core.valve.detailed import SPOOL as VALVE_SPOOL
 from shake_ros.core.valve.detailed import VALVE_STATES, carry_valve
-from shake_ros.core.valve.simplified import play
+from shake_ros.core.valve.simplified import backlash
 
 # A row of the work array within a sample: what to do, time since its start [s], number of instants, the next, and all
 MODE, ELAPSED, COUNT, NEXT, INSTANTS = range(5)
@@ -140,7 +140,7 @@ def spool_command(p, y, u):
     wanted = (1.0 if detailed else p.valve_gain) * (u + p.valve_null_shift_offset)
     wanted = min(max(wanted, -1.0), 1.0)
     if detailed:
-        wanted = play(y[HELD_COMMAND], wanted, p.valve_hysteresis + p.spool_hysteresis_width)
+        wanted = backlash(y[HELD_COMMAND], wanted, p.valve_hysteresis + p.spool_hysteresis_width)
     y[HELD_COMMAND] = wanted
     return wanted
 

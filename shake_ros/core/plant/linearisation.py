@@ -3,8 +3,8 @@
 Central differences of the one right-hand side, so every effect takes part; states that these parameters do not set in
 motion are left out. An operating point is a position and a steady velocity with the pressures and the spool opening
 that keep both: a = 0 and Ṗ_A = Ṗ_B = 0. Hysteresis, dead time and the contact states of dynamic friction have no
-derivative there: they are held, and u acts without the width of its play. A play between rod and table is closed, the
-rod in contact: within it nothing moves the table.
+derivative there: they are held, and u acts without the width of its backlash. Backlash between rod and table is closed,
+the rod in contact: within it nothing moves the table.
 
 Verified against: the oil spring (2.25), (2.36) over the stroke; the spool's (3.19); the reduced model; small sines.
 """
@@ -20,7 +20,7 @@ from scipy.optimize import root
 
 from shake_ros.core.bulk_modulus.selected import moduli
 from shake_ros.core.bulk_modulus.stiffness import natural_frequency
-from shake_ros.core.effects.structure import has_play
+from shake_ros.core.effects.structure import has_backlash
 from shake_ros.core.plant.cylinder import Sides, oil_spring, rest_pressures
 from shake_ros.core.plant.parameters import INDEX, TableParameters, records
 from shake_ros.core.plant.right_hand_side import active_states, right_hand_side
@@ -42,7 +42,7 @@ from shake_ros.core.quantities import ShakeError
 Matrix = NDArray[np.float64]
 OUTPUTS = ("position", "velocity", "acceleration")
 GAP = "effects.coupling_backlash.gap"
-CLOSED = 1e-4  # [m] beyond half the gap, at which a play is closed: more than the step of the differences
+CLOSED = 1e-4  # [m] beyond half the gap, at which backlash is closed: more than the step of the differences
 LARGEST_ZERO = 1e5  # [rad/s] zeros beyond it are those at infinity, moved by rounding
 
 
@@ -141,7 +141,7 @@ def linearise(parameters: TableParameters, state: Matrix | None = None, step: fl
     record = records(vector)[0]
     n, scales = active_states(record), state_scales()
     gain = float(vector[INDEX["valve.gain"]])
-    if has_play(parameters.value(GAP)):
+    if has_backlash(parameters.value(GAP)):
         y0[ROD] = 0.5 * parameters.value(GAP) + CLOSED
 
     def evaluate(y: Matrix, wanted: float) -> Matrix:

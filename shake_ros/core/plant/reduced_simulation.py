@@ -5,7 +5,7 @@ With w the force of the drive per moved mass, the third-order form splits into
     v̇ = w + g − f,    ẇ = (β_1 + β_5 |x_e|) v + (β_2 + β_4 |x_e|) w + β_3 x_e
 
 g are forces per mass and f is dry friction; without effects w is the acceleration and this is (6.36). x_e is the
-command behind delay, null shift, play, lag, dead band and unequal edges. Under a held command the linear part is
+command behind delay, null shift, backlash, lag, dead band and unequal edges. Under a held command the linear part is
 advanced exactly; dry friction is implicit, so that the table sticks at v = 0; the drag is taken at the mean velocity.
 Verified against the matrix exponential, and against a fine explicit integration with effects.
 """
@@ -25,7 +25,7 @@ from shake_ros.core.plant.integration import delayed
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import REDUCED_LAYOUT
 from shake_ros.core.plant.simulation import NOTHING, series, workers
-from shake_ros.core.valve.simplified import play
+from shake_ros.core.valve.simplified import backlash
 
 LONGEST_STEP = 1e-3  # [s] between two evaluations of friction and forces
 SPECIMEN_STEP = 2e-4  # [s] the same where a specimen swings
@@ -67,7 +67,7 @@ def exact_step(a, b, h):
 def opening(p, y, u, h):
     """Mean opening x_e over a step under the command u [-]; updates the held and the lagged command."""
     wanted = min(max(u + p.valve_null_shift_offset, -1.0), 1.0)
-    y[HELD] = play(y[HELD], wanted, p.spool_hysteresis_width)
+    y[HELD] = backlash(y[HELD], wanted, p.spool_hysteresis_width)
     tau = p.slow_valve_time_constant
     mean = y[HELD]
     if tau > 0.0:

@@ -11,7 +11,7 @@ import math
 from shake_ros.core.compiled import inlined_kernel, kernel
 from shake_ros.core.effects.friction import deflection, dry_level, film_rate
 from shake_ros.core.effects.hydraulics import pressure_rate, thickness, warmer
-from shake_ros.core.effects.structure import base_acceleration, contact_force, has_play, spring_force
+from shake_ros.core.effects.structure import base_acceleration, contact_force, has_backlash, spring_force
 from shake_ros.core.effects.unlisted import (
     FORCE_OF_POSITION,
     FORCE_OF_VELOCITY,
@@ -81,7 +81,7 @@ def active_states(p):
         p.supply_droop_resistance != 0.0
         or p.film_friction_relief != 0.0
         or p.specimen_resonance_mass != 0.0
-        or has_play(p.coupling_backlash_gap)
+        or has_backlash(p.coupling_backlash_gap)
         or p.base_flexibility_compliance != 0.0
         or p.accelerometer_lag_time_constant != 0.0
         or p.position_sensor_lag_time_constant != 0.0
@@ -165,8 +165,8 @@ def right_hand_side(p, y, start, wanted, external_force, n, rates):
     ----------
     p : parameter record.
     y : states, shape (≥ n,).
-    wanted : spool command behind play, gain and null shift [-]; with the detailed valve, which is integrated ahead on
-        its own, the speed of its spool over the step [1/s].
+    wanted : spool command behind backlash, gain and null shift [-]; with the detailed valve, which is integrated ahead
+        on its own, the speed of its spool over the step [1/s].
     start : whole state at the start of the step, shape (STATES,), from which contact states follow the displacement.
     external_force : along +x [N].
     n : from `active_states`.
@@ -194,7 +194,7 @@ def table_rates(p, y, start, external_force, n, rates):
     A function of its own because the integrator knows the spool in closed form and asks for the rest alone.
     """
     x, v = y[POSITION], y[VELOCITY]
-    split = n > DECLARED and has_play(p.coupling_backlash_gap)
+    split = n > DECLARED and has_backlash(p.coupling_backlash_gap)
     piston = x + y[ROD] if split else x
     piston_velocity = v + y[ROD_RATE] if split else v
     p_a, p_b = chamber_pressure(p, y[PRESSURE_A]), chamber_pressure(p, y[PRESSURE_B])

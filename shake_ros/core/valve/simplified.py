@@ -42,7 +42,7 @@ class SimplifiedValve(Parameters):
 
 
 @njit
-def play(held, wanted, width):
+def backlash(held, wanted, width):
     """Command after a backlash of half-width `width`: moves only when pushed by an edge [-]."""
     return min(max(held, wanted - width), wanted + width)
 

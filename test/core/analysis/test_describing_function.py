@@ -15,8 +15,8 @@ TABLE = load_table("bergamo")
 DT = 1e-3
 
 
-def play_of_half_width(ratio: float) -> complex:
-    """Describing function of a play whose half-width is `ratio` times the amplitude (textbook form)."""
+def backlash_of_half_width(ratio: float) -> complex:
+    """Describing function of backlash whose half-width is `ratio` times the amplitude (textbook form)."""
     k = 1.0 - 2.0 * ratio
     real = 0.5 + (math.asin(k) + k * math.sqrt(1.0 - k * k)) / math.pi
     return complex(real, -(1.0 - k * k) / math.pi)
@@ -35,12 +35,12 @@ def test_spool_without_hysteresis_has_the_linear_response_at_every_amplitude() -
     np.testing.assert_allclose(result.gain, np.abs(result.response))
 
 
-def test_hysteresis_has_the_describing_function_of_a_play() -> None:
+def test_hysteresis_has_the_describing_function_of_backlash() -> None:
     table = TABLE.with_values({"valve.hysteresis": 0.02})
     result = describing_function(table, np.array([0.05, 0.1, 0.4]), np.array([1.0]), output="spool")
     lag = np.exp(-2j * np.pi * (DT / 2.0 + 2.0 * 0.736 / 1600.0))  # hold and spool at 1 Hz
     for i, amplitude in enumerate(result.amplitudes):
-        assert result.response[i, 0] / lag == pytest.approx(play_of_half_width(0.02 / amplitude), abs=5e-3)
+        assert result.response[i, 0] / lag == pytest.approx(backlash_of_half_width(0.02 / amplitude), abs=5e-3)
 
 
 def test_velocity_gain_is_the_valves_flow_over_the_area_at_low_frequency_and_moderate_command() -> None:

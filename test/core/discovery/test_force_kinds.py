@@ -29,8 +29,8 @@ def kinds_of(force: np.ndarray, left: float = 1.0) -> ForceKinds:
     return judged_kinds(force + 0.5 * smooth, DEVIATION, left, known, DT, SETTINGS)
 
 
-def played(position: np.ndarray, width: float) -> np.ndarray:
-    """What follows a position through a play."""
+def behind_backlash(position: np.ndarray, width: float) -> np.ndarray:
+    """What follows a position through backlash."""
     result, held = np.empty_like(position), position[0]
     for k, x in enumerate(position):
         held = min(max(held, x - width), x + width)
@@ -45,7 +45,7 @@ KINDS = {
     "line": 300.0 * np.sin(2.0 * np.pi * 14.0 * TIME),
     "at reversals": 900.0 * NEAR * np.sign(VELOCITY),
     "impulsive": 900.0 * ((TIME % 2.6) < 0.08),
-    "memory": 3e4 * played(POSITION, 0.004),
+    "memory": 3e4 * behind_backlash(POSITION, 0.004),
 }
 
 

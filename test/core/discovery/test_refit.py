@@ -99,9 +99,9 @@ def trial_points(costs: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> di
     return given
 
 
-def test_a_play_is_sought_from_slow_to_fast_with_friction_as_declared(monkeypatch: pytest.MonkeyPatch) -> None:
-    play = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
-    free = FreeParameters(load_table("bergamo"), [*free_parameters(), *play.free])
+def test_backlash_is_sought_from_slow_to_fast_with_friction_as_declared(monkeypatch: pytest.MonkeyPatch) -> None:
+    backlash = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
+    free = FreeParameters(load_table("bergamo"), [*free_parameters(), *backlash.free])
     bent = np.clip(2.0 * free.start(), free.low, free.high)
     gap, level = (free.names.index(n) for n in ("effects.coupling_backlash.gap", "friction.coulomb_level"))
     moved = free.names.index("valve.flow_coefficient")
@@ -123,13 +123,13 @@ def test_a_play_is_sought_from_slow_to_fast_with_friction_as_declared(monkeypatc
         return sought(problem, Begun(trial, free, Approach(bent, predictor)), 5, 1e-3)
 
     monkeypatch.setattr(refit, "from_slow_to_fast", from_slow_to_fast)
-    assert found(0.1, play).way.start is bent
-    best = found(10.0, play).way.start
+    assert found(0.1, backlash).way.start is bent
+    best = found(10.0, backlash).way.start
     assert sorted({round(float(x[gap]), 9) for x in begun_from}) == [0.2, 0.5, 1.0, 2.0, 4.0]
     assert best[gap] == pytest.approx(0.2)
     assert best[level] == free.start()[level]
     assert best[moved] == bent[moved]
-    assert found(10.0, replace(play, narrow=())).way.start is bent
+    assert found(10.0, replace(backlash, narrow=())).way.start is bent
 
 
 def test_a_refit_ends_where_predictor_runs_show_that_another_effect_is_far_better(

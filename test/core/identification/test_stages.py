@@ -65,10 +65,10 @@ def test_what_shows_between_the_sensors_is_on_the_table_where_it_may_lack_it() -
 
 
 @pytest.mark.parametrize("left", [3.0, 5.0])
-def test_a_play_is_fitted_from_starts_of_its_own_where_these_are_not_hopeless(
+def test_backlash_is_fitted_from_starts_of_its_own_where_these_are_not_hopeless(
     left: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    play = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
+    backlash = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
     gap = "effects.coupling_backlash.gap"
     seen: list[Any] = []
 
@@ -92,7 +92,7 @@ def test_a_play_is_fitted_from_starts_of_its_own_where_these_are_not_hopeless(
     begin, friction = load_table("bergamo"), list[float]()
     without = FreeParameters(begin.with_values({viscous.name: 777.0}), [viscous])
     before = Fit(without, without.start(), np.zeros(1), np.zeros((1, 1)), 9.0, 1)
-    found = from_narrow_start(pieces, [viscous, *play.free], play, begin, before, most=2.0)
+    found = from_narrow_start(pieces, [viscous, *backlash.free], backlash, begin, before, most=2.0)
     gaps, own, useful = seen[0]
     assert gaps == [0.2, 0.5, 1.0, 2.0, 4.0]  # in its scale of 0.1 mm
     assert sorted(friction) == pytest.approx([begin.value(viscous.name) / 100.0, 7.77])  # of the guess and of the fit
@@ -136,18 +136,18 @@ def test_a_second_guess_whose_predictor_runs_end_no_better_is_not_fitted(
 
 
 @pytest.mark.parametrize(("gap", "shows"), [(1e-4, True), (0.0, False)])
-def test_a_play_shows_at_once_where_it_alone_lowers_what_is_left_of_slow_motion(gap: float, shows: bool) -> None:
-    play = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
+def test_backlash_shows_at_once_where_it_alone_lowers_what_is_left_of_slow_motion(gap: float, shows: bool) -> None:
+    backlash = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
     free = FreeParameters(load_table("bergamo"), ())
     column = [*free.base.fields].index("effects.coupling_backlash.gap")
     slow_motion = SimpleNamespace(residuals=lambda rows: 1e4 * (rows[:, [column]] - gap))
     pieces: Any = SimpleNamespace(below=lambda *_: slow_motion)
     before = Fit(free, np.zeros(0), np.zeros(1), np.zeros((1, 0)), 1.0, 1)
-    assert shows_at_once(pieces, play, before) is shows
+    assert shows_at_once(pieces, backlash, before) is shows
 
 
-def test_a_play_that_shows_at_once_is_sought_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    play = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
+def test_backlash_that_shows_at_once_is_sought_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    backlash = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
     base = load_table("bergamo")
     monkeypatch.setattr(stages, "shows_at_once", lambda *_: True)
     monkeypatch.setattr(stages, "joint_start", lambda *_: pytest.fail("joined"))
@@ -155,13 +155,13 @@ def test_a_play_that_shows_at_once_is_sought_first(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(stages, "from_narrow_start", lambda *_: found)
     before: Any = SimpleNamespace(cost=5.0)
     pieces: Any = SimpleNamespace()
-    assert several_at_once(pieces, [], {"coupling_backlash": play}, base, before) == (found, ("coupling_backlash",))
+    assert several_at_once(pieces, [], {"coupling_backlash": backlash}, base, before) == (found, ("coupling_backlash",))
     before.cost = 3.0  # of which it leaves more than a quarter
     monkeypatch.setattr(stages, "joint_start", lambda *_: (base, ()))
     monkeypatch.setattr(stages, "is_far", lambda *_: False)
     asked = list[float]()
     monkeypatch.setattr(stages, "from_narrow_start", lambda *a: asked.append(a[-1]) or found)
-    assert several_at_once(pieces, [], {"coupling_backlash": play}, base, before) == (before, ())
+    assert several_at_once(pieces, [], {"coupling_backlash": backlash}, base, before) == (before, ())
     assert asked == [0.75]  # and not once more
 
 
@@ -173,7 +173,7 @@ def test_a_play_that_shows_at_once_is_sought_first(monkeypatch: pytest.MonkeyPat
         (0.5 * 3.0**2, 0.05, 0.97, 0.45, True),  # on its bound, and much is left
         (0.5 * 6.0**2, 0.05, 0.5, 0.45, True),
         (0.5 * 6.0**2, 0.05, 0.5, 0.55, False),  # little better than what joined
-        (0.5 * 6.0**2, 0.02, 0.97, 0.1, False),  # of so much as was taken a play takes no part
+        (0.5 * 6.0**2, 0.02, 0.97, 0.1, False),  # of so much as was taken backlash takes no part
         (0.5 * 1.5**2, 0.2, 0.5, 0.45, True),
         (0.5 * 6.0**2, 0.9, 0.5, 0.3, False),  # far better, but it leaves more than a quarter of all
     ],
@@ -181,7 +181,7 @@ def test_a_play_that_shows_at_once_is_sought_first(monkeypatch: pytest.MonkeyPat
 def test_backlash_is_kept_where_the_joint_fit_is_no_answer_and_it_leaves_far_less(
     cost: float, left: float, depth: float, alone: float, taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    zone, play = (next(c for c in effect_candidates() if c.effect == e) for e in ("soft_zone", "coupling_backlash"))
+    zone, backlash = (next(c for c in effect_candidates() if c.effect == e) for e in ("soft_zone", "coupling_backlash"))
     free = FreeParameters(load_table("bergamo").with_values(zone.trials[0]), zone.free)
     joined = Fit(free, free.x_of({"effects.soft_zone.depth": depth}), np.zeros(1), np.zeros((1, 3)), cost, 1)
     other: Any = SimpleNamespace(cost=alone * cost)
@@ -190,7 +190,7 @@ def test_backlash_is_kept_where_the_joint_fit_is_no_answer_and_it_leaves_far_les
     monkeypatch.setattr(stages, "_fitted", lambda *_: joined)
     monkeypatch.setattr(stages, "from_narrow_start", lambda *_: other)
     monkeypatch.setattr(stages, "shows_at_once", lambda *_: False)
-    known = {c.effect: c for c in (zone, play)}
+    known = {c.effect: c for c in (zone, backlash)}
     before: Any = SimpleNamespace(cost=cost / left)
     found, effects = several_at_once(pieces, [], known, load_table("bergamo"), before)
     assert (found is other, effects) == ((True, ("coupling_backlash",)) if taken else (False, ("soft_zone",)))
@@ -223,15 +223,15 @@ def test_friction_with_a_memory_joins_only_where_others_leave_a_table_far(
     )
 
 
-def test_a_play_is_not_sought_on_a_table_that_has_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    play = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
-    free = FreeParameters(load_table("bergamo").with_values(play.trials[0]), ())
+def test_backlash_is_not_sought_on_a_table_that_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    backlash = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
+    free = FreeParameters(load_table("bergamo").with_values(backlash.trials[0]), ())
     before = Fit(free, np.zeros(0), np.zeros(1), np.zeros((1, 0)), 18.0, 1)
     pieces: Any = SimpleNamespace(noise_cost=lambda: 1.0, count=1)
     monkeypatch.setattr(stages, "joint_start", lambda *_: (free.base, ()))
     monkeypatch.setattr(stages, "_fitted", lambda *_: pytest.fail("fitted once more"))
     monkeypatch.setattr(stages, "from_narrow_start", lambda *_: pytest.fail("sought"))
-    assert several_at_once(pieces, [], {"coupling_backlash": play}, free.base, before) == (before, ())
+    assert several_at_once(pieces, [], {"coupling_backlash": backlash}, free.base, before) == (before, ())
 
 
 def test_what_the_sensors_show_stays_known_to_the_search_as_theirs(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -105,17 +105,17 @@ def test_order_of_the_steps_is_five() -> None:
 
 
 @pytest.mark.parametrize("gap", [2e-4, 2e-3])
-def test_play_between_rod_and_table_is_radau_to_a_hundredth(gap: float) -> None:
+def test_backlash_between_rod_and_table_is_radau_to_a_hundredth(gap: float) -> None:
     table = load_table("bergamo").with_values({"effects.coupling_backlash.gap": gap})
     effect = table.effects["coupling_backlash"]
-    play = (gap, effect.stiffness, effect.rod_mass, effect.damping)
+    backlash = (gap, effect.stiffness, effect.rod_mass, effect.damping)
     sample = 5e-3
     commands = reference.sine(0.3, 8.0, 0.24)[::5]
-    tight = reference.radau_with_play(commands, sample, reference.constants(), play)
+    tight = reference.radau_with_backlash(commands, sample, reference.constants(), backlash)
     assert reference.nrmse(tight, run(table, commands, sample)[:, 2]) < 1e-2
 
 
-def test_the_smaller_the_play_the_nearer_the_declared_table() -> None:
+def test_the_smaller_the_backlash_the_nearer_the_declared_table() -> None:
     commands = reference.sine(0.3, 4.0, 0.3)
     rigid = run(load_table("bergamo"), commands, SAMPLE)[:, 2]
 

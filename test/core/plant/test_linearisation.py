@@ -117,9 +117,9 @@ def test_effects_bring_their_own_poles() -> None:
     assert abs(swinging(poles, 2.0 * math.pi * 6.0)) == pytest.approx(2.0 * math.pi * 6.0, rel=0.1)
 
 
-def test_a_play_is_closed_rod_and_table_are_two_masses_on_the_oil_and_the_contact() -> None:
-    play = {"gap": 1e-3, "stiffness": 2e7, "rod_mass": 40.0, "damping": 0.0}
-    worn = SMOOTH.with_values({f"effects.coupling_backlash.{name}": value for name, value in play.items()})
+def test_backlash_is_closed_rod_and_table_are_two_masses_on_the_oil_and_the_contact() -> None:
+    backlash = {"gap": 1e-3, "stiffness": 2e7, "rod_mass": 40.0, "damping": 0.0}
+    worn = SMOOTH.with_values({f"effects.coupling_backlash.{name}": value for name, value in backlash.items()})
     rod, table, contact = 40.0, 610.0, 2e7
     oil = oil_column_frequency(SMOOTH) ** 2 * (rod + table)
     stiffness = np.array([[(oil + contact) / rod, -contact / rod], [-contact / table, contact / table]])

@@ -11,7 +11,7 @@ from shake_ros.core.plant.hydraulics import port_flows
 from shake_ros.core.plant.parameters import records
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.valve.ports import opening, sroot
-from shake_ros.core.valve.simplified import play, spool_acceleration
+from shake_ros.core.valve.simplified import backlash, spool_acceleration
 from shake_ros.settings import load_table
 
 BERGAMO = load_table("bergamo")
@@ -118,10 +118,10 @@ def test_spool_is_no_faster_than_its_rate_limit_and_stays_in_its_stroke() -> Non
     assert result[299, 6] == pytest.approx(1.0, abs=0.002)
 
 
-def test_play_follows_only_when_pushed() -> None:
+def test_backlash_follows_only_when_pushed() -> None:
     held, path = 0.0, []
     for wanted in (0.05, 0.2, 0.15, 0.0, -0.2):
-        held = play(held, wanted, 0.1)
+        held = backlash(held, wanted, 0.1)
         path.append(held)
     assert path == pytest.approx([0.0, 0.1, 0.1, 0.1, -0.1])
 
