@@ -52,7 +52,7 @@ SCALED = (
 )
 
 
-Tell = Callable[[float, str, str, "Case"], None]
+Report = Callable[[float, str, str, "Case"], None]
 
 
 class Case:
@@ -123,7 +123,7 @@ def main() -> None:
     values = read_yaml(find("compare", "default"))["values"]
     lines = [f"{'load':>4s}  {'record':21s} {'first model':18s}  acceleration and spectrum [%], run by run"]
 
-    def tell(load: float, record: str, name: str, case: Case) -> None:
+    def report(load: float, record: str, name: str, case: Case) -> None:
         lines.append(f"{load:4.0f}  {record:21s} {name:18s}{case.line}")
         case.line = ""
         print(lines[-1], flush=True)
@@ -137,27 +137,27 @@ def main() -> None:
                 if name == "declared" or load == LOADS[1]:
                     case = Case(table, record, own)
                     learnt(case, model, EFFECTS, settings)
-                    tell(load, record, name, case)
+                    report(load, record, name, case)
             case = Case(table, record, own)
             for number in range(RUNS):
                 case.run(models_of(table)["exact"], case.reference, number)
-            tell(load, record, "exact, kept", case)
+            report(load, record, "exact, kept", case)
     if not arguments.loads:
-        dead_band(values, settings, tell, arguments.own)
+        dead_band(values, settings, report, arguments.own)
     lines.append(f"in {time.perf_counter() - began:.0f} s")
     if arguments.save:
         name = f"{Path(__file__).stem}{'_own' if arguments.own else ''}.txt"
         Path(__file__).with_name(name).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def dead_band(values: Mapping[str, float], settings: Iteration, tell: Tell, with_own: bool) -> None:
+def dead_band(values: Mapping[str, float], settings: Iteration, report: Report, with_own: bool) -> None:
     """Runs on a table with a dead band that may not be fitted, may be corrected in the drive, and may be fitted."""
     load, record = LOADS[1], RECORDS[1]
     table = load_table("bergamo").with_values({**values, "body.specimen_mass": load, BAND: 0.01})
     first = models_of(table)["exact"].with_values({BAND: 0.0})
     case = Case(table, record, own_loop(table) if with_own else None)
     fitted = learnt(case, first, EFFECTS, settings)
-    tell(load, record, "dead band, not let", case)
+    report(load, record, "dead band, not let", case)
     iterate(
         case.reference[:, 2],
         case.reference,
@@ -165,9 +165,9 @@ def dead_band(values: Mapping[str, float], settings: Iteration, tell: Tell, with
         SAMPLE_TIME,
         settings,
     )
-    tell(load, record, "  then the drive", case)
+    report(load, record, "  then the drive", case)
     learnt(case, first, (*EFFECTS, "spool_deadband"), settings)
-    tell(load, record, "dead band, let", case)
+    report(load, record, "dead band, let", case)
 
 
 if __name__ == "__main__":

@@ -77,7 +77,7 @@ def run(
         shown = round((y[hidden.X] + noise[i, 0]) / hidden.POSITION_STEP) * hidden.POSITION_STEP
         before = command[i - 1] if i > 0 else 0.0
         track(trackers, fixed, tracked, shown, truth[i, 2] + noise[i, 1], before, space)
-        found[i] = trackers.told
+        found[i] = trackers.reported
         if follows:
             set_load(virtual, found[i, 0], found[i, 1], found[i, 2])
         measured[0] = shown
@@ -153,7 +153,7 @@ def main() -> None:
     tracker = LoadTracker(settings(), table, hidden.SAMPLE, LATE * hidden.SAMPLE)
     rows = build_program("earthquake", hidden.SAMPLE).samples(0, round(SECONDS / hidden.SAMPLE))
     reference = come_to_rest(rows, hidden.SAMPLE)
-    head = f"{'200 kg told: x / v / a [%]':>28s}{'followed: x / v / a [%]':>26s}"
+    head = f"{'200 kg reported: x / v / a [%]':>28s}{'followed: x / v / a [%]':>26s}"
     lines = [f"{'load':28s}{head}   followed at 2, 4 and 8 s, first seed: rigid + swaying on"]
     print(lines[0])
     for case in CASES:

@@ -254,14 +254,14 @@ class Discovery(fitted.FittedResult):
         sets = self.estimation, self.validation, self.test
         names = [fitted.names_of(records) for records in sets]
         content = close_loop_json(self.closed, names[0], names[1], self.model.kind, names[2])
-        step, told = self.failures.step, tuple[Estimate, ...]()
+        step, identified = self.failures.step, tuple[Estimate, ...]()
         with step("residuals in report.json"):
             if self.diagnosis:
                 content["remaining"]["predictable"] = predictable_json(self.diagnosis.predictable)
                 content["remaining"]["innovations"] = innovations_json(self.diagnosis.innovations)
-        with step("what the recordings tell"):
-            told = self.told
-            content |= unknown_json(told, self.data) if told else {}
+        with step("what the recordings identify"):
+            identified = self.identified_estimates
+            content |= unknown_json(identified, self.data) if identified else {}
         with step("positions"):
             if self.model.kind == "axis":
                 errors = {n: {"before": before, "after": after} for n, (before, after) in self.position_error.items()}
@@ -286,7 +286,7 @@ class Discovery(fitted.FittedResult):
                     self.tuned.write(out, force)
             with step("page"):
                 page = close_loop_page(
-                    self.closed, *sets, self.diagnosis, self.tracking, command, told, self.data, self.failures
+                    self.closed, *sets, self.diagnosis, self.tracking, command, identified, self.data, self.failures
                 )
                 write_page(page, out, figures)
             with step("numbers of report.json"):
@@ -298,10 +298,10 @@ class Discovery(fitted.FittedResult):
 
     def _parts(self) -> list[tuple[str, Any]]:
         effects = self.effects.frame if self.effects else "nothing"
-        told = [("Identified", self.identified)] if self.model.declared.nuisances else []
+        identified = [("Identified", self.identified)] if self.model.declared.nuisances else []
         failed = [("Failed", "\n".join(map(str, self.failures)))] if len(self.failures) else []
         remaining = ("Remaining", self.remaining.text)
-        return [("Missing", effects), ("Error of the free run", self.error), *told, remaining, *failed]
+        return [("Missing", effects), ("Error of the free run", self.error), *identified, remaining, *failed]
 
     def __repr__(self) -> str:
         return fitted.text_of(self._parts())
@@ -385,7 +385,7 @@ def close_loop(
             found = closing.close_loop(
                 structure, first, second, limits, ending, ending.deadline_passed, failures, given
             )
-        known, tuned, benefit, told = None, None, None, None
+        known, tuned, benefit, diagnosis = None, None, None, None
         data = data.with_nuisances(found.search.nuisances)
         data = replace(data, stops=(*data.stops, *stops))
         first, second = data.estimation, data.validation
@@ -403,8 +403,8 @@ def close_loop(
         bar("residuals and what would help", 1.0)
         with failures.step("diagnosis"):
             asked = () if ending.deadline_passed() else recordings_to_make()
-            told = diagnose(found.final.fit, first, second, asked, declared)
-    return Discovery(model, found, first, second, told, benefit, data, tuned, failures, test_data)
+            diagnosis = diagnose(found.final.fit, first, second, asked, declared)
+    return Discovery(model, found, first, second, diagnosis, benefit, data, tuned, failures, test_data)
 
 
 def check_search(search: str, declared: DeclaredModel) -> None:

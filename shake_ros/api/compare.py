@@ -161,15 +161,15 @@ def compare(
     """
     setup = load_setup(str(settings), changes)
     chosen = _chosen(setup, only)
-    with Progress("compare", progress) as tell:
+    with Progress("compare", progress) as bar:
         tracks = _courses(setup, quick, records)
         names = [c.name for c in tracks]
         drawn = setup.settings["figure_reference"] if setup.settings["figure_reference"] in names else names[-1]
-        tell.span(0.0, 0.1)
-        tell("virtual tables", 0.0)
+        bar.span(0.0, 0.1)
+        bar("virtual tables", 0.0)
         todo = _cases(setup, chosen, tracks, quick)
-        tell.span(0.1, 1.0)
-        outcomes, runs = _run(setup, todo, drawn, tell)
+        bar.span(0.1, 1.0)
+        outcomes, runs = _run(setup, todo, drawn, bar)
     place = f"reference {drawn}, {setup.settings['figure_load']:g} kg"
     return Comparison({**setup.settings, "references": names}, setup.words(), outcomes, runs, place)
 
@@ -211,7 +211,7 @@ def _cases(setup: Setup, chosen: Sequence[Combination], tracks: Sequence[Course]
 
 
 def _run(
-    setup: Setup, todo: Sequence[Case], drawn: str, tell: Callable[[str, float], None]
+    setup: Setup, todo: Sequence[Case], drawn: str, bar: Callable[[str, float], None]
 ) -> tuple[list[Outcome], dict[str, ClosedLoop]]:
     """Outcomes of all cases, and the runs of the case that is drawn by controller."""
     kept: dict[str, ClosedLoop] = {}
@@ -225,5 +225,5 @@ def _run(
         return Outcome(case.entry, case.course.name, case.load, case.table, judge(run, case.course.part, limit, stroke))
 
     loops = [case.loop for case in todo]
-    found = run_batch(loops, outcome, lambda count: tell(todo[count - 1].entry, count / len(todo)))
+    found = run_batch(loops, outcome, lambda count: bar(todo[count - 1].entry, count / len(todo)))
     return found, {case.entry: kept[case.entry] for case in todo if case.entry in kept}

@@ -126,7 +126,7 @@ class FittedResult(ABC):
         return parameter_frame(self.final.parameters)
 
     @cached_property
-    def told(self) -> tuple[Estimate, ...]:
+    def identified_estimates(self) -> tuple[Estimate, ...]:
         """What the recordings determine whatever area and pressure are; empty for a declared table."""
         if not self.model.declared.nuisances:
             return ()
@@ -136,7 +136,7 @@ class FittedResult(ABC):
     @property
     def identified(self) -> ResultTable:
         """The same as a table."""
-        return parameter_frame(self.told)
+        return parameter_frame(self.identified_estimates)
 
     @property
     def nuisances(self) -> ResultTable:

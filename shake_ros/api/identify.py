@@ -105,15 +105,15 @@ class Identification(fitted.FittedResult):
             **model_json(self.fit),
             "form_errors": form_errors_json(self.fit.parameters),
         }
-        told = self.told
-        content |= unknown_json(told, self.data) if told else {}
+        identified = self.identified_estimates
+        content |= unknown_json(identified, self.data) if identified else {}
         if self.model.kind == "axis":
             content |= {"position_error": self.position_error, **axis_json(self.own, self.forecast_error)}
 
         def fill(out: Path) -> None:
             write_json(out / "report.json", content)
             write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
-            data, unknown = (self.estimation, self.validation), (told, self.data)
+            data, unknown = (self.estimation, self.validation), (identified, self.data)
             page = identify_page(self.fit, self.start, self.model.declared, self.diagnosis, *data, command, *unknown)
             write_page(page, out, figures)
             comment = f"Fitted to {', '.join(names[0])} by identify.{fitted.command_comment(self.data)}"
@@ -184,8 +184,8 @@ def identify(
         if method == "inverse_dynamics":
             found = declared_fit.identify_inverse(structure, first, second, settings)
             blocks = InverseDynamics(first).blocks()
-            told = diagnose(found.fit, first, second, recordings_to_make(), declared, blocks)
-            return Identification(model, start.table, found, first, second, told, data)
+            diagnosis = diagnose(found.fit, first, second, recordings_to_make(), declared, blocks)
+            return Identification(model, start.table, found, first, second, diagnosis, data)
         bar.span(0.4, 0.85)
         found = declared_fit.identify(structure, first, second, settings, bar)
         data = data.with_nuisances(NuisanceEstimates(shifts=estimated_null_shifts(declared, found.fit, first, second)))
@@ -193,5 +193,5 @@ def identify(
         first, second = data.estimation, data.validation
         bar.span(0.85, 1.0)
         bar("residuals and what would help", 0.0)
-        told = diagnose(found.fit, first, second, recordings_to_make(), declared)
-    return Identification(model, start.table, found, first, second, told, data)
+        diagnosis = diagnose(found.fit, first, second, recordings_to_make(), declared)
+    return Identification(model, start.table, found, first, second, diagnosis, data)

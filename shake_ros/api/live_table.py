@@ -167,8 +167,8 @@ class LiveLaboratory:
     def words(self) -> str:
         """Its loop, for the certificate."""
         made = "" if self.own is None else ", gains made for the model"
-        told = "" if self.own is None or self.own.sound else ", which oscillate on a neighbour of it"
-        return f"{self.table.loop}{made}{told}"
+        warning = "" if self.own is None or self.own.sound else ", which oscillate on a neighbour of it"
+        return f"{self.table.loop}{made}{warning}"
 
     @property
     def remarks(self) -> dict[str, str]:

@@ -66,13 +66,13 @@ class RecordedSplit:
             f"from {used.min():.3g} to {used.max():.3g} Hz",
             f"part      root mean square [{UNITS[self.channel]}]  of the linear part [%]",
         ]
-        for name, told in PARTS.items():
+        for name, meaning in PARTS.items():
             value = parts[name]
             if (name == "noise" and split.periods < 2) or not np.isfinite(value):
-                text.append(f"{name:8}  not known from this recording ({told})")
+                text.append(f"{name:8}  not known from this recording ({meaning})")
                 continue
             share = 100.0 * value / max(parts["linear"], 1e-300)
-            text.append(f"{name:8}  {value:23.6f}  {share:22.3f}  {told}")
+            text.append(f"{name:8}  {value:23.6f}  {share:22.3f}  {meaning}")
         if not split.separates_even_from_odd:
             text.append(
                 "even lines are excited too: even distortion may appear on odd lines and be hidden on excited ones"

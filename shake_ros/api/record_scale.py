@@ -129,7 +129,7 @@ class ScaledRecord:
         """What was done to the motion, a sentence each."""
         (recorded, *_), (corrected, *_), (played, *_) = self._motions()
         p, fitted = self.parameters, self.fitted
-        told = [
+        sentences = [
             f"Filtered to {self.band} and baseline-corrected: the peak acceleration goes from {recorded[0]:.4g} to "
             f"{corrected[0]:.4g} m/s².",
             f"Scaled by {fitted.factor:.5g}: the peak acceleration is {played[0]:.4g} m/s²."
@@ -138,13 +138,13 @@ class ScaledRecord:
         ]
         if fitted.limited_by:
             asked = "as large as it fits" if p.scale == LARGEST_FACTOR else f"{p.scale:g}"
-            told.append(
+            sentences.append(
                 f"The requested factor was {asked}; the factor is what the table's {fitted.limited_by.split('_')[0]} "
                 "allows."
             )
         if p.time_scale != 1.0:
-            told.append(f"Time is stretched by {p.time_scale:g}.")
-        return told
+            sentences.append(f"Time is stretched by {p.time_scale:g}.")
+        return sentences
 
     def write(self, out: str | Path) -> None:
         """Write columns (.csv) or a configuration of reference_generator (.yaml)."""

@@ -103,13 +103,13 @@ def tune(
     parameters: LawParameters
     kind, parameters = load_variant("controller", str(controller), CONTROLLERS)
     start = gains_of(parameters, settled["fixed"])
-    with Progress("tune", progress) as tell:
+    with Progress("tune", progress) as bar:
         cost = Cost(load_setup(settled["plant"]), settled, str(controller))
         before = cost(start)
         evaluations = int(settled["evaluations"])
 
         def done(count: int, best: float) -> None:
-            tell(f"cost {before:.4f} → {best:.4f}", count / evaluations)
+            bar(f"cost {before:.4f} → {best:.4f}", count / evaluations)
 
         found, _ = closed_loop.tune(start, cost, evaluations=evaluations, done=done)
         gains = rounded(found)

@@ -138,10 +138,10 @@ class TunedTable:
             out.mkdir(parents=True, exist_ok=True)
             if not (out / "table.yaml").exists():
                 save_table(out / "table.yaml", self.table, "The table of controller.yaml and observer.yaml.")
-            told = ["For table.yaml in this folder, by tune --table.", *self._margin_lines(), *self.findings]
+            notes = ["For table.yaml in this folder, by tune --table.", *self._margin_lines(), *self.findings]
             law = self.best
-            (out / "controller.yaml").write_text(text_of(law.kind, law.parameters, told), encoding="utf-8")
-            (out / "observer.yaml").write_text(text_of("model", self.observer, told), encoding="utf-8")
+            (out / "controller.yaml").write_text(text_of(law.kind, law.parameters, notes), encoding="utf-8")
+            (out / "observer.yaml").write_text(text_of("model", self.observer, notes), encoding="utf-8")
             write_json(out / "tune.json", self.content())
         return out
 
@@ -226,8 +226,8 @@ def tune_table(
         uncertainty = uncertainty or (read_uncertainty(beside) if beside.is_file() else None)
     if table.layout is not FULL_LAYOUT:
         raise ShakeError(f"tune needs a table with a valve and hydraulics, not one of the model {table.layout.name}")
-    with Progress("tune", progress) as tell:
-        tell("neighbours of the table", 0.0)
+    with Progress("tune", progress) as bar:
+        bar("neighbours of the table", 0.0)
         known = uncertainty or uncertainty_of(table, s)
         search = Search(neighbours(table, known, content["loads"], s), s)
         reference = build_program(content["reference"], s.sample_time).samples(
@@ -244,14 +244,14 @@ def tune_table(
             "predict": True,
         }
         trials = Trials(search, reference, fields)
-        found = try_laws(trials, laws, tell)
+        found = try_laws(trials, laws, bar)
         if not found:
             raise ShakeError(f"tune: none of {', '.join(laws)} can be made for this table; try feedforward_pi")
         best = found[0]
         margins = search.margins(best.design)
-        told = findings(trials, best, reference, margins)
+        notes = findings(trials, best, reference, margins)
         observer = trials.observer_parameters(best.design.observer)
-        return TunedTable(table, tuple(found), observer, margins, told, content)
+        return TunedTable(table, tuple(found), observer, margins, notes, content)
 
 
 def load_robust(name: str) -> tuple[dict[str, Any], RobustSettings]:

@@ -197,7 +197,7 @@ class Emulator:
         if self._began < 0 and self.link.session is not None:
             self._began = now
         if "silent" not in on:
-            self._tell(now, read, machine.acting)
+            self._report(now, read, machine.acting)
         if self._journal is not None:
             self._write(read)
 
@@ -237,7 +237,7 @@ class Emulator:
             if command.flags & wire.AT_ONCE:
                 self.interlock.cut()
 
-    def _tell(self, now: int, read: Measurement, u: float) -> None:
+    def _report(self, now: int, read: Measurement, u: float) -> None:
         lock = self.interlock
         status = lock.stage
         status |= wire.HOLDING if lock.hold_severity else 0

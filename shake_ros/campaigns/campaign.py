@@ -142,7 +142,7 @@ def campaign(
     asked = load_study(str(study), changes)
     version = code_version(asked.measure)
     with CampaignFile(Path(out), asked.measure) as file:
-        file.tell(study=canonical(asked.content), name=asked.name)
+        file.describe(study=canonical(asked.content), name=asked.name)
         if retry:
             file.forget_failed(version)
         last = math.inf if minutes is None else time.monotonic() + 60.0 * minutes

@@ -104,7 +104,7 @@ class CampaignFile:
         self._base.execute("PRAGMA synchronous = NORMAL")
         if self._base.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0:
             self._base.executescript(f"BEGIN; {TABLES} COMMIT;")
-            self.tell(layout=str(LAYOUT), measure=measure)
+            self.describe(layout=str(LAYOUT), measure=measure)
 
     def _unlock(self) -> None:
         if self._lock >= 0:
@@ -124,7 +124,7 @@ class CampaignFile:
         found = self._base.execute("SELECT value FROM campaign WHERE name = ?", (name,)).fetchone()
         return found[0] if found else ""
 
-    def tell(self, **values: str) -> None:
+    def describe(self, **values: str) -> None:
         """Store a property of the campaign."""
         with self._at_once():
             self._base.executemany("INSERT OR REPLACE INTO campaign VALUES (?, ?)", values.items())

@@ -109,8 +109,8 @@ def step_changes(readings: Sequence[Reading]) -> list[StepChange]:
 
 def _largest(name: str, readings: Sequence[Reading]) -> StepChange | None:
     """The surest step of a parameter."""
-    told = [(r.when, *r.values[name]) for r in readings if name in r.values]
-    known = [(when, value, error) for when, value, error in told if error is not None and math.isfinite(value)]
+    listed = [(r.when, *r.values[name]) for r in readings if name in r.values]
+    known = [(when, value, error) for when, value, error in listed if error is not None and math.isfinite(value)]
     if len(known) < LEAST:
         return None
     values, errors = np.array([v for _, v, _ in known]), np.array([e for _, _, e in known])
@@ -189,8 +189,8 @@ def shown(value: Any) -> str:
 
 def share(rows: Sequence[FinishedRow], column: str) -> Share:
     """Of the rows where a column says so or not, how many say so."""
-    told = [bool(v) for row in rows if (v := row.value(column)) is not None]
-    return Share(sum(told), len(told))
+    answers = [bool(v) for row in rows if (v := row.value(column)) is not None]
+    return Share(sum(answers), len(answers))
 
 
 def numbers(rows: Sequence[FinishedRow], column: str) -> np.ndarray:
@@ -251,8 +251,8 @@ def changes_of(section: StudySection, rows: Sequence[FinishedRow]) -> list[tuple
     return found
 
 
-def _named(parameter: str, told: Mapping[str, Any]) -> str:
-    return f"{parameter} [{told['unit']}]" if told.get("unit") else parameter
+def _named(parameter: str, description: Mapping[str, Any]) -> str:
+    return f"{parameter} [{description['unit']}]" if description.get("unit") else parameter
 
 
 def _changes(section: StudySection, rows: Sequence[FinishedRow]) -> Table:

@@ -146,7 +146,7 @@ def iterate_command(arguments: Sequence[str]) -> int:
     result = _from_recordings(given) if given.simulate is None else _simulated(given)
     result.report(given.out, given.force, **reporting("iterate", given, arguments))
     if given.simulate is not None:
-        return _iteration_told(result)
+        return _report_iteration(result)
     for path, error in zip(given.bags, result.missed, strict=True):
         print(f"{path}: acceleration missed by {100.0 * error:.2f} % within the band")
     if result.factor < 1.0:
@@ -155,10 +155,10 @@ def iterate_command(arguments: Sequence[str]) -> int:
         print(f"next drive: {given.out / 'drive.yaml'}")
     else:
         print(f"model of the next run: {given.out / 'model.yaml'}")
-    return _iteration_told(result)
+    return _report_iteration(result)
 
 
-def _iteration_told(result: Iterated) -> int:
+def _report_iteration(result: Iterated) -> int:
     """What is wrong, why, and what to do, on standard error; the exit code."""
     if not result.wrong:
         return 0
@@ -332,10 +332,10 @@ def _sequence(given: argparse.Namespace) -> int:
             live=table,
             **_asked(given),
         )
-    return _sequence_told(found, given.out)
+    return _report_sequence(found, given.out)
 
 
-def _sequence_told(found: TestSequence, out: Path) -> int:
+def _report_sequence(found: TestSequence, out: Path) -> int:
     """What came of a sequence, and the exit code."""
     for done in found.done:
         print(f"{done.stage.name}: {'passed' if done.test.passed else 'not passed'} in {_runs(done.test)}")

@@ -169,7 +169,7 @@ def identify_command(arguments: Sequence[str]) -> int:
     result = identify(*fitting.inputs(given), method=given.method)
     result.report(given.out, given.force, **reporting("identify", given, arguments))
     print("\n".join(parameter_lines(result.fit.parameters) + error_lines(result.fit)))
-    print("\n".join([*identified_lines(result.told, result.data), *diagnosis_lines(result.diagnosis)]))
+    print("\n".join([*identified_lines(result.identified_estimates, result.data), *diagnosis_lines(result.diagnosis)]))
     errors = {name: (error,) for name, error in result.position_error.items()}
     for line in [*slow_change_lines(result.own), *position_lines(errors, result.forecast_error)]:
         print(line)
@@ -235,7 +235,7 @@ def discovery_lines(found: Discovery, force: bool) -> Iterator[str]:
     yield from close_loop_lines(found.closed)
     if found.diagnosis:
         yield from predictable_lines(found.closed, found.diagnosis)
-    yield from identified_lines(found.told, found.data)
+    yield from identified_lines(found.identified_estimates, found.data)
     if found.tracking:
         yield from tracking_lines(found.tracking)
     if found.diagnosis:

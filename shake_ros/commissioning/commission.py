@@ -86,7 +86,7 @@ class Commission:
             text = yaml.safe_dump(dict(self.steps[-1].interlock), sort_keys=False) if self.steps else ""
             head = f"# Limits of level {self.steps[-1].level:g}, by commission.\n" if self.steps else ""
             (out / "interlock.yaml").write_text(head + text, encoding="utf-8")
-            page = commission_page([page_run(i, step) for i, step in enumerate(self.steps)], *self._told(), command)
+            page = commission_page([page_run(i, step) for i, step in enumerate(self.steps)], *self._summary(), command)
             (out / "commission.html").write_text(page, encoding="utf-8")
             write_json(out / "commission.json", self.content())
             for step in self.steps:
@@ -95,7 +95,7 @@ class Commission:
         write_folder(Path(folder), fill, force=force)
         return Path(folder)
 
-    def _told(self) -> tuple[str, list[str]]:
+    def _summary(self) -> tuple[str, list[str]]:
         """The verdict, and lines on table and gains."""
         last = self.steps[-1] if self.steps else None
         verdict = "Complete: every step was released, run and sound." if self.complete else f"Ended: {self.reason}."
@@ -138,7 +138,7 @@ class _Way:
     stage: CommissionStage
     declared: Model
     settings: CommissionSettings
-    tell: ProgressOption
+    progress: ProgressOption
     runs: list[TableRecording] = field(default_factory=list)
 
     def motion(self, level: float) -> Array:
@@ -159,17 +159,17 @@ class _Way:
 
     def learn(self, level: float) -> tuple[float, TunedTable, tuple[str, ...]]:
         """Model and gains by all runs so far: the model's error on the newest one, the gains, the effects added."""
-        fitted = identify(self.declared, Recordings(self.runs), progress=self.tell)
+        fitted = identify(self.declared, Recordings(self.runs), progress=self.progress)
         table, error = fitted.table, float(fitted.error["acceleration"][-1])  # of the newest run
         blocks = RecordingProblem(list(fitted.estimation)).blocks()
         known, added = Uncertainty(*known_covariance(fitted.fit.fit, blocks)), tuple[str, ...]()
         if level >= self.settings.search_from and len(self.runs) > 1:
-            found = close_loop(self.declared, [*self.runs[:-2], self.runs[-1]], self.runs[-2], progress=self.tell)
+            found = close_loop(self.declared, [*self.runs[:-2], self.runs[-1]], self.runs[-2], progress=self.progress)
             added = tuple(effect.name for effect in found.effects)
             if added:
                 table, known = found.table, found.uncertainty
                 error = float(list(found.closed.final.estimation.values())[-1]["acceleration"])
-        tuned = tune_table(table, uncertainty=known, laws=self.settings.laws, progress=self.tell)
+        tuned = tune_table(table, uncertainty=known, laws=self.settings.laws, progress=self.progress)
         return error, tuned, added
 
 
@@ -232,8 +232,8 @@ def _climb(way: _Way, release: Callable[[str], bool]) -> tuple[list[Step], str]:
     for number, level in enumerate((*s.levels, s.levels[-1])):
         last = number == len(s.levels)
         interlock = way.stage.within(interlock_of(s, way.motion(level), s.levels[0] / level))
-        told = announced(number, level, way.motion(level), named, interlock, way.stage.limited, last)
-        if not release(f"{told}{way.stage.words}"):
+        announcement = announced(number, level, way.motion(level), named, interlock, way.stage.limited, last)
+        if not release(f"{announcement}{way.stage.words}"):
             return steps, f"level {level:g} was not released"
         step = way.play(level, tuned, interlock)
         steps.append(step)

@@ -74,10 +74,10 @@ def commission_page(runs: Sequence[CommissionRun], verdict: str, result: Sequenc
         errors = ("–",) * 3 if run.errors is None else tuple(f"{100.0 * e:.2f}" for e in run.errors)
         rows.append((run.title, run.loop, *errors, run.held or "no hold"))
     page.table(head, rows, warn=[i for i, run in enumerate(runs) if run.held])
-    told = (
+    scope = (
         "of the true motion if it is known, otherwise of the measured one, over the rms of the reference about its mean"
     )
-    page.paragraph(f"Errors are rms errors {told}.", note=True)
+    page.paragraph(f"Errors are rms errors {scope}.", note=True)
     page.heading("Table and gains")
     for line in result:
         page.paragraph(line)

@@ -54,7 +54,7 @@ def errors_json(model: FittedModel) -> dict[str, Any]:
     return {"learn": model.estimation, "hold": model.validation, "test": model.test}
 
 
-def unknown_json(told: Sequence[Estimate], data: Prepared) -> dict[str, Any]:
+def unknown_json(identified: Sequence[Estimate], data: Prepared) -> dict[str, Any]:
     """What recordings determine of a table without a data sheet, and what was removed from them."""
     offsets = {
         n.recording: {
@@ -66,7 +66,7 @@ def unknown_json(told: Sequence[Estimate], data: Prepared) -> dict[str, Any]:
         for n in data.nuisances
     }
     return {
-        "identified": parameters_json(told),
+        "identified": parameters_json(identified),
         "command_full_scale": data.full_scale,
         "command_ahead": data.ahead,
         "accelerometer_delay": data.delay,
@@ -328,5 +328,5 @@ def tracking_json(benefit: TrackingBenefit) -> dict[str, Any]:
 
     margins = {} if benefit.margins is None else {"margins": known(asdict(benefit.margins))}
     errors = {when: known(values) for when, values in benefit.errors().items()}
-    told = {"ringing": known(benefit.ringing), "warnings": benefit.warnings()}
-    return {"reference": benefit.reference, **errors, **told, **margins}
+    stability = {"ringing": known(benefit.ringing), "warnings": benefit.warnings()}
+    return {"reference": benefit.reference, **errors, **stability, **margins}

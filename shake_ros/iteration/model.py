@@ -129,8 +129,8 @@ def lacking(
             "tune makes new ones"
         )
     names = [s.effect for s in found if s.effect != UNLISTED]
-    told = ", ".join(f"{s.effect} ({s.place}{_or(s.alternatives)})" for s in found)
-    text = f"close_loop on the runs: the model lacks {told}"
+    effects = ", ".join(f"{s.effect} ({s.place}{_or(s.alternatives)})" for s in found)
+    text = f"close_loop on the runs: the model lacks {effects}"
     return f"{text}; --refit {' '.join(names)} fits it to the runs" if names else text
 
 

@@ -196,11 +196,11 @@ def measured_runs(
     printed, extensions = printed_tables(table), read_extensions()
     chosen(extend, extensions.single, "--extend")
     wanted = chosen(second, extensions.second, "--second")
-    with Progress("measured_runs", progress) as tell:
-        tell.span(0.0, 0.3)
-        fitted = fit_runs(problem, table, extend, tell)
-        tell.span(0.3, 1.0)
-        return MeasuredComparison(compare(fitted, printed, [v for v in wanted if v.name != fitted.best.name], tell))
+    with Progress("measured_runs", progress) as bar:
+        bar.span(0.0, 0.3)
+        fitted = fit_runs(problem, table, extend, bar)
+        bar.span(0.3, 1.0)
+        return MeasuredComparison(compare(fitted, printed, [v for v in wanted if v.name != fitted.best.name], bar))
 
 
 def read_runs(path: Path) -> tuple[list[HarmonicRun], float]:

@@ -45,7 +45,7 @@ class Job:
             return None
         return elapsed * (1.0 - self.part) / self.part
 
-    def told(self) -> dict[str, Any]:
+    def status(self) -> dict[str, Any]:
         """For the page."""
         return {
             "number": self.number, "command": self.command, "state": self.state, "doing": self.doing,

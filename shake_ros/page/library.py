@@ -56,7 +56,7 @@ def summary(path: Path) -> dict[str, Any]:
         return {"error": str(error)}
     from shake_ros.data.fit_records import finding_lines  # slow to import, and needed here alone
 
-    told: dict[str, Any] = {
+    entry: dict[str, Any] = {
         "seconds": len(found) * found.sample_time,
         "samples": len(found),
         "rate": 1.0 / found.sample_time,
@@ -64,11 +64,11 @@ def summary(path: Path) -> dict[str, Any]:
         "findings": list(finding_lines(found))[:20],
     }
     if found.acceleration is not None:
-        told["peak_acceleration"] = float(np.nanmax(np.abs(found.acceleration)))
+        entry["peak_acceleration"] = float(np.nanmax(np.abs(found.acceleration)))
     if found.reference is not None:
-        told["peak_velocity"] = float(np.nanmax(np.abs(found.reference[:, 1])))
-        told["error_rms"] = _rms(found.reference[:, 0] - found.position)
-    return told
+        entry["peak_velocity"] = float(np.nanmax(np.abs(found.reference[:, 1])))
+        entry["error_rms"] = _rms(found.reference[:, 0] - found.position)
+    return entry
 
 
 class Library:

@@ -62,10 +62,10 @@ class RunMeter:
         names = ("tracking_error", "reference_position", "acceleration", "reference_acceleration")
         error, wanted, felt, asked = (store.newest(name, seconds) for name in names)
         if np.isfinite(error).any():
-            told = dict(words, ended=time.time(), seconds=seconds - self._rest)
-            threading.Thread(target=self._judge, args=(told, error, wanted, felt, asked), daemon=True).start()
+            row = dict(words, ended=time.time(), seconds=seconds - self._rest)
+            threading.Thread(target=self._judge, args=(row, error, wanted, felt, asked), daemon=True).start()
 
-    def _judge(self, told: dict[str, Any], error: Floats, wanted: Floats, felt: Floats, asked: Floats) -> None:
+    def _judge(self, row: dict[str, Any], error: Floats, wanted: Floats, felt: Floats, asked: Floats) -> None:
         """Not in the thread that takes samples: a spectrum takes a while, and compiles at first."""
         from shake_ros.core.loop.metrics import (
             DAMPING,
@@ -83,7 +83,7 @@ class RunMeter:
             for a in (felt, asked)
         ]
         run = {
-            **told, "error_rms": rms, "error_peak": float(np.abs(error[known]).max()),
+            **row, "error_rms": rms, "error_peak": float(np.abs(error[known]).max()),
             "error_relative": rms / size if size > 0.0 else None,
             "periods": _short(periods), "spectrum": _short(spectra[0]), "wanted": _short(spectra[1]),
         }  # fmt: skip

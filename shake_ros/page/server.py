@@ -91,7 +91,7 @@ class LivePage:
             if self.operator and seat.holder is None:
                 seat.take(self)
                 mine = True
-            jobs = [job.told() for job in server.site.jobs.all[-5:]]
+            jobs = [job.status() for job in server.site.jobs.all[-5:]]
             role = "operator" if mine else "waiting" if self.operator else "spectator"
             now = {
                 "type": "status",
@@ -287,7 +287,7 @@ class Server:
 
         self.site, self.seat, self.keys = site, Seat(), Keys()
         self.pages = 0
-        self._told_at, self._told = 0.0, ""
+        self._status_at, self._status = 0.0, ""
         self._socket = _listen(site.host, site.port)
         port = self._socket.getsockname()[1]
         names = {"127.0.0.1", "localhost", site.host, *([site.name] if site.name else [])}
@@ -330,9 +330,9 @@ class Server:
     def status(self) -> str:
         """The desk's status as JSON, made once for all pages."""
         now = time.monotonic()
-        if now - self._told_at >= STATUS:
-            self._told_at, self._told = now, json.dumps(self.site.desk.status())
-        return self._told
+        if now - self._status_at >= STATUS:
+            self._status_at, self._status = now, json.dumps(self.site.desk.status())
+        return self._status
 
     def start(self) -> None:
         """Begin to serve."""

@@ -84,7 +84,7 @@ def qualification_figure(
 
 
 A4 = 8.27, 11.69  # [inch]
-WORDS = {True: "pass", False: "FAIL", None: "told"}
+WORDS = {True: "pass", False: "FAIL", None: "reported"}
 TEXT_CELLS = "table.data td { white-space: normal; overflow-wrap: anywhere }"
 # of a sequence: dates whole, and words to the left that begin with a number
 SEQUENCE_CELLS = f"""{TEXT_CELLS}
@@ -204,9 +204,9 @@ def _charts(content: Mapping[str, Any], motion: Array, sample_time: float) -> tu
         for label, values in motions(motion, sample_time, _drift(content))
     )
     drift = f"{_drift(content):.2g} Hz"
-    told = f"Measured acceleration of the last run; velocity and displacement from it, high-passed at {drift}"
+    caption = f"Measured acceleration of the last run; velocity and displacement from it, high-passed at {drift}"
     return Chart("spectra", "frequency [Hz]", (spectra,), caption, log_x=True), Chart(
-        "motion", "time [s]", panels, told
+        "motion", "time [s]", panels, caption
     )
 
 

@@ -209,7 +209,7 @@ def _time(a: Array, h: float, required: RequiredSpectrum, rules: Rules) -> list[
     strong, arias, whole = (last - first) * h, much - five, all_but - begun
     spread = quarters(a[first : last + 1])
     _, power = density(a[first : last + 1], h, float(required.frequencies[0]), float(required.frequencies[-1]))
-    told = Verdict(
+    reported = Verdict(
         "power spectral density of the strong part, third octaves",
         "–",
         _empty(power),
@@ -236,7 +236,7 @@ def _time(a: Array, h: float, required: RequiredSpectrum, rules: Rules) -> list[
             f"{spread:.2f}",
             spread <= rules.stationarity if rules.stationarity else None,
         ),
-        told,
+        reported,
     ]
 
 

@@ -77,8 +77,8 @@ class SimulatedLaboratory:
         loop = self.settings.loop
         if self.own is None:
             return f"{loop.controller}, {loop.observer}"
-        told = "" if self.own.sound else ", which oscillate on a neighbour of it"
-        return f"{self.own.kind}, {FUSED}, gains made for the model{told}"
+        warning = "" if self.own.sound else ", which oscillate on a neighbour of it"
+        return f"{self.own.kind}, {FUSED}, gains made for the model{warning}"
 
     @property
     def remarks(self) -> dict[str, str]:
@@ -256,13 +256,13 @@ def _runs(
         run = laboratory.recordings[-1]
         return learn(carried, [Record(run.name, run.sample_time, run.valve_command, run.position, run.acceleration)])
 
-    def told(number: int, run: Tested) -> None:
+    def on_run(number: int, run: Tested) -> None:
         ratio = run.judgement.ratio
         low, high = ratio.min(), ratio.max()
         text = f"run {number}: spectrum missed by {100.0 * run.error:.1f} %, TRS/RRS {low:.3f} to {high:.3f}"
         bar(f"{text}, {'passed' if run.judgement.passed else 'not passed'}", number / (test.running.runs + 1))
 
-    return iterate_test(test, motion, play, model, None if learn is None else again, told)
+    return iterate_test(test, motion, play, model, None if learn is None else again, on_run)
 
 
 def _record(given: str | Path | Accelerogram | None, step: float) -> Array | None:

@@ -239,10 +239,10 @@ def search(force: Array, acceleration: Array, time_step: float, low: float, high
         fits = [least_squares(lambda x: measured.solved(x)[0], x, bounds=bounds) for x in starts[:FITTED]]
         found = min(fits, key=lambda fit: float(fit.cost))
         left, weighed = measured.solved(found.x)
-        told = float(np.min(weighed[RIGID:])) > TELLING * float(weighed[0])
+        distinct = float(np.min(weighed[RIGID:])) > TELLING * float(weighed[0])
         near = float(np.min(np.diff(np.sort(found.x[0::2])), initial=math.inf)) < math.log(APART)
         near = near or float(np.max(found.x[1::2])) > math.log(0.99 * DAMPED[1])
-        if near or not told or left @ left > (1.0 - EXPLAINED) * (missed @ missed):
+        if near or not distinct or left @ left > (1.0 - EXPLAINED) * (missed @ missed):
             break
         best, missed, masses = found.x, left, weighed
     frequencies, dampings = np.exp(best[0::2]), np.exp(best[1::2])

@@ -95,7 +95,7 @@ class Qualification:
     @property
     def verdicts(self) -> ResultTable:
         """The rules of the last run."""
-        word = {True: "pass", False: "FAIL", None: "told"}
+        word = {True: "pass", False: "FAIL", None: "reported"}
         rows = [(v.rule, v.asked, v.measured, word[v.passed]) for v in self.judgement.verdicts]
         return ResultTable(("rule", "asked", "measured", ""), rows)
 
@@ -182,27 +182,27 @@ def certified(folder: str | Path) -> tuple[Qualification, tuple[str, ...]]:
     top = Path(folder)
     path = top / "certificate.json"
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        certified = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         raise ShakeError(f"{path}: is not a certificate of ./shake qualify") from None
-    if told.get("schema") != SCHEMA:
-        raise ShakeError(f"{path}: schema {told.get('schema')!r} is not {SCHEMA}")
+    if certified.get("schema") != SCHEMA:
+        raise ShakeError(f"{path}: schema {certified.get('schema')!r} is not {SCHEMA}")
     try:
-        again = _again(told, top / "recordings", str(path))
-        differences = _differences(told, again, checksums(top / "recordings"))
+        again = _again(certified, top / "recordings", str(path))
+        differences = _differences(certified, again, checksums(top / "recordings"))
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise ShakeError(f"{path}: damaged, {type(error).__name__} at {error}") from None
     return again, differences
 
 
-def _again(told: dict[str, Any], recordings: Path, where: str) -> Qualification:
+def _again(certified: dict[str, Any], recordings: Path, where: str) -> Qualification:
     """A certificate's test from its recordings; all but what was asked and the reason is computed again."""
-    asked = dict(told["required"])
+    asked = dict(certified["required"])
     f, levels = np.array(asked.pop("frequencies")), np.array(asked.pop("levels"))
     required = RequiredSpectrum(frequencies=f, levels=levels, **asked)
-    rules, per_octave = Rules.from_mapping(told["rules"], where), int(told["per_octave"])
+    rules, per_octave = Rules.from_mapping(certified["rules"], where), int(certified["per_octave"])
     runs, step = [], 0.0
-    for k in range(len(told["runs"])):
+    for k in range(len(certified["runs"])):
         found = read_table_recording(recordings / f"run_{k + 1}")
         if found.acceleration is None:
             raise ShakeError(f"{recordings / found.name}: no topic imu")
@@ -211,15 +211,28 @@ def _again(told: dict[str, Any], recordings: Path, where: str) -> Qualification:
         drive = np.zeros((0, 3)) if found.reference is None else found.reference
         _, error = missed(motion, step, required, rules, per_octave)
         runs.append(Tested(drive, motion, judge(motion, step, required, rules), error))
-    searched = dict(told["search"] or {})
+    searched = dict(certified["search"] or {})
     shift = float(searched.pop("shift", 0.1))
     band = SearchBand(**searched) if searched else None
     before, after = (
-        None if band is None or told["resonance"][when] is None else searched_in(recordings / f"search_{when}", band)
+        None
+        if band is None or certified["resonance"][when] is None
+        else searched_in(recordings / f"search_{when}", band)
         for when in ("before", "after")
     )
     return Qualification(
-        required, rules, tuple(runs), told["reason"], step, told["about"], (), before, after, shift, per_octave, band
+        required,
+        rules,
+        tuple(runs),
+        certified["reason"],
+        step,
+        certified["about"],
+        (),
+        before,
+        after,
+        shift,
+        per_octave,
+        band,
     )
 
 
@@ -243,11 +256,13 @@ def searched_in(recording: Path | TableRecording, band: SearchBand) -> Resonance
     return band.of(run.pressure_a, run.pressure_b, run.acceleration, round(run.sample_time, 9))
 
 
-def _differences(told: dict[str, Any], again: Qualification, sums: dict[str, str]) -> tuple[str, ...]:
+def _differences(certified: dict[str, Any], again: Qualification, sums: dict[str, str]) -> tuple[str, ...]:
     """Files and figures that differ."""
-    lines = [f"recordings/{n}: is not the file that was certified" for n in sums if sums[n] != told["sha256"].get(n)]
-    lines += [f"recordings/{n}: is absent" for n in told["sha256"] if n not in sums]
-    for k, (before, run) in enumerate(zip(told["runs"], again.runs, strict=True)):
+    lines = [
+        f"recordings/{n}: is not the file that was certified" for n in sums if sums[n] != certified["sha256"].get(n)
+    ]
+    lines += [f"recordings/{n}: is absent" for n in certified["sha256"] if n not in sums]
+    for k, (before, run) in enumerate(zip(certified["runs"], again.runs, strict=True)):
         now = judgement_json(run.judgement)
         for old, new in zip(before["rules"], now["rules"], strict=True):
             if old != new:
@@ -258,16 +273,16 @@ def _differences(told: dict[str, Any], again: Qualification, sums: dict[str, str
         if not _same(before["error"], run.error):
             lines.append(f"run {k + 1}: misses {run.error:.6g}, the certificate says {before['error']:.6g}")
     for when, found in (("before", again.before), ("after", again.after)):
-        said = search_of(told["resonance"][when])
+        said = search_of(certified["resonance"][when])
         if str(said) != str(found):
             lines.append(f"resonance {when} the test: {found}, the certificate says {said}")
-    if bool(told["passed"]) != again.passed:
+    if bool(certified["passed"]) != again.passed:
         words = {True: "passed", False: "not passed"}
-        lines.append(f"{words[again.passed]}, the certificate says {words[bool(told['passed'])]}")
+        lines.append(f"{words[again.passed]}, the certificate says {words[bool(certified['passed'])]}")
     return tuple(lines)
 
 
-def _same(told: Any, found: Any) -> bool:
+def _same(certified: Any, found: Any) -> bool:
     """Whether two figures agree as far as another machine's rounding lets them."""
-    a, b = np.asarray(told, dtype=np.float64), np.asarray(found, dtype=np.float64)
+    a, b = np.asarray(certified, dtype=np.float64), np.asarray(found, dtype=np.float64)
     return a.shape == b.shape and bool(np.allclose(a, b, rtol=1e-6, atol=0.0))

@@ -88,8 +88,8 @@ def given_up(test: Test, errors: list[float], position: float) -> str:
     if position >= p.near_limit * stop:
         return f"the table reached {1e3 * position:.0f} mm, the end stops are at {1e3 * stop:.0f} mm"
     if len(errors) >= 3 and errors[-1] > p.growth * errors[-2] and errors[-2] > p.growth * errors[-3]:
-        told = ", ".join(f"{100.0 * e:.1f}" for e in errors)
-        return f"the spectrum's error grew twice ({told} % rms of the logarithm)"
+        listed = ", ".join(f"{100.0 * e:.1f}" for e in errors)
+        return f"the spectrum's error grew twice ({listed} % rms of the logarithm)"
     if len(errors) < p.runs:
         return ""
     return f"not passed after {len(errors)} {'run' if len(errors) == 1 else 'runs'}"
@@ -101,7 +101,7 @@ def iterate_test(
     play: Callable[[TableParameters, Array, int], tuple[Array, Array]],
     model: TableParameters,
     learn: Callable[[TableParameters, int], TableParameters] | None = None,
-    told: Callable[[int, Tested], None] = lambda _, __: None,
+    on_run: Callable[[int, Tested], None] = lambda _, __: None,
 ) -> tuple[list[Tested], str]:
     """Run after run.
 
@@ -123,7 +123,7 @@ def iterate_test(
         found, error = missed(motion, test.sample_time, test.required, test.rules, test.motion.per_octave)
         errors.append(error)
         made.append(Tested(drive, motion, judge(motion, test.sample_time, test.required, test.rules), errors[-1]))
-        told(len(made), made[-1])
+        on_run(len(made), made[-1])
         if made[-1].judgement.passed:
             return made, ""
         reason = given_up(test, errors, float(np.max(np.abs(position))))

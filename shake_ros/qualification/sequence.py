@@ -161,8 +161,8 @@ class TestSequence:
                 }
             )
         before = "" if self.before is None else str(self.before)
-        told = {"name": self.plan.name, "source": self.plan.source, "resonance_before": before, "tests": rows}
-        return {**told, "passed": self.passed, "reason": self.reason, "waiting": self.waiting}
+        header = {"name": self.plan.name, "source": self.plan.source, "resonance_before": before, "tests": rows}
+        return {**header, "passed": self.passed, "reason": self.reason, "waiting": self.waiting}
 
 
 def qualify_sequence(
@@ -213,15 +213,15 @@ def qualify_sequence(
         seed=seed,
         live=live,
     )
-    told: dict[str, Any] = {
+    header: dict[str, Any] = {
         "required": str(required),
         "plan": plan,
         "rules": rules,
         "scale": scale,
         "set": dict(set or {}),
     }
-    told |= {"table": str(table), "model": model and str(model), "settings": settings, "runs": runs, "delay": delay}
-    log = _Log.opened(top, {**told, "seed": seed, "specimen": specimen, "live": live is not None})
+    header |= {"table": str(table), "model": model and str(model), "settings": settings, "runs": runs, "delay": delay}
+    log = _Log.opened(top, {**header, "seed": seed, "specimen": specimen, "live": live is not None})
     found = TestSequence(chosen, log.done(chosen))
     made = makes_loop(asked, live, model, None)
     laboratories = _Laboratories(asked, seed, delay, made, live)

@@ -42,11 +42,11 @@ from shake_ros.report.sections import (
 )
 from shake_ros.report.text import (
     estimate_text,
+    force_text,
     function_line,
     largest_force,
     percent,
     sentence,
-    told_force,
     unit_of,
     verdict_lines,
     why_nothing,
@@ -68,7 +68,7 @@ def force_section(page: Page, forces: Sequence[LatentForce], model: DeclaredMode
     if not forces:
         return
     page.heading("The force that the model lacks")
-    page.paragraph(sentence(told_force(forces)))
+    page.paragraph(sentence(force_text(forces)))
     if all(force.kinds.zero for force in forces):
         return
     gauge = " Forces are relative to the assumed area." if model.nuisances else ""
@@ -178,10 +178,10 @@ def identify_page(
     estimation: Sequence[Record],
     validation: Sequence[Record],
     command: str = "",
-    told: Sequence[Estimate] = (),
+    identified: Sequence[Estimate] = (),
     data: Prepared | None = None,
 ) -> Page:
-    """The page of `identify`; told, data : of a table without a data sheet."""
+    """The page of `identify`; identified, data : of a table without a data sheet."""
     learn, hold = (", ".join(dict.fromkeys(r.name for r in records)) for records in (estimation, validation))
     checked = f"; validated on {hold}" if hold else "; there was no validation data"
     page = Page("The fitted model", f"Estimated from {learn}{checked}.", made_of(command, estimation, validation))
@@ -200,7 +200,7 @@ def identify_page(
     )
     if unknown:
         page.paragraph(f"Not known from these recordings: {', '.join(unknown)}.")
-    identified_section(page, told, data)
+    identified_section(page, identified, data)
     labels = ("as declared", "fitted")
     bands = histories_section(page, estimation, validation, (start, model.table), declared, labels)
     errors_section(page, {"fitted": model}, bands, labels)
@@ -340,11 +340,11 @@ def step_section(page: Page, step: ForwardStep, without: ScoredFit, function: Le
     widest = max(math.sqrt(without.score), *sizes)
     rows: list[list[str | Bar]] = [["without", *_sizes(without, widest, "", "")]]
     for r, size in zip(step.ranking, sizes, strict=True):
-        told = "added" if r is step.chosen else "fits worse" if size > sizes[0] else "fits as well"
+        remark = "added" if r is step.chosen else "fits worse" if size > sizes[0] else "fits as well"
         if r.candidate.effect in step.alternatives:
-            told = "not told apart"
-        told += "" if r.usual else ", unusual values"
-        rows.append([r.candidate.effect, *_sizes(r.result, widest, told, r.candidate.place)])
+            remark = "not distinguished"
+        remark += "" if r.usual else ", unusual values"
+        rows.append([r.candidate.effect, *_sizes(r.result, widest, remark, r.candidate.place)])
     page.table(("effect", "both, × noise", "verdict", "place", "estimation", "validation"), rows, best=1, start=0)
     if chosen.effect == "unlisted":
         page.paragraph(
@@ -356,10 +356,10 @@ def step_section(page: Page, step: ForwardStep, without: ScoredFit, function: Le
             page.paragraph(sentence(function_line(function)))
 
 
-def _sizes(fit: ScoredFit, widest: float, told: str, place: str) -> list[str | Bar]:
+def _sizes(fit: ScoredFit, widest: float, remark: str, place: str) -> list[str | Bar]:
     size = math.sqrt(fit.score)
     both = [_times(math.sqrt(cost)) for cost in (fit.estimation_cost, fit.validation_cost)]
-    return [Bar(size / widest, _times(size)), told, place, *both]
+    return [Bar(size / widest, _times(size)), remark, place, *both]
 
 
 def _times(size: float) -> str:
@@ -400,11 +400,11 @@ def close_loop_page(
     diagnosis: Diagnosis | None = None,
     benefit: TrackingBenefit | None = None,
     command: str = "",
-    told: Sequence[Estimate] = (),
+    identified: Sequence[Estimate] = (),
     data: Prepared | None = None,
     failures: Failures = RAISING,
 ) -> Page:
-    """The page of `close_loop`; told, data : of a table without a data sheet. failures : take those of the page too."""
+    """The page of `close_loop`; identified, data : without a data sheet. failures : take those of the page too."""
     named = _named(result)
     sets = (learn, hold, test)
     estimation, validation, tested = (", ".join(dict.fromkeys(r.name for r in records)) for records in sets)
@@ -415,8 +415,8 @@ def close_loop_page(
         page.paragraph(sentence(f"{failure}; the report is without it"))
     with page.part("what was found"):
         found_section(page, result, benefit)
-    with page.part("what the recordings tell"):
-        identified_section(page, told, data)
+    with page.part("what the recordings identify"):
+        identified_section(page, identified, data)
     with page.part("measured against simulated"):
         model_sections(page, result, *sets)
     with page.part("what remains"):

@@ -207,17 +207,17 @@ def _parameter(p: Estimate | None, limits: tuple[float, float] | None) -> str:
     return f"{text},\n{bound_text(p.value, low, high)}"
 
 
-def identified_section(page: Page, told: Sequence[Estimate], data: Prepared | None) -> None:
+def identified_section(page: Page, identified: Sequence[Estimate], data: Prepared | None) -> None:
     """What recordings determine of a table without a data sheet, and what was done to them; of others the latter."""
     if data is None:
         return
     for said in data.stops:
         page.paragraph(f"{said}.")
-    if not told:
+    if not identified:
         return
     page.heading("What the recordings determine of this table")
     page.paragraph("These quantities do not depend on the assumed area and supply pressure.")
-    rows = [[p.name, estimate_text(p), unit_of(p.unit)[1]] for p in told]
+    rows = [[p.name, estimate_text(p), unit_of(p.unit)[1]] for p in identified]
     page.table(("quantity", "value", "unit"), rows)
     rows = [
         [n.recording, f"{n.null_shift:.5f}", "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"]
@@ -298,13 +298,13 @@ def remains_section(page: Page, diagnosis: Diagnosis, text: str = "") -> None:
     )
     rows = []
     for j in diagnosis.judgements:
-        ratio, told = verdict(j)
+        ratio, remark = verdict(j)
         total = max(j.split.linear + j.split.nonlinear + j.split.noise, 1e-300)
         unit = "m/s²" if j.channel == "acceleration" else "m/s"
         parts = [f"{100.0 * part / total:.0f} %" for part in (j.split.linear, j.split.nonlinear, j.split.noise)]
         size = f"{rounded(j.noise, 0.01 * j.noise)} {unit}, from the {j.noise_from}"
         role = "validation" if j.held_out else "estimation"
-        rows.append([f"{j.name} ({role})", j.channel, f"{ratio:.2f} × noise", *parts, told, size])
+        rows.append([f"{j.name} ({role})", j.channel, f"{ratio:.2f} × noise", *parts, remark, size])
     page.table(
         ("recording", "residual of", "size", "linear in the command", "nonlinear", "noise", "its shape", "noise is"),
         rows,

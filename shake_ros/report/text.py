@@ -121,11 +121,11 @@ def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
     return lines
 
 
-def identified_lines(told: Sequence[Estimate], data: Prepared) -> list[str]:
+def identified_lines(identified: Sequence[Estimate], data: Prepared) -> list[str]:
     """What recordings determine of a table without a data sheet, and what was done to them; of others the latter."""
-    if not told:
+    if not identified:
         return [*data.stops]
-    lines = ["", "what the recordings determine, whatever area and pressure are:", *parameter_lines(told), ""]
+    lines = ["", "what the recordings determine, whatever area and pressure are:", *parameter_lines(identified), ""]
     lines.append(f"{'removed from the recording':<36}{'null shift':>12}{'bias [m/s²]':>14}")
     for n in data.nuisances:
         bias = "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"
@@ -181,7 +181,7 @@ def largest_force(forces: Sequence[LatentForce]) -> LatentForce:
     return max(held_out, key=lambda force: (not force.kinds.zero, force.rms))
 
 
-def told_force(forces: Sequence[LatentForce]) -> str:
+def force_text(forces: Sequence[LatentForce]) -> str:
     """The force that a model lacks, as a phrase: how large it is and of what kind."""
     force = largest_force(forces)
     if force.kinds.zero:
@@ -223,7 +223,7 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
         lines += ["", f"nothing is added: {why_nothing(result)}"]
     lines += [function_line(result.function)] if result.function else []
     lines += ["", f"remaining: {result.remaining.text}"]
-    lines += [told_force(result.forces)] if result.forces else []
+    lines += [force_text(result.forces)] if result.forces else []
     if result.search.stopped:
         lines.append("the search was ended early; this is the best answer so far")
     for candidate in result.candidates:

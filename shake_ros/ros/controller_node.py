@@ -112,7 +112,7 @@ class FollowedLoad:
             frame.reader(interface.JOINT_STATES, self._on_position)
             frame.reader(interface.IMU, self._on_acceleration)
             for key, place in (("load_rigid_kg", RIGID), ("load_swaying_kg", SWAYING), ("load_frequency_hz", PITCH)):
-                frame.diagnostics.values[key] = functools.partial(self._told, place)
+                frame.diagnostics.values[key] = functools.partial(self._reported, place)
             frame.diagnostics.values["load_believed"] = self._believed
 
     def serve(self, controller: Controller) -> None:
@@ -158,19 +158,19 @@ class FollowedLoad:
             self._state = self._tracker.initial_state(self._position)
         self._track(command)
         if controller.virtual is not None:
-            controller.virtual.carry_load(*self._state.told.tolist())
+            controller.virtual.carry_load(*self._state.reported.tolist())
 
     def _track(self, command: float) -> None:
         assert self._tracker is not None
         given = self._position, self._acceleration, command
         track(self._state, self._tracker.fixed, self._model, *given, self._work)
 
-    def _told(self, place: int) -> str:
+    def _reported(self, place: int) -> str:
         """A number of the reported load, with the best tracker's standard error."""
         state = self._state
         if state is None:
             return "not followed"
-        value, error = float(state.told[place]), float(np.sqrt(state.covariance[state.leader[0], place, place]))
+        value, error = float(state.reported[place]), float(np.sqrt(state.covariance[state.leader[0], place, place]))
         if place == PITCH:
             value = math.exp(value)
             error *= value

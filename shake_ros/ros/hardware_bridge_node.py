@@ -49,7 +49,7 @@ class HardwareBridge(Behaviour):
         self._late = round(LATE * self._link.parameters.period * 1e9)
         self.interlock = NodeInterlock(frame, own.enabled, self._before_reset)
         self._heard = self._answered = self._reset_until = self._published = 0
-        self._confirmed, self._told = OFF, False  # stage of the target; whether it knows that the host has tripped
+        self._confirmed, self._announced = OFF, False  # stage of the target; whether it knows that the host has tripped
         self._delays: array[int] = array("q")
         channels = self._link.parameters.channels
         self._sensors = SensorWriters(frame, [name for name in UNITS if channels[name].present])
@@ -89,7 +89,7 @@ class HardwareBridge(Behaviour):
                 elif self._heard:
                     self.interlock.watch(now, "sensor_missing", (now - self._heard) * 1e-9)
                 self.interlock.refresh()
-                if sample is None or now - self._answered > self._late or self.interlock.tripped != self._told:
+                if sample is None or now - self._answered > self._late or self.interlock.tripped != self._announced:
                     self._answer(now)
 
     def _publish(self, sample: Sample) -> None:
@@ -116,8 +116,8 @@ class HardwareBridge(Behaviour):
     def _answer(self, now: int, stamp: int = -1) -> None:
         """What acts now goes to the target."""
         u = self.interlock.act(now, min(self._confirmed, RUN))
-        self._told = self.interlock.tripped
-        self._link.send(u, self.interlock.stage, now < self._reset_until, self._told, stamp)
+        self._announced = self.interlock.tripped
+        self._link.send(u, self.interlock.stage, now < self._reset_until, self._announced, stamp)
         self._answered = now
 
     def _on_command(self, stamp: int, u: float) -> None:

@@ -70,7 +70,7 @@ class NodeInterlock:
         core = self.core = Interlock(self._live.take(), enabled)
         self.act, self.watch, self.report, self.clear = core.act, core.compare, core.report, core.clear
         self._announced = self._until_look = 0
-        self._told = self._acting()
+        self._published = self._acting()
         self._missed, self._asked, self._answered = LastSecond(), LastSecond(), LastSecond()
         self._clock_offset = time.time_ns() - time.monotonic_ns()
         for service, answer in zip(interface.SERVICES.values(), (self._enable, self._stop, self._reset), strict=True):
@@ -204,8 +204,8 @@ class NodeInterlock:
         if self._live.changed:
             self.core.apply(self._live.take())
         now = self._acting()
-        if now != self._told:  # a page shows it, the controller waits at once, and a recording holds when
-            self._told = now
+        if now != self._published:  # a page shows it, the controller waits at once, and a recording holds when
+            self._published = now
             self._frame.diagnostics.publish()
         ledger = self.core.ledger
         if ledger.trip_count != self._announced:
@@ -303,7 +303,7 @@ class SensorWriters:
             if not math.isnan(value):
                 writer.send(stamp, value)
 
-    def tell_noise(self, sensors: SensorParameters) -> None:
+    def declare_noise(self, sensors: SensorParameters) -> None:
         """What the messages say of the sensors' noise: variances [unit²]."""
         pressure = sensors.pressure_noise**2
         variances = dict.fromkeys(("pressure_a", "pressure_b", "pressure_supply"), pressure)

@@ -196,8 +196,8 @@ def main(arguments: Sequence[str]) -> int:
     """Run the laboratory; returns the exit code."""
     given = parser().parse_args(list(arguments))
     prepare(given)
-    if told := crowded(given, processors()):
-        print(f"lab: warning: {told}", file=sys.stderr, flush=True)
+    if warning := crowded(given, processors()):
+        print(f"lab: warning: {warning}", file=sys.stderr, flush=True)
     domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
     with tempfile.TemporaryDirectory(prefix="shake_ros-lab-") as folder, ros_context([], domain_id=domain) as context:
         exchange = Exchange(Path(folder))

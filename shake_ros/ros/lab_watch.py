@@ -58,12 +58,12 @@ class LabWatch:
             if part == "interlock" and LEVELS.index(status.level) == ERROR:
                 self.trips.append(status.message)
             if part in TABLES:
-                told = {one.key: one.value for one in status.values}
+                values = {one.key: one.value for one in status.values}
                 self.missing = status.message if status.message.startswith(NO_ANSWER) else ""
-                self.stage, self.cycles = told.get("stage", self.stage), told.get("cycles", self.cycles)
-                self.tripped = {one.partition(":")[0] for one in told.get("trips", "").split()}
-                gain, self._gain = self._gain, told.get("span", "")
-                self.acts = told.get("passes") == "True" and gain == self._gain and float(gain) > 0.0
+                self.stage, self.cycles = values.get("stage", self.stage), values.get("cycles", self.cycles)
+                self.tripped = {one.partition(":")[0] for one in values.get("trips", "").split()}
+                gain, self._gain = self._gain, values.get("span", "")
+                self.acts = values.get("passes") == "True" and gain == self._gain and float(gain) > 0.0
 
     def spin(self, seconds: float) -> None:
         """Serve what comes for so long."""
@@ -89,7 +89,7 @@ class LabWatch:
         every sample that the table takes; it is called once, where the stop takes longer than that of a quick table.
         """
         begun = since = time.monotonic()
-        asked = told = False
+        asked = reported = False
         cycles = self.cycles
         while self.stage not in ("", STAGES[OFF]) and time.monotonic() - since < timeout:
             if not asked and self._enable.service_is_ready():
@@ -98,8 +98,8 @@ class LabWatch:
             self.spin(0.05)
             if slowly and self.cycles != cycles:
                 since, cycles = time.monotonic(), self.cycles
-                if not told and since - begun > SLOW:
-                    told = True
+                if not reported and since - begun > SLOW:
+                    reported = True
                     slowly()
         return self.stage in ("", STAGES[OFF])
 

@@ -359,15 +359,15 @@ class GraphTable:
     def set_back(self) -> str:
         """All parameters as they were; says where the pressure stays off for it."""
         before, self._before = self._before, {}
-        told = ""
+        restored = ""
         if GENERATOR in before:
             self.graph.set(GENERATOR, {"play": False})
         if "controller" in before:
             self._exchange(before.pop("observer")["observer"], before.pop("controller")["controller"])
-            told = "observer and controller are restored; the pressure is off"
+            restored = "observer and controller are restored; the pressure is off"
         for node, values in before.items():
             self.graph.set(node, values)
-        return told
+        return restored
 
 
 @contextmanager
@@ -386,7 +386,7 @@ def live_table(namespace: str = NAMESPACE) -> Iterator[GraphTable]:
             try:
                 yield table
             finally:
-                if told := table.set_back():
-                    print(told, flush=True)
+                if restored := table.set_back():
+                    print(restored, flush=True)
         finally:
             graph.close()

@@ -107,7 +107,7 @@ TYPES = {
 }
 
 
-def told(described: Any, value: Any) -> dict[str, Any]:
+def parameter_entry(described: Any, value: Any) -> dict[str, Any]:
     """One parameter for the page: name, value, meaning, unit, bounds, choices, live."""
     meaning, _, unit = described.description.rpartition(" [")
     if not meaning or not described.description.endswith("]"):
@@ -182,7 +182,7 @@ class RemoteParameters:
     def _keep(self, name: str, descriptors: Any, found: Any) -> None:
         if len(descriptors) == len(found.values):
             self.nodes[name] = [
-                told(described, parameter_value_to_python(value))
+                parameter_entry(described, parameter_value_to_python(value))
                 for described, value in zip(descriptors, found.values, strict=True)
             ]
 

@@ -57,7 +57,7 @@ class PlantNode(Behaviour):
         self._faults = frame.parameters.declare(MachineFaultParameters(), "faults.", self._accept_faults)
         self._machine.on = self._faults.take().on()
         self._sensors = SensorWriters(frame)
-        self._sensors.tell_noise(self._live.value.sensors)
+        self._sensors.declare_noise(self._live.value.sensors)
         self._truth = frame.writer(interface.TRUTH)
         self._clock = frame.writer(interface.CLOCK) if frame.lockstep else None
         self._commands = frame.reader(
@@ -122,7 +122,7 @@ class PlantNode(Behaviour):
         machine = self._machine
         if self._live.changed:
             machine.change(self._live.take())
-            self._sensors.tell_noise(self._live.value.sensors)
+            self._sensors.declare_noise(self._live.value.sensors)
             self._watch = PressureWatch(self._live.value, self.frame.sample_time)
         u = self.interlock.act(now, machine.confirmed())
         machine.advance(self.interlock.stage, u)

@@ -132,7 +132,7 @@ class Supervisor:
         self.graph, self.watch, self.start, self.exchange, self.recordings = graph, watch, start, exchange, recordings
         self._asked = 0.0  # when it was asked to stop, on the monotonic clock [s]
         self._dead: dict[str, str] = {}  # node → why
-        self._told: dict[str, Any] = {}  # what the page knows
+        self._published: dict[str, Any] = {}  # what the page knows
         self._reader = sys.stdin if sys.stdin is not None and sys.stdin.isatty() else None
         self._ready = False
         self._missing = ""  # the target computer, as was last said
@@ -199,15 +199,15 @@ class Supervisor:
         if self.watch.missing != self._missing:
             self._missing = self.watch.missing
             say(f"hardware_bridge: {self._missing or 'the target answers'}")
-        self._tell()
+        self._publish_state()
 
-    def _tell(self) -> None:
+    def _publish_state(self) -> None:
         """Inform the page of a change."""
         there = [one.called for one in self.graph.nodes if self._runs(one.called) or one.called in self._dead]
         states = {name: self._dead.get(name, "") for name in there}
         now = {"processes": states, "recording": self._recorder()}
-        if now != self._told:
-            self._told = now
+        if now != self._published:
+            self._published = now
             self.exchange.send({"event": "processes", **now})
 
     def _serve(self) -> None:
@@ -233,7 +233,7 @@ class Supervisor:
         if text:
             say(text)
         if message["do"] == "address":
-            self._told = {}
+            self._published = {}
         self.exchange.send({"event": "answer", "id": message.get("id"), "ok": done, "text": text})
 
     def _address(self, message: Mapping[str, Any]) -> str:

@@ -81,17 +81,17 @@ SHOWN = 1.0  # end of a run that a figure shows [s]
 EXTENT = 40e5  # load pressure to which figure 6.31 is drawn [Pa]
 
 
-def run(tell: Progress, settings: str = "bulk_modulus") -> ExperimentReport:
+def run(progress: Progress, settings: str = "bulk_modulus") -> ExperimentReport:
     """All runs under the three models."""
     path = find("reproduce", settings)
     asked = strict(read_yaml(path), KEYS, str(path))
     plant = load_table(asked["plant"])
     printed = printed_tables(load_table("bergamo"))[PRINTED[asked["printed"]]]
-    tell("table 6.10", 0.0)
+    progress("table 6.10", 0.0)
     again = _fitted(asked, plant, printed)
     errors, drawn = dict[str, dict[str, Mapping[str, float]]](), list[Chart]()
     for i, (number, wave) in enumerate(asked["runs"].items()):
-        tell(f"figure {number}", 0.5 + 0.1 * i)
+        progress(f"figure {number}", 0.5 + 0.1 * i)
         models = {name: _loaded(t, wave) for name, t in ((MODIFIED, plant), (IFAS, printed), (AGAIN, again))}
         record = _record(number, models[MODIFIED], wave, asked)
         problem = RecordingProblem([record])

@@ -23,14 +23,14 @@ KEYS = ("settings", "other_plant", "sines", "tracks_within", "same_within", "res
 FIGURES = {"position_error": "position", "velocity_error": "velocity", "acceleration_error": "acceleration"}
 
 
-def run(tell: Progress, settings: str = "controllers") -> ExperimentReport:
+def run(progress: Progress, settings: str = "controllers") -> ExperimentReport:
     """All loops of config/compare/thesis.yaml, judged as config/reproduce/controllers.yaml, or another file, says."""
     path = find("reproduce", settings)
     words = strict(read_yaml(path), KEYS, str(path))
-    found = compare(words["settings"], progress=tell)
+    found = compare(words["settings"], progress=progress)
     printed = [f"{law}, {LOOPS[0]}" for law in LAWS]
-    other = compare(words["settings"], only=printed, changes=words["other_plant"], progress=tell)
-    drawn = _responses(words, printed, tell)
+    other = compare(words["settings"], only=printed, changes=words["other_plant"], progress=progress)
+    drawn = _responses(words, printed, progress)
     for loop in LOOPS:
         runs = {law: found.runs[f"{law}, {loop}"] for law in LAWS}
         drawn.append(error_chart(runs, f"figure 6.61, {loop}, {found.drawn}"))
@@ -67,13 +67,13 @@ def run(tell: Progress, settings: str = "controllers") -> ExperimentReport:
     )
 
 
-def _responses(words: Mapping[str, Any], printed: Sequence[str], tell: Progress) -> list[Chart]:
+def _responses(words: Mapping[str, Any], printed: Sequence[str], progress: Progress) -> list[Chart]:
     """Figures 6.43 to 6.60: position, velocity and command of each law in its cases, in the thesis's loop."""
     cases = {(w["reference"], float(w["load"])) for w in words["responses"].values()}
     runs = {}
     for reference, load in sorted(cases):
         alone = {"references": [reference], "loads": [load], "figure_reference": reference, "figure_load": load}
-        runs[reference, load] = compare(words["settings"], only=printed, changes=alone, progress=tell).runs
+        runs[reference, load] = compare(words["settings"], only=printed, changes=alone, progress=progress).runs
     return [
         response_chart(
             number, runs[w["reference"], float(w["load"])][f"{w['law']}, {LOOPS[0]}"],

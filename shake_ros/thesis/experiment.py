@@ -32,7 +32,7 @@ class Claim(NamedTuple):
         >>> Claim("6.3.4", "…", "–", "61 %", True).verdict
         'holds'
         """
-        return "cannot be told" if self.holds is None else "holds" if self.holds else "does not hold"
+        return "cannot be decided" if self.holds is None else "holds" if self.holds else "does not hold"
 
 
 class Rows(NamedTuple):

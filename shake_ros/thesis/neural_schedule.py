@@ -23,11 +23,11 @@ KEYS = ("settings", "good_within")
 ONE, NETWORK = "one set", "schedule"
 
 
-def run(tell: Progress, settings: str = "neural_schedule") -> ExperimentReport:
+def run(progress: Progress, settings: str = "neural_schedule") -> ExperimentReport:
     """Five networks on the simulated table, beside one set of parameters and the physical effect."""
     path = find("reproduce", settings)
     asked = strict(read_yaml(path), KEYS, str(path))
-    found = schedule(settings=asked["settings"], progress=tell)
+    found = schedule(settings=asked["settings"], progress=progress)
     charts = [learning_chart(found.training)]
     for k, one in enumerate(found.compared):
         charts.append(running_chart(one.record, one.runs, found.change if k == 0 else None))

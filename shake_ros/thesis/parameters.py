@@ -39,7 +39,7 @@ SHOWN = 2.0  # end of a run that a figure shows [s]
 PRINTED_COSTS = {"6.5": 106.14, "6.6": 42.07, "6.7": 26.63}
 
 
-def run(tell: Progress, settings: str = "parameters") -> ExperimentReport:
+def run(progress: Progress, settings: str = "parameters") -> ExperimentReport:
     """Fits of each friction law from a start away from the printed values, and of θ to each input."""
     path = find("reproduce", settings)
     asked = strict(read_yaml(path), KEYS, str(path))
@@ -47,7 +47,7 @@ def run(tell: Progress, settings: str = "parameters") -> ExperimentReport:
     linear = strict(asked["linear"], LINEAR_KEYS, f"{path}: linear")
     tables, drawn, claims, beside = [], [], [], list[list[str]]()
     for i, (number, law) in enumerate(friction["laws"].items()):
-        tell(f"table {number}", 0.2 * i)
+        progress(f"table {number}", 0.2 * i)
         rows, figure, claim, others = _law(number, law, friction, asked)
         tables.append(rows)
         drawn.append(figure)
@@ -57,7 +57,7 @@ def run(tell: Progress, settings: str = "parameters") -> ExperimentReport:
     costs = ", ".join(f"{number} {cost:g}" for number, cost in PRINTED_COSTS.items())
     text = "of the three laws the new modified LuGre fits the real table best"
     claims.append(Claim("6.3.3", text, costs, "–", None, "It needs the recordings, which are not published."))
-    tell("table 6.8", 0.6)
+    progress("table 6.8", 0.6)
     rows, figures, found = _thetas(linear, asked["sample_time"])
     return ExperimentReport(
         "Parameter tables",

@@ -65,7 +65,7 @@ def observed(name: str, table: TableParameters, record: Record) -> tuple[Errors,
     return Errors(*errors), estimate
 
 
-def run(tell: Progress, settings: str = "reduced_model") -> ExperimentReport:
+def run(progress: Progress, settings: str = "reduced_model") -> ExperimentReport:
     """Fit of β, errors over frequency, figures 6.37, 6.38, and the observer on both β."""
     path = find("reproduce", settings)
     asked = strict(read_yaml(path), KEYS, str(path))
@@ -77,12 +77,12 @@ def run(tell: Progress, settings: str = "reduced_model") -> ExperimentReport:
     printed_beta = load_variant("observer", asked["printed"], OBSERVERS)[1]
     section = ReducedParameters(**{b: getattr(printed_beta, b) for b in BETAS})
     known = inputs()
-    tell("reduced model: β", 0.0)
+    progress("reduced model: β", 0.0)
     models = {
         PRINTED: TableParameters(REDUCED_LAYOUT, {"dynamics": section}),
         FITTED: fitted([record(name, known[name]) for name in asked["fitted_to"]]),
     }
-    tell("reduced model: over frequency", 0.5)
+    progress("reduced model: over frequency", 0.5)
     waves = [{"amplitude": asked["amplitude"], "frequency": f} for f in asked["frequencies"]]
     sweep = [record(words(wave), wave) for wave in waves]
     curves = {name: [error(table, r) for r in sweep] for name, table in models.items()}

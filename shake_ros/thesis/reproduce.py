@@ -188,10 +188,10 @@ def reproduce(*names: str, progress: ProgressOption = True) -> Reproduction:
     """
     wanted = known_experiments(names)
     found = {}
-    with Progress("reproduce", progress) as tell:
+    with Progress("reproduce", progress) as bar:
         for i, name in enumerate(wanted):
-            tell.span(i / len(wanted), (i + 1) / len(wanted))
-            tell(EXPERIMENTS[name].line, 0.0)
+            bar.span(i / len(wanted), (i + 1) / len(wanted))
+            bar(EXPERIMENTS[name].line, 0.0)
             module, function = EXPERIMENTS[name].run_by.split(":")
-            found[name] = getattr(importlib.import_module(module), function)(tell)
+            found[name] = getattr(importlib.import_module(module), function)(bar)
     return Reproduction(found)

@@ -180,11 +180,11 @@ def spreads(study: Sensitivity, name: str) -> list[str]:
     return [f"{100.0 * v:.1f} %" for v in study.spread(name).values()]
 
 
-def run(tell: Progress) -> ExperimentReport:
+def run(progress: Progress) -> ExperimentReport:
     """The study on both tables."""
     found = {}
     for i, (study, title) in enumerate(STUDIES.items()):
-        tell(f"sensitivity, {title}", i / len(STUDIES))
+        progress(f"sensitivity, {title}", i / len(STUDIES))
         found[title] = sensitivity(study)
     claims = [claim for title, study in found.items() for claim in _claims(title, study)]
     rows = [

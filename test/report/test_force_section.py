@@ -21,7 +21,7 @@ from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.report.close_loop_page import against_chart, force_chart, force_section
 from shake_ros.report.page import Page
 from shake_ros.report.static_figure import static_figure
-from shake_ros.report.text import largest_force, told_force
+from shake_ros.report.text import force_text, largest_force
 
 NOON = datetime(2026, 1, 2, 12, 0, tzinfo=timezone.utc)
 TIME = np.arange(6000) * 1e-3
@@ -75,7 +75,7 @@ def test_force_that_does_not_bring_the_run_near_its_noise_is_not_said_to_explain
     assert replace(force(), left=(1.4, 1.3)).explains
     poor = replace(force(), left=(7.38, 7.08))
     assert not poor.explains
-    assert told_force([poor]).endswith("follows position, but a run under it still leaves 7.08 times the noise")
+    assert force_text([poor]).endswith("follows position, but a run under it still leaves 7.08 times the noise")
 
 
 def test_newtons_of_a_gauge_are_said_to_be_relative() -> None:
@@ -87,7 +87,7 @@ def test_largest_force_is_one_held_out_and_outside_its_band() -> None:
     forces = [force("quiet", zero=True, size=800.0), force("loud"), force("learn", held_out=False, size=900.0)]
     assert largest_force(forces).recording == "loud"
     assert largest_force(forces[2:]).recording == "learn"
-    assert "zero" in told_force(forces[:1])
+    assert "zero" in force_text(forces[:1])
 
 
 def test_band_encloses_the_force_and_is_drawn_in_the_static_copy() -> None:

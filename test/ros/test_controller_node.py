@@ -205,12 +205,12 @@ def test_feedforward_carries_the_load_that_is_followed_as_in_the_core(ros_domain
             state = heavy.advance(state, node._u)
         controller, followed = node._controller, node._load
         assert controller.virtual is not None and followed._tracker is not None
-        told, errors = followed._tracker.run(*np.array(rows).T)
+        reported, errors = followed._tracker.run(*np.array(rows).T)
         carried = controller.virtual.record[0]
-        assert carried["body_specimen_mass"] == pytest.approx(told[-1, 0] + told[-1, 1], rel=1e-9)
+        assert carried["body_specimen_mass"] == pytest.approx(reported[-1, 0] + reported[-1, 1], rel=1e-9)
         assert carried["body_specimen_mass"] > 202.0
         shown = {name: read() for name, read in node.frame.diagnostics.values.items()}
-        assert shown["load_rigid_kg"] == f"{told[-1, 0]:.3g} ± {errors[0]:.2g}"
+        assert shown["load_rigid_kg"] == f"{reported[-1, 0]:.3g} ± {errors[0]:.2g}"
         assert shown["load_believed"] is True
         node.frame.close()
 

@@ -220,5 +220,5 @@ def judged_kinds(
     varying = 1.0 - measures["constant"]
     shares = {name: varying * share for name, share in dependence(force, known, settings).items()}
     simplest = {n: share + (SIMPLER if n == "direction" else 0.0) for n, share in shares.items()}
-    told = sorted((n for n, share in shares.items() if share > settings.force_depends), key=lambda n: -simplest[n])
-    return ForceKinds(False, outside, highest, kinds, {n: shares[n] for n in told}, measures, line)
+    named = sorted((n for n, share in shares.items() if share > settings.force_depends), key=lambda n: -simplest[n])
+    return ForceKinds(False, outside, highest, kinds, {n: shares[n] for n in named}, measures, line)

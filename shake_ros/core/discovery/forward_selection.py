@@ -187,7 +187,7 @@ def forward_step(
     ranking: tuple[Refit, ...] = ()
     functions: FunctionSearch | None = None
     leading = leading_functions(problem, current, screening)
-    tell_of_promise(problem, screening, leading)
+    report_promise(problem, screening, leading)
     for effects in rounds(problem, current, screening):
         if (ranking or leading) and functions is None:
             function, functions = clear_function(problem, current, ranking, leading)
@@ -209,7 +209,7 @@ def forward_step(
     return step, step.ranking, current, functions
 
 
-def tell_of_promise(problem: SearchProblem, screening: Screening, leading: Sequence[ScreenedFunction]) -> None:
+def report_promise(problem: SearchProblem, screening: Screening, leading: Sequence[ScreenedFunction]) -> None:
     """Tell what promises much before anything is fitted to it."""
     if leading:
         kind = leading[0].kind

@@ -201,9 +201,9 @@ def latent_force(
     if best is None:
         return None
     without = best.left
-    if not beside_band(*_told(passes, best), without, settings)[0]:
+    if not beside_band(*_estimated(passes, best), without, settings)[0]:
         best, run = _approached(passes, best, run, settings)
-    force, deviation = _told(passes, best)
+    force, deviation = _estimated(passes, best)
     known = _known(passes, run)
     inertia = passes.mass * float(np.sqrt(np.mean(_accelerations(record) ** 2)))
     return LatentForce(
@@ -245,7 +245,7 @@ def _approached(passes: _Passes, first: _Pass, run: Array, settings: SearchSetti
     return best, run
 
 
-def _told(passes: _Passes, best: _Pass) -> tuple[Array, Array]:
+def _estimated(passes: _Passes, best: _Pass) -> tuple[Array, Array]:
     """Force at each sample, the mean of those held before and after it, and its standard deviation."""
     held = best.smoothed.states[:, 2]
     return passes.mass * 0.5 * (held + best.applied), passes.mass * best.smoothed.deviation

@@ -75,7 +75,7 @@ def refit(
     refits = list(ranked(known, first_refits(problem, screening, effects, current)))
     problem = problem.unstopped()
     first = refits[0]
-    tell_of(problem, first, current)
+    report_best(problem, first, current)
     problem.progress(f"improving the fit with {first.candidate.effect}", 0.6)
     refits[0] = continued(problem, first, most, tolerance)
     near = [r for r in refits[1 : settings.most_continued] if r.score < settings.worth_continuing * refits[0].score]
@@ -89,11 +89,11 @@ def refit(
         refits.append(continued(problem, tried, most, tolerance))
     found = ranked(refits)
     if found[0].candidate is not first.candidate or found[0].score < MUCH_BETTER * first.score:
-        tell_of(problem, found[0], current)
+        report_best(problem, found[0], current)
     return found
 
 
-def tell_of(problem: SearchProblem, best: Refit, current: ScoredFit) -> None:
+def report_best(problem: SearchProblem, best: Refit, current: ScoredFit) -> None:
     """Tell which effect leads, where the model is clearly better with it."""
     if best.score < (1.0 - problem.settings.clear_gain) * current.score:
         problem.progress(leads(problem, best.candidate.effect, best.result, current), 0.6)

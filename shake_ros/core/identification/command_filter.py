@@ -117,18 +117,18 @@ def fitted_filter(parts: Sequence[Driven]) -> CommandFilter | None:
     costs = []
     for ridge in RIDGES:
         cost = 0.0
-        for fold, (own, told) in zip(folds, normals, strict=True):
-            tried = CommandFilter(centre, scale, _solved(matrix - own + ridge * unit, right - told))
+        for fold, (own, found) in zip(folds, normals, strict=True):
+            tried = CommandFilter(centre, scale, _solved(matrix - own + ridge * unit, right - found))
             cost += sum(float(np.sum(tried.left(part) ** 2)) for part in fold)
         costs.append(cost)
     best = RIDGES[int(np.argmin(costs))]
     return CommandFilter(centre, scale, _solved(matrix + best * unit, right))
 
 
-def taken(told: CommandFilter, part: Driven) -> float:
+def taken(fitted: CommandFilter, part: Driven) -> float:
     """Mean square that a filter takes of a residual it has not seen [unit²]; nothing where that may be chance."""
     before = (part.residual - part.residual.mean()) ** 2
-    gain = before - told.left(part) ** 2
+    gain = before - fitted.left(part) ** 2
     length = max(round(BLOCK / part.step), 1)
     blocks = [float(np.mean(b)) for b in np.array_split(gain, max(len(gain) // length, 1))]
     mean = float(np.mean(gain))

@@ -130,9 +130,9 @@ class Prepared:
 
     def drifts(self) -> str:
         """By how much the biases of the accelerometer wander; empty where none does."""
-        told = {n.recording: n.drift for n in self.nuisances if n.drift}  # a recording in pieces is named once
-        sizes = ", ".join(f"{name} {drift:.3g}" for name, drift in told.items())
-        return f"drift of the accelerometer's bias removed [m/s²]: {sizes}" if told else ""
+        drifts = {n.recording: n.drift for n in self.nuisances if n.drift}  # a recording in pieces is named once
+        sizes = ", ".join(f"{name} {drift:.3g}" for name, drift in drifts.items())
+        return f"drift of the accelerometer's bias removed [m/s²]: {sizes}" if drifts else ""
 
     def note(self) -> str:
         """What was assumed of the command; empty where it is per unit."""

@@ -163,8 +163,8 @@ def _filtered(every: Sequence[Left], rows: Sequence[Driven], learned: int) -> li
     """Mean square that a filter takes of each held-out residual; None of those it learns from."""
     rate = every[0].sample_time if every else 0.0
     alike = all(left.sample_time == rate for left in every)
-    told = fitted_filter(rows[:learned]) if alike and learned < len(every) else None
-    return [taken(told, row) if told is not None and k >= learned else None for k, row in enumerate(rows)]
+    fitted = fitted_filter(rows[:learned]) if alike and learned < len(every) else None
+    return [taken(fitted, row) if fitted is not None and k >= learned else None for k, row in enumerate(rows)]
 
 
 def _under_equal_commands(every: Sequence[Left]) -> list[tuple[float, float] | None]:

@@ -139,11 +139,11 @@ class RecordingProblem:
         weights = zip(self.velocity_weights, self.acceleration_weights, self.position_weights, strict=True)
         for record, (w_v, w_a, w_x) in zip(self.records, weights, strict=True):
             n = len(record.commands) - record.start
-            told = 1.0 if record.noise_from_periods else self.unpredictable
-            total += told * n * (w_v * record.velocity_noise()) ** 2
+            share = 1.0 if record.noise_from_periods else self.unpredictable
+            total += share * n * (w_v * record.velocity_noise()) ** 2
             if record.acceleration is not None:
                 valid = np.count_nonzero(record.whole[record.start :])
-                total += told * valid * (w_a * record.acceleration_noise()) ** 2
+                total += share * valid * (w_a * record.acceleration_noise()) ** 2
             if self.model.positions:
                 total += n * (w_x * record.position_noise()) ** 2
         return float(total / self.count)

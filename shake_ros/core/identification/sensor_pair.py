@@ -184,7 +184,7 @@ def between_of(numbers: NDArray[np.float64]) -> Between:
     return Between(lag, position_lag, base, cutoff)
 
 
-def told_between(response: SensorResponse) -> Between:
+def shown_between(response: SensorResponse) -> Between:
     """What shows in a response: one part after the other, each where it explains enough."""
 
     def nearest(candidates: Sequence[Between]) -> Between:
@@ -221,12 +221,12 @@ def sensor_pair(records: Sequence[Record]) -> SensorPair:
     if len(omega) < FEWEST or np.sum(weights * values.real) <= 0.0:
         return ALIKE
     response = SensorResponse(omega, values, weights / np.sum(weights))
-    found = told_between(response)
+    found = shown_between(response)
     rest, gain, delay = response.left(found)
     sizes, slowest = rest[: len(omega)], max(found.lag, found.position_lag)
-    told = float(sizes @ sizes) < WIDEST**2 and slowest * float(np.min(omega)) < SLOW_AS_SCALE
+    shows = float(sizes @ sizes) < WIDEST**2 and slowest * float(np.min(omega)) < SLOW_AS_SCALE
     by_filter = FILTER_DELAY / found.cutoff if found.cutoff else 0.0
-    scale_error = float(np.exp(gain)) - 1.0 if told else None
+    scale_error = float(np.exp(gain)) - 1.0 if shows else None
     return SensorPair(delay + by_filter, found.lag, found.position_lag, scale_error, found.base)
 
 

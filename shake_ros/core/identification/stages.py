@@ -103,7 +103,9 @@ def staged_start(
     may_lack = tuple(effect for effect in SHOWN if model.may_lack(effect))
 
     def shown_on(table: TableParameters) -> dict[str, float]:
-        return (first.specimen(table) if SPECIMEN in may_lack else {}) | told_by_sensors(table, data.sensors, may_lack)
+        return (first.specimen(table) if SPECIMEN in may_lack else {}) | effects_between_sensors(
+            table, data.sensors, may_lack
+        )
 
     free = [*free, *null_shifts_of(len({r.run for r in data.estimation}), free)]
     guesses = first.tables(model.table, model.unknown, model, shown_on)[:GUESSES]
@@ -140,9 +142,9 @@ def staged_start(
         best = min(best, anew, key=attrgetter("cost"))
     if not is_far(pieces, best):
         best = with_lag_parted(pieces, best, TOLERANCE)
-    table, told = best.table, estimated_null_shifts(model, best, data.estimation, data.validation)
+    table, shifts = best.table, estimated_null_shifts(model, best, data.estimation, data.validation)
     return StartingPoint(
-        table.without(shown), data.with_nuisances(NuisanceEstimates(shifts=told)), table, shown, between
+        table.without(shown), data.with_nuisances(NuisanceEstimates(shifts=shifts)), table, shown, between
     )
 
 
@@ -274,7 +276,7 @@ def shows_at_once(pieces: RecordingProblem, effect: JoiningEffect, before: Fit) 
     return bool(np.min(with_it) < costs(slow_motion, before.free, before.x[None, :])[0])
 
 
-def told_by_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:
+def effects_between_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:
     """Values, by dotted name, of the effects on a table that show between its sensors, among those that it may lack."""
     base, scale = sensors.base, sensors.scale_error
     shown: dict[str, dict[str, float]] = {}

@@ -279,21 +279,21 @@ class Trials:
 
 
 def try_laws(
-    trials: Trials, laws: Sequence[str], tell: Callable[[str, float], None] = lambda *_: None
+    trials: Trials, laws: Sequence[str], progress: Callable[[str, float], None] = lambda *_: None
 ) -> list[TriedLaw]:
     """Each law on the fastest design that is sound for it, else the slowest; best first, then what rings the least.
 
     A law that cannot be made of its design is left out.
     """
     search, found = trials.search, list[TriedLaw]()
-    tell("bandwidths on the linear models", 0.1)
+    progress("bandwidths on the linear models", 0.1)
     slowest = search.design(search.slowest, 0.0, JERKS[-1])
     designs = {}
     for damped in {kind not in WITHOUT_ACCELERATION for kind in laws}:
         dampings = [d for d in DAMPINGS if d > 0.0] if damped else [0.0]
         designs[damped] = search.best(dampings) or slowest, search.calm(dampings)
     for k, kind in enumerate(laws):
-        tell(f"{kind} on {len(search.tables)} tables", 0.3 + 0.7 * k / len(laws))
+        progress(f"{kind} on {len(search.tables)} tables", 0.3 + 0.7 * k / len(laws))
         law = trials.tried(kind, *designs[kind not in WITHOUT_ACCELERATION])
         if law:
             found.append(law)

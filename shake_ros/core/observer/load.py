@@ -103,7 +103,7 @@ class State(NamedTuple):
     known: Array  # (states and past commands,) the copy with the known specimen
     known_passed: Array  # (3,) low-passes of its ε
     known_cost: Array  # (1,) its mean of ε² of late [m²/s⁴]
-    told: Array  # (3,) reported θ
+    reported: Array  # (3,) reported θ
 
 
 @njit
@@ -190,16 +190,16 @@ def track(state, fixed, model, position, acceleration, command, work):  # type: 
     state.believed[0] = state.cost[state.leader[0]] < CLEARLY * state.known_cost[0]
     aim = state.theta[state.leader[0]] if state.believed[0] else fixed.known
     for i in range(UNKNOWNS):
-        state.told[i] += fixed.smooth * (aim[i] - state.told[i])
+        state.reported[i] += fixed.smooth * (aim[i] - state.reported[i])
 
 
 @njit
-def track_run(state, fixed, model, positions, accelerations, commands, work, told):  # type: ignore[no-untyped-def]
-    """A whole recording, (n,) each; command k is held from sample k to the next. Rows of `told` (n, 3) are filled."""
+def track_run(state, fixed, model, positions, accelerations, commands, work, reported):  # type: ignore[no-untyped-def]
+    """A whole recording, (n,) each; command k is held from sample k to the next. It fills `reported` (n, 3)."""
     for k in range(positions.shape[0]):
         command = commands[k - 1] if k > 0 else 0.0
         track(state, fixed, model, positions[k], accelerations[k], command, work)
-        told[k] = state.told
+        reported[k] = state.reported
 
 
 class LoadTracker:
@@ -263,10 +263,10 @@ class LoadTracker:
         covariance = np.tile(np.diag(self.fixed.spread**2), (n, 1, 1))
         copies = np.tile(one, (n, UNKNOWNS + 1, 1))
         passed, leader = np.zeros((n, UNKNOWNS + 1, 3)), np.zeros(1, dtype=np.int64)
-        told = self.fixed.known.copy()
+        reported = self.fixed.known.copy()
         return State(
             theta, covariance, np.zeros(n), copies, passed, leader, np.zeros(1, dtype=np.int64), one.copy(),
-            np.zeros(3), np.zeros(1), told,
+            np.zeros(3), np.zeros(1), reported,
         )  # fmt: skip
 
     def run(self, positions: Array, accelerations: Array, commands: Array) -> tuple[Array, Array]:
@@ -290,8 +290,8 @@ class LoadTracker:
             raise ShakeError(f"load: series of shapes {', '.join(str(series.shape) for series in given)}")
         if not all(np.isfinite(series).all() for series in given):
             raise ShakeError("load: a position, acceleration or command is not finite")
-        state, told = self.initial_state(float(given[0][0])), np.empty((given[0].size, UNKNOWNS))
-        track_run(state, self.fixed, self.model.copy(), *given, workspace(), told)
-        told[:, PITCH] = np.exp(told[:, PITCH])
-        errors = np.sqrt(np.diag(state.covariance[state.leader[0]])) * [1.0, 1.0, told[-1, PITCH]]
-        return told, np.asarray(errors)
+        state, reported = self.initial_state(float(given[0][0])), np.empty((given[0].size, UNKNOWNS))
+        track_run(state, self.fixed, self.model.copy(), *given, workspace(), reported)
+        reported[:, PITCH] = np.exp(reported[:, PITCH])
+        errors = np.sqrt(np.diag(state.covariance[state.leader[0]])) * [1.0, 1.0, reported[-1, PITCH]]
+        return reported, np.asarray(errors)

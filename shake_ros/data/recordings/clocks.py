@@ -169,8 +169,8 @@ def said(data: bytes) -> bool | None:
         if path.endswith("].key"):
             status = path.partition("].values")[0]
             nodes.setdefault(status, {})[key] = texts[path.removesuffix("key") + "value"]
-    told = next((values for values in nodes.values() if PASSES in values), None)
-    return None if told is None else told[PASSES] == "True" and _number(told.get(SPAN, "1")) >= FULL
+    reported = next((values for values in nodes.values() if PASSES in values), None)
+    return None if reported is None else reported[PASSES] == "True" and _number(reported.get(SPAN, "1")) >= FULL
 
 
 def _number(text: str) -> float:

@@ -18,10 +18,10 @@ from shake_ros.core.discovery.refit import (
     best_start,
     first_refits,
     passed_over,
+    report_best,
     rounds,
     short_refits,
     sought,
-    tell_of,
 )
 from shake_ros.core.discovery.screening import ScreenedTrial, Screening
 from shake_ros.core.identification.approach import Approach
@@ -152,7 +152,7 @@ def test_an_effect_that_leads_clearly_is_told_before_the_end(cost: float, told: 
         progress=lambda text, part: said.append(text),
     )
     candidate: Any = SimpleNamespace(effect="soft_zone")
-    tell_of(problem, Refit(candidate, ScoredFit(NOTHING, cost, cost), 0.0), ScoredFit(NOTHING, 1000.0, 1000.0))
+    report_best(problem, Refit(candidate, ScoredFit(NOTHING, cost, cost), 0.0), ScoredFit(NOTHING, 1000.0, 1000.0))
     line = "best so far: soft_zone, 6.3 × the noise on validation data (declared model: 31.6)"
     assert said == [line] * told
 

@@ -22,11 +22,11 @@ from shake_ros.core.identification.sensor_pair import BaseMode, SensorPair
 from shake_ros.core.identification.stages import (
     BETWEEN_SENSORS,
     SAME,
+    effects_between_sensors,
     from_narrow_start,
     several_at_once,
     shows_at_once,
     staged_start,
-    told_by_sensors,
     with_friction_of,
 )
 from shake_ros.declared import effect_candidates, model_structure, unknown_model
@@ -56,12 +56,12 @@ def test_friction_of_the_first_guess_counts_per_mass_and_leaves_the_rest() -> No
 def test_what_shows_between_the_sensors_is_on_the_table_where_it_may_lack_it() -> None:
     table = load_table("bergamo")
     base = BaseMode(compliance_mass=2e-5, frequency=18.0, damping=0.05)
-    shown = told_by_sensors(table, SensorPair(position_lag=0.01, scale_error=0.05, base=base), BETWEEN_SENSORS)
+    shown = effects_between_sensors(table, SensorPair(position_lag=0.01, scale_error=0.05, base=base), BETWEEN_SENSORS)
     assert shown["effects.position_sensor_lag.time_constant"] == 0.01
     assert shown["effects.accelerometer_scale.error"] == 0.05
     assert shown["effects.base_flexibility.compliance"] * table.moved_mass == pytest.approx(2e-5)
     assert "effects.accelerometer_lag.time_constant" not in shown
-    assert told_by_sensors(table, SensorPair(lag=0.01, scale_error=0.01), ("position_sensor_lag",)) == {}
+    assert effects_between_sensors(table, SensorPair(lag=0.01, scale_error=0.01), ("position_sensor_lag",)) == {}
 
 
 @pytest.mark.parametrize("left", [3.0, 5.0])

@@ -67,10 +67,10 @@ def error(r: Recording, found: Array, first: int = 1000, last: int = SAMPLES) ->
 
 
 def test_accelerometer_tells_velocity_and_acceleration_that_a_wrong_model_misses() -> None:
-    alone, told = error(KNOWN, estimates(KNOWN, ())), error(KNOWN, estimates(KNOWN, ACCELEROMETER))
+    alone, reported = error(KNOWN, estimates(KNOWN, ())), error(KNOWN, estimates(KNOWN, ACCELEROMETER))
     assert alone[2] > 0.1
-    assert told[1] < 0.5 * alone[1]
-    assert told[2] < 0.04
+    assert reported[1] < 0.5 * alone[1]
+    assert reported[2] < 0.04
 
 
 def test_position_alone_does_as_well_as_the_observer_that_takes_nothing_else() -> None:

@@ -30,8 +30,8 @@ def recording(table: TableParameters) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 @pytest.mark.parametrize("mass", [0.0, 500.0])
 def test_rigid_mass_is_found(mass: float) -> None:
-    told, errors = TRACKER.run(*recording(KNOWN.with_values({"body.specimen_mass": mass})))
-    rigid, swaying, _ = told[-1]
+    reported, errors = TRACKER.run(*recording(KNOWN.with_values({"body.specimen_mass": mass})))
+    rigid, swaying, _ = reported[-1]
     assert math.isclose(rigid + swaying, mass, abs_tol=40.0)
     assert errors[0] < 150.0
 
@@ -39,17 +39,17 @@ def test_rigid_mass_is_found(mass: float) -> None:
 def test_mass_that_sways_is_found_with_its_frequency() -> None:
     own = {"mass": 150.0, "frequency": 6.0, "damping": 0.03}
     swaying = KNOWN.with_values({f"effects.specimen_resonance.{name}": value for name, value in own.items()})
-    told, errors = TRACKER.run(*recording(swaying))
-    assert math.isclose(told[-1, 1], 150.0, rel_tol=0.2)
-    assert math.isclose(told[-1, 2], 6.0, rel_tol=0.03)
+    reported, errors = TRACKER.run(*recording(swaying))
+    assert math.isclose(reported[-1, 1], 150.0, rel_tol=0.2)
+    assert math.isclose(reported[-1, 2], 6.0, rel_tol=0.03)
     assert errors[2] < 0.5
 
 
 def test_table_at_rest_tells_nothing_and_nothing_changes() -> None:
     rng = np.random.default_rng(1)
     n = 3000
-    told, errors = TRACKER.run(8e-6 * rng.standard_normal(n), 0.05 * rng.standard_normal(n), np.zeros(n))
-    np.testing.assert_allclose(told[-1, :2], [200.0, LEAST], atol=5.0)
+    reported, errors = TRACKER.run(8e-6 * rng.standard_normal(n), 0.05 * rng.standard_normal(n), np.zeros(n))
+    np.testing.assert_allclose(reported[-1, :2], [200.0, LEAST], atol=5.0)
     assert errors[0] == pytest.approx(300.0, rel=0.05)
 
 
