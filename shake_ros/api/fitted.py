@@ -30,7 +30,7 @@ from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_filter import filter_of
-from shake_ros.core.identification.slow_changes import SlowChange, with_own
+from shake_ros.core.identification.slow_changes import SlowChange, with_slow_changes
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
@@ -261,7 +261,7 @@ def prepared_alike(
     """Test records as the models see recordings; and the other recordings with what was taken out of these as well."""
     declared = model.declared
     if declared is AXIS:
-        return with_own(data.estimation, records)[1], data
+        return with_slow_changes(data.estimation, records)[1], data
     if not declared.nuisances:
         return list(records), data
     alike, offsets = data.alike(records)

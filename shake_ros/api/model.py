@@ -18,7 +18,7 @@ from shake_ros.core.identification.late_command import in_time
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.nuisances import Prepared, prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record
-from shake_ros.core.identification.slow_changes import with_own
+from shake_ros.core.identification.slow_changes import with_slow_changes
 from shake_ros.core.identification.stages import StartingPoint, staged_start
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.identification.unknown_model import UnknownModel
@@ -101,7 +101,7 @@ class Model:
             (estimation, first), (validation, second) = (within_stroke(r, stroke) for r in (estimation, validation))
             stops = first + second
         if not isinstance(declared, UnknownModel):
-            both = with_own(estimation, validation) if declared is AXIS else (estimation, validation)
+            both = with_slow_changes(estimation, validation) if declared is AXIS else (estimation, validation)
             return StartingPoint.declared(self.start(estimation), Prepared(*both, 1.0, (), stops=stops))
 
         def effects(table: TableParameters) -> dict[str, CandidateEffect]:

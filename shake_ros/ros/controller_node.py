@@ -36,12 +36,12 @@ class AddedHarmonics:
 
     Parameters
     ----------
-    heard : called with the stamp [ns] of each acceleration while it is on.
+    on_sample : called with the stamp [ns] of each acceleration while it is on.
     """
 
-    def __init__(self, frame: Frame, heard: Callable[[int], None]) -> None:
+    def __init__(self, frame: Frame, on_sample: Callable[[int], None]) -> None:
         self._frame = frame
-        self._heard = heard
+        self._on_sample = on_sample
         path = find("harmonic_cancellation", "default")
         configured = HarmonicCancellation.from_mapping(read_yaml(path), str(path))
         self._live = frame.parameters.declare(configured, "harmonics.")
@@ -64,7 +64,7 @@ class AddedHarmonics:
     def _on_acceleration(self, stamp: int, acceleration: float) -> None:
         self._acceleration, self._stamp = acceleration, stamp
         if self._on:
-            self._heard(stamp)
+            self._on_sample(stamp)
 
     def has(self, stamp: int) -> bool:
         """Whether the acceleration of this instant [ns] has come, where it is needed."""
@@ -94,11 +94,11 @@ class FollowedLoad:
     Parameters
     ----------
     name : configuration in config/load, or a YAML file; empty to follow nothing.
-    heard : called with the stamp [ns] of each position and acceleration.
+    on_sample : called with the stamp [ns] of each position and acceleration.
     """
 
-    def __init__(self, frame: Frame, name: str, heard: Callable[[int], None]) -> None:
-        self._frame, self._heard, self._on = frame, heard, bool(name)
+    def __init__(self, frame: Frame, name: str, on_sample: Callable[[int], None]) -> None:
+        self._frame, self._on_sample, self._on = frame, on_sample, bool(name)
         self._tracker: LoadTracker | None = None
         self._model: Any = None
         self._state: Any = None
@@ -128,11 +128,11 @@ class FollowedLoad:
 
     def _on_position(self, stamp: int, position: float) -> None:
         self._position, self._stamps["position"] = position, stamp
-        self._heard(stamp)
+        self._on_sample(stamp)
 
     def _on_acceleration(self, stamp: int, acceleration: float) -> None:
         self._acceleration, self._stamps["acceleration"] = acceleration, stamp
-        self._heard(stamp)
+        self._on_sample(stamp)
 
     def has(self, stamp: int) -> bool:
         """Whether position and acceleration of this instant [ns] have come, where they are needed."""

@@ -167,14 +167,14 @@ class Codec:
         self._pattern: list[Any] = [ENCAPSULATION, *(value for _, value in stamped)]
         self._places = [place for place, value in enumerate(self._pattern) if value is NUMBER]
         self._variances = [place for place, value in enumerate(self._pattern) if value is VARIANCE]
-        self._led = self._pattern.index(LEAD) if LEAD in self._pattern else 0
+        self._lead_at = self._pattern.index(LEAD) if LEAD in self._pattern else 0
         self._template = [0.0 if value in (NUMBER, VARIANCE) else value for value in self._pattern]
         self.packed = self._agrees_with_middleware()
 
     def build(self, stamp: Time, values: Values) -> Any:
         """The message of a stamp and its numbers."""
         message = self._build(values, self.variance)
-        if self._led:
+        if self._lead_at:
             message.points[0].time_from_start = Duration(sec=self.lead // SECOND, nanosec=self.lead % SECOND)
         if self.topic is CLOCK:
             message.clock = stamp
@@ -201,8 +201,8 @@ class Codec:
             fields[place] = value
         for place in self._variances:
             fields[place] = self.variance
-        if self._led:
-            fields[self._led : self._led + 2] = divmod(self.lead, SECOND)
+        if self._lead_at:
+            fields[self._lead_at : self._lead_at + 2] = divmod(self.lead, SECOND)
         return self._struct.pack(*fields)
 
     def encode(self, stamp: int, values: Values) -> Any:
@@ -223,9 +223,9 @@ class Codec:
             fields[place] = NUMBER
         for place in self._variances:
             fields[place] = VARIANCE if fields[place] != NOT_MEASURED else None
-        if self._led:
-            seconds, rest = fields[self._led : self._led + 2]
-            fields[self._led : self._led + 2] = LEAD, LEAD_REST
+        if self._lead_at:
+            seconds, rest = fields[self._lead_at : self._lead_at + 2]
+            fields[self._lead_at : self._lead_at + 2] = LEAD, LEAD_REST
             if fields == self._pattern:
                 self.lead = seconds * SECOND + rest
         return (stamp, values) if fields == self._pattern else None
@@ -241,7 +241,7 @@ class Codec:
             values = self.read(message)
         except ShakeError as error:
             raise type(error)(f"{self.topic.name}: {error}") from None
-        if self._led:
+        if self._lead_at:
             later = message.points[0].time_from_start
             self.lead = later.sec * SECOND + later.nanosec
         return stamp.sec * SECOND + stamp.nanosec, values

@@ -39,11 +39,11 @@ class OtherSensors:
 
     Parameters
     ----------
-    heard : called whenever a sample has come.
+    notify : called whenever a sample has come.
     """
 
-    def __init__(self, frame: Frame, heard: Callable[[], None]) -> None:
-        self._frame, self._heard = frame, heard
+    def __init__(self, frame: Frame, notify: Callable[[], None]) -> None:
+        self._frame, self._notify = frame, notify
         self._stamps: dict[str, int] = {}
         self._values: dict[str, float] = {}
         self._missed: dict[str, int] = {}
@@ -73,14 +73,14 @@ class OtherSensors:
         if self._missed[name] >= MISSED and self._stamps[name] >= 0:
             self._frame.say(OK, f"observer: {TOPICS[name].name} is back")
         self._stamps[name], self._values[name], self._missed[name] = stamp, value, 0
-        self._heard()
+        self._notify()
 
     def _on_refused(self, name: str, stamp: int, _reason: str) -> None:
         """A sample that is no number: there is none for its instant."""
         if stamp > self._stamps[name]:
             self._stamps[name], self._values[name] = stamp, math.nan
             self._count(name, MISSED if self._frame.lockstep else 1)
-            self._heard()
+            self._notify()
 
     def complete(self, stamp: int) -> bool:
         """Whether every sensor that is there has its sample of this instant [ns], or a newer one."""

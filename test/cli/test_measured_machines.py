@@ -17,7 +17,7 @@ from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.reduced_model import REDUCED
-from shake_ros.core.identification.slow_changes import with_own
+from shake_ros.core.identification.slow_changes import with_slow_changes
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced_simulation import run
 from shake_ros.declared import effect_candidates, free_parameters
@@ -56,7 +56,7 @@ def test_inverse_dynamics_recovers_the_published_parameters_of_emps(emps: list[P
 @pytest.fixture(scope="module")
 def emps_records(emps: list[Path]) -> list[Record]:
     first, second = (sr.read(bag).records("force") for bag in emps)
-    learned, held = with_own(first, second)
+    learned, held = with_slow_changes(first, second)
     return [*learned, *held]
 
 
@@ -81,7 +81,7 @@ def fitted_axis(learned: Record) -> TableParameters:
 def test_an_axis_learned_from_either_file_of_emps_tells_the_same_of_the_other(emps_records: list[Record]) -> None:
     levels, drifts = [], []
     for learned, held in (emps_records, emps_records[::-1]):
-        (learnt,), (judged,) = with_own([learned], [held])
+        (learnt,), (judged,) = with_slow_changes([learned], [held])
         table = fitted_axis(learnt)
         assert table.value("effects.friction_asymmetry.asymmetry") == pytest.approx(-0.2, abs=0.03)
         assert position_errors(table, [learnt, judged])[judged.name] < 1.2e-3

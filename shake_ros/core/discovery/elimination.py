@@ -7,7 +7,7 @@ from shake_ros.core.discovery.decision import ForwardStep, improves
 from shake_ros.core.discovery.problem import Reduced, ScoredFit, SearchProblem, linearised
 from shake_ros.core.identification.free_parameters import FreeParameters
 
-FAR = 10.0  # times the score: without such an effect the model is so much worse that its fit need not converge
+MUCH_WORSE = 10.0  # times the score: without such an effect the model is so much worse that its fit need not converge
 FIRST, ROUGH = 10, 1e-2  # trial points and tolerance of the predictor and of the free fit that show whether it is
 
 
@@ -19,7 +19,7 @@ def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect
     settings, result, names = problem.settings, current.fit, {f.name for f in dropped.free}
     keep = [i for i, f in enumerate(result.free.free) if f.name not in names]
     key = (dropped.effect, result.free.names)
-    far, known = FAR * current.score, problem.reduced.get(key)
+    far, known = MUCH_WORSE * current.score, problem.reduced.get(key)
     if known is not None and not known.at:  # of other data
         known = Reduced(b"", problem.scored(linearised(problem.estimation, known.reduced.fit)))
         problem.reduced[key] = known

@@ -15,13 +15,13 @@ from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchPr
 from shake_ros.core.discovery.shown_effects import shown_steps
 from shake_ros.core.identification.joint_start import joint_start
 
-FAR = 5.0  # ratio of the residual to the noise from which effects are looked for together
+HIGH_RATIO = 5.0  # ratio of the residual to the noise from which effects are looked for together
 ALSO = ("specimen_resonance", "command_delay")  # from their middle trial: near nothing they have no meaning
 
 
 def joint_steps(problem: SearchProblem, model: ModelStructure, current: ScoredFit) -> tuple[ForwardStep, ...]:
     """A step for each of the effects that only together make the model better; none where it is near the noise."""
-    if current.estimation_cost < FAR**2 * problem.estimation.noise_cost():
+    if current.estimation_cost < HIGH_RATIO**2 * problem.estimation.noise_cost():
         return ()
     problem.progress("fitting several effects at once", 0.0)
     part = {c.effect: c for c in model.candidates if c.together}

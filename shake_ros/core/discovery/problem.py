@@ -181,7 +181,7 @@ class SearchProblem:
         near = self._much_left(problem)
         return predictor_start(problem, free, start, evaluations=evaluations, tolerance=tolerance, near=near)
 
-    def far(self, way: Approach) -> bool:
+    def leaves_much(self, way: Approach) -> bool:
         """Whether predictor runs leave much above the noise."""
         return way.predictor is not None and mean_square(way.predictor.residuals) > self._much_left(
             self.estimation_pieces

@@ -135,7 +135,7 @@ def short_refits(problem: SearchProblem, screening: Screening, effects: list[str
         on_way.append(first)
         problem.progress(f"first fit with {first.trial.candidate.effect}", 0.1 + 0.25 * len(on_way) / len(effects))
     problem = problem.unstopped()
-    if all(problem.far(each.way) for each in on_way) and not time_is_over():
+    if all(problem.leaves_much(each.way) for each in on_way) and not time_is_over():
         on_way = [sought(problem, each, most, tolerance) for each in on_way]
     bound = settings.hopeless * min(each.way.predictor_cost for each in on_way)
 

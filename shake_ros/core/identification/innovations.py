@@ -85,7 +85,7 @@ def innovations(problem: RecordingProblem, vector: np.ndarray, table: TableParam
     helps = k > 0 and _helps(problem, true[0], true[k], float(floors[0]), float(floors[k]))
     rate = RATES[k] or RATES[-2]
     channels = ["velocity", *(["acceleration"] if problem.records[0].acceleration is not None else [])]
-    errors, by_noise = ({c: _over_noise(e, noise, i) for i, c in enumerate(channels)} for e in (true, alone))
+    errors, by_noise = ({c: _residual_to_noise(e, noise, i) for i, c in enumerate(channels)} for e in (true, alone))
     ahead = _horizons(problem, vector, rate)
     horizons = {c: ahead[i] for i, c in enumerate(channels)}
     force = equivalent_force(problem, vector, table) if helps else None
@@ -120,7 +120,7 @@ def _errors(
     return found, per_channel
 
 
-def _over_noise(errors: list[list[list[Floats]]], noise: list[float], channel: int) -> tuple[float, ...]:
+def _residual_to_noise(errors: list[list[list[Floats]]], noise: list[float], channel: int) -> tuple[float, ...]:
     """Rms over the sensor noise of one channel at each rate."""
     squares = [float(np.mean(np.concatenate([record[channel] for record in rate]))) for rate in errors]
     return tuple(math.sqrt(square / max(noise[channel], 1e-300)) for square in squares)

@@ -25,7 +25,7 @@ from shake_ros.core.plant.sensors import FILTER_DELAY
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the delay that may be a filter's
 CUTOFFS = (0.4, 0.2, 0.1, 0.05)  # of a filter where no delay shows, in parts of the sampling rate
 SHORTEST_DELAY = 0.1  # samples, from which a filter is sought whose delay shows
-FAR = 5.0  # ratio of the residual to the noise from which no filter is chosen
+HIGH_RATIO = 5.0  # ratio of the residual to the noise from which no filter is chosen
 LESS = 0.98  # of the mean square that another filter has to leave
 WIDTH = 0.5  # of the delay, by which it may be another
 SAME = 1e-9  # [s]
@@ -101,7 +101,7 @@ def better_filter(problem: RecordingProblem, found: Fit) -> SensorFilter | None:
         if left(nearest) >= least:
             break
         best, least = nearest, left(nearest)
-    return best if least < min(LESS * before, FAR**2 * problem.noise_cost()) else None
+    return best if least < min(LESS * before, HIGH_RATIO**2 * problem.noise_cost()) else None
 
 
 Left = Callable[[SensorFilter], float]

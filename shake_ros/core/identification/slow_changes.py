@@ -55,7 +55,7 @@ class SlowChange:
     drift: float = 0.0
 
 
-def with_own(estimation: Sequence[Record], validation: Sequence[Record]) -> tuple[list[Record], list[Record]]:
+def with_slow_changes(estimation: Sequence[Record], validation: Sequence[Record]) -> tuple[list[Record], list[Record]]:
     """The records with what each takes from itself, as the module says."""
 
     def own(record: Record, first: bool) -> Record:

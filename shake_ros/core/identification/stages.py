@@ -37,11 +37,11 @@ GUESSES = 2  # that are fitted
 EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
 ROUGH = 5e-3  # tolerance where it ends far from the noise, and of the predictor runs before
 SAME = 0.99  # part of the cost of predictor runs from which a second guess leads nowhere else
-FAR = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
-BENT = 2.0  # the same from which an effect on a bound is no finding
+HIGH_RATIO = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
+BOUND_RATIO = 2.0  # the same from which an effect on a bound is no finding
 JOINED = 0.5  # part of the cost that these may leave
 ALONE = 0.25  # the same of one alone from a narrow start
-CLEAR = 0.1  # part that they leave where they are certain but for a bound or much that is left
+CERTAIN = 0.1  # part that they leave where they are certain but for a bound or much that is left
 BEYOND = 0.03  # the same where they are beyond any
 JOINTS = 3  # times that they are looked for
 EffectsOf = Callable[[TableParameters], Mapping[str, JoiningEffect]]
@@ -127,20 +127,20 @@ def staged_start(
         best = _fitted(pieces, moved(shown), best.table)
     begin = guesses[0]
     for _ in range(JOINTS):
-        if not is_far(pieces, best):
+        if not leaves_much(pieces, best):
             break
         progress("first fit: several effects at once", 0.0)
         joined, more = several_at_once(pieces, moved(shown), known, begin, best, progress)
         if joined.cost > JOINED * best.cost:
             break
         best, shown, begin = joined, (*shown, *more), joined.table  # what is left shows others better
-        over = over_noise(pieces, best)
+        over = residual_to_noise_ratio(pieces, best)
         progress(f"best so far: {' + '.join(shown)}, {over:.1f} × the noise in segments of the estimation data", 0.0)
-    if over_noise(pieces, best) >= BENT and not any(known[e].narrow for e in shown):
+    if residual_to_noise_ratio(pieces, best) >= BOUND_RATIO and not any(known[e].narrow for e in shown):
         progress("first fit: refitting friction", 0.0)
         anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], best.table, model))
         best = min(best, anew, key=attrgetter("cost"))
-    if not is_far(pieces, best):
+    if not leaves_much(pieces, best):
         best = with_lag_parted(pieces, best, TOLERANCE)
     table, shifts = best.table, estimated_null_shifts(model, best, data.estimation, data.validation)
     return StartingPoint(
@@ -148,27 +148,27 @@ def staged_start(
     )
 
 
-def over_noise(pieces: RecordingProblem, found: Fit) -> float:
+def residual_to_noise_ratio(pieces: RecordingProblem, found: Fit) -> float:
     """Ratio of what a fit leaves to the noise [-]."""
     return float(np.sqrt(2.0 * found.cost / (pieces.noise_cost() * pieces.count)))
 
 
-def is_far(pieces: RecordingProblem, found: Fit) -> bool:
+def leaves_much(pieces: RecordingProblem, found: Fit) -> bool:
     """Whether a fit leaves so much above the noise that several effects are looked for at once."""
-    return over_noise(pieces, found) >= FAR
+    return residual_to_noise_ratio(pieces, found) >= HIGH_RATIO
 
 
-def is_bent(pieces: RecordingProblem, found: Fit) -> bool:
+def rests_on_bound(pieces: RecordingProblem, found: Fit) -> bool:
     """Whether an effect rests on a bound and much is left: it stands for one that is not there."""
-    return over_noise(pieces, found) >= BENT and any(
+    return residual_to_noise_ratio(pieces, found) >= BOUND_RATIO and any(
         name.startswith("effects.") for name, rests in zip(found.free.names, at_bound(found), strict=True) if rests
     )
 
 
 def is_no_answer(pieces: RecordingProblem, joined: Fit, before: float) -> bool:
-    """Whether what joined is no answer yet: it leaves more than CLEAR of the cost, or BEYOND and is far or bent."""
+    """Whether the joint fit is no answer: it leaves more than CERTAIN of the cost, or BEYOND and much or at a bound."""
     left = joined.cost / before
-    return left > CLEAR or (left > BEYOND and (is_far(pieces, joined) or is_bent(pieces, joined)))
+    return left > CERTAIN or (left > BEYOND and (leaves_much(pieces, joined) or rests_on_bound(pieces, joined)))
 
 
 def with_effects(
@@ -189,9 +189,9 @@ def several_at_once(
     """The fit with the effects that hold where many are tried at once, and these; the one before where none does.
 
     An effect with narrow starts that shows at once is sought before: it stands where it leaves no more than ALONE of
-    the cost before. Where the fit with many is far, friction with a memory may join as well. Where that is no answer
-    yet, the fit from the best narrow start replaces it where it leaves less than JOINED of what that leaves, and than
-    ALONE of the cost before: a stiff contact between two bodies follows much that it is not.
+    the cost before. Where the fit with many leaves much, friction with a memory may join as well. Where that is no
+    answer yet, the fit from the best narrow start replaces it where it leaves less than JOINED of what that leaves, and
+    than ALONE of the cost before: a stiff contact between two bodies follows much that it is not.
     """
     absent = {name: effect for name, effect in known.items() if name not in begin.effects}
     narrow = [name for name, effect in absent.items() if effect.narrow]
@@ -210,7 +210,7 @@ def several_at_once(
     if (first := alone(at_once, ALONE * before.cost)) is not None:
         return first
     best, more = _joined(pieces, free, known, begin, before)
-    if is_far(pieces, best) and any(effect.where_far for effect in absent.values()):
+    if leaves_much(pieces, best) and any(effect.where_far for effect in absent.values()):
         far = _joined(pieces, free, known, begin, before, far=True)
         best, more = min((best, more), far, key=lambda found: found[0].cost)
     if is_no_answer(pieces, best, before.cost):
@@ -331,7 +331,7 @@ def _best_of(pieces: RecordingProblem, free: Sequence[FreeParameter], guesses: S
             best = found if best is None else min(best, found, key=attrgetter("cost"))
         least = min(least, way.predictor_cost)
     assert best is not None
-    return best if is_far(pieces, best) else _finished(pieces, best)
+    return best if leaves_much(pieces, best) else _finished(pieces, best)
 
 
 def _finished(pieces: RecordingProblem, found: Fit) -> Fit:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.discovery import joint_steps as module
-from shake_ros.core.discovery.joint_steps import ALSO, FAR, joint_steps
+from shake_ros.core.discovery.joint_steps import ALSO, HIGH_RATIO, joint_steps
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -30,7 +30,7 @@ def problem_and_fit(times_the_noise: float) -> tuple[SearchProblem, ScoredFit]:
 
 def test_near_the_noise_nothing_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "joint_start", lambda *given: pytest.fail("tried"))
-    problem, current = problem_and_fit(0.99 * FAR)
+    problem, current = problem_and_fit(0.99 * HIGH_RATIO)
     assert joint_steps(problem, MODEL, current) == ()
 
 
@@ -43,7 +43,7 @@ def test_far_from_it_those_that_hold_are_fitted_together(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(module, "joint_start", start)
     monkeypatch.setattr(module, "shown_steps", lambda _problem, model, _current: model.shown)
-    problem, current = problem_and_fit(1.01 * FAR)
+    problem, current = problem_and_fit(1.01 * HIGH_RATIO)
     assert joint_steps(problem, MODEL, current) == ("soft_zone", "specimen_resonance")
     assert set(ALSO) < set(seen) and all(effect.together for effect in seen.values())
     frequency = seen["specimen_resonance"].together["effects.specimen_resonance.frequency"]

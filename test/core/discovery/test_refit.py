@@ -93,7 +93,7 @@ def trial_points(costs: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> di
 
     monkeypatch.setattr(refit, "begun", begun)
     monkeypatch.setattr(refit, "finished", finished)
-    problem: Any = SimpleNamespace(settings=settings, progress=lambda text, part: None, far=lambda way: False)
+    problem: Any = SimpleNamespace(settings=settings, progress=lambda text, part: None, leaves_much=lambda way: False)
     problem.unstopped = lambda: problem
     short_refits(problem, NOTHING, list(costs))
     return given

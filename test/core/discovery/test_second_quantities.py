@@ -39,7 +39,7 @@ def posed(case: str, length: float) -> tuple[SearchProblem, ScoredFit]:
     return problem, problem.fitted(free, free.start(), 30, 1e-4)
 
 
-def over_noise(problem: SearchProblem, fit: ScoredFit) -> float:
+def residual_to_noise_ratio(problem: SearchProblem, fit: ScoredFit) -> float:
     """Held-out error over the noise."""
     return float(np.sqrt(fit.validation_cost / problem.validation.noise_cost()))
 
@@ -57,7 +57,7 @@ def test_place_and_both_quantities_are_named_and_the_held_out_error_comes_near_t
 ) -> None:
     problem, current, step = found
     chosen = step.chosen
-    before, after = over_noise(problem, current), over_noise(problem, chosen.result)
+    before, after = residual_to_noise_ratio(problem, current), residual_to_noise_ratio(problem, chosen.result)
     print(f"held-out error over the noise: {before:.2f} declared, {after:.2f} with a function of two quantities")
     assert chosen.candidate.place == "valve"
     assert chosen.candidate.depends_on == ("valve_opening", "load_pressure")

@@ -129,7 +129,7 @@ def test_a_second_guess_whose_predictor_runs_end_no_better_is_not_fitted(
 
     monkeypatch.setattr(stages, "predictor_start", predictor_start)
     monkeypatch.setattr(stages, "arrived", end)
-    monkeypatch.setattr(stages, "is_far", lambda *_: True)
+    monkeypatch.setattr(stages, "leaves_much", lambda *_: True)
     found = stages._best_of(RecordingProblem([], unknown_model()), (), (first, other))
     assert arrived == ([1.0, second] if second < SAME else [1.0])
     assert found.table is (other if second < SAME else first)
@@ -158,7 +158,7 @@ def test_backlash_that_shows_at_once_is_sought_first(monkeypatch: pytest.MonkeyP
     assert several_at_once(pieces, [], {"coupling_backlash": backlash}, base, before) == (found, ("coupling_backlash",))
     before.cost = 3.0  # of which it leaves more than a quarter
     monkeypatch.setattr(stages, "joint_start", lambda *_: (base, ()))
-    monkeypatch.setattr(stages, "is_far", lambda *_: False)
+    monkeypatch.setattr(stages, "leaves_much", lambda *_: False)
     asked = list[float]()
     monkeypatch.setattr(stages, "from_narrow_start", lambda *a: asked.append(a[-1]) or found)
     assert several_at_once(pieces, [], {"coupling_backlash": backlash}, base, before) == (before, ())
@@ -241,7 +241,7 @@ def test_what_the_sensors_show_stays_known_to_the_search_as_theirs(monkeypatch: 
     monkeypatch.setattr(stages, "_best_of", lambda _pieces, _free, guesses: SimpleNamespace(cost=1.0, table=guesses[0]))
     monkeypatch.setattr(stages, "better_filter", lambda *_: None)
     monkeypatch.setattr(stages, "estimated_null_shifts", lambda *_: {})
-    monkeypatch.setattr(stages, "is_far", lambda *_: False)
+    monkeypatch.setattr(stages, "leaves_much", lambda *_: False)
     monkeypatch.setattr(stages, "with_lag_parted", lambda _pieces, found, _tolerance: found)
     effects = {c.effect: c for c in effect_candidates()}
     start = staged_start(unknown_model(), (), lambda _: effects, prepared([late], []))
