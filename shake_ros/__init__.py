@@ -28,6 +28,8 @@ PUBLIC = {  # name → module
     "Demo": "shake_ros.demonstration.demo",
     "demo": "shake_ros.demonstration.demo",
     "figures": "shake_ros.thesis.figures",
+    "Following": "shake_ros.twin.follow",
+    "follow": "shake_ros.twin.follow",
     "frequency_response": "shake_ros.api.frequency_response",
     "Identification": "shake_ros.api.identify",
     "identify": "shake_ros.api.identify",
@@ -128,6 +130,8 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.thesis.schedule import ScheduleComparison as ScheduleComparison
     from shake_ros.thesis.schedule import schedule as schedule
     from shake_ros.thesis.sensitivity import sensitivity as sensitivity
+    from shake_ros.twin.follow import Following as Following
+    from shake_ros.twin.follow import follow as follow
 
 __all__ = list(PUBLIC)
 

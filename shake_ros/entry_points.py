@@ -60,6 +60,9 @@ ENTRY_POINTS: dict[str, Entry] = {
         "shake_ros.cli.repair:close_loop_command",
         "find what the declared model lacks, add it, compare before and after",
     ),
+    "follow": Entry(
+        "shake_ros.cli.follow:follow_command", "follow a found table over recordings: what changed, and since when"
+    ),
     "table": Entry(
         "shake_ros.cli.repair:table_command", "a table's configuration from nameplates, with its assumptions"
     ),

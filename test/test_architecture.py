@@ -35,7 +35,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("report",),
     ("api",),
     # slices, each with its computation, verb and page
-    ("iteration", "measured"),
+    ("iteration", "measured", "twin"),
     ("commissioning",),
     ("qualification", "campaigns"),
     ("page",),  # the live page's web part: its node in ros feeds it, it shows what api reads and makes

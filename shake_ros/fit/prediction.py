@@ -52,6 +52,7 @@ class Levels:
     ----------
     position, acceleration : of the sensors, in parts of what the recordings show [-].
     force : of the random force, in parts of the segment's acceleration [-]. memory : of that force [s].
+    least_force : of the random force at least, per moved mass [m/s²].
     null, null_drift : of a recording's null shift [-] and of its drift [1/√s].
     bias, bias_drift : of the accelerometer's bias [m/s²] and of its drift [m/s²/√s].
     """
@@ -60,6 +61,7 @@ class Levels:
     acceleration: float = 1.0
     force: float = 0.3
     memory: float = 0.03
+    least_force: float = 0.0
     null: float = 0.01
     null_drift: float = 1e-5
     bias: float = 0.1
@@ -237,7 +239,7 @@ def deviations(
         max(2.0 * math.pi * float(table[INDEX[f"effects.{e}.frequency"]]), 1.0)
         for e in ("specimen_resonance", "base_flexibility")
     )
-    force, left = levels.force * s.loudness, math.exp(-s.dt / levels.memory)
+    force, left = max(levels.force * s.loudness, levels.least_force), math.exp(-s.dt / levels.memory)
     size = {
         POSITION: (s.noise[0], 0.02 * s.noise[0]),
         VELOCITY: (0.05, 0.0),

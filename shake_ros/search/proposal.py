@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -26,6 +27,7 @@ MOST = 3  # effects of a set
 SHIFT = 3.0  # of a parameter, in scales (or parts of its value), that is followed at most
 MULTIPLES = (1.0, 0.5, 0.25, 0.1)  # of the linear prediction from which a refit may start
 RIDGE = 1e-3  # of directions that are alike
+NONE_MOVED: Mapping[int, TriedEffect] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -77,8 +79,16 @@ class Linearised:
     own: np.ndarray
 
 
-def linearised(fitted: PredictorFit, candidates: Sequence[TriedEffect]) -> Linearised:
-    """Residuals of every trial beside a fitted model."""
+def linearised(
+    fitted: PredictorFit, candidates: Sequence[TriedEffect], moved: Mapping[int, TriedEffect] = NONE_MOVED
+) -> Linearised:
+    """Residuals of every trial beside a fitted model.
+
+    Parameters
+    ----------
+    candidates : effects that it does not have. moved : its own parameters by their place that are tried as well, each
+        a unit further than its prior lets it go.
+    """
     model, p = fitted.model, len(fitted.model.x)
     trials = tuple(EffectTrial(c, directions) for c in candidates for directions in c.trials)
     rows, places, taken = list[np.ndarray](), list[tuple[int, ...]](), 0
@@ -97,6 +107,9 @@ def linearised(fitted: PredictorFit, candidates: Sequence[TriedEffect]) -> Linea
     j = (found[1 : p + 1] - r).T / step
     d = (found[p + 1 :] - r).T
     d = np.where(np.max(np.abs(d), axis=0, initial=0.0) < LOST, d, 0.0)
+    d = np.hstack([d, j[:, list(moved)]])
+    trials += tuple(EffectTrial(c, ({c.strength.name: c.strength.scale},)) for c in moved.values())
+    places += [(taken + i,) for i in range(len(moved))]
     prior = model.prior[0]
     normal = j.T @ j + prior.T @ prior
     normal += 1e-9 * np.diag(np.maximum(np.diag(normal), 1e-12))

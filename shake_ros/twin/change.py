@@ -1,0 +1,135 @@
+"""Has a followed parameter changed, and since when? A generalised likelihood ratio over windows, in information form.
+
+Let x̂ with covariance P be what was known before the last m windows, Q what the parameters wander meanwhile and from
+motion to motion, H and h the information of these windows. Their score s = h − H x̂ has, where nothing changed, the
+covariance V = H + H (P + Q) H; a change of one parameter by δ moves its mean by H e δ. So
+
+    z = eᵀ H V⁻¹ s / √(eᵀ H V⁻¹ H e)
+
+is a standard normal variable for each parameter and each m. A second one watches what no followed parameter explains:
+the logarithm of the innovations' mean square against that of the reference. The threshold is that of the false alarms
+per hour, over all variables and all m that are looked at.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from shake_ros.twin.evidence import WindowEvidence
+
+LAGS = (1, 2, 4, 8, 16, 32, 64, 128)  # windows that may have passed since a change
+SQUARE_SPREAD = 0.15  # least standard deviation of the logarithm of a window's mean square, from motion to motion [-]
+HOUR = 3600.0
+
+
+@dataclass(frozen=True)
+class KnownState:
+    """What was known of the parameters at the end of a window: mean, shape (p,), and covariance, (p, p), in units."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """A change.
+
+    windows : that have passed since, the first to show it among them. parameter : index of the followed one that moved
+    most, −1 where the innovations grew without one. score : its standard normal variable.
+    """
+
+    windows: int
+    parameter: int
+    score: float
+
+
+def threshold(false_alarms: float, window: float, variables: int) -> float:
+    """Size of a standard normal variable that a table without change exceeds so often.
+
+    Parameters
+    ----------
+    false_alarms : [1/h]. window : [s]. variables : that are looked at, at each of the lags.
+
+    >>> round(threshold(0.01, 2.0, 13), 2)
+    5.16
+    """
+    tests = HOUR / window * variables * sum(1.0 / lag for lag in LAGS)  # of m windows one in m is a new one
+    return float(norm.isf(0.5 * false_alarms / tests))
+
+
+def scores(known: KnownState, wander: np.ndarray, windows: Sequence[WindowEvidence], inflation: float) -> np.ndarray:
+    """The standard normal variable of each parameter, shape (p,), for the windows since something was known.
+
+    Parameters
+    ----------
+    wander : variance that the parameters gained since, shape (p,). inflation : of the variance of the innovations.
+    """
+    h = sum((w.vector for w in windows), np.zeros(len(wander))) / inflation
+    information = sum((w.information for w in windows), np.zeros((len(wander),) * 2)) / inflation
+    score = h - information @ known.mean
+    variance = information + information @ (known.covariance + np.diag(wander)) @ information
+    scale = np.sqrt(np.maximum(np.diag(variance), 1e-12))
+    across = np.linalg.solve(
+        variance / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), information / scale[:, None]
+    )
+    power = np.sum((information / scale[:, None]) * across, axis=0)
+    seen = power > 1e-9
+    found: np.ndarray = np.where(seen, across.T @ (score / scale) / np.sqrt(np.where(seen, power, 1.0)), 0.0)
+    return found
+
+
+def growth(windows: Sequence[WindowEvidence], normal: tuple[float, float]) -> float:
+    """Standard normal variable of the innovations' mean square against the normal mean and deviation of its log."""
+    logs = [math.log(max(w.square, 1e-12)) for w in windows]
+    return (float(np.mean(logs)) - normal[0]) / math.hypot(normal[1] / math.sqrt(len(logs)), SQUARE_SPREAD)
+
+
+def alarm(
+    history: Sequence[tuple[KnownState, WindowEvidence]],
+    walk: np.ndarray,
+    spread: np.ndarray,
+    inflation: float,
+    normal: tuple[float, float],
+    limit: float,
+) -> Alarm | None:
+    """The change that the windows show most clearly, if any.
+
+    Parameters
+    ----------
+    history : windows with what was known before each, the newest last. walk : variance gained in a window, shape (p,).
+    spread : variance from motion to motion, shape (p,). normal : as in `growth`. limit : from `threshold`.
+    """
+    best: Alarm | None = None
+    for lag in (m for m in LAGS if m <= len(history)):
+        windows = [w for _, w in history[-lag:]]
+        z = scores(history[-lag][0], lag * walk + spread, windows, inflation)
+        parameter = int(np.argmax(np.abs(z)))
+        found = Alarm(lag, parameter, float(z[parameter]))
+        if (grown := growth(windows, normal)) > abs(found.score):
+            found = Alarm(lag, -1, grown)
+        if abs(found.score) > limit and (best is None or abs(found.score) > abs(best.score)):
+            best = found
+    return best
+
+
+def windows_since(
+    history: Sequence[tuple[KnownState, WindowEvidence]], found: Alarm, inflation: float, wide: np.ndarray
+) -> int:
+    """Windows since the change of an alarm: those whose own parameters gain most likelihood over what was known.
+
+    Parameters
+    ----------
+    wide : variance within which the changed parameters lie, shape (p,).
+    """
+    gains = []
+    for m in range(1, min(len(history), 2 * found.windows) + 1):
+        known = history[-m][0]
+        information = sum((w.information for _, w in history[-m:]), np.zeros((len(wide),) * 2)) / inflation
+        score = sum((w.vector for _, w in history[-m:]), np.zeros(len(wide))) / inflation - information @ known.mean
+        gains.append(0.5 * float(score @ np.linalg.solve(information + np.diag(1.0 / wide), score)))
+    return int(np.argmax(gains)) + 1

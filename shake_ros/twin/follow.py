@@ -1,0 +1,223 @@
+"""`follow`: the twin over recordings, off line: each parameter over time, changes with their names, a page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shake_ros.api.fitted import Data, recordings, text_of
+from shake_ros.api.progress import Progress, Told
+from shake_ros.api.result_table import ResultTable, percent
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.recordings import TableRecording
+from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.results import finite
+from shake_ros.settings import load_table, save_table
+from shake_ros.twin.followed import TwinSettings, load_twin
+from shake_ros.twin.naming import Hypothesis
+from shake_ros.twin.text import change_text, instant
+from shake_ros.twin.twin import INTERVAL, LEARNING, NO_MOTION, Change, Twin, TwinWindow
+
+SCHEMA = "shake_ros.follow/1"
+LATEST = 3  # windows whose motion is kept
+SAME_RATE = 1e-3  # part by which sample times of recordings may differ
+
+
+@dataclass(frozen=True, repr=False)
+class Following:
+    """One table over its recordings.
+
+    Attributes
+    ----------
+    names, units : of the followed parameters. windows : in the order of time, without their motion.
+    latest : the last windows with motion. changes : with their names.
+    table : as it is known at the end. error : of the acceleration in free runs of the reference [-].
+    recordings : that were followed.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    windows: Sequence[TwinWindow]
+    latest: Sequence[TwinWindow]
+    changes: Sequence[Change]
+    table: TableParameters
+    error: float
+    recordings: Sequence[TableRecording]
+
+    @property
+    def known(self) -> list[TwinWindow]:
+        """The windows from the end of the reference on."""
+        learning = [i for i, w in enumerate(self.windows) if w.state == LEARNING]
+        return list(self.windows[learning[-1] + 1 if learning else 0 :])
+
+    @property
+    def parameters(self) -> ResultTable:
+        """Each followed parameter at the end of the reference and at the end, with its 90 % interval."""
+        first, last = self.known[0], self.known[-1]
+        rows = [
+            (name, a, b, b - INTERVAL * d, b + INTERVAL * d, unit)
+            for name, a, b, d, unit in zip(
+                self.names, first.values, last.values, last.deviations, self.units, strict=True
+            )
+        ]
+        return ResultTable(("parameter", "reference", "now", "low", "high", "unit"), rows)
+
+    @property
+    def events(self) -> ResultTable:
+        """The changes, a row each."""
+        rows = [
+            (instant(c.since, c.recording, c.at), _name(c), c.named.place, *c.named.error, change_text(c))
+            for c in self.changes
+        ]
+        heads = ("since", "change", "place", "error before", "since then", "with it", "in words")
+        return ResultTable(heads, rows, dict.fromkeys(heads[3:6], percent))
+
+    @property
+    def lines(self) -> list[str]:
+        """What happened, a line for each change and each pause."""
+        pauses = [f"paused, {instant(w.start, w.recording, w.at)}: {w.note}" for w in self.windows if w.note]
+        return [*(change_text(c) for c in self.changes), *pauses] or ["no change"]
+
+    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
+        """Write report.json, report.html and table.yaml, the table as it is known at the end.
+
+        `force` replaces an existing folder; `figures` adds static copies of the charts, as "pdf", "svg" or "png";
+        `command` is the line that the page names as its origin.
+        """
+        from shake_ros.report.page import write_page
+        from shake_ros.twin.page import follow_page
+
+        def fill(out: Path) -> None:
+            save_table(
+                out / "table.yaml", self.table, f"As followed over {', '.join(r.name for r in self.recordings)}."
+            )
+            write_json(out / "report.json", finite(self.content()))
+            write_page(follow_page(self, command), out, figures)
+
+        write_folder(Path(folder), fill, force=force)
+        return Path(folder)
+
+    def content(self) -> dict[str, Any]:
+        """Content of report.json."""
+        return {
+            "schema": SCHEMA,
+            "parameters": [{"name": n, "unit": u} for n, u in zip(self.names, self.units, strict=True)],
+            "reference_error": self.error,
+            "windows": [_window_json(w) for w in self.windows],
+            "changes": [_change_json(c) for c in self.changes],
+        }
+
+    def __repr__(self) -> str:
+        return text_of([("Changes", "\n".join(self.lines)), ("Parameters", self.parameters)])
+
+
+def _name(change: Change) -> str:
+    return change.named.best.name if change.named.explained else "unexplained"
+
+
+def _window_json(w: TwinWindow) -> dict[str, Any]:
+    return {
+        "recording": w.recording,
+        "at": w.at,
+        "start": w.start,
+        "stop": w.stamp,
+        "state": w.state,
+        "note": w.note,
+        "values": w.values.tolist(),
+        "deviations": w.deviations.tolist(),
+        "mean_square": w.square,
+    }
+
+
+def _change_json(c: Change) -> dict[str, Any]:
+    before, after, left = c.named.error
+    return {
+        "recording": c.recording,
+        "at": c.at,
+        "since": c.since,
+        "noticed": c.noticed,
+        "score": c.score,
+        "explained": c.named.explained,
+        "place": c.named.place,
+        "best": _hypothesis_json(c.named.best),
+        "rivals": [_hypothesis_json(h) for h in c.named.rivals],
+        "acceleration_error": {"before": before, "since": after, "with": left},
+        "text": change_text(c),
+    }
+
+
+def _hypothesis_json(h: Hypothesis) -> dict[str, Any]:
+    return {
+        "name": h.name,
+        "parameter": h.parameter,
+        "place": h.place,
+        "unit": h.unit,
+        "before": h.before,
+        "value": h.after,
+        "deviation": h.deviation,
+        "gain": h.gain,
+    }
+
+
+def follow(
+    runs: Data, table: str | Path | TableParameters, *, settings: str | TwinSettings = "default", progress: Told = True
+) -> Following:
+    """Follow the parameters of a found table over recordings, and name what changed.
+
+    Parameters
+    ----------
+    runs : recordings of one table in the order of time, with valve command, position and acceleration.
+    table : as `close_loop` found it: its table.yaml, a name of config/table, or the table itself.
+    settings : a name of config/twin, a YAML file, or the settings.
+    progress : show it, or a function to call with what is being done and the part done.
+
+    Raises
+    ------
+    ShakeError
+        A recording lacks a topic, sample times differ, too little moves, or the table is another one.
+    """
+    found = recordings(runs)
+    if not found:
+        raise ShakeError("no recording to follow")
+    chosen = load_twin(settings) if isinstance(settings, str) else settings
+    declared = table if isinstance(table, TableParameters) else load_table(str(table))
+    twin = Twin(declared, chosen, found[0].sample_time)
+    windows, latest = list[TwinWindow](), list[TwinWindow]()
+    done, total = 0, sum(len(r) for r in found)
+    with Progress("follow", progress) as bar:
+        for r in found:
+            for w in _over(twin, r):
+                windows.append(replace(w, motion=NO_MOTION))
+                latest = [*latest, w][-LATEST:] if len(w.motion) else latest
+                bar(f"{r.name}: {w.state}", min((done + _place(r, w)) / total, 1.0))
+            done += len(r)
+        last = twin.finish()
+    if math.isnan(twin.error):
+        moving = sum(w.state == LEARNING for w in windows) * chosen.test.window
+        raise ShakeError(f"{chosen.test.reference:g} s of motion show what is normal; the recordings hold {moving:g} s")
+    changes = [w.change for w in windows if w.change] + ([last] if last else [])
+    return Following(twin.names, twin.units, windows, latest, changes, twin.table, twin.error, tuple(found))
+
+
+def _place(recording: TableRecording, window: TwinWindow) -> float:
+    return (window.stamp - recording.provenance.start_stamp) * 1e-9 / recording.sample_time
+
+
+def _over(twin: Twin, recording: TableRecording) -> Iterator[TwinWindow]:
+    """The windows of a recording."""
+    if recording.acceleration is None:
+        raise ShakeError(f"{recording.name}: no topic imu, which the twin needs")
+    if abs(recording.sample_time / twin.sample_time - 1.0) > SAME_RATE:
+        raise ShakeError(
+            f"{recording.name}: a sample every {recording.sample_time:g} s, the first recording's "
+            f"every {twin.sample_time:g} s"
+        )
+    twin.begin(recording.name)
+    stamps = recording.provenance.start_stamp + np.rint(recording.time * 1e9).astype(np.int64)
+    yield from twin.add(stamps, recording.valve_command, recording.position, recording.acceleration)

@@ -1,0 +1,385 @@
+"""The twin: samples of a running table in, windows with parameters and intervals out, and changes with their names.
+
+It begins with a reference: some seconds of motion that show the levels of noise, how far the table is from its file,
+and how much estimates scatter where nothing changes. From then on each window corrects the followed parameters (a
+prior that wanders slowly, so that what the motion does not excite keeps its value while its interval grows) and is
+tested for a change. A change is named once enough motion has passed, and becomes part of the model.
+
+The same samples give the same numbers, from a recording or from a graph in lock-step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shake_ros.core.analysis.stretches import stretches
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.quantities import ShakeError
+from shake_ros.fit.model import TABLE, FreeModel
+from shake_ros.fit.prediction import Levels, Predictor, tuned
+from shake_ros.fit.segment import SETTLE, Segment
+from shake_ros.twin.change import HOUR, Alarm, KnownState, alarm, threshold, windows_since
+from shake_ros.twin.evidence import WindowEvidence, evidence
+from shake_ros.twin.followed import Followed, TwinSettings, followed
+from shake_ros.twin.naming import Named, Naming, changed_table, free_run_errors
+
+LEARNING, WATCHING, NAMING, PAUSED = "learning", "watching", "naming", "paused"
+START = 10.0  # times what an estimate varies from motion to motion: as far as a table may be off its file
+MOVING = 20.0  # position noise and …
+FELT = 4.0  # … acceleration noise, of which motion has so many times as much
+TUNED = 4  # windows of the reference that show the levels of noise
+LEVELS = ("force", "acceleration", "position", "memory")
+HELD = {"null": 1e-6, "null_drift": 1e-6, "bias": 1e-6, "bias_drift": 1e-7}  # offsets, which are followed instead
+FOREIGN = 0.6  # relative error of the acceleration in free runs, from which a table's file is that of another table
+FAR = 100.0  # times what an estimate varies from motion to motion, within which a changed parameter lies
+FROZEN = 0.2  # for which a sensor stands still to the last digit while the table moves [s]
+KEPT = 160  # windows
+MOST_NAMED = 3  # windows from which a change is named
+NO_MOTION = np.zeros((0, 5))
+INTERVAL = 1.645  # standard deviations to each side of a 90 % interval
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change with its name.
+
+    recording, at : in which it came, and how far behind its first sample at the earliest [s].
+    since : stamp after which it came [ns]. noticed : stamp of the end of the window that showed it [ns].
+    score : standard normal variable of the test.
+    """
+
+    recording: str
+    at: float
+    since: int
+    noticed: int
+    score: float
+    named: Named
+
+
+@dataclass(frozen=True)
+class TwinWindow:
+    """What one window gave.
+
+    Attributes
+    ----------
+    recording : that it is of. at : of its first sample behind that of the recording [s].
+    start, stamp : of its first sample and behind its last one [ns].
+    state : learning, watching, naming or paused. note : why it pauses; else empty.
+    values, deviations : of the followed parameters, shape (p,), in their units.
+    square : mean square of the whitened innovations, NaN while nothing is known [-].
+    motion : predicted and measured from the first sample on, shape (n, 5) or (0, 5), as in WindowEvidence.
+    change : that was named with it.
+    """
+
+    recording: str
+    at: float
+    start: int
+    stamp: int
+    state: str
+    note: str
+    values: np.ndarray
+    deviations: np.ndarray
+    square: float
+    motion: np.ndarray
+    change: Change | None = None
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """What the reference has shown: levels of noise, inflation of the variance, log mean square and its deviation."""
+
+    levels: Levels
+    inflation: float
+    square: tuple[float, float]
+    error: float
+    loudness: float
+
+
+class Twin:
+    """Follows one table.
+
+    Parameters
+    ----------
+    table : as found. settings : of config/twin. sample_time : [s].
+
+    Raises
+    ------
+    ShakeError : of a table that is not one of the full model.
+    """
+
+    def __init__(self, table: TableParameters, settings: TwinSettings, sample_time: float) -> None:
+        if table.layout is not FULL_LAYOUT:
+            raise ShakeError(f"the twin follows tables of the model full, not of {table.layout.name}")
+        self.settings, self.sample_time = settings, sample_time
+        self.followed: Followed = followed(table, settings)
+        p = len(self.followed.walk)
+        self._known = KnownState(self.followed.model.x, np.diag((START * self.followed.spread) ** 2))
+        self._model: FreeModel = self.followed.model
+        self._window = round(settings.test.window / sample_time)
+        self._lead = round(SETTLE / sample_time)
+        self._limit = threshold(settings.test.false_alarms, settings.test.window, p + 1)
+        self._normal: _Normal | None = None
+        self._waiting: list[tuple[Record, int]] = []
+        self._history: list[tuple[KnownState, WindowEvidence, int, float]] = []
+        self._alarm: tuple[Alarm, int] | None = None
+        self.begin("")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Dotted names of the followed parameters."""
+        return self._model.names
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their units."""
+        return tuple(p.unit for p in self._model.free)
+
+    @property
+    def table(self) -> TableParameters:
+        """The table as it is now known."""
+        return self._model.at(self._known.mean).found_table()
+
+    @property
+    def error(self) -> float:
+        """Relative error of the acceleration in free runs of the reference [-]; NaN before its end."""
+        return self._normal.error if self._normal else math.nan
+
+    def _empty(self, recording: str) -> None:
+        self._recording = recording
+        self._stamps = np.zeros(0, dtype=np.int64)
+        self._samples = np.zeros((0, 3))
+        self._standing = 0.0
+
+    def begin(self, recording: str) -> None:
+        """Samples that come now belong to another recording."""
+        self._empty(recording)
+        self._origin = -1
+
+    def add(
+        self, stamps: np.ndarray, commands: np.ndarray, position: np.ndarray, acceleration: np.ndarray
+    ) -> Iterator[TwinWindow]:
+        """The windows that the next samples complete.
+
+        A sample that is missing or not finite ends a stretch, and the next window begins behind it.
+
+        Parameters
+        ----------
+        stamps, commands, position, acceleration : shape (n,) [ns], [-], [m], [m/s²].
+        """
+        self._origin = int(stamps[0]) if self._origin < 0 and len(stamps) else self._origin
+        rows = np.column_stack([commands, position, acceleration])
+        every = np.concatenate([self._stamps[-1:], stamps])
+        period = self.sample_time * 1e9
+        apart = np.abs(np.diff(every) / period - 1.0) > 0.5
+        apart = apart if len(self._stamps) else np.concatenate([[False], apart])
+        good = np.isfinite(rows).all(axis=1)
+        cuts = np.flatnonzero(apart | ~good | np.concatenate([[False], ~good[:-1]]))
+        for first, last in zip([0, *cuts], [*cuts, len(rows)], strict=True):
+            if first in cuts:
+                missed = (int(stamps[first]) - int(self._stamps[-1])) * 1e-9 if len(self._stamps) else 0.0
+                self._empty(self._recording)
+                if apart[first] and abs(missed) > SETTLE:
+                    yield self._without(int(stamps[first]), int(stamps[first]), f"no samples for {missed:.2f} s")
+            if first < last and good[first]:
+                self._stamps = np.concatenate([self._stamps, stamps[first:last]])
+                self._samples = np.vstack([self._samples, rows[first:last]])
+                yield from self._complete()
+
+    def finish(self) -> Change | None:
+        """Name a change that was noticed, from the motion there is: nothing more comes."""
+        return self._name(*self._alarm) if self._alarm else None
+
+    def _complete(self) -> Iterator[TwinWindow]:
+        """The windows that the samples at hand complete."""
+        size = self._lead + self._window
+        while len(self._stamps) >= size:
+            stamps, rows = self._stamps[:size], np.ascontiguousarray(self._samples[:size].T)
+            record = Record(self._recording, self.sample_time, rows[0], rows[1], rows[2], standing=self._standing)
+            self._standing = float(rows[0, self._window - 1])
+            self._stamps, self._samples = self._stamps[self._window :], self._samples[self._window :]
+            start, stop = int(stamps[self._lead]), int(stamps[-1]) + round(self.sample_time * 1e9)
+            why = trouble(record)
+            yield self._without(start, stop, why) if why or not moves(record) else self._with(record, start, stop)
+
+    def _without(self, start: int, stop: int, why: str) -> TwinWindow:
+        """A window that shows nothing: values stay, intervals grow."""
+        self._grow(stop - start)
+        state = PAUSED if why else self._state
+        return self._told(start, stop, state, why, math.nan, NO_MOTION)
+
+    @property
+    def _state(self) -> str:
+        return LEARNING if self._normal is None else NAMING if self._alarm else WATCHING
+
+    def _grow(self, nanoseconds: int) -> None:
+        gained = self.followed.walk**2 * max(nanoseconds, 0) * 1e-9 / HOUR
+        self._known = KnownState(self._known.mean, self._known.covariance + np.diag(gained))
+
+    def _told(
+        self,
+        start: int,
+        stop: int,
+        state: str,
+        note: str,
+        square: float,
+        motion: np.ndarray,
+        change: Change | None = None,
+    ) -> TwinWindow:
+        deviations = np.sqrt(np.diag(self._known.covariance)) * self._model.scale
+        values = self._known.mean * self._model.scale
+        at = (start - self._origin) * 1e-9
+        return TwinWindow(self._recording, at, start, stop, state, note, values, deviations, square, motion, change)
+
+    def _with(self, record: Record, start: int, stop: int) -> TwinWindow:
+        """A window of motion."""
+        self._grow(stop - start)
+        if self._normal is None:
+            self._waiting.append((record, stop))
+            if len(self._waiting) * self.settings.test.window >= self.settings.test.reference:
+                self._learn()
+            return self._told(start, stop, self._state, "", math.nan, NO_MOTION)
+        spread = np.diag(self.followed.spread**2)
+        model = self._model.at(self._known.mean)
+        seen = evidence(
+            model, record, self._normal.levels, np.linalg.inv(self._known.covariance + spread), self._normal.loudness
+        )
+        self._history = [*self._history[-KEPT:], (self._known, seen, start, (start - self._origin) * 1e-9)]
+        change = self._tested(stop)
+        if change is None:
+            self._known = corrected(self._known, seen, self._normal.inflation, self.followed.spread)
+        return self._told(start, stop, self._state, "", seen.square, seen.motion, change)
+
+    def _learn(self) -> None:
+        """What is normal, from the windows of the reference."""
+        records = [r for r, _ in self._waiting]
+        segments = [Segment.of(r) for r in records]
+        loudness = float(np.median([s.loudness for s in segments]))
+        model = self._model
+        few = segments[:: max(len(segments) // TUNED, 1)]
+        levels = tuned(Predictor(few, Levels(force=0.05, memory=0.1, **HELD)), model.vectors(model.x)[0], LEVELS).levels
+        levels = replace(levels, least_force=levels.force * loudness)
+        first = self._known
+        for _ in range(2):
+            model = model.at(self._known.mean)
+            found = [evidence(model, r, levels, np.linalg.inv(first.covariance), loudness) for r in records]
+            self._known = pooled(first, found, 1.0)
+        misfit = [_misfit(self._known.mean, w) for w in found]
+        inflation = max(1.0, float(np.mean(misfit)) / len(model.x))
+        self._known = pooled(first, [shared(w, inflation, self.followed.spread) for w in found], 1.0)
+        logs = np.log([w.square for w in found])
+        at = model.at(self._known.mean)
+        error = float(free_run_errors(at.vectors(at.x)[:, :TABLE], records)[0])
+        if error > FOREIGN:
+            self._waiting = []
+            raise ShakeError(
+                f"the table's file leaves {100.0 * error:.0f} % of the acceleration unexplained: "
+                "it is that of another table, or was not found by close_loop"
+            )
+        self._normal = _Normal(levels, inflation, (float(np.mean(logs)), float(np.std(logs))), error, loudness)
+        self._model, self._waiting = at, []
+
+    def _tested(self, stop: int) -> Change | None:
+        """The change that is named with this window, if any."""
+        assert self._normal is not None
+        walk = self.followed.walk**2 * self.settings.test.window / HOUR
+        past = [(known, w) for known, w, *_ in self._history]
+        known = (self._normal.inflation, self._normal.square)
+        if self._alarm is None:
+            found = alarm(past, walk, self.followed.spread**2, *known, self._limit)
+            if found and found.parameter >= 0:
+                found = replace(found, windows=windows_since(past, found, known[0], (FAR * self.followed.spread) ** 2))
+            self._alarm = (found, stop) if found else None
+        else:
+            found, noticed = self._alarm
+            self._alarm = replace(found, windows=found.windows + 1), noticed
+        if self._alarm is None or self._alarm[0].windows * self.settings.test.window < self.settings.test.naming:
+            return None
+        return self._name(*self._alarm)
+
+    def _name(self, found: Alarm, noticed: int) -> Change:
+        assert self._normal is not None
+        m, normal = found.windows, self._normal
+        known, first, since, at = self._history[-m]
+        records = [w.record for _, w, *_ in self._history[-m:]][1 if m > 1 else 0 :]
+        before = [w.record for _, w, *_ in self._history[:-m]]
+        wander = m * self.followed.walk**2 * self.settings.test.window / HOUR + self.followed.spread**2
+        naming = Naming(
+            self._model.at(known.mean),
+            known.covariance + np.diag(wander),
+            normal.levels,
+            normal.inflation,
+            before[-MOST_NAMED:],
+            records[-MOST_NAMED:],
+        )
+        usual = math.exp(normal.square[0] + 3.0 * math.hypot(normal.square[1], 0.15))
+        named = naming.named(usual)
+        self._take(named)
+        return Change(first.record.name, at, since, noticed, found.score, named)
+
+    def _take(self, named: Named) -> None:
+        """Go on with the changed model."""
+        assert self._normal is not None
+        best, p = named.best, len(self._model.x)
+        self._model = replace(self._model.at(best.model.x[:p]), table=changed_table(best))
+        self._known = KnownState(self._model.x, best.covariance[:p, :p] + np.diag(self.followed.spread**2))
+        grown = max(math.log(best.square), self._normal.square[0])
+        self._normal = replace(self._normal, square=(grown, self._normal.square[1]))
+        self._history, self._alarm = [], None
+
+
+def pooled(first: KnownState, windows: list[WindowEvidence], inflation: float) -> KnownState:
+    """What is known after windows, from what was known before them."""
+    precision = np.linalg.inv(first.covariance)
+    information = precision + sum(w.information for w in windows) / inflation
+    vector = precision @ first.mean + sum(w.vector for w in windows) / inflation
+    covariance = np.linalg.inv(information)
+    return KnownState(covariance @ vector, covariance)
+
+
+def shared(window: WindowEvidence, inflation: float, spread: np.ndarray) -> WindowEvidence:
+    """The evidence of a window whose parameters differ from those of all motions by a random `spread`, shape (p,)."""
+    keep = np.linalg.inv(np.eye(len(spread)) + window.information / inflation * spread**2)
+    information = keep @ window.information / inflation
+    return replace(window, information=0.5 * (information + information.T), vector=keep @ window.vector / inflation)
+
+
+def corrected(known: KnownState, window: WindowEvidence, inflation: float, spread: np.ndarray) -> KnownState:
+    """What is known after one window."""
+    return pooled(known, [shared(window, inflation, spread)], 1.0)
+
+
+def _misfit(mean: np.ndarray, window: WindowEvidence) -> float:
+    """Square of the distance of a window's own estimate from a mean, in its own standard deviations [-]."""
+    score = window.vector - window.information @ mean
+    scale = np.sqrt(np.maximum(np.diag(window.information), 1e-12))
+    inner = np.linalg.solve(window.information / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), score / scale)
+    return float((score / scale) @ inner)
+
+
+def moves(record: Record) -> bool:
+    """Whether a window has motion from which something can be estimated."""
+    assert record.acceleration is not None
+    far = float(np.std(record.position)) > MOVING * record.position_noise()
+    return far and float(np.std(record.acceleration)) > FELT * record.acceleration_noise()
+
+
+def trouble(record: Record) -> str:
+    """Why a window cannot be used: a sensor or the command stands still while the table moves; else empty."""
+    assert record.acceleration is not None
+    least, dt = round(FROZEN / record.sample_time), record.sample_time
+    felt, moved = record.acceleration, record.position
+    noise = max(record.acceleration_noise(), 1e-9), max(record.position_noise(), 1e-12)
+    for span in stretches(np.diff(moved) == 0.0):
+        if span.stop - span.start >= least and np.std(felt[span]) > FELT * noise[0]:
+            return f"the position stands still for {(span.stop - span.start) * dt:.2f} s while the accelerometer moves"
+    for span in stretches(np.diff(felt) == 0.0):
+        if span.stop - span.start >= least and np.std(moved[span]) > MOVING * noise[1]:
+            return f"the acceleration stands still for {(span.stop - span.start) * dt:.2f} s while the table moves"
+    if np.ptp(record.commands) == 0.0 and moves(record):
+        return "the valve command stands still while the table moves: is it under manual control?"
+    return ""
