@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from shake_ros.api.fitted import Data, recordings, text_of
-from shake_ros.api.progress import Progress, Told
+from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
@@ -166,7 +166,11 @@ def _hypothesis_json(h: Hypothesis) -> dict[str, Any]:
 
 
 def follow(
-    runs: Data, table: str | Path | TableParameters, *, settings: str | TwinSettings = "default", progress: Told = True
+    runs: Data,
+    table: str | Path | TableParameters,
+    *,
+    settings: str | TwinSettings = "default",
+    progress: ProgressOption = True,
 ) -> Following:
     """Follow the parameters of a found table over recordings, and name what changed.
 

@@ -27,7 +27,7 @@ from shake_ros.search.loop import PRIOR
 from shake_ros.search.proposal import EffectSet, Linearised, evaluate, linearised, start
 from shake_ros.twin.followed import candidates_of
 
-REFITTED, STEPS = 6, 3  # hypotheses that are refitted, by so many Jacobians
+REFITTED, STEPS = 6, 6  # hypotheses that are refitted, by so many Jacobians
 RIVAL = math.log(20.0)  # nats behind the best, within which a hypothesis stays possible
 FREE = 1e3  # units within which the parameter of a hypothesis may move
 PLACES = {

@@ -153,7 +153,7 @@ class Twin:
         self._recording = recording
         self._stamps = np.zeros(0, dtype=np.int64)
         self._samples = np.zeros((0, 3))
-        self._standing = 0.0
+        self._command_before = 0.0
 
     def begin(self, recording: str) -> None:
         """Samples that come now belong to another recording."""
@@ -199,8 +199,10 @@ class Twin:
         size = self._lead + self._window
         while len(self._stamps) >= size:
             stamps, rows = self._stamps[:size], np.ascontiguousarray(self._samples[:size].T)
-            record = Record(self._recording, self.sample_time, rows[0], rows[1], rows[2], standing=self._standing)
-            self._standing = float(rows[0, self._window - 1])
+            record = Record(
+                self._recording, self.sample_time, rows[0], rows[1], rows[2], command_before=self._command_before
+            )
+            self._command_before = float(rows[0, self._window - 1])
             self._stamps, self._samples = self._stamps[self._window :], self._samples[self._window :]
             start, stop = int(stamps[self._lead]), int(stamps[-1]) + round(self.sample_time * 1e9)
             why = trouble(record)

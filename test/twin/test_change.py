@@ -1,0 +1,54 @@
+"""The test for a change on windows whose evidence is drawn from a known distribution."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from shake_ros.core.identification.recordings import Record
+from shake_ros.twin.change import KnownState, alarm, threshold, windows_since
+from shake_ros.twin.evidence import WindowEvidence
+
+P, WALK, SPREAD = 3, np.zeros(3), np.full(3, 1e-6)
+NORMAL = (0.0, 0.1)
+NONE = Record("none", 1e-3, np.zeros(64), np.zeros(64))
+
+
+def windows(count: int, jump: np.ndarray, since: int, seed: int) -> list[tuple[KnownState, WindowEvidence]]:
+    """Windows whose parameters are zero, and `jump` from number `since` on; zero was known well before."""
+    rng = np.random.default_rng(seed)
+    known, found = KnownState(np.zeros(P), 1e-4 * np.eye(P)), []
+    for k in range(count):
+        rows = rng.normal(size=(40, P))
+        information = rows.T @ rows
+        truth = jump if k >= since else np.zeros(P)
+        vector = information @ truth + rows.T @ rng.normal(size=40)
+        found.append((known, WindowEvidence(NONE, information, vector, 1.0, 40, np.zeros((0, 5)))))
+    return found
+
+
+def alarms(history: list[tuple[KnownState, WindowEvidence]], limit: float) -> list[int]:
+    return [k for k in range(1, len(history) + 1) if alarm(history[:k], WALK, SPREAD, 1.0, NORMAL, limit)]
+
+
+def test_a_table_without_change_raises_no_more_alarms_than_were_allowed() -> None:
+    limit = threshold(20.0, 2.0, P + 1)  # twenty an hour
+    hours = [windows(90, np.zeros(P), 90, seed) for seed in range(20)]  # of 90 windows, an hour in all
+    assert sum(bool(alarms(history, limit)) for history in hours) <= 20 + 2 * np.sqrt(20)
+
+
+def test_a_jump_is_noticed_at_once_and_its_instant_is_found() -> None:
+    history = windows(24, np.array([0.0, 1.5, 0.0]), 20, 1)
+    limit = threshold(0.01, 2.0, P + 1)
+    assert alarms(history, limit)[0] == 21
+    found = alarm(history, WALK, SPREAD, 1.0, NORMAL, limit)
+    assert found is not None
+    assert found.parameter == 1
+    assert windows_since(history, found, 1.0, np.full(P, 100.0)) == 4
+
+
+def test_what_no_parameter_explains_is_noticed_by_the_innovations() -> None:
+    history = windows(10, np.zeros(P), 10, 2)
+    grown = [(k, WindowEvidence(NONE, w.information, w.vector, 4.0, 40, w.motion)) for k, w in history]
+    found = alarm(grown, WALK, SPREAD, 1.0, NORMAL, threshold(0.01, 2.0, P + 1))
+    assert found is not None
+    assert found.parameter == -1
