@@ -13,18 +13,22 @@ from shake_ros.api import fitted
 from shake_ros.api.fitted import LatentForces, prepared_alike, test_records, with_test
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Ending, Progress, ProgressOption
+from shake_ros.api.read import Recordings
 from shake_ros.api.result_table import ResultTable
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tracking, tune_table
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.close_loop import LoopClosure
+from shake_ros.core.discovery.continued import continued
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.given_answer import GivenAnswer
 from shake_ros.core.discovery.problem import ModelStructure, unstopped
 from shake_ros.core.discovery.remaining import Remaining
+from shake_ros.core.discovery.rival_models import RivalModel, problem_of, rival_models
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.failures import Failures
 from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
+from shake_ros.core.identification.experiments import Candidate
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
@@ -45,7 +49,13 @@ from shake_ros.data.results import (
     tracking_json,
     unknown_json,
 )
-from shake_ros.declared import model_structure, recordings_to_make, search_settings
+from shake_ros.declared import (
+    effect_candidates,
+    late_parameters,
+    model_structure,
+    recordings_to_make,
+    search_settings,
+)
 from shake_ros.fit.solver import Budget
 from shake_ros.search.answer import answer
 from shake_ros.settings import save_table
@@ -228,6 +238,62 @@ class Discovery(fitted.FittedResult):
         """The force that would have to act beside the final model, as a history with its band, by recording."""
         return LatentForces(self.closed.forces)
 
+    def rivals(self) -> tuple[RivalModel, ...]:
+        """Models that the recordings leave possible beside the one found, refitted; none where nothing is open."""
+        settings = search_settings(self.model.declared)
+        return rival_models(problem_of(self.closed, self.estimation, self.validation, settings), self.closed)
+
+    def extended(
+        self,
+        estimation: fitted.Data,
+        validation: fitted.Data | None = None,
+        *,
+        minutes: float | None = None,
+        progress: ProgressOption = True,
+    ) -> Discovery:
+        """The search gone on with more recordings, from the models that it had found and their rivals.
+
+        Parameters
+        ----------
+        estimation : recordings to fit beside those before.
+        validation : recordings beside the validation data before; where none is given, the second half of each of the
+            others.
+        minutes, progress : as of `close_loop`.
+
+        Raises
+        ------
+        ShakeError
+            A recording cannot be fitted, or is among those before.
+        """
+        declared, before = self.model.declared, Recordings([])
+        new = [test_records(self.model, data, (before, before))[0] for data in (estimation, validation)]
+        known = set(fitted.names_of(self.records))
+        if again := sorted(known & {r.name for r in (*new[0], *new[1])}):
+            raise ShakeError(f"{', '.join(again)}: is among the recordings of the search already")
+        first, data = prepared_alike(self.model, new[0], self.data, self.closed)
+        second, data = prepared_alike(self.model, new[1], data, self.closed) if new[1] else ([], data)
+        if not second:
+            halves = [(r.part(slice(0, n // 2)), r.part(slice(n // 2, n))) for r in first if (n := len(r.commands))]
+            first, second = [a for a, _ in halves], [b for _, b in halves]
+        data = replace(data, estimation=[*self.estimation, *first], validation=[*self.validation, *second])
+        table, failures = self.closed.baseline.table, Failures()
+        model = ModelStructure(
+            table,
+            self.closed.search.declared.fit.free.free,
+            tuple(late_parameters(declared)),
+            effect_candidates(declared, table),
+            declared,
+        )
+        with Progress("close_loop", progress) as bar, Ending(bar, minutes) as ending:
+            settings = search_settings(declared)
+            sets = data.estimation, data.validation
+            found = continued(
+                model, self.closed, self.rivals(), *sets, settings, ending, ending.deadline_passed, failures
+            )
+            data = data.with_nuisances(found.search.nuisances)
+            asked = () if ending.deadline_passed() else recordings_to_make()
+            return _completed(self.model, found, data, [], asked, bar, failures)
+
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, before and after; the first one validated."""
         from shake_ros.report.charts_fit import free_runs, history_chart
@@ -254,14 +320,14 @@ class Discovery(fitted.FittedResult):
         sets = self.estimation, self.validation, self.test
         names = [fitted.names_of(records) for records in sets]
         content = close_loop_json(self.closed, names[0], names[1], self.model.kind, names[2])
-        step, identified = self.failures.step, tuple[Estimate, ...]()
+        step, told = self.failures.step, tuple[Estimate, ...]()
         with step("residuals in report.json"):
             if self.diagnosis:
                 content["remaining"]["predictable"] = predictable_json(self.diagnosis.predictable)
                 content["remaining"]["innovations"] = innovations_json(self.diagnosis.innovations)
-        with step("what the recordings identify"):
-            identified = self.identified_estimates
-            content |= unknown_json(identified, self.data) if identified else {}
+        with step("what the recordings tell"):
+            told = self.told
+            content |= unknown_json(told, self.data) if told else {}
         with step("positions"):
             if self.model.kind == "axis":
                 errors = {n: {"before": before, "after": after} for n, (before, after) in self.position_error.items()}
@@ -286,7 +352,7 @@ class Discovery(fitted.FittedResult):
                     self.tuned.write(out, force)
             with step("page"):
                 page = close_loop_page(
-                    self.closed, *sets, self.diagnosis, self.tracking, command, identified, self.data, self.failures
+                    self.closed, *sets, self.diagnosis, self.tracking, command, told, self.data, self.failures
                 )
                 write_page(page, out, figures)
             with step("numbers of report.json"):
@@ -298,10 +364,10 @@ class Discovery(fitted.FittedResult):
 
     def _parts(self) -> list[tuple[str, Any]]:
         effects = self.effects.frame if self.effects else "nothing"
-        identified = [("Identified", self.identified)] if self.model.declared.nuisances else []
+        told = [("Identified", self.identified)] if self.model.declared.nuisances else []
         failed = [("Failed", "\n".join(map(str, self.failures)))] if len(self.failures) else []
         remaining = ("Remaining", self.remaining.text)
-        return [("Missing", effects), ("Error of the free run", self.error), *identified, remaining, *failed]
+        return [("Missing", effects), ("Error of the free run", self.error), *told, remaining, *failed]
 
     def __repr__(self) -> str:
         return fitted.text_of(self._parts())
@@ -385,26 +451,41 @@ def close_loop(
             found = closing.close_loop(
                 structure, first, second, limits, ending, ending.deadline_passed, failures, given
             )
-        known, tuned, benefit, diagnosis = None, None, None, None
         data = data.with_nuisances(found.search.nuisances)
         data = replace(data, stops=(*data.stops, *stops))
-        first, second = data.estimation, data.validation
-        with failures.step("test data"):
-            if test_data:
-                test_data, data = prepared_alike(model, test_data, data, found)
-                found = with_test(found, test_data)
-        with failures.step("uncertainty"):
-            known = _uncertainty(found, first)
-        with failures.step("tuning"):
-            tuned = tune_table(found.final.table, uncertainty=known, progress=bar) if tune else None
-        bar("tracking with the model before and after", 1.0)
-        with failures.step("tracking"):
-            benefit = tracking(found, known, tuned)
-        bar("residuals and what would help", 1.0)
-        with failures.step("diagnosis"):
-            asked = () if ending.deadline_passed() else recordings_to_make()
-            diagnosis = diagnose(found.final.fit, first, second, asked, declared)
-    return Discovery(model, found, first, second, diagnosis, benefit, data, tuned, failures, test_data)
+        asked = () if ending.deadline_passed() else recordings_to_make()
+        return _completed(model, found, data, test_data, asked, bar, failures, tune=tune)
+
+
+def _completed(
+    model: Model,
+    found: LoopClosure,
+    data: Prepared,
+    test_data: list[Record],
+    asked: Sequence[Candidate],
+    bar: Progress,
+    failures: Failures,
+    *,
+    tune: bool = False,
+) -> Discovery:
+    """What follows a search: errors on test data, uncertainty, gains, tracking, diagnosis; each may fail alone."""
+    known, tuned, benefit, told = None, None, None, None
+    first, second = data.estimation, data.validation
+    with failures.step("test data"):
+        if test_data:
+            test_data, data = prepared_alike(model, test_data, data, found)
+            found = with_test(found, test_data)
+    with failures.step("uncertainty"):
+        known = _uncertainty(found, first)
+    with failures.step("tuning"):
+        tuned = tune_table(found.final.table, uncertainty=known, progress=bar) if tune else None
+    bar("tracking with the model before and after", 1.0)
+    with failures.step("tracking"):
+        benefit = tracking(found, known, tuned)
+    bar("residuals and what would help", 1.0)
+    with failures.step("diagnosis"):
+        told = diagnose(found.final.fit, first, second, asked, model.declared)
+    return Discovery(model, found, first, second, told, benefit, data, tuned, failures, test_data)
 
 
 def check_search(search: str, declared: DeclaredModel) -> None:

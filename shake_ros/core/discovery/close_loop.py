@@ -79,17 +79,17 @@ def close_loop(
     problem = SearchProblem.of(model, estimation, validation, settings, unstopped(progress))
     if given is not None:
         with within_budget(deadline_passed):
-            return _concluded(problem, selection_of(problem, model, given), model, estimation, failures)
+            return concluded(problem, selection_of(problem, model, given), model, estimation, failures)
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
     reported = problem.progress
     problem, selection = forward_selection(replace(problem, progress=progress), declared, model, failures)
     with failures.step("search beside process noise"):
         problem, selection = with_predictor_search(problem, selection, replace(model, shown=()))
     with within_budget(deadline_passed):  # the verdicts come from fits that have ended, as long as there is time
-        return _concluded(replace(problem, progress=reported), selection, model, estimation, failures)
+        return concluded(replace(problem, progress=reported), selection, model, estimation, failures)
 
 
-def _concluded(
+def concluded(
     problem: SearchProblem,
     selection: Selection,
     model: ModelStructure,

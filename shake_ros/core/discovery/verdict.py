@@ -20,10 +20,11 @@ budget is over an effect may still turn out to be needless, but none is establis
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, distinguishable, improves
 from shake_ros.core.discovery.elimination import without
 from shake_ros.core.discovery.exchange import in_its_place, rivals
@@ -41,6 +42,7 @@ class EffectVerdict:
 
     worth : rms residual of the validation data without it, over that with it [-]. reason : of the verdict, one phrase.
     alternatives : effects that could stand for it in the final model. bounds : its parameters that rest on a bound.
+    candidate, model : the effect with its parameters, and the model that had it when it was assessed.
     """
 
     effect: str
@@ -50,6 +52,8 @@ class EffectVerdict:
     reason: str
     alternatives: tuple[str, ...] = ()
     bounds: tuple[str, ...] = ()
+    candidate: CandidateEffect | None = field(default=None, repr=False)
+    model: ScoredFit | None = field(default=None, repr=False)
 
 
 def resting_parameters(final: ScoredFit, step: ForwardStep) -> tuple[str, ...]:
@@ -105,7 +109,8 @@ def verdict_of(
         state, reason = ESTABLISHED, "needed, no other effect replaces it, and the residual is near the noise"
     else:
         state, reason = LIKELY, "needed, but much of the residual is unexplained"
-    return EffectVerdict(candidate.effect, candidate.place, state, worth, reason, others, bounds), reduced
+    verdict = EffectVerdict(candidate.effect, candidate.place, state, worth, reason, others, bounds, candidate, final)
+    return verdict, reduced
 
 
 def with_verdicts(

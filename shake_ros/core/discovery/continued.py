@@ -1,0 +1,99 @@
+"""A search that goes on where it stopped, on more recordings.
+
+The models found and their rivals are fitted to all recordings from where they stand, and the choice between them is
+made again; what the enlarged data show beyond that, the search looks for as before.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from shake_ros.core.discovery.close_loop import LoopClosure, concluded
+from shake_ros.core.discovery.decision import ForwardStep, decide, improves
+from shake_ros.core.discovery.elimination import eliminate
+from shake_ros.core.discovery.exchange import in_its_place
+from shake_ros.core.discovery.forward_selection import stages
+from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, Stopped, linearised, unstopped
+from shake_ros.core.discovery.refit import Refit, ranked
+from shake_ros.core.discovery.rival_models import RivalModel
+from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.discovery.selection import Selection
+from shake_ros.core.failures import RAISING, Failures
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.time_budget import never, within_budget
+
+
+def continued(
+    model: ModelStructure,
+    before: LoopClosure,
+    rivals: Sequence[RivalModel],
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    settings: SearchSettings,
+    progress: Progress,
+    deadline_passed: Callable[[], bool] = never,
+    failures: Failures = RAISING,
+) -> LoopClosure:
+    """The result of a search on more recordings.
+
+    Parameters
+    ----------
+    model : declared model with its free parameters and the effects that it may lack.
+    before : result on fewer recordings.
+    rivals : of its model.
+    estimation, validation : all recordings, the new ones too.
+    settings, progress, deadline_passed, failures : as of `close_loop`.
+    """
+    problem = SearchProblem.of(model, estimation, validation, settings, unstopped(progress))
+    problem.progress("fitting the models found and their rivals to all recordings", 0.2)
+    free = before.search.declared.fit.free
+    declared = problem.fitted(free, before.search.declared.fit.x, settings.converging_evaluations, settings.converged)
+    again = before.search.on(lambda m: problem.scored(linearised(problem.estimation, m.fit)), problem.converged_again)
+    found = replace(again, declared=declared if again.steps else again.final, rejected=(), functions=None, stopped=False)
+    found = with_rivals(problem, found, rivals)
+    present = {step.chosen.candidate.effect for step in found.steps}
+    left = replace(model, shown=(), candidates=tuple(c for c in model.candidates if c.effect not in present))
+    searching = replace(problem, progress=progress)
+    with failures.step("search"), contextlib.suppress(Stopped):
+        for grown in stages(searching, found, left):
+            found = grown
+    steps, final, removed = eliminate(problem, found.steps, found.final)
+    found = replace(found, steps=steps, final=final, removed=(*found.removed, *removed))
+    with within_budget(deadline_passed):
+        return concluded(problem, found, model, estimation, failures)
+
+
+def with_rivals(problem: SearchProblem, found: Selection, rivals: Sequence[RivalModel]) -> Selection:
+    """The selection after the rivals of its model had their turn on the same recordings."""
+    steps = list(found.steps)
+    for number, step in enumerate(steps):
+        others = [r for r in rivals if r.replaced == number and r.candidate is not None]
+        refits = [Refit(r.candidate, r.result, 0.0) for r in others if r.candidate is not None]
+        now = replace(step.chosen, result=found.final)
+        tried = [in_its_place(problem, found.final, step, other) for other in refits]
+        noise = problem.validation.noise_cost()
+        chosen = decide(ranked([now, *tried]), step.screened, problem.settings, noise)
+        steps[number] = chosen
+        found = replace(found, steps=tuple(steps), final=chosen.chosen.result)
+    for rival in rivals:
+        if rival.replaced is None and rival.candidate is not None:
+            found = _with_more(problem, found, rival)
+    return found
+
+
+def _with_more(problem: SearchProblem, found: Selection, rival: RivalModel) -> Selection:
+    """The selection with the effect that a rival has in addition, where the model is better with it."""
+    candidate, fit = rival.candidate, rival.result.fit
+    assert candidate is not None
+    if candidate.effect in {step.chosen.candidate.effect for step in found.steps}:
+        return found
+    free = found.final.fit.free.extended(candidate.free)
+    values = {name: fit.table.value(name) for name in free.names if name in fit.table.fields}
+    most, tolerance = problem.settings.converging_evaluations, problem.settings.converged
+    tried = problem.fitted(free, free.x_of(values), most, tolerance)
+    if not improves(tried, found.final, problem.settings):
+        return found
+    chosen = Refit(candidate, tried, 0.0)
+    return found.with_step(ForwardStep(chosen, (chosen,)))

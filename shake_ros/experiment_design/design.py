@@ -1,0 +1,197 @@
+"""The motion that tells rival models apart: expected growth of the evidence, within what the table may do.
+
+If the model found is true, the recording of a motion is what this model predicts. A rival fitted to it as well moves
+its parameters by δ, against what the recordings at hand say of them, and leaves d − J δ of the difference d. The
+expected gain in log likelihood over the rival is half of the squares that are left,
+
+    E = ½ min_δ (‖d − J δ‖² + ‖J₀ δ‖²) / w,
+
+all residuals weighted by the noise; w is the widening of the rival's variances on the recordings at hand, by which
+residuals that are correlated, or above the sensor noise, count less. Source: A. Atkinson, V. Fedorov, The design of
+experiments for discriminating between two rival models, Biometrika 62 (1975) 57; with the information J₀ᵀJ₀ that
+is there already.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.core.control.feedforward_pi import FeedforwardPI
+from shake_ros.core.control.runner import Controller
+from shake_ros.core.discovery.problem import side_by_side
+from shake_ros.core.discovery.rival_models import RivalModel
+from shake_ros.core.identification.fit import Fit, jacobian
+from shake_ros.core.identification.identifiability import widening
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.loop.compiled import Loop, simulate
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.reference.motion import Envelope, envelope
+from shake_ros.experiment_design.motions import Motion
+
+Array = NDArray[np.float64]
+ENOUGH = math.log(1000.0)  # gain in log likelihood at which a rival counts as settled [nats]
+HARDLY = math.log(10.0)  # below it a motion does not tell a rival apart [nats]
+OVERHEAD = 4.0  # of a run beside its motion, in seconds of excitation: many short runs are no gain
+FOLLOWED = 12.0  # bandwidth of the plain loop by which a motion is predicted [rad/s]
+COMMAND = 0.9  # largest valve command that a motion may need [-]
+CLOSE = 12  # motions whose evidence is worked out with refitted rivals: those of the largest difference
+
+
+@dataclass(frozen=True)
+class Separation:
+    """What a motion is expected to do to one rival.
+
+    Attributes
+    ----------
+    rival : its name.
+    gain : expected gain in log likelihood of the model found over it [nats].
+    left : acceleration that its refit leaves unexplained, shape (n,) [m/s²].
+    """
+
+    rival: str
+    gain: float
+    left: Array = field(repr=False)
+
+    @property
+    def odds(self) -> float:
+        """Expected odds against it, up to 10⁶."""
+        return float(min(math.exp(min(self.gain, 20.0)), 1e6))
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A motion as the model found predicts it.
+
+    Attributes
+    ----------
+    motion : asked for.
+    samples : of the reference, shape (n, 3).
+    record : what its sensors would show.
+    separations : of each rival.
+    """
+
+    motion: Motion
+    samples: Array
+    record: Record
+    separations: tuple[Separation, ...] = ()
+
+    @property
+    def rate(self) -> float:
+        """Rivals that it settles per second, those that it settles in part counted in part [1/s]."""
+        settled = sum(min(max(s.gain, 0.0) / ENOUGH, 1.0) for s in self.separations)
+        return settled / (self.motion.seconds + OVERHEAD)
+
+
+@dataclass(frozen=True)
+class Designer:
+    """What a design knows.
+
+    Attributes
+    ----------
+    model : of all rivals. final : fit of the model found. rivals : of it. limits : of position, velocity, acceleration.
+    like : a recording whose noise the next one will have. known : information of each rival from the recordings at
+    hand, per unit of x, and its widening.
+    """
+
+    model: DeclaredModel
+    final: Fit
+    rivals: tuple[RivalModel, ...]
+    limits: Envelope
+    like: Record
+    known: tuple[tuple[Array, float], ...]
+
+    @classmethod
+    def of(
+        cls, model: DeclaredModel, final: Fit, rivals: Sequence[RivalModel], limits: Envelope, records: Sequence[Record]
+    ) -> Designer:
+        """With what the recordings at hand say of each rival."""
+        problem, known = RecordingProblem(list(records), model), list[tuple[Array, float]]()
+        for rival in rivals:
+            fit = rival.fit
+            r = problem.residuals(fit.vector[None, :])[0]
+            there = Fit(fit.free, fit.x, r, jacobian(problem, fit.free, fit.x, r), 0.5 * float(r @ r), 0)
+            known.append((there.jacobian.T @ there.jacobian, widening(there, problem.blocks())))
+        like = max(records, key=lambda r: len(r.commands))
+        return cls(model, final, tuple(rivals), limits, like, tuple(known))
+
+    def predicted(self, motion: Motion) -> Prediction | None:
+        """A motion as the model found predicts it; None where any model would leave the limits."""
+        samples = motion.samples(self.limits, self.like.sample_time)
+        table = self.final.table
+        runs = [self._followed(t, samples) for t in (table, *(r.fit.table for r in self.rivals))]
+        if any(run is None for run in runs) or runs[0] is None:
+            return None
+        command, position, acceleration = runs[0]
+        rng, like = np.random.default_rng(0), self.like
+        record = Record(
+            str(motion),
+            like.sample_time,
+            command,
+            position + like.position_noise() * rng.standard_normal(len(position)),
+            None if like.acceleration is None else acceleration + like.acceleration_noise() * rng.standard_normal(len(position)),
+            cutoff=like.cutoff,
+        )
+        return Prediction(motion, samples, record)
+
+    def _followed(self, table: TableParameters, samples: Array) -> tuple[Array, Array, Array] | None:
+        """Command, position and acceleration of a table under a plain loop; None where it leaves the limits."""
+        gain = envelope(self.final.table).velocity
+        law = FeedforwardPI(
+            limit=1.0, start_time=0.0, model_bandwidth=100.0, model_horizon=0.004, proportional_gain=-FOLLOWED / gain,
+            integral_gain=0.0, feedforward_gain=1.0 / gain,
+        )  # fmt: skip
+        run, finite = simulate(Loop(table, None, Controller("feedforward_pi", law, self.like.sample_time), samples))
+        if finite < len(samples) or float(np.max(np.abs(run.command))) > COMMAND:
+            return None
+        largest = np.max(np.abs(run.truth), axis=0)
+        return None if np.any(largest > self.limits) else (run.command, run.truth[:, 0], run.truth[:, 2])
+
+    def separated(self, prediction: Prediction, *, refitted: bool = True) -> tuple[Separation, ...]:
+        """What a predicted motion does to each rival; without their refits an upper bound."""
+        problem = RecordingProblem([prediction.record], self.model)
+        truth = problem.residuals(self.final.vector[None, :])[0]
+        found = []
+        for rival, (information, wide) in zip(self.rivals, self.known, strict=True):
+            fit = rival.fit
+            r = problem.residuals(fit.vector[None, :])[0]
+            d = np.nan_to_num(r - truth)
+            left, moved = d, 0.0
+            if refitted:
+                j = np.nan_to_num(jacobian(problem, fit.free, fit.x, r))
+                step = np.linalg.lstsq(j.T @ j + information, -j.T @ d, rcond=1e-12)[0]
+                left, moved = d + j @ step, float(step @ information @ step)
+            gain = 0.5 * (float(left @ left) + moved) / wide
+            found.append(Separation(rival.name, gain, self._acceleration(problem, left)))
+        return tuple(found)
+
+    @staticmethod
+    def _acceleration(problem: RecordingProblem, residuals: Array) -> Array:
+        """The acceleration's part of weighted residuals in its unit, of the velocity where there is none."""
+        record, n = problem.records[0], len(problem.records[0].commands) - problem.records[0].start
+        if record.acceleration is None:
+            return residuals[:n] / problem.velocity_weights[0]
+        return -residuals[n : 2 * n] / problem.acceleration_weights[0]
+
+    def best(self, motions: Sequence[Motion], progress: Callable[[str, float], None]) -> list[Prediction]:
+        """Predictions with their separations, the best first: of the library, then a step about the best of it."""
+        progress("predicting the motions of the library", 0.1)
+        possible = [p for p in side_by_side(self.predicted, motions) if p is not None]
+        rough = side_by_side(lambda p: sum(min(s.gain, ENOUGH) for s in self.separated(p, refitted=False)), possible)
+        order = sorted(zip(rough, range(len(possible)), strict=True), key=lambda pair: -pair[0] / possible[pair[1]].motion.seconds)
+        progress("refitting the rivals to the best of them", 0.4)
+        found = self._worked_out([possible[i] for _, i in order[:CLOSE]])
+        if found:
+            progress(f"best so far: {found[0].motion}; varying it", 0.8)
+            around = [p for p in side_by_side(self.predicted, list(found[0].motion.neighbours())) if p is not None]
+            found = sorted([*found, *self._worked_out(around)], key=lambda p: -p.rate)
+        return found
+
+    def _worked_out(self, predictions: Sequence[Prediction]) -> list[Prediction]:
+        made = side_by_side(lambda p: Prediction(p.motion, p.samples, p.record, self.separated(p)), predictions)
+        return sorted(made, key=lambda p: -p.rate)

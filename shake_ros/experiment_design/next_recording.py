@@ -1,0 +1,272 @@
+"""`next_recording`: the motion that settles what a search has left open, or why none within the limits does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shake_ros.api.close_loop import Discovery
+from shake_ros.api.progress import Progress, ProgressOption
+from shake_ros.core.discovery.rival_models import RivalModel
+from shake_ros.core.plant.parameters import FULL_LAYOUT
+from shake_ros.core.quantities import ShakeError, strict_keys
+from shake_ros.core.reference.motion import Envelope, envelope
+from shake_ros.data.recordings import TableRecording
+from shake_ros.data.reference_file import write_drive
+from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.experiment_design.design import ENOUGH, HARDLY, Designer, Prediction, Separation
+from shake_ros.experiment_design.motions import Motion, library
+from shake_ros.settings import find, read_yaml
+
+Array = NDArray[np.float64]
+WITHIN = 0.8  # part of a declared table's envelope that a motion may use
+GROWTH = 2.0  # times what the recordings at hand reached, the most that a motion may ask for
+MORE_MASS = 0.3  # of the moved mass, as a payload that might tell rivals apart
+Play = Callable[["NextRecording"], TableRecording]
+
+
+@dataclass(frozen=True, repr=False)
+class NextRecording:
+    """The recording to make next.
+
+    Attributes
+    ----------
+    rivals : names of the models that are open beside the model found; empty where nothing is open.
+    prediction : the motion with what it is expected to do to each rival; None where none within the limits is possible.
+    limits : largest position [m], velocity [m/s] and acceleration [m/s²] that it may ask for.
+    with_payload : expected gain over each rival of the same motion with MORE_MASS more on the table [nats].
+    sample_time : of the motion [s].
+    """
+
+    rivals: tuple[str, ...]
+    prediction: Prediction | None
+    limits: Envelope
+    with_payload: tuple[Separation, ...]
+    sample_time: float
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing is open."""
+        return not self.rivals
+
+    @property
+    def useful(self) -> bool:
+        """Whether the motion is expected to tell at least one rival apart."""
+        return self.prediction is not None and any(s.gain > HARDLY for s in self.prediction.separations)
+
+    @property
+    def motion(self) -> Array | None:
+        """Position [m], velocity [m/s] and acceleration [m/s²] to play, shape (n, 3)."""
+        return self.prediction.samples if self.prediction and self.useful else None
+
+    def lines(self) -> Iterator[str]:
+        """What it says, line by line."""
+        if self.settled:
+            yield "nothing is open: no further recording is needed"
+            return
+        yield f"open beside the model found: {', '.join(self.rivals)}"
+        if self.prediction is None:
+            yield f"no motion of the library stays within {_limits(self.limits)} with every one of these models"
+            return
+        if not self.useful:
+            yield f"no motion within {_limits(self.limits)} distinguishes them with these sensors"
+            helped = [s.rival for s in self.with_payload if s.gain > HARDLY]
+            if helped:
+                yield f"with {100.0 * MORE_MASS:.0f} % more mass on the table it would: {', '.join(helped)}"
+            return
+        yield f"the next recording: {self.prediction.motion}"
+        for s in self.prediction.separations:
+            if s.gain > HARDLY:
+                yield f"  distinguishes {s.rival}: expected odds {_odds(s.odds)} : 1"
+            else:
+                yield f"  does not settle {s.rival}: expected odds {s.odds:.1f} : 1"
+
+    def write(self, folder: str | Path, force: bool = False) -> Path:
+        """Write next.json, report.html and, where a motion helps, drive.yaml, a reference to play."""
+        from shake_ros.experiment_design.page import next_page
+        from shake_ros.report.page import write_page
+
+        def fill(out: Path) -> None:
+            if self.motion is not None:
+                write_drive(out, Path(folder), self.motion, self.sample_time)
+            write_json(out / "next.json", self.content())
+            write_page(next_page(self), out, None)
+
+        write_folder(Path(folder), fill, force=force)
+        return Path(folder)
+
+    def content(self) -> dict[str, Any]:
+        """What next.json has."""
+        shown = self.prediction
+        return {
+            "settled": self.settled,
+            "rivals": list(self.rivals),
+            "useful": self.useful,
+            "limits": dict(self.limits._asdict()),
+            "motion": None if shown is None else {**_motion(shown.motion), "sample_time": self.sample_time},
+            "expected": {} if shown is None else {s.rival: {"log_odds": s.gain} for s in shown.separations},
+            "expected_with_payload": {s.rival: {"log_odds": s.gain} for s in self.with_payload},
+        }
+
+    def __repr__(self) -> str:
+        return "\n".join(self.lines())
+
+
+def _motion(motion: Motion) -> dict[str, Any]:
+    return {
+        "name": motion.name, "kind": motion.kind, "low": motion.low, "high": motion.high,
+        "part": motion.part, "seconds": motion.seconds,
+    }  # fmt: skip
+
+
+def _limits(limits: Envelope) -> str:
+    return f"{1e3 * limits.position:.3g} mm, {limits.velocity:.3g} m/s and {limits.acceleration:.3g} m/s²"
+
+
+def _odds(odds: float) -> str:
+    return "over 1 000 000" if odds >= 1e6 else f"{odds:.2g}" if odds < 100.0 else f"{odds:,.0f}".replace(",", " ")
+
+
+def limits_of(found: Discovery, given: Mapping[str, float] | None = None, interlock: str | None = None) -> Envelope:
+    """How far a motion may go.
+
+    Parameters
+    ----------
+    found : result whose recordings have reached something; a motion asks for GROWTH times that at most.
+    given : values for "position" [m], "velocity" [m/s], "acceleration" [m/s²] in its place.
+    interlock : a name of config/interlock or a file, whose limits hold in any case.
+
+    Raises
+    ------
+    ShakeError : an unknown quantity, a value that is not positive.
+    """
+    reached = [
+        (np.ptp(r.position) / 2.0, np.max(np.abs(r.velocity)), np.max(np.abs(_felt(r)))) for r in found.records
+    ]
+    most = GROWTH * np.max(reached, axis=0)
+    given = dict(strict_keys(given or {}, Envelope._fields, "limits", kind="quantity"))
+    limits = np.array([given.get(name, value) for name, value in zip(Envelope._fields, most, strict=True)])
+    if not np.all(limits > 0.0):
+        raise ShakeError("limits: expected numbers above 0")
+    own = np.array(envelope(found.table))
+    stroke = found.model.stroke
+    own[0] = np.inf if stroke is None else 0.5 * stroke
+    limits = np.minimum(limits, WITHIN * own)
+    if interlock is not None:
+        causes = read_yaml(find("interlock", interlock))["causes"]
+        names = ("position_soft", "velocity", "acceleration")
+        limits = np.minimum(limits, [WITHIN * float(causes[name]["threshold"]) for name in names])
+    return Envelope(*map(float, limits))
+
+
+def _felt(record: Any) -> Array:
+    """Acceleration of a record, of its velocity where it has none."""
+    if record.acceleration is not None:
+        return np.where(record.whole, record.acceleration, 0.0)
+    return np.asarray(np.gradient(record.velocity, record.sample_time))
+
+
+def next_recording(
+    found: Discovery,
+    *,
+    limits: Mapping[str, float] | None = None,
+    interlock: str | None = None,
+    motions: str = "motions",
+    progress: ProgressOption = True,
+) -> NextRecording:
+    """The motion that tells the models apart which a search has left open, within what the table may do.
+
+    Parameters
+    ----------
+    found : from `close_loop`, of the model full or unknown.
+    limits : largest "position" [m], "velocity" [m/s], "acceleration" [m/s²] of the motion; twice what the recordings
+        reached where not given, and never more than 80 % of a declared table's envelope.
+    interlock : a name of config/interlock or a file, whose limits hold in any case.
+    motions : a name of config/experiment or a file: the library.
+    progress : show it, or a function to call with what is being done and the part done.
+
+    Raises
+    ------
+    ShakeError : another model; wrong limits or files.
+    """
+    if found.table.layout is not FULL_LAYOUT:
+        raise ShakeError(f"next_recording: needs the model full or unknown, not {found.model.kind}")
+    with Progress("next_recording", progress) as bar:
+        bar("refitting the rivals", 0.0)
+        rivals = found.rivals()
+        bounds, dt = limits_of(found, limits, interlock), found.estimation[0].sample_time
+        if not rivals:
+            return NextRecording((), None, bounds, (), dt)
+        names = tuple(r.name for r in rivals)
+        designer = Designer.of(found.model.declared, found.closed.search.final.fit, rivals, bounds, found.estimation)
+        best = next(iter(designer.best(library(motions), bar)), None)
+        made = NextRecording(names, best, bounds, (), dt)
+        if best is None or made.useful:
+            return made
+        bar("the same with more mass on the table", 0.9)
+        return replace(made, with_payload=heavier(designer, best))
+
+
+def heavier(designer: Designer, best: Prediction) -> tuple[Separation, ...]:
+    """What a motion is expected to do to each rival with MORE_MASS more on the table."""
+
+    def loaded(fit: Any) -> Any:
+        table = fit.free.base
+        name = "body.specimen_mass"
+        base = table.with_values({name: table.value(name) + MORE_MASS * fit.table.moved_mass})
+        return replace(fit, free=type(fit.free)(base, fit.free.free))
+
+    rivals = tuple(replace(r, result=replace(r.result, fit=loaded(r.fit))) for r in designer.rivals)
+    other = replace(designer, final=loaded(designer.final), rivals=rivals)
+    shown = other.predicted(best.motion)
+    return () if shown is None else other.separated(shown)
+
+
+@dataclass(frozen=True)
+class Decided:
+    """How open questions were settled.
+
+    Attributes
+    ----------
+    found : the last result.
+    played : motions in their order, each with what it was expected to do.
+    last : what the last design said.
+    """
+
+    found: Discovery
+    played: tuple[NextRecording, ...]
+    last: NextRecording
+
+
+def decide(
+    found: Discovery,
+    play: Play,
+    *,
+    most: int = 2,
+    minutes: float | None = None,
+    progress: ProgressOption = True,
+    **options: Any,
+) -> Decided:
+    """Make recordings until nothing is open, nothing within the limits would help, or there are enough of them.
+
+    Parameters
+    ----------
+    found : from `close_loop`.
+    play : plays a motion and returns its recording; what it raises ends the series.
+    most : recordings at most.
+    minutes : time budget of each search that goes on.
+    options : of `next_recording`.
+    """
+    played = list[NextRecording]()
+    asked = next_recording(found, progress=progress, **options)
+    while asked.motion is not None and len(played) < most:
+        recording = play(asked)
+        played.append(asked)
+        found = found.extended(recording, minutes=minutes, progress=progress)
+        asked = next_recording(found, progress=progress, **options)
+    return Decided(found, tuple(played), asked)
