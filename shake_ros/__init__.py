@@ -45,6 +45,8 @@ PUBLIC = {  # name → module
     "multisine_split": "shake_ros.api.multisine_split",
     "Qualification": "shake_ros.qualification.result",
     "certified": "shake_ros.qualification.result",
+    "NextRecording": "shake_ros.experiment_design.next_recording",
+    "next_recording": "shake_ros.experiment_design.next_recording",
     "qualify": "shake_ros.qualification.qualify",
     "qualify_sequence": "shake_ros.qualification.sequence",
     "Recordings": "shake_ros.api.read",
@@ -114,6 +116,8 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.core.analysis.frequency_response import describing_function as describing_function
     from shake_ros.demonstration.demo import Demo as Demo
     from shake_ros.demonstration.demo import demo as demo
+    from shake_ros.experiment_design.next_recording import NextRecording as NextRecording
+    from shake_ros.experiment_design.next_recording import next_recording as next_recording
     from shake_ros.iteration.iterate import Iterated as Iterated
     from shake_ros.iteration.iterate import iterate as iterate
     from shake_ros.iteration.iterate import iterate_simulated as iterate_simulated

@@ -13,7 +13,6 @@ from shake_ros.api import fitted
 from shake_ros.api.fitted import LatentForces, prepared_alike, test_records, with_test
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Ending, Progress, ProgressOption
-from shake_ros.api.read import Recordings
 from shake_ros.api.result_table import ResultTable
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tracking, tune_table
 from shake_ros.core.discovery import close_loop as closing
@@ -265,8 +264,8 @@ class Discovery(fitted.FittedResult):
         ShakeError
             A recording cannot be fitted, or is among those before.
         """
-        declared, before = self.model.declared, Recordings([])
-        new = [test_records(self.model, data, (before, before))[0] for data in (estimation, validation)]
+        declared = self.model.declared
+        new = [test_records(self.model, data, (None, None))[0] for data in (estimation, validation)]
         known = set(fitted.names_of(self.records))
         if again := sorted(known & {r.name for r in (*new[0], *new[1])}):
             raise ShakeError(f"{', '.join(again)}: is among the recordings of the search already")
@@ -320,14 +319,14 @@ class Discovery(fitted.FittedResult):
         sets = self.estimation, self.validation, self.test
         names = [fitted.names_of(records) for records in sets]
         content = close_loop_json(self.closed, names[0], names[1], self.model.kind, names[2])
-        step, told = self.failures.step, tuple[Estimate, ...]()
+        step, identified = self.failures.step, tuple[Estimate, ...]()
         with step("residuals in report.json"):
             if self.diagnosis:
                 content["remaining"]["predictable"] = predictable_json(self.diagnosis.predictable)
                 content["remaining"]["innovations"] = innovations_json(self.diagnosis.innovations)
-        with step("what the recordings tell"):
-            told = self.told
-            content |= unknown_json(told, self.data) if told else {}
+        with step("what the recordings identify"):
+            identified = self.identified_estimates
+            content |= unknown_json(identified, self.data) if identified else {}
         with step("positions"):
             if self.model.kind == "axis":
                 errors = {n: {"before": before, "after": after} for n, (before, after) in self.position_error.items()}
@@ -352,7 +351,7 @@ class Discovery(fitted.FittedResult):
                     self.tuned.write(out, force)
             with step("page"):
                 page = close_loop_page(
-                    self.closed, *sets, self.diagnosis, self.tracking, command, told, self.data, self.failures
+                    self.closed, *sets, self.diagnosis, self.tracking, command, identified, self.data, self.failures
                 )
                 write_page(page, out, figures)
             with step("numbers of report.json"):
@@ -364,10 +363,10 @@ class Discovery(fitted.FittedResult):
 
     def _parts(self) -> list[tuple[str, Any]]:
         effects = self.effects.frame if self.effects else "nothing"
-        told = [("Identified", self.identified)] if self.model.declared.nuisances else []
+        identified = [("Identified", self.identified)] if self.model.declared.nuisances else []
         failed = [("Failed", "\n".join(map(str, self.failures)))] if len(self.failures) else []
         remaining = ("Remaining", self.remaining.text)
-        return [("Missing", effects), ("Error of the free run", self.error), *told, remaining, *failed]
+        return [("Missing", effects), ("Error of the free run", self.error), *identified, remaining, *failed]
 
     def __repr__(self) -> str:
         return fitted.text_of(self._parts())
@@ -469,7 +468,7 @@ def _completed(
     tune: bool = False,
 ) -> Discovery:
     """What follows a search: errors on test data, uncertainty, gains, tracking, diagnosis; each may fail alone."""
-    known, tuned, benefit, told = None, None, None, None
+    known, tuned, benefit, diagnosis = None, None, None, None
     first, second = data.estimation, data.validation
     with failures.step("test data"):
         if test_data:
@@ -484,8 +483,8 @@ def _completed(
         benefit = tracking(found, known, tuned)
     bar("residuals and what would help", 1.0)
     with failures.step("diagnosis"):
-        told = diagnose(found.final.fit, first, second, asked, model.declared)
-    return Discovery(model, found, first, second, told, benefit, data, tuned, failures, test_data)
+        diagnosis = diagnose(found.final.fit, first, second, asked, model.declared)
+    return Discovery(model, found, first, second, diagnosis, benefit, data, tuned, failures, test_data)
 
 
 def check_search(search: str, declared: DeclaredModel) -> None:

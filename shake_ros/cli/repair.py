@@ -17,8 +17,10 @@ from shake_ros.api.table import table
 from shake_ros.cli import arguments as fitting
 from shake_ros.cli.arguments import add_figures, reporting
 from shake_ros.core.identification.models import MODELS
+from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError
+from shake_ros.experiment_design.next_recording import next_recording
 from shake_ros.report.sections import position_lines, slow_change_lines
 from shake_ros.report.text import (
     close_loop_lines,
@@ -204,7 +206,19 @@ def close_loop_command(arguments: Sequence[str]) -> int:
         default=SEARCHES[0],
         help="forward: one effect after the other, by free runs; sets: several at once, by prediction errors",
     )
+    command.add_argument(
+        "--next",
+        action="store_true",
+        help="design the recording that settles what is open: DIR/next gets it as a reference, with a page",
+    )
+    command.add_argument(
+        "--interlock", metavar="NAME", help="of --next: its limits hold for the motion (config/interlock or a file)"
+    )
     given = command.parse_args(list(arguments))
+    if given.interlock and not given.next:
+        raise ShakeError("--interlock: is for --next")
+    if given.next and given.model not in ("full", UNKNOWN):
+        raise ShakeError(f"--next: needs the model full or unknown, not {given.model}")
     if given.tune and MODELS[given.model].layout is not FULL_LAYOUT:
         raise ShakeError(f"--tune: needs a valve and hydraulics, which the model {given.model} does not have")
     found = close_loop(
@@ -219,6 +233,10 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     with found.failures.step("text"):
         text.extend(discovery_lines(found, given.force))
     print("\n".join(text))
+    if given.next:
+        with found.failures.step("next recording"):
+            asked = next_recording(found, interlock=given.interlock)
+            print("\n".join([*asked.lines(), f"next recording: {asked.write(given.out / 'next')}"]))
     page = given.out / "report.html"
     print(f"report: {page if page.exists() else given.out / 'report.json'}")
     for failure in found.failures:

@@ -7,16 +7,18 @@ expected gain in log likelihood over the rival is half of the squares that are l
     E = ½ min_δ (‖d − J δ‖² + ‖J₀ δ‖²) / w,
 
 all residuals weighted by the noise; w is the widening of the rival's variances on the recordings at hand, by which
-residuals that are correlated, or above the sensor noise, count less. Source: A. Atkinson, V. Fedorov, The design of
-experiments for discriminating between two rival models, Biometrika 62 (1975) 57; with the information J₀ᵀJ₀ that
-is there already.
+residuals that are correlated, or above the sensor noise, count less. A table that sticks and breaks away answers the
+least change of a parameter with another motion, which no linear δ follows. So the model found itself, its parameters
+moved within their own uncertainty, is held against itself in the same way: what a motion gains over that counts.
+Source: A. Atkinson, V. Fedorov, The design of experiments for discriminating between two rival models, Biometrika 62
+(1975) 57; with the information J₀ᵀJ₀ that is there already.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +34,7 @@ from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.reference.motion import Envelope, envelope
-from shake_ros.experiment_design.motions import Motion
+from shake_ros.experiment_design.motions import Excitation
 
 Array = NDArray[np.float64]
 ENOUGH = math.log(1000.0)  # gain in log likelihood at which a rival counts as settled [nats]
@@ -65,7 +67,7 @@ class Separation:
 
 
 @dataclass(frozen=True)
-class Prediction:
+class PredictedExcitation:
     """A motion as the model found predicts it.
 
     Attributes
@@ -76,7 +78,7 @@ class Prediction:
     separations : of each rival.
     """
 
-    motion: Motion
+    motion: Excitation
     samples: Array
     record: Record
     separations: tuple[Separation, ...] = ()
@@ -95,8 +97,9 @@ class Designer:
     Attributes
     ----------
     model : of all rivals. final : fit of the model found. rivals : of it. limits : of position, velocity, acceleration.
-    like : a recording whose noise the next one will have. known : information of each rival from the recordings at
-    hand, per unit of x, and its widening.
+    like : a recording whose noise the next one will have. moved : the model found with its parameters a standard
+    deviation away, to either side, as rivals of itself. known : information of each rival from the recordings at
+    hand, per unit of x, and its widening; itself : the same of the model found.
     """
 
     model: DeclaredModel
@@ -104,23 +107,27 @@ class Designer:
     rivals: tuple[RivalModel, ...]
     limits: Envelope
     like: Record
+    moved: tuple[Fit, ...]
     known: tuple[tuple[Array, float], ...]
+    itself: tuple[Array, float]
 
     @classmethod
     def of(
         cls, model: DeclaredModel, final: Fit, rivals: Sequence[RivalModel], limits: Envelope, records: Sequence[Record]
     ) -> Designer:
         """With what the recordings at hand say of each rival."""
-        problem, known = RecordingProblem(list(records), model), list[tuple[Array, float]]()
-        for rival in rivals:
-            fit = rival.fit
+        problem = RecordingProblem(list(records), model)
+
+        def informed(fit: Fit) -> tuple[Array, float]:
             r = problem.residuals(fit.vector[None, :])[0]
             there = Fit(fit.free, fit.x, r, jacobian(problem, fit.free, fit.x, r), 0.5 * float(r @ r), 0)
-            known.append((there.jacobian.T @ there.jacobian, widening(there, problem.blocks())))
-        like = max(records, key=lambda r: len(r.commands))
-        return cls(model, final, tuple(rivals), limits, like, tuple(known))
+            return there.jacobian.T @ there.jacobian, widening(there, problem.blocks())
 
-    def predicted(self, motion: Motion) -> Prediction | None:
+        like, itself = max(records, key=lambda r: len(r.commands)), informed(final)
+        away = drawn(final, *itself)
+        return cls(model, final, tuple(rivals), limits, like, away, tuple(informed(r.fit) for r in rivals), itself)
+
+    def predicted(self, motion: Excitation) -> PredictedExcitation | None:
         """A motion as the model found predicts it; None where any model would leave the limits."""
         samples = motion.samples(self.limits, self.like.sample_time)
         table = self.final.table
@@ -128,16 +135,18 @@ class Designer:
         if any(run is None for run in runs) or runs[0] is None:
             return None
         command, position, acceleration = runs[0]
-        rng, like = np.random.default_rng(0), self.like
+        rng, like, n = np.random.default_rng(0), self.like, len(position)
+        heard = like.acceleration is not None
+        felt = acceleration + like.acceleration_noise() * rng.standard_normal(n) if heard else None
         record = Record(
             str(motion),
             like.sample_time,
             command,
-            position + like.position_noise() * rng.standard_normal(len(position)),
-            None if like.acceleration is None else acceleration + like.acceleration_noise() * rng.standard_normal(len(position)),
+            position + like.position_noise() * rng.standard_normal(n),
+            felt,
             cutoff=like.cutoff,
         )
-        return Prediction(motion, samples, record)
+        return PredictedExcitation(motion, samples, record)
 
     def _followed(self, table: TableParameters, samples: Array) -> tuple[Array, Array, Array] | None:
         """Command, position and acceleration of a table under a plain loop; None where it leaves the limits."""
@@ -152,23 +161,29 @@ class Designer:
         largest = np.max(np.abs(run.truth), axis=0)
         return None if np.any(largest > self.limits) else (run.command, run.truth[:, 0], run.truth[:, 2])
 
-    def separated(self, prediction: Prediction, *, refitted: bool = True) -> tuple[Separation, ...]:
+    def separated(self, prediction: PredictedExcitation, *, refitted: bool = True) -> tuple[Separation, ...]:
         """What a predicted motion does to each rival; without their refits an upper bound."""
         problem = RecordingProblem([prediction.record], self.model)
         truth = problem.residuals(self.final.vector[None, :])[0]
+        own = [self._gain(problem, truth, fit, *self.itself, refitted)[0] for fit in self.moved] if refitted else [0.0]
         found = []
         for rival, (information, wide) in zip(self.rivals, self.known, strict=True):
-            fit = rival.fit
-            r = problem.residuals(fit.vector[None, :])[0]
-            d = np.nan_to_num(r - truth)
-            left, moved = d, 0.0
-            if refitted:
-                j = np.nan_to_num(jacobian(problem, fit.free, fit.x, r))
-                step = np.linalg.lstsq(j.T @ j + information, -j.T @ d, rcond=1e-12)[0]
-                left, moved = d + j @ step, float(step @ information @ step)
-            gain = 0.5 * (float(left @ left) + moved) / wide
-            found.append(Separation(rival.name, gain, self._acceleration(problem, left)))
+            gain, left = self._gain(problem, truth, rival.fit, information, wide, refitted)
+            found.append(Separation(rival.name, max(gain - max(own), 0.0), self._acceleration(problem, left)))
         return tuple(found)
+
+    @staticmethod
+    def _gain(
+        problem: RecordingProblem, truth: Array, fit: Fit, information: Array, wide: float, refitted: bool
+    ) -> tuple[float, Array]:
+        """Expected gain over a fit [nats], and the weighted residuals that it would leave beyond the noise."""
+        r = problem.residuals(fit.vector[None, :])[0]
+        left, moved = np.nan_to_num(r - truth), 0.0
+        if refitted:
+            j = np.nan_to_num(jacobian(problem, fit.free, fit.x, r))
+            step = np.linalg.lstsq(j.T @ j + information, -j.T @ left, rcond=1e-12)[0]
+            left, moved = left + j @ step, float(step @ information @ step)
+        return 0.5 * (float(left @ left) + moved) / wide, left
 
     @staticmethod
     def _acceleration(problem: RecordingProblem, residuals: Array) -> Array:
@@ -178,20 +193,32 @@ class Designer:
             return residuals[:n] / problem.velocity_weights[0]
         return -residuals[n : 2 * n] / problem.acceleration_weights[0]
 
-    def best(self, motions: Sequence[Motion], progress: Callable[[str, float], None]) -> list[Prediction]:
+    def best(self, motions: Sequence[Excitation], progress: Callable[[str, float], None]) -> list[PredictedExcitation]:
         """Predictions with their separations, the best first: of the library, then a step about the best of it."""
         progress("predicting the motions of the library", 0.1)
         possible = [p for p in side_by_side(self.predicted, motions) if p is not None]
         rough = side_by_side(lambda p: sum(min(s.gain, ENOUGH) for s in self.separated(p, refitted=False)), possible)
-        order = sorted(zip(rough, range(len(possible)), strict=True), key=lambda pair: -pair[0] / possible[pair[1]].motion.seconds)
+        rates = [gain / p.motion.seconds for gain, p in zip(rough, possible, strict=True)]
+        order = np.argsort(rates)[::-1]
         progress("refitting the rivals to the best of them", 0.4)
-        found = self._worked_out([possible[i] for _, i in order[:CLOSE]])
+        found = self._worked_out([possible[i] for i in order[:CLOSE]])
         if found:
             progress(f"best so far: {found[0].motion}; varying it", 0.8)
             around = [p for p in side_by_side(self.predicted, list(found[0].motion.neighbours())) if p is not None]
             found = sorted([*found, *self._worked_out(around)], key=lambda p: -p.rate)
         return found
 
-    def _worked_out(self, predictions: Sequence[Prediction]) -> list[Prediction]:
-        made = side_by_side(lambda p: Prediction(p.motion, p.samples, p.record, self.separated(p)), predictions)
+    def _worked_out(self, predictions: Sequence[PredictedExcitation]) -> list[PredictedExcitation]:
+        made = side_by_side(lambda p: replace(p, separations=self.separated(p)), predictions)
         return sorted(made, key=lambda p: -p.rate)
+
+
+def drawn(fit: Fit, information: Array, wide: float) -> tuple[Fit, ...]:
+    """A fit with its parameters moved by a draw of their uncertainty, to either side."""
+    weights, vectors = np.linalg.eigh(information / wide)
+    size = np.where(weights > 1e-10 * weights[-1], 1.0 / np.sqrt(np.maximum(weights, 1e-300)), 0.0)
+    move = vectors @ (size * np.random.default_rng(0).standard_normal(len(size)))
+    return tuple(
+        replace(fit, x=np.clip(fit.x + sign * np.clip(move, -1.0, 1.0), fit.free.low, fit.free.high))
+        for sign in (1.0, -1.0)
+    )

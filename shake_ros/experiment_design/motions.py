@@ -27,7 +27,7 @@ KEYS = ("kind", "low", "high")
 
 
 @dataclass(frozen=True)
-class Motion:
+class Excitation:
     """A motion that could be played.
 
     Attributes
@@ -49,7 +49,7 @@ class Motion:
     def samples(self, limits: Envelope, sample_time: float) -> Array:
         """Position [m], velocity [m/s] and acceleration [m/s²], shape (n, 3)."""
         count = round(0.5 * self.seconds / sample_time)
-        time = np.arange(count) * sample_time
+        time = np.asarray(np.arange(count) * sample_time, dtype=np.float64)
         shape = SHAPES[self.kind](self, time)
         rise, fall = (smooth_step(t / FADE)[0] for t in (time, time[::-1]))
         half = (shape - np.mean(shape)) * rise * fall
@@ -60,7 +60,7 @@ class Motion:
         size = min(limit / most for limit, most in zip(limits, largest, strict=True) if most > 0.0)
         return self.part * size * rows
 
-    def neighbours(self) -> Iterator[Motion]:
+    def neighbours(self) -> Iterator[Excitation]:
         """Motions a step away: another frequency, size or length."""
         for factor in (1.6, 1.0 / 1.6):
             yield replace(self, low=self.low * factor, high=self.high * factor)
@@ -73,12 +73,12 @@ class Motion:
         return f"{self.name}, {band}, {self.seconds:.3g} s"
 
 
-def _triangle(m: Motion, time: Array) -> Array:
+def _triangle(m: Excitation, time: Array) -> Array:
     """Constant speed to and fro, with rounded corners."""
     return _rounded(sawtooth(2.0 * np.pi * m.low * time, 0.5), time)
 
 
-def _dwell(m: Motion, time: Array) -> Array:
+def _dwell(m: Excitation, time: Array) -> Array:
     """A smooth move, then rest: to one side, back, to the other side, back."""
     quarter = 4.0 * m.low * time
     number, within = np.floor(quarter), quarter % 1.0
@@ -87,14 +87,14 @@ def _dwell(m: Motion, time: Array) -> Array:
     return np.asarray(here + (there - here) * smooth_step(2.0 * within)[0])
 
 
-def _sweep(m: Motion, time: Array) -> Array:
+def _sweep(m: Excitation, time: Array) -> Array:
     """Logarithmic sweep of constant velocity."""
     rate = np.log(m.high / m.low) / time[-1]
     frequency = m.low * np.exp(rate * time)
     return np.asarray(np.sin(2.0 * np.pi * (frequency - m.low) / rate) / frequency)
 
 
-def _multisine(m: Motion, time: Array) -> Array:
+def _multisine(m: Excitation, time: Array) -> Array:
     """Every line of the band with equal velocity, in Schroeder's phases, which keep the peaks low."""
     lines = np.arange(max(m.low, 1.0 / time[-1]), m.high, 1.0 / time[-1])
     number = np.arange(len(lines))
@@ -102,14 +102,14 @@ def _multisine(m: Motion, time: Array) -> Array:
     return np.asarray(np.cos(2.0 * np.pi * np.outer(time, lines) + phase) @ (1.0 / lines))
 
 
-def _random(m: Motion, time: Array) -> Array:
+def _random(m: Excitation, time: Array) -> Array:
     """The same band in random phases, with equal acceleration above 2 Hz."""
     lines = np.arange(max(m.low, 1.0 / time[-1]), m.high, 1.0 / time[-1])
     phase = np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, len(lines))
     return np.asarray(np.cos(2.0 * np.pi * np.outer(time, lines) + phase) @ (1.0 / (lines * np.maximum(lines, 2.0))))
 
 
-def _pulses(m: Motion, time: Array) -> Array:
+def _pulses(m: Excitation, time: Array) -> Array:
     """Pulses of velocity to either side, of several lengths."""
     period = (m.low * time) % 1.0
     width = 0.1 + 0.35 * (np.floor(m.low * time) % 3) / 2.0
@@ -138,27 +138,27 @@ SHAPES = {
 BANDS = ("sweep", "multisine", "random")
 
 
-def library(name: str = "motions") -> list[Motion]:
+def library(name: str = "motions") -> list[Excitation]:
     """The motions of config/experiment/<name>.yaml or of a file, each in every part."""
     path = find("experiment", name)
-    content: Mapping[str, Any] = strict_keys(
-        read_yaml(path), ("parts", "seconds", "motions"), str(path), kind="key"
-    )
+    content: Mapping[str, Any] = strict_keys(read_yaml(path), ("parts", "seconds", "motions"), str(path), kind="key")
     try:
         parts, seconds = [float(p) for p in content["parts"]], float(content["seconds"])
-        entries = {n: strict_keys(e, KEYS, f"{path}: {n}", kind="key") for n, e in content["motions"].items()}
         made = [
-            Motion(n, str(e["kind"]), float(e["low"]), float(e.get("high", 0.0)), part, seconds)
-            for n, e in entries.items()
+            Excitation(n, str(e["kind"]), float(e["low"]), float(e.get("high", 0.0)), part, seconds)
+            for n, e in content["motions"].items()
             for part in parts
         ]
     except (AttributeError, KeyError, TypeError, ValueError):
         raise ShakeError(f"{path}: needs parts, seconds, and motions with kind, low and, for a band, high") from None
+    for name, entry in content["motions"].items():
+        strict_keys(entry, KEYS, f"{path}: {name}", kind="key")
     for motion in made:
         if motion.kind not in SHAPES:
             raise unknown_name("kind", motion.kind, SHAPES, f"{path}: {motion.name}")
         if not (motion.low > 0.0 and 0.0 < motion.part <= 1.0 and motion.seconds >= 2.0 * LEAST_HALF):
-            raise ShakeError(f"{path}: {motion.name}: low above 0, parts within 0 to 1, seconds from {2 * LEAST_HALF:g}")
+            wanted = f"low above 0, parts within 0 to 1, seconds from {2.0 * LEAST_HALF:g}"
+            raise ShakeError(f"{path}: {motion.name}: expected {wanted}")
         if motion.kind in BANDS and not motion.high > motion.low:
             raise ShakeError(f"{path}: {motion.name}: high must be above low")
     return made

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,20 +12,19 @@ from numpy.typing import NDArray
 
 from shake_ros.api.close_loop import Discovery
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.core.discovery.rival_models import RivalModel
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError, strict_keys
 from shake_ros.core.reference.motion import Envelope, envelope
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import write_drive
 from shake_ros.data.result_folder import write_folder, write_json
-from shake_ros.experiment_design.design import ENOUGH, HARDLY, Designer, Prediction, Separation
-from shake_ros.experiment_design.motions import Motion, library
+from shake_ros.experiment_design.design import HARDLY, Designer, PredictedExcitation, Separation
+from shake_ros.experiment_design.motions import Excitation, library
 from shake_ros.settings import find, read_yaml
 
 Array = NDArray[np.float64]
 WITHIN = 0.8  # part of a declared table's envelope that a motion may use
-GROWTH = 2.0  # times what the recordings at hand reached, the most that a motion may ask for
+GROWTH = 2.0  # times what the recordings of an unknown table reached, the most that a motion may ask for
 MORE_MASS = 0.3  # of the moved mass, as a payload that might tell rivals apart
 Play = Callable[["NextRecording"], TableRecording]
 
@@ -44,7 +43,7 @@ class NextRecording:
     """
 
     rivals: tuple[str, ...]
-    prediction: Prediction | None
+    prediction: PredictedExcitation | None
     limits: Envelope
     with_payload: tuple[Separation, ...]
     sample_time: float
@@ -117,7 +116,7 @@ class NextRecording:
         return "\n".join(self.lines())
 
 
-def _motion(motion: Motion) -> dict[str, Any]:
+def _motion(motion: Excitation) -> dict[str, Any]:
     return {
         "name": motion.name, "kind": motion.kind, "low": motion.low, "high": motion.high,
         "part": motion.part, "seconds": motion.seconds,
@@ -132,36 +131,35 @@ def _odds(odds: float) -> str:
     return "over 1 000 000" if odds >= 1e6 else f"{odds:.2g}" if odds < 100.0 else f"{odds:,.0f}".replace(",", " ")
 
 
-def limits_of(found: Discovery, given: Mapping[str, float] | None = None, interlock: str | None = None) -> Envelope:
+def limits_of(found: Discovery, limits: Mapping[str, float] | None = None, interlock: str | None = None) -> Envelope:
     """How far a motion may go.
 
     Parameters
     ----------
-    found : result whose recordings have reached something; a motion asks for GROWTH times that at most.
-    given : values for "position" [m], "velocity" [m/s], "acceleration" [m/s²] in its place.
+    found : result. A motion keeps to WITHIN of the envelope of a declared table; of an unknown one it asks for no more
+        than GROWTH times what the recordings have reached.
+    limits : values for "position" [m], "velocity" [m/s], "acceleration" [m/s²] in the place of these.
     interlock : a name of config/interlock or a file, whose limits hold in any case.
 
     Raises
     ------
     ShakeError : an unknown quantity, a value that is not positive.
     """
-    reached = [
-        (np.ptp(r.position) / 2.0, np.max(np.abs(r.velocity)), np.max(np.abs(_felt(r)))) for r in found.records
-    ]
-    most = GROWTH * np.max(reached, axis=0)
-    given = dict(strict_keys(given or {}, Envelope._fields, "limits", kind="quantity"))
-    limits = np.array([given.get(name, value) for name, value in zip(Envelope._fields, most, strict=True)])
-    if not np.all(limits > 0.0):
+    own = WITHIN * np.array(envelope(found.table))
+    if found.model.stroke is None:
+        reached = [
+            (np.ptp(r.position) / 2.0, np.max(np.abs(r.velocity)), np.max(np.abs(_felt(r)))) for r in found.records
+        ]
+        own = np.minimum(GROWTH * np.max(reached, axis=0), [np.inf, *own[1:]])
+    given = strict_keys(limits or {}, Envelope._fields, "limits", kind="quantity")
+    most = np.array([given.get(name, value) for name, value in zip(Envelope._fields, own, strict=True)])
+    if not np.all(most > 0.0):
         raise ShakeError("limits: expected numbers above 0")
-    own = np.array(envelope(found.table))
-    stroke = found.model.stroke
-    own[0] = np.inf if stroke is None else 0.5 * stroke
-    limits = np.minimum(limits, WITHIN * own)
     if interlock is not None:
         causes = read_yaml(find("interlock", interlock))["causes"]
         names = ("position_soft", "velocity", "acceleration")
-        limits = np.minimum(limits, [WITHIN * float(causes[name]["threshold"]) for name in names])
-    return Envelope(*map(float, limits))
+        most = np.minimum(most, [WITHIN * float(causes[name]["threshold"]) for name in names])
+    return Envelope(*map(float, most))
 
 
 def _felt(record: Any) -> Array:
@@ -184,8 +182,8 @@ def next_recording(
     Parameters
     ----------
     found : from `close_loop`, of the model full or unknown.
-    limits : largest "position" [m], "velocity" [m/s], "acceleration" [m/s²] of the motion; twice what the recordings
-        reached where not given, and never more than 80 % of a declared table's envelope.
+    limits : largest "position" [m], "velocity" [m/s], "acceleration" [m/s²] of the motion; where not given 80 % of a
+        declared table's envelope, or twice what the recordings of an unknown table reached.
     interlock : a name of config/interlock or a file, whose limits hold in any case.
     motions : a name of config/experiment or a file: the library.
     progress : show it, or a function to call with what is being done and the part done.
@@ -212,7 +210,7 @@ def next_recording(
         return replace(made, with_payload=heavier(designer, best))
 
 
-def heavier(designer: Designer, best: Prediction) -> tuple[Separation, ...]:
+def heavier(designer: Designer, best: PredictedExcitation) -> tuple[Separation, ...]:
     """What a motion is expected to do to each rival with MORE_MASS more on the table."""
 
     def loaded(fit: Any) -> Any:

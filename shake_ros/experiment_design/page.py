@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shake_ros.experiment_design.design import HARDLY, Prediction
+from shake_ros.experiment_design.design import HARDLY, PredictedExcitation
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Page
 from shake_ros.report.text import sentence
@@ -37,7 +37,7 @@ def next_page(asked: NextRecording) -> Page:
     return page
 
 
-def prediction_chart(shown: Prediction) -> Chart:
+def prediction_chart(shown: PredictedExcitation) -> Chart:
     """Reference, and what each rival would leave unexplained once it is refitted to the recording."""
     record = shown.record
     time = np.arange(len(record.commands)) * record.sample_time

@@ -51,7 +51,9 @@ def continued(
     free = before.search.declared.fit.free
     declared = problem.fitted(free, before.search.declared.fit.x, settings.converging_evaluations, settings.converged)
     again = before.search.on(lambda m: problem.scored(linearised(problem.estimation, m.fit)), problem.converged_again)
-    found = replace(again, declared=declared if again.steps else again.final, rejected=(), functions=None, stopped=False)
+    found = replace(
+        again, declared=declared if again.steps else again.final, rejected=(), functions=None, stopped=False
+    )
     found = with_rivals(problem, found, rivals)
     present = {step.chosen.candidate.effect for step in found.steps}
     left = replace(model, shown=(), candidates=tuple(c for c in model.candidates if c.effect not in present))
