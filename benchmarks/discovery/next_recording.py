@@ -32,7 +32,7 @@ MOST = 2  # further recordings
 def measure(seed: int, advice: str, minutes: float) -> dict[str, Any]:
     """One table: the verdict before and after, and what the recordings asked of the table.
 
-    advice : "designed" or "random". minutes : of the first search on one core; those that go on have half of it.
+    advice : "designed" or "random". minutes : of each search on one core.
     """
     rng = np.random.default_rng([seed, 45])
     listed = [name for name, kind in hidden.HIDDEN.items() if kind.listed]
@@ -60,13 +60,13 @@ def measure(seed: int, advice: str, minutes: float) -> dict[str, Any]:
         reached = float(np.max(np.abs(run[0].position)))
         beyond += reached > asked.limits.position
         seconds, count = seconds + len(samples) * hidden.SAMPLE, count + 1
-        found = found.extended(run, minutes=0.5 * minutes, progress=False)
+        found = found.extended(run, minutes=minutes, progress=False)
         asked = next_recording(found, progress=False)
     return {
         "effect": effect,
         "before": before,
         "after": verdict(found, effect),
-        "settled": None if before in ("right", "wrong") else verdict(found, effect) == "right",
+        "settled": None if before != "open" else verdict(found, effect) == "right",
         "wrong_names": sum(name != effect for name in found.effects.names),
         "recordings": count,
         "excitation": seconds,

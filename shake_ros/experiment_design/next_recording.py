@@ -40,6 +40,7 @@ class NextRecording:
     limits : largest position [m], velocity [m/s] and acceleration [m/s²] that it may ask for.
     with_payload : expected gain over each rival of the same motion with MORE_MASS more on the table [nats].
     sample_time : of the motion [s].
+    unexplained : whether a residual stands above the noise that no rival explains.
     """
 
     rivals: tuple[str, ...]
@@ -47,11 +48,12 @@ class NextRecording:
     limits: Envelope
     with_payload: tuple[Separation, ...]
     sample_time: float
+    unexplained: bool = False
 
     @property
     def settled(self) -> bool:
         """Whether nothing is open."""
-        return not self.rivals
+        return not self.rivals and not self.unexplained
 
     @property
     def useful(self) -> bool:
@@ -67,6 +69,9 @@ class NextRecording:
         """What it says, line by line."""
         if self.settled:
             yield "nothing is open: no further recording is needed"
+            return
+        if not self.rivals:
+            yield "the residual is above the noise, and there is no rival model that a recording could distinguish"
             return
         yield f"open beside the model found: {', '.join(self.rivals)}"
         if self.prediction is None:
@@ -199,7 +204,7 @@ def next_recording(
         rivals = found.rivals()
         bounds, dt = limits_of(found, limits, interlock), found.estimation[0].sample_time
         if not rivals:
-            return NextRecording((), None, bounds, (), dt)
+            return NextRecording((), None, bounds, (), dt, found.remaining.above_noise)
         names = tuple(r.name for r in rivals)
         designer = Designer.of(found.model.declared, found.closed.search.final.fit, rivals, bounds, found.estimation)
         best = next(iter(designer.best(library(motions), bar)), None)

@@ -1,7 +1,8 @@
 """A search that goes on where it stopped, on more recordings.
 
-The models found and their rivals are fitted to all recordings from where they stand, and the choice between them is
-made again; what the enlarged data show beyond that, the search looks for as before.
+The models found and those that could stand in the place of one of their effects are fitted to all recordings from where
+they stand, and the choice between them is made again. What else the recordings show, the search looks for as before: an
+effect is added only with all that could stand for it beside it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from shake_ros.core.discovery.close_loop import LoopClosure, concluded
-from shake_ros.core.discovery.decision import ForwardStep, decide, improves
+from shake_ros.core.discovery.decision import decide
 from shake_ros.core.discovery.elimination import eliminate
 from shake_ros.core.discovery.exchange import in_its_place
 from shake_ros.core.discovery.forward_selection import stages
@@ -79,23 +80,4 @@ def with_rivals(problem: SearchProblem, found: Selection, rivals: Sequence[Rival
         chosen = decide(ranked([now, *tried]), step.screened, problem.settings, noise)
         steps[number] = chosen
         found = replace(found, steps=tuple(steps), final=chosen.chosen.result)
-    for rival in rivals:
-        if rival.replaced is None and rival.candidate is not None:
-            found = _with_more(problem, found, rival)
     return found
-
-
-def _with_more(problem: SearchProblem, found: Selection, rival: RivalModel) -> Selection:
-    """The selection with the effect that a rival has in addition, where the model is better with it."""
-    candidate, fit = rival.candidate, rival.result.fit
-    assert candidate is not None
-    if candidate.effect in {step.chosen.candidate.effect for step in found.steps}:
-        return found
-    free = found.final.fit.free.extended(candidate.free)
-    values = {name: fit.table.value(name) for name in free.names if name in fit.table.fields}
-    most, tolerance = problem.settings.converging_evaluations, problem.settings.converged
-    tried = problem.fitted(free, free.x_of(values), most, tolerance)
-    if not improves(tried, found.final, problem.settings):
-        return found
-    chosen = Refit(candidate, tried, 0.0)
-    return found.with_step(ForwardStep(chosen, (chosen,)))

@@ -1,0 +1,46 @@
+"""A search that goes on with more recordings, on the model axis, whose fits take a second."""
+
+import numpy as np
+import pytest
+
+import shake_ros as sr
+from shake_ros.core.plant.axis import AXIS_LAYOUT
+from shake_ros.core.quantities import ShakeError
+from shake_ros.experiment_design.next_recording import next_recording
+
+NUMBERS = {"mass": 10.0, "viscous": 20.0, "coulomb": 5.0, "offset": 0.0}
+
+
+def run(name, frequency, size, seed):
+    true = sr.model("axis", AXIS_LAYOUT.table({"axis": NUMBERS}, "axis"))
+    time, noise = np.arange(1500) / 1000, np.random.default_rng(seed).normal(0.0, 1.0, (2, 1500))
+    force = size * (100 * np.sin(9 * time) + 50 * np.sin(frequency * time))
+    (start,) = sr.recording(name, time, 0 * time, 1e-9 * time, force=force).records("force")
+    x, _, a = true.simulate(start).T
+    return sr.recording(name, time, 0 * time, x + 1e-5 * noise[0], acceleration=a + 0.05 * noise[1], force=force)
+
+
+@pytest.fixture(scope="module")
+def found():
+    first, second = run("first", 31, 0.2, 1), run("second", 41, 0.2, 2)
+    return sr.close_loop(sr.model("axis"), first, second, progress=False)
+
+
+def test_a_search_that_goes_on_fits_half_of_the_new_recording_and_knows_more(found):
+    more = found.extended(run("third", 51, 1.0, 3), progress=False)
+    assert {r.name for r in more.estimation} == {"first", "third"}
+    assert {r.name for r in more.validation} == {"second", "third"}
+    assert more.table.value("axis.mass") == pytest.approx(10.0, rel=0.01)
+    before, after = (next(p for p in f.final.parameters if p.name == "axis.coulomb") for f in (found, more))
+    assert after.std_error < before.std_error
+    assert not more.remaining.above_noise
+
+
+def test_a_recording_that_the_search_has_had_is_refused(found):
+    with pytest.raises(ShakeError, match="first: is among the recordings"):
+        found.extended(run("first", 51, 1.0, 3), progress=False)
+
+
+def test_a_design_needs_hydraulics(found):
+    with pytest.raises(ShakeError, match="needs the model full or unknown, not axis"):
+        next_recording(found, progress=False)
