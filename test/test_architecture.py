@@ -35,11 +35,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("report",),
     ("api",),
     # slices, each with its computation, verb and page
-<<<<<<< HEAD
-    ("iteration", "measured", "twin"),
-=======
-    ("iteration", "measured", "experiment_design"),
->>>>>>> dc5a105 (Design the recording that settles what a search leaves open)
+    ("iteration", "measured", "experiment_design", "twin"),
     ("commissioning",),
     ("qualification", "campaigns"),
     ("page",),  # the live page's web part: its node in ros feeds it, it shows what api reads and makes
