@@ -23,7 +23,7 @@ from shake_ros.api.model import model
 from shake_ros.api.read import Recordings, recording
 from shake_ros.core.discovery.verdict import ESTABLISHED
 from shake_ros.experiment_design.motions import library
-from shake_ros.experiment_design.next_recording import NextRecording, next_recording
+from shake_ros.experiment_design.next_recording import NextRecording, decide, next_recording
 
 SEVERITY = 0.2  # relative change of the acceleration by the effect
 MOST = 2  # further recordings
@@ -49,28 +49,30 @@ def measure(seed: int, advice: str, minutes: float) -> dict[str, Any]:
     first, second = played("quake_1", whole[:split]), played("quake_2", whole[split:])
     found = close_loop(model("full"), first, second, minutes=minutes, progress=False)
     before = verdict(found, effect)
-    began = time.perf_counter()
-    asked = next_recording(found, progress=False)
-    design = time.perf_counter() - began
     gain = table.flow * np.sqrt(0.5 * (table.supply - table.tank)) / table.area
-    seconds, count, beyond = 0.0, 0, 0
-    while asked.motion is not None and count < MOST:
+    reached = list[tuple[float, float]]()
+
+    def play(asked: NextRecording) -> Recordings:
         samples = asked.motion if advice == "designed" else drawn(asked, rng)
-        run = played(f"next_{count}", samples[:, 1] / gain + hidden.LOOP_GAIN * samples[:, 0])
-        reached = float(np.max(np.abs(run[0].position)))
-        beyond += reached > asked.limits.position
-        seconds, count = seconds + len(samples) * hidden.SAMPLE, count + 1
-        found = found.extended(run, minutes=minutes, progress=False)
-        asked = next_recording(found, progress=False)
+        assert samples is not None
+        run = played(f"next_{len(reached)}", samples[:, 1] / gain + hidden.LOOP_GAIN * samples[:, 0])
+        reached.append((len(samples) * hidden.SAMPLE, np.max(np.abs(run[0].position)) / asked.limits.position))
+        return run
+
+    began = time.perf_counter()
+    next_recording(found, progress=False)
+    design = time.perf_counter() - began
+    decided = decide(found, play, most=MOST, minutes=minutes, progress=False)
+    after = verdict(decided.found, effect)
     return {
         "effect": effect,
         "before": before,
-        "after": verdict(found, effect),
-        "settled": None if before != "open" else verdict(found, effect) == "right",
-        "wrong_names": sum(name != effect for name in found.effects.names),
-        "recordings": count,
-        "excitation": seconds,
-        "violations": beyond,
+        "after": after,
+        "settled": after == "right" if before == "open" else None,
+        "wrong_names": sum(name != effect for name in decided.found.effects.names),
+        "recordings": len(reached),
+        "excitation": sum(seconds for seconds, _ in reached),
+        "violations": sum(part > 1.0 for _, part in reached),
         "design_seconds": design,
     }
 

@@ -124,7 +124,7 @@ class Designer:
             return there.jacobian.T @ there.jacobian, widening(there, problem.blocks())
 
         like, itself = max(records, key=lambda r: len(r.commands)), informed(final)
-        away = drawn(final, *itself)
+        away = within_uncertainty(final, *itself)
         return cls(model, final, tuple(rivals), limits, like, away, tuple(informed(r.fit) for r in rivals), itself)
 
     def predicted(self, motion: Excitation) -> PredictedExcitation | None:
@@ -197,7 +197,7 @@ class Designer:
         """Predictions with their separations, the best first: of the library, then a step about the best of it."""
         progress("predicting the motions of the library", 0.1)
         possible = [p for p in side_by_side(self.predicted, motions) if p is not None]
-        rough = side_by_side(lambda p: sum(min(s.gain, ENOUGH) for s in self.separated(p, refitted=False)), possible)
+        rough = side_by_side(lambda p: sum(math.log1p(s.gain) for s in self.separated(p, refitted=False)), possible)
         rates = [gain / p.motion.seconds for gain, p in zip(rough, possible, strict=True)]
         order = np.argsort(rates)[::-1]
         progress("refitting the rivals to the best of them", 0.4)
@@ -213,7 +213,7 @@ class Designer:
         return sorted(made, key=lambda p: -p.rate)
 
 
-def drawn(fit: Fit, information: Array, wide: float) -> tuple[Fit, ...]:
+def within_uncertainty(fit: Fit, information: Array, wide: float) -> tuple[Fit, ...]:
     """A fit with its parameters moved by a draw of their uncertainty, to either side."""
     weights, vectors = np.linalg.eigh(information / wide)
     size = np.where(weights > 1e-10 * weights[-1], 1.0 / np.sqrt(np.maximum(weights, 1e-300)), 0.0)

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.close_loop import Discovery
+from shake_ros.api.fitted import Data
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError, strict_keys
 from shake_ros.core.reference.motion import Envelope, envelope
-from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import write_drive
 from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.experiment_design.design import HARDLY, Designer, PredictedExcitation, Separation
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 WITHIN = 0.8  # part of a declared table's envelope that a motion may use
 GROWTH = 2.0  # times what the recordings of an unknown table reached, the most that a motion may ask for
 MORE_MASS = 0.3  # of the moved mass, as a payload that might tell rivals apart
-Play = Callable[["NextRecording"], TableRecording]
+Play = Callable[["NextRecording"], Data]
 
 
 @dataclass(frozen=True, repr=False)
