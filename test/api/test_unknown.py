@@ -46,7 +46,7 @@ def fitted() -> Identification:
 
 
 def told(name: str) -> tuple[float, float]:
-    (found,) = [e for e in fitted().told if e.name == name]
+    (found,) = [e for e in fitted().identified_estimates if e.name == name]
     assert found.std_error is not None
     return found.value, found.std_error
 

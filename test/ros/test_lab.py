@@ -126,7 +126,7 @@ def test_lab_over_a_bridge_takes_the_target_through_its_stages_and_stops_it_in_o
             started.wait_for("running: recorder, hardware_bridge")
             started.wait_for("commands act", SEQUENCE)
             assert started.end() == 0, started.lines
-        assert started.lines[-3:] == [
+        assert [line for line in started.lines if "the table is slow here" not in line][-3:] == [
             "lab: stopping: hold, pressure off",
             f"lab: recording closed: {folder}/recordings/run",
             "lab: ended",

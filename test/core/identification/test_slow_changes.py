@@ -11,7 +11,7 @@ from shake_ros.core.effects.unlisted import FORCE_OF_VELOCITY, FRICTION_OF_POSIT
 from shake_ros.core.identification.axis_model import AXIS, force_error, forecast_errors, position_errors
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record, windows
-from shake_ros.core.identification.slow_changes import DRIFT, LEVEL, OFFSET, changed, with_own
+from shake_ros.core.identification.slow_changes import DRIFT, LEVEL, OFFSET, changed, with_slow_changes
 from shake_ros.core.plant.axis import AXIS_LAYOUT
 from shake_ros.core.plant.parameters import TableParameters
 
@@ -41,7 +41,7 @@ def by_euler(level: float, offset: float, drift: float) -> np.ndarray:
 @pytest.fixture(scope="module")
 def pair() -> tuple[Record, Record]:
     first, second = (Record(n, DT, FORCE, by_euler(*own)) for n, *own in (("a", 1, 0, 0.06), ("b", 1.04, 0.15, -0.05)))
-    (learned,), (held,) = with_own([first], [second])
+    (learned,), (held,) = with_slow_changes([first], [second])
     return learned, held
 
 
@@ -68,16 +68,16 @@ def test_they_do_not_hide_another_mass(pair: tuple[Record, Record]) -> None:
 
 def test_only_the_first_recording_learned_from_sets_the_level() -> None:
     record = Record("first", DT, FORCE, np.zeros(LENGTH))
-    learned, held = with_own([record, replace(record, name="second")], [replace(record, name="held")])
+    learned, held = with_slow_changes([record, replace(record, name="second")], [replace(record, name="held")])
     assert [r.own for r in learned] == [(DRIFT,), (DRIFT, LEVEL, OFFSET)]
     assert [r.own for r in held] == [(DRIFT, LEVEL, OFFSET)]
 
 
 def test_neither_short_recordings_nor_pieces_have_any() -> None:
     record = Record("short", DT, FORCE[:9000], np.zeros(9000))
-    (short,), _ = with_own([record], [])
+    (short,), _ = with_slow_changes([record], [])
     assert short.own == ()
-    (long,), _ = with_own([Record("long", DT, FORCE, np.zeros(LENGTH))], [])
+    (long,), _ = with_slow_changes([Record("long", DT, FORCE, np.zeros(LENGTH))], [])
     assert all(piece.own == () for piece in windows([long], 5.0))
 
 
