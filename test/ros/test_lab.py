@@ -29,7 +29,7 @@ def test_one_command_runs_the_table_refuses_a_second_and_ends_in_order(ros_domai
     assert second.returncode == 2
     assert "topic /shake/joint_states is published already" in second.stderr
     assert started.end() == 0, started.lines
-    assert started.lines[-3:] == [
+    assert [line for line in started.lines if "the table is slow here" not in line][-3:] == [
         "lab: stopping: hold, pressure off",
         f"lab: recording closed: {tmp_path}/recordings/run",
         "lab: ended",
