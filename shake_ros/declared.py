@@ -6,7 +6,7 @@ latter two it is one for the model `unknown`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from shake_ros.core.discovery.candidates import CandidateEffect, candidates, scaled
@@ -55,10 +55,13 @@ def effect_candidates(model: DeclaredModel = FULL, table: TableParameters | None
     path = find("discovery", model.candidates_file)
     found = candidates(read_yaml(path), str(path), model.layout.name, model.layout.fields)
     fitting = tuple(c for c in found if model.may_lack(c.effect))
-    if table is None or not model.nuisances:
-        return fitting
+    return fitting if table is None or not model.nuisances else sized(fitting, table)
+
+
+def sized(found: Iterable[CandidateEffect], table: TableParameters) -> tuple[CandidateEffect, ...]:
+    """Candidates whose trials, scales and bounds fit a table of any size; the file's are made for DEFAULT_TABLE."""
     reference = load_table(DEFAULT_TABLE)
-    return tuple(scaled(c, table, reference) for c in fitting)
+    return tuple(scaled(c, table, reference) for c in found)
 
 
 def model_structure(begin: StartingPoint | TableParameters, model: DeclaredModel = FULL) -> ModelStructure:

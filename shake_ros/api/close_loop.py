@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,13 +49,7 @@ from shake_ros.data.results import (
     tracking_json,
     unknown_json,
 )
-from shake_ros.declared import (
-    effect_candidates,
-    late_parameters,
-    model_structure,
-    recordings_to_make,
-    search_settings,
-)
+from shake_ros.declared import model_structure, recordings_to_make, search_settings
 from shake_ros.fit.solver import Budget
 from shake_ros.search.answer import answer
 from shake_ros.settings import save_table
@@ -237,6 +232,7 @@ class Discovery(fitted.FittedResult):
         """The force that would have to act beside the final model, as a history with its band, by recording."""
         return LatentForces(self.closed.forces)
 
+    @cached_property
     def rivals(self) -> tuple[RivalModel, ...]:
         """Models that the recordings leave possible beside the one found, refitted; none where nothing is open."""
         settings = search_settings(self.model.declared)
@@ -272,22 +268,15 @@ class Discovery(fitted.FittedResult):
         first, data = prepared_alike(self.model, new[0], self.data, self.closed)
         second, data = prepared_alike(self.model, new[1], data, self.closed) if new[1] else ([], data)
         if not second:
-            halves = [(r.part(slice(0, n // 2)), r.part(slice(n // 2, n))) for r in first if (n := len(r.commands))]
-            first, second = [a for a, _ in halves], [b for _, b in halves]
+            first, second = _halves(first)
         data = replace(data, estimation=[*self.estimation, *first], validation=[*self.validation, *second])
-        table, failures = self.closed.baseline.table, Failures()
-        model = ModelStructure(
-            table,
-            self.closed.search.declared.fit.free.free,
-            tuple(late_parameters(declared)),
-            effect_candidates(declared, table),
-            declared,
-        )
+        structure, failures = model_structure(self.closed.baseline.table, declared), Failures()
+        structure = replace(structure, free=self.closed.search.declared.fit.free.free)
         with Progress("close_loop", progress) as bar, Ending(bar, minutes) as ending:
             settings = search_settings(declared)
             sets = data.estimation, data.validation
             found = continued(
-                model, self.closed, self.rivals(), *sets, settings, ending, ending.deadline_passed, failures
+                structure, self.closed, self.rivals, *sets, settings, ending, ending.deadline_passed, failures
             )
             data = data.with_nuisances(found.search.nuisances)
             asked = () if ending.deadline_passed() else recordings_to_make()
@@ -485,6 +474,13 @@ def _completed(
     with failures.step("diagnosis"):
         diagnosis = diagnose(found.final.fit, first, second, asked, model.declared)
     return Discovery(model, found, first, second, diagnosis, benefit, data, tuned, failures, test_data)
+
+
+def _halves(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
+    """The first half of each record, and the second."""
+    middles = [len(r.commands) // 2 for r in records]
+    first = [r.part(slice(0, middle)) for r, middle in zip(records, middles, strict=True)]
+    return first, [r.part(slice(middle, len(r.commands))) for r, middle in zip(records, middles, strict=True)]
 
 
 def check_search(search: str, declared: DeclaredModel) -> None:

@@ -94,9 +94,14 @@ def _sweep(m: Excitation, time: Array) -> Array:
     return np.asarray(np.sin(2.0 * np.pi * (frequency - m.low) / rate) / frequency)
 
 
+def _lines(m: Excitation, time: Array) -> Array:
+    """Frequencies of the band whose periods are parts of the time [Hz]."""
+    return np.arange(max(m.low, 1.0 / time[-1]), m.high, 1.0 / time[-1])
+
+
 def _multisine(m: Excitation, time: Array) -> Array:
     """Every line of the band with equal velocity, in Schroeder's phases, which keep the peaks low."""
-    lines = np.arange(max(m.low, 1.0 / time[-1]), m.high, 1.0 / time[-1])
+    lines = _lines(m, time)
     number = np.arange(len(lines))
     phase = -np.pi * number * (number + 1) / len(lines)
     return np.asarray(np.cos(2.0 * np.pi * np.outer(time, lines) + phase) @ (1.0 / lines))
@@ -104,7 +109,7 @@ def _multisine(m: Excitation, time: Array) -> Array:
 
 def _random(m: Excitation, time: Array) -> Array:
     """The same band in random phases, with equal acceleration above 2 Hz."""
-    lines = np.arange(max(m.low, 1.0 / time[-1]), m.high, 1.0 / time[-1])
+    lines = _lines(m, time)
     phase = np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, len(lines))
     return np.asarray(np.cos(2.0 * np.pi * np.outer(time, lines) + phase) @ (1.0 / (lines * np.maximum(lines, 2.0))))
 

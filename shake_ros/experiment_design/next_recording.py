@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,17 @@ from numpy.typing import NDArray
 from shake_ros.api.close_loop import Discovery
 from shake_ros.api.fitted import Data
 from shake_ros.api.progress import Progress, ProgressOption
+from shake_ros.core.identification.experiments import PAYLOAD
+from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.uncertainty import of_table
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError, strict_keys
 from shake_ros.core.reference.motion import Envelope, envelope
 from shake_ros.data.reference_file import write_drive
 from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.experiment_design.design import HARDLY, Designer, PredictedExcitation, Separation
-from shake_ros.experiment_design.motions import Excitation, library
+from shake_ros.experiment_design.motions import library
 from shake_ros.settings import find, read_yaml
 
 Array = NDArray[np.float64]
@@ -112,20 +116,13 @@ class NextRecording:
             "rivals": list(self.rivals),
             "useful": self.useful,
             "limits": dict(self.limits._asdict()),
-            "motion": None if shown is None else {**_motion(shown.motion), "sample_time": self.sample_time},
+            "motion": None if shown is None else {**asdict(shown.motion), "sample_time": self.sample_time},
             "expected": {} if shown is None else {s.rival: {"log_odds": s.gain} for s in shown.separations},
             "expected_with_payload": {s.rival: {"log_odds": s.gain} for s in self.with_payload},
         }
 
     def __repr__(self) -> str:
         return "\n".join(self.lines())
-
-
-def _motion(motion: Excitation) -> dict[str, Any]:
-    return {
-        "name": motion.name, "kind": motion.kind, "low": motion.low, "high": motion.high,
-        "part": motion.part, "seconds": motion.seconds,
-    }  # fmt: skip
 
 
 def _limits(limits: Envelope) -> str:
@@ -201,12 +198,14 @@ def next_recording(
         raise ShakeError(f"next_recording: needs the model full or unknown, not {found.model.kind}")
     with Progress("next_recording", progress) as bar:
         bar("refitting the rivals", 0.0)
-        rivals = found.rivals()
+        rivals = found.rivals
         bounds, dt = limits_of(found, limits, interlock), found.estimation[0].sample_time
         if not rivals:
             return NextRecording((), None, bounds, (), dt, found.remaining.above_noise)
         names = tuple(r.name for r in rivals)
-        designer = Designer.of(found.model.declared, found.closed.search.final.fit, rivals, bounds, found.estimation)
+        designer = Designer.of(
+            found.model.declared, of_table(found.closed.search.final.fit), rivals, bounds, found.estimation
+        )
         best = next(iter(designer.best(library(motions), bar)), None)
         made = NextRecording(names, best, bounds, (), dt)
         if best is None or made.useful:
@@ -218,11 +217,10 @@ def next_recording(
 def heavier(designer: Designer, best: PredictedExcitation) -> tuple[Separation, ...]:
     """What a motion is expected to do to each rival with MORE_MASS more on the table."""
 
-    def loaded(fit: Any) -> Any:
-        table = fit.free.base
-        name = "body.specimen_mass"
-        base = table.with_values({name: table.value(name) + MORE_MASS * fit.table.moved_mass})
-        return replace(fit, free=type(fit.free)(base, fit.free.free))
+    def loaded(fit: Fit) -> Fit:
+        base = fit.free.base
+        mass = base.value(PAYLOAD) + MORE_MASS * fit.table.moved_mass
+        return replace(fit, free=FreeParameters(base.with_values({PAYLOAD: mass}), fit.free.free))
 
     rivals = tuple(replace(r, result=replace(r.result, fit=loaded(r.fit))) for r in designer.rivals)
     other = replace(designer, final=loaded(designer.final), rivals=rivals)

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from shake_ros.core.discovery.candidates import CandidateEffect, scaled
 from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys
-from shake_ros.declared import DEFAULT_TABLE, effect_candidates, free_parameters
+from shake_ros.declared import effect_candidates, free_parameters, sized
 from shake_ros.fit.model import SENSOR_DELAY, FreeModel, start_of
-from shake_ros.settings import find, load_table, read_yaml
+from shake_ros.settings import find, read_yaml
 
 SUPPLY = FreeParameter("supply.supply_pressure", 1e6, 1e6, 1e8, "Pa")
 SHAPES = ("frequency", "damping")  # of an effect, followed where the table has it
@@ -60,12 +59,6 @@ def load_twin(name: str = "default") -> TwinSettings:
     return TwinSettings(test, wander)
 
 
-def candidates_of(table: TableParameters) -> tuple[CandidateEffect, ...]:
-    """The effects that a table may get, their trials and scales in proportion to its size."""
-    reference = load_table(DEFAULT_TABLE)
-    return tuple(scaled(c, table, reference) for c in effect_candidates())
-
-
 @dataclass(frozen=True)
 class Followed:
     """A found table with what is followed of it.
@@ -89,8 +82,9 @@ def followed(table: TableParameters, settings: TwinSettings) -> Followed:
     ShakeError : the table has none of the parameters.
     """
     known = {p.name: p for p in (*free_parameters(), SUPPLY, SENSOR_DELAY)}
-    known |= {c.strength.name: c.strength for c in candidates_of(table)}
-    for effect in candidates_of(table):
+    candidates = sized(effect_candidates(), table)
+    known |= {c.strength.name: c.strength for c in candidates}
+    for effect in candidates:
         if effect.effect in table.effects:
             known |= {p.name: p for p in effect.free if p.name.rpartition(".")[2] in SHAPES}
     own = {name: p for name, p in known.items() if name in settings.parameters and _is_there(table, name)}

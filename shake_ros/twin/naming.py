@@ -18,6 +18,7 @@ import numpy as np
 from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.identification.recordings import FULL, Record
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.declared import effect_candidates, sized
 from shake_ros.fit.model import SENSOR, TABLE, FreeModel, TriedEffect
 from shake_ros.fit.prediction import Levels, Predictor
 from shake_ros.fit.segment import Segment
@@ -25,7 +26,6 @@ from shake_ros.fit.solver import Budget, PredictorFit, descend, jacobian, prior_
 from shake_ros.search.candidates import functions, listed
 from shake_ros.search.loop import PRIOR
 from shake_ros.search.proposal import EffectSet, Linearised, evaluate, linearised, start
-from shake_ros.twin.followed import candidates_of
 
 REFITTED, STEPS = 6, 6  # hypotheses that are refitted, by so many Jacobians
 RIVAL = math.log(20.0)  # nats behind the best, within which a hypothesis stays possible
@@ -101,7 +101,7 @@ class Naming:
             n: (float(v), float(d)) for n, v, d in zip(model.names, model.x * model.scale, deviations, strict=True)
         }
         self.model, self.levels, self.inflation = replace(model, priors=priors), levels, inflation
-        self.candidates = candidates_of(model.table)
+        self.candidates = sized(effect_candidates(), model.table)
         self.before, self.since = tuple(before), tuple(since)
         self.fitted = self._fitted(self.since)
         self.past = self._fitted(self.before) if self.before else None
@@ -175,17 +175,17 @@ class Naming:
         deviation = math.sqrt(covariance[i, i]) * float(model.scale[i])
         square = float(r @ r) / self.fitted.prediction.count
         return Hypothesis(
-            *(
-                effect.name,
-                name,
-                effect.place,
-                effect.strength.unit,
-                was,
-                model.value(name),
-                deviation,
-                gain / self.inflation,
-            ),
-            *(model, covariance, square),
+            effect.name,
+            name,
+            effect.place,
+            effect.strength.unit,
+            was,
+            model.value(name),
+            deviation,
+            gain / self.inflation,
+            model,
+            covariance,
+            square,
         )
 
     def _against_past(self, found: list[Hypothesis]) -> list[Hypothesis]:

@@ -212,7 +212,7 @@ class Twin:
         """A window that shows nothing: values stay, intervals grow."""
         self._grow(stop - start)
         state = PAUSED if why else self._state
-        return self._told(start, stop, state, why, math.nan, NO_MOTION)
+        return self._reported(start, stop, state, why, math.nan, NO_MOTION)
 
     @property
     def _state(self) -> str:
@@ -222,7 +222,7 @@ class Twin:
         gained = self.followed.walk**2 * max(nanoseconds, 0) * 1e-9 / HOUR
         self._known = KnownState(self._known.mean, self._known.covariance + np.diag(gained))
 
-    def _told(
+    def _reported(
         self,
         start: int,
         stop: int,
@@ -244,7 +244,7 @@ class Twin:
             self._waiting.append((record, stop))
             if len(self._waiting) * self.settings.test.window >= self.settings.test.reference:
                 self._learn()
-            return self._told(start, stop, self._state, "", math.nan, NO_MOTION)
+            return self._reported(start, stop, self._state, "", math.nan, NO_MOTION)
         spread = np.diag(self.followed.spread**2)
         model = self._model.at(self._known.mean)
         seen = evidence(
@@ -254,7 +254,7 @@ class Twin:
         change = self._tested(stop)
         if change is None:
             self._known = corrected(self._known, seen, self._normal.inflation, self.followed.spread)
-        return self._told(start, stop, self._state, "", seen.square, seen.motion, change)
+        return self._reported(start, stop, self._state, "", seen.square, seen.motion, change)
 
     def _learn(self) -> None:
         """What is normal, from the windows of the reference."""

@@ -70,14 +70,12 @@ def continued(
 
 def with_rivals(problem: SearchProblem, found: Selection, rivals: Sequence[RivalModel]) -> Selection:
     """The selection after the rivals of its model had their turn on the same recordings."""
-    steps = list(found.steps)
-    for number, step in enumerate(steps):
-        others = [r for r in rivals if r.replaced == number and r.candidate is not None]
-        refits = [Refit(r.candidate, r.result, 0.0) for r in others if r.candidate is not None]
+    noise = problem.validation.noise_cost()
+    for number, step in enumerate(found.steps):
+        others = [Refit(r.candidate, r.result, 0.0) for r in rivals if r.replaced == number and r.candidate]
+        tried = [in_its_place(problem, found.final, step, other) for other in others]
         now = replace(step.chosen, result=found.final)
-        tried = [in_its_place(problem, found.final, step, other) for other in refits]
-        noise = problem.validation.noise_cost()
-        chosen = decide(ranked([now, *tried]), step.screened, problem.settings, noise)
-        steps[number] = chosen
-        found = replace(found, steps=tuple(steps), final=chosen.chosen.result)
+        better = decide(ranked([now, *tried]), step.screened, problem.settings, noise)
+        steps = (*found.steps[:number], better, *found.steps[number + 1 :])
+        found = replace(found, steps=steps, final=better.chosen.result)
     return found

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.close_loop import LoopClosure
@@ -43,7 +44,7 @@ class RivalModel:
     replaced: int | None = None
     candidate: CandidateEffect | None = None
 
-    @property
+    @cached_property
     def fit(self) -> Fit:
         """Its fit, of the table's parameters alone."""
         return of_table(self.result.fit)
@@ -70,9 +71,8 @@ def rival_models(problem: SearchProblem, closed: LoopClosure) -> tuple[RivalMode
             fitted = problem.converged_again(verdict.model)
             if fitted.score < final.score:
                 made.append(RivalModel(f"with {verdict.effect}", fitted, None, verdict.candidate))
-    named = {r.candidate.effect for r in made if r.candidate}
     if closed.remaining.above_noise and not made:
-        better = [r for r in found.rejected if r.score < final.score and r.candidate.effect not in named]
+        better = [r for r in found.rejected if r.score < final.score]
         made += [RivalModel(f"with {r.candidate.effect}", r.result, None, r.candidate) for r in better]
     return tuple(sorted(made, key=lambda r: r.result.score)[:MOST])
 
