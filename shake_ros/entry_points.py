@@ -61,7 +61,7 @@ ENTRY_POINTS: dict[str, Entry] = {
         "find what the declared model lacks, add it, compare before and after",
     ),
     "follow": Entry(
-        "shake_ros.cli.follow:follow_command", "follow a found table over recordings: what changed, and since when"
+        "shake_ros.cli.repair:follow_command", "follow a found table over recordings: what changed, and since when"
     ),
     "table": Entry(
         "shake_ros.cli.repair:table_command", "a table's configuration from nameplates, with its assumptions"
@@ -77,10 +77,11 @@ ENTRY_POINTS: dict[str, Entry] = {
         "draw figures of the thesis: fluid, friction, valve, effects",
     ),
     "sensitivity": Entry(
-        "shake_ros.thesis.commands:sensitivity_command", "sensitivity of the motion to single parameters (thesis 6.3.4)"
+        "shake_ros.thesis.commands:sensitivity_command",
+        "sensitivity of the motion to single parameters (figures 6.19–6.24)",
     ),
     "reproduce": Entry(
-        "shake_ros.thesis.commands:reproduce_command", "run chapter 6 of the thesis again: does each claim hold?"
+        "shake_ros.thesis.commands:reproduce_command", "run chapter 6 of the thesis again, claim by claim"
     ),
     "frequency_response": Entry(
         "shake_ros.cli.signals:frequency_response_command", "gain, delay and coherence in a recording, plotted"
@@ -108,7 +109,7 @@ ENTRY_POINTS: dict[str, Entry] = {
     ),
     "measured_runs": Entry(
         "shake_ros.thesis.commands:measured_runs_command",
-        "the real table's harmonics against printed and fitted models",
+        "the real table's harmonics (tables 6.1, 6.2) against printed and fitted models",
     ),
     "iterate": Entry(
         "shake_ros.cli.laboratory:iterate_command", "the drive of the next run from the error of the last one"

@@ -21,6 +21,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings.bag import SUFFIXES
 from shake_ros.data.result_folder import check_folder
 from shake_ros.declared import DEFAULT_TABLE
+from shake_ros.entry_points import ENTRY_POINTS
 from shake_ros.report.chart import FORMATS
 
 CHOSEN = ("joint", "publishers", "covariance", "clock")  # kinds of findings on what was read in place of what
@@ -33,25 +34,60 @@ class Reporting(TypedDict):
     command: str
 
 
-def add_figures(command: argparse.ArgumentParser) -> None:
-    """The option --figures."""
-    command.add_argument("--figures", choices=FORMATS, help="write the report's charts as files as well, for a paper")
+class CommandLine(argparse.ArgumentParser):
+    """The command line of one command, with the options that several have.
+
+    Parameters
+    ----------
+    name : of its entry point, whose line says what it does.
+    method : how it does it, below the options; its lines are kept as they are.
+    """
+
+    def __init__(self, name: str, method: str = "") -> None:
+        line = ENTRY_POINTS[name].line
+        description = f"{line[0].upper()}{line[1:]}."
+        super().__init__(
+            name, description=description, epilog=method, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
+
+    def add_folder(self, text: str) -> None:
+        """The options --out and --force of a result folder."""
+        self.add_argument("--out", type=Path, required=True, metavar="DIR", help=text)
+        self.add_argument("--force", action="store_true", help="replace an existing DIR")
+
+    def add_figures(self) -> None:
+        """The option --figures."""
+        self.add_argument("--figures", choices=FORMATS, help="write the report's charts as files as well, for a paper")
+
+    def add_take(self) -> None:
+        """The option --take."""
+        self.add_argument(
+            "--take",
+            action="append",
+            default=[],
+            metavar="SIGNAL=WHAT",
+            help="of several, read this topic (/…), joint (name) or publisher (number): joint_states=x_axis; "
+            "repeatable",
+        )
+
+    def add_set(self, text: str, metavar: str = "KEY=VALUE") -> None:
+        """The option --set, which may be repeated."""
+        self.add_argument("--set", nargs="+", action="extend", default=[], metavar=metavar, help=text)
+
+    def add_config(self, folder: str) -> None:
+        """The option --config, a file of a folder of config/."""
+        text = f"config/{folder}/NAME.yaml or a file (default: default)"
+        self.add_argument("--config", default="default", metavar="NAME", help=text)
+
+    def add_live(self) -> None:
+        """The options --live and --namespace."""
+        self.add_argument("--live", action="store_true", help="on the table of the running graph, enabled")
+        self.add_argument("--namespace", default="/shake", metavar="NS", help="of that graph (default: /shake)")
 
 
 def reporting(name: str, given: argparse.Namespace, arguments: Sequence[str]) -> Reporting:
     """Arguments of `report`."""
     return {"figures": given.figures, "command": shlex.join(["./shake", name, *map(str, arguments)])}
-
-
-def add_take(command: argparse.ArgumentParser) -> None:
-    """The option --take."""
-    command.add_argument(
-        "--take",
-        action="append",
-        default=[],
-        metavar="SIGNAL=WHAT",
-        help="of several, read this topic (/…), joint (name) or publisher (number): joint_states=x_axis; repeatable",
-    )
 
 
 def taken(given: argparse.Namespace) -> dict[str, list[str | int]]:
@@ -77,7 +113,7 @@ def source(path: Path, given: argparse.Namespace) -> Recordings | Path:
     return runs
 
 
-def add_data(command: argparse.ArgumentParser, needed: Sequence[str] = ()) -> None:
+def add_data(command: CommandLine, needed: Sequence[str] = ()) -> None:
     """The recordings, of which some are needed ("estimation", "validation"), and the result folder."""
     for name, short, text in (
         ("estimation", "learn", "recordings to fit"),
@@ -87,14 +123,13 @@ def add_data(command: argparse.ArgumentParser, needed: Sequence[str] = ()) -> No
         command.add_argument(
             *options, dest=name, type=Path, nargs="+", required=name in needed, default=[], metavar="BAG", help=text
         )
-    add_take(command)
-    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
-    command.add_argument("--force", action="store_true", help="replace an existing result folder")
+    command.add_take()
+    command.add_folder("folder for the results")
+    command.add_figures()
 
 
-def add_arguments(command: argparse.ArgumentParser, *, validation_needed: bool) -> None:
-    """Arguments of both commands."""
-    add_data(command, ("estimation", "validation") if validation_needed else ("estimation",))
+def add_declared(command: CommandLine) -> None:
+    """The declared model."""
     command.add_argument(
         "--model", choices=sorted([*MODELS, UNKNOWN]), default="full", help="declared model (default: full)"
     )
@@ -104,15 +139,13 @@ def add_arguments(command: argparse.ArgumentParser, *, validation_needed: bool) 
         help="declared table: a name of config/table or a YAML file "
         f"(default: {DEFAULT_TABLE}; `unknown`: no data sheet; models other than full start from the recordings)",
     )
-    command.add_argument(
-        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="change a declared value"
-    )
+    command.add_set("change a declared value")
 
 
 def inputs(given: argparse.Namespace) -> tuple[Model, Recordings, Recordings]:
     """Model, estimation and validation data of the arguments; their data checks go to standard error."""
     check_folder(given.out, given.force)
-    declared = model(given.model, given.config, dict(map(change, given.set)))
+    declared = model(given.model, given.config, changes(given))
     estimation, validation = read_data(given)
     check_apart(estimation, validation)
     if declared.declared.driven_by == "valve_command":
@@ -136,19 +169,16 @@ def read_set(given: argparse.Namespace, bags: Sequence[Path]) -> Recordings:
     return found
 
 
-def change(text: str) -> tuple[str, float]:
-    """Name and value of `KEY=VALUE`."""
-    key, _, value = text.partition("=")
-    try:
-        return key, float(value)
-    except ValueError:
-        raise ShakeError(f"--set {text}: expected KEY=NUMBER") from None
-
-
-def live_arguments(parser: argparse.ArgumentParser) -> None:
-    """`--live` and `--namespace`."""
-    parser.add_argument("--live", action="store_true", help="on the table of the running graph, enabled")
-    parser.add_argument("--namespace", default="/shake", metavar="NS", help="of that graph (default: /shake)")
+def changes(given: argparse.Namespace) -> dict[str, float]:
+    """Names and values that --set changes."""
+    found = {}
+    for text in given.set:
+        key, _, value = text.partition("=")
+        try:
+            found[key] = float(value)
+        except ValueError:
+            raise ShakeError(f"--set {text}: expected KEY=NUMBER") from None
+    return found
 
 
 @contextmanager

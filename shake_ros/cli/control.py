@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import shlex
 import sys
 import time
@@ -15,21 +14,20 @@ from shake_ros.api.loops import MODELS
 from shake_ros.api.tune import check_target, tune
 from shake_ros.api.tune_table import FILES, tune_table
 from shake_ros.campaigns.campaign import campaign
-from shake_ros.cli.arguments import add_figures, reporting
+from shake_ros.cli.arguments import CommandLine, reporting
 from shake_ros.core.loop.linear_loop import LAWS
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import refuse_existing
 from shake_ros.settings import value_of
 
+TUNE_METHOD = """\
+The gains of one CONTROLLER minimise (6.42) over loads and perturbed tables. With --table observer and controller are
+made for a table that was found: several laws side by side, sound on its neighbours."""
 
-def tune_parser() -> argparse.ArgumentParser:
+
+def tune_parser() -> CommandLine:
     """The command line."""
-    p = argparse.ArgumentParser(
-        prog="tune",
-        description="tune: gains as a new configuration: of one controller, which minimise (6.42) over loads "
-        "and perturbed tables; or with --table observer and controller for a table that was found, "
-        "several laws side by side, sound on its neighbours.",
-    )
+    p = CommandLine("tune", TUNE_METHOD)
     p.add_argument(
         "controller",
         nargs="?",
@@ -66,7 +64,7 @@ def tune_parser() -> argparse.ArgumentParser:
 
 def tune_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    options = vars(tune_parser().parse_args(list(arguments)))
+    options = vars(tune_parser().parse_args(arguments))
     out, force = options.pop("out"), options.pop("force")
     table, laws = options.pop("table"), options.pop("laws")
     if (table is None) == (options["controller"] is None):
@@ -97,27 +95,18 @@ def for_table(table: str, laws: Sequence[str] | None, options: dict[str, Any], o
     return 0
 
 
-def compare_parser() -> argparse.ArgumentParser:
-    """The command line."""
-    p = argparse.ArgumentParser(
-        prog="compare",
-        description="compare: the controllers side by side on the same references, loads and perturbed tables.",
-    )
-    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="result folder")
+def compare_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    p = CommandLine("compare")
+    p.add_folder("result folder")
     p.add_argument("--quick", action="store_true", help="two references, one load, four perturbed tables")
     p.add_argument("--settings", default="default", metavar="NAME", help="config/compare/NAME.yaml or a file")
     p.add_argument(
         "--record", nargs="+", default=(), metavar="FILE", help="accelerograms in place of the synthetic earthquakes"
     )
     p.add_argument("--only", nargs="+", metavar="LABEL", help="only these controllers of the settings")
-    p.add_argument("--force", action="store_true", help="replace DIR")
-    add_figures(p)
-    return p
-
-
-def compare_command(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit code."""
-    given = compare_parser().parse_args(list(arguments))
+    p.add_figures()
+    given = p.parse_args(arguments)
     refuse_existing(given.out, force=given.force)
     began, spent = time.monotonic(), time.process_time()
     found = compare(given.settings, quick=given.quick, records=given.record, only=given.only)
@@ -129,24 +118,17 @@ def compare_command(arguments: Sequence[str]) -> int:
     return 0
 
 
-def campaign_parser() -> argparse.ArgumentParser:
-    """The command line."""
-    p = argparse.ArgumentParser(
-        prog="campaign",
-        description="campaign: a study of many independent fits or loops: on this machine's cores or on a "
-        "cluster, each row once, in one file that an interrupted study goes on with; tables and "
-        "figures of what was found.",
-    )
+CAMPAIGN_METHOD = """\
+A study of many independent fits or loops: on this machine's cores or on a cluster, each row once, in one file that an
+interrupted study goes on with; tables and figures of what was found."""
+
+
+def campaign_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    p = CommandLine("campaign", CAMPAIGN_METHOD)
     p.add_argument("study", metavar="STUDY", help="config/studies/STUDY.yaml or a file")
     p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the rows; of an earlier start too")
-    p.add_argument(
-        "--set",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="NAME=VALUE",
-        help="values of the study to replace, in YAML",
-    )
+    p.add_set("values of the study to replace, in YAML", "NAME=VALUE")
     p.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one for each core)")
     p.add_argument(
         "--engine", metavar="ADDRESS", help="a Dask scheduler: tls://HOST:PORT, or tcp://HOST:PORT on this machine"
@@ -154,13 +136,8 @@ def campaign_parser() -> argparse.ArgumentParser:
     p.add_argument("--minutes", type=float, metavar="M", help="begin no further row after so long; 0: only the report")
     p.add_argument("--retry", action="store_true", help="run the rows again that failed")
     p.add_argument("--compare", type=Path, metavar="OTHER", help="folder of an older campaign of the same study")
-    add_figures(p)
-    return p
-
-
-def campaign_command(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit code."""
-    given = campaign_parser().parse_args(list(arguments))
+    p.add_figures()
+    given = p.parse_args(arguments)
     if given.minutes is not None and not 0.0 <= given.minutes < float("inf"):
         raise ShakeError(f"--minutes {given.minutes:g}: must be 0 or more")
     options = {name: getattr(given, name) for name in ("engine", "workers", "minutes", "retry")}

@@ -12,7 +12,7 @@ from typing import Any
 from shake_ros.api.live_table import OWN, NotReleasedError
 from shake_ros.api.read import read
 from shake_ros.api.record_scale import accelerogram
-from shake_ros.cli.arguments import add_figures, add_take, change, live, live_arguments, released_by, reporting, taken
+from shake_ros.cli.arguments import CommandLine, changes, live, released_by, reporting, taken
 from shake_ros.commissioning.commission import commission
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import check_folder
@@ -29,27 +29,6 @@ looks for missing effects. With --live this is done on the table of the running 
 gets each level's limits. Before each run its largest values and those limits are shown, and Enter releases it; the
 limits grow with the level. DIR gets table.yaml, controller.yaml, observer.yaml, interlock.yaml, commission.html,
 commission.json and the recordings. Exit code 1 if it ended before the last step, with the reason on the last line."""
-
-
-def commission_parser() -> argparse.ArgumentParser:
-    """The command line."""
-    p = argparse.ArgumentParser(
-        prog="commission",
-        description="Bring a table into service step by step, a simulated one or that of a running graph.",
-        epilog=COMMISSION_METHOD,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    p.add_argument("--table", default="bergamo", help="the table as it is declared (default: bergamo)")
-    p.add_argument(
-        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="where the simulated table differs"
-    )
-    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for table, gains and evidence")
-    p.add_argument("--config", default="default", help="config/commission/NAME.yaml or a file (default: default)")
-    p.add_argument("--delay", type=int, default=1, help="samples by which a command acts late (default: 1)")
-    live_arguments(p)
-    p.add_argument("--yes", action="store_true", help="release every step, for scripts")
-    p.add_argument("--force", action="store_true", help="replace an existing DIR")
-    return p
 
 
 def asked(text: str) -> bool:
@@ -69,14 +48,22 @@ def shown(text: str) -> bool:
 
 def commission_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    given = commission_parser().parse_args(list(arguments))
+    p = CommandLine("commission", COMMISSION_METHOD)
+    p.add_argument("--table", default="bergamo", help="the table as it is declared (default: bergamo)")
+    p.add_set("where the simulated table differs")
+    p.add_folder("folder for table, gains and evidence")
+    p.add_config("commission")
+    p.add_argument("--delay", type=int, default=1, help="samples by which a command acts late (default: 1)")
+    p.add_live()
+    p.add_argument("--yes", action="store_true", help="release every step, for scripts")
+    given = p.parse_args(arguments)
     if given.delay < 0:
         raise ShakeError(f"--delay {given.delay}: samples, 0 or more")
     check_folder(given.out, given.force)
     with live(given) as table:
         found = commission(
             given.table,
-            set=dict(map(change, given.set)),
+            set=changes(given),
             settings=given.config,
             delay=given.delay,
             live=table,
@@ -104,24 +91,17 @@ config/identification/full.yaml and those of the named effects; DIR gets model.y
 observer's configurations name as their model for the next run."""
 
 
-def iterate_parser() -> argparse.ArgumentParser:
+def iterate_parser() -> CommandLine:
     """The command line."""
-    p = argparse.ArgumentParser(
-        prog="iterate",
-        description="Correct the drive of a shaking table by the error of the last run.",
-        epilog=ITERATE_METHOD,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    p = CommandLine("iterate", ITERATE_METHOD)
     p.add_argument("bags", nargs="*", metavar="BAG", type=Path)
-    add_take(p)
+    p.add_take()
     p.add_argument("--wanted", required=True, metavar="REFERENCE", help="the motion that the table should make")
-    p.add_argument("--out", required=True, metavar="DIR", type=Path)
-    p.add_argument("--config", default="default", help="config/iteration/NAME.yaml or a file (default: default)")
+    p.add_folder("folder of the report and of the next drive or model")
+    p.add_config("iteration")
     p.add_argument("--simulate", type=int, metavar="N", help="make at most N runs on the simulated table")
     p.add_argument("--table", default="bergamo", help="with --simulate: the table (default: bergamo)")
-    p.add_argument(
-        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="with --simulate: change it"
-    )
+    p.add_set("with --simulate: change it")
     p.add_argument("--observer", default=OWN, help="with --simulate (default: own, made for --table)")
     p.add_argument("--controller", default=OWN, help="with --simulate (default: own, made for --table)")
     p.add_argument(
@@ -133,14 +113,13 @@ def iterate_parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--refit", nargs="*", metavar="EFFECT", help="fit --model, with these effects, instead of correcting the drive"
     )
-    p.add_argument("--force", action="store_true", help="replace an existing DIR")
-    add_figures(p)
+    p.add_figures()
     return p
 
 
 def iterate_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    given = iterate_parser().parse_args(list(arguments))
+    given = iterate_parser().parse_args(arguments)
     if bool(given.bags) == (given.simulate is not None):
         raise ShakeError("give either recordings or --simulate N")
     result = _from_recordings(given) if given.simulate is None else _simulated(given)
@@ -189,7 +168,7 @@ def _simulated(given: argparse.Namespace) -> Iterated:
         given.controller,
         given.delay,
         progress=lambda text, _: print(text),
-        changes=dict(map(change, given.set)),
+        changes=changes(given),
     )
     more = {"settings": given.config, "model": given.model, "refit": given.refit}
     result = iterate_simulated(given.wanted, table, runs=given.simulate, **more)
@@ -207,17 +186,12 @@ the test: at the prompt, or by --acknowledge NAME. DIR gets certificate.html, ce
 and the recordings with their SHA-256. Exit code 1 where the test did not pass, with the reason on the last line."""
 
 
-def qualify_parser() -> argparse.ArgumentParser:
+def qualify_parser() -> CommandLine:
     """The command line."""
-    p = argparse.ArgumentParser(
-        prog="qualify",
-        description="Qualify a specimen on the shaking table against a required response spectrum.",
-        epilog=QUALIFY_METHOD,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    p = CommandLine("qualify", QUALIFY_METHOD)
     p.add_argument("required", nargs="?", metavar="RRS", help="required spectrum: a known name or a YAML file")
     p.add_argument("--table", default="bergamo", help="the simulated table (default: bergamo)")
-    p.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="change a value of it")
+    p.add_set("change a value of it")
     p.add_argument("--model", help="identified table of the feedforward (default: --table as it is declared)")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for the certificate and the recordings")
     p.add_argument("--scale", type=float, default=1.0, help="factor on the required levels (default: 1)")
@@ -229,7 +203,7 @@ def qualify_parser() -> argparse.ArgumentParser:
     p.add_argument("--seed", type=int, default=0, help="of phases and sensor noise (default: 0)")
     p.add_argument("--delay", type=int, default=0, help="samples by which a command acts late (default: 0)")
     p.add_argument("--specimen", default="", help="what is tested, for the certificate")
-    p.add_argument("--config", default="default", help="config/qualification/NAME.yaml or a file (default: default)")
+    p.add_config("qualification")
     p.add_argument(
         "--sequence",
         metavar="PLAN",
@@ -237,7 +211,7 @@ def qualify_parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--acknowledge", default="", metavar="NAME", help="who releases the next test")
     p.add_argument("--acknowledge-all", default="", metavar="NAME", help="who releases all remaining tests")
-    live_arguments(p)
+    p.add_live()
     p.add_argument(
         "--from", dest="source", type=Path, metavar="DIR", help="check the recordings of a certificate again"
     )
@@ -247,7 +221,7 @@ def qualify_parser() -> argparse.ArgumentParser:
 
 def qualify_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    given = qualify_parser().parse_args(list(arguments))
+    given = qualify_parser().parse_args(arguments)
     if (given.required is None) == (given.source is None):
         raise ShakeError("give either a required spectrum or --from DIR")
     if given.source is not None:
@@ -297,7 +271,7 @@ def _asked(given: argparse.Namespace) -> dict[str, Any]:
         "model": given.model,
         "rules": given.rules,
         "scale": given.scale,
-        "set": dict(map(change, given.set)),
+        "set": changes(given),
         "settings": given.config,
         "runs": given.runs,
         "seed": given.seed,

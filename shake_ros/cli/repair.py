@@ -1,4 +1,4 @@
-"""Commands from a laboratory's file to a repaired model: import_csv, table, identify, close_loop."""
+"""Commands from a laboratory's file to a repaired model: import_csv, table, identify, close_loop, follow."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ import numpy as np
 from shake_ros.api.close_loop import SEARCHES, Discovery, close_loop
 from shake_ros.api.identify import METHODS, identify
 from shake_ros.api.import_csv import OF_SECOND, SIGNALS, import_csv, import_proposal
+from shake_ros.api.read import read
 from shake_ros.api.table import table
-from shake_ros.cli import arguments as fitting
-from shake_ros.cli.arguments import add_figures, reporting
+from shake_ros.cli.arguments import CommandLine, add_data, add_declared, inputs, read_set, reporting, taken
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError
+from shake_ros.data.result_folder import check_folder
 from shake_ros.experiment_design.next_recording import next_recording
 from shake_ros.report.sections import position_lines, slow_change_lines
 from shake_ros.report.text import (
@@ -31,6 +32,7 @@ from shake_ros.report.text import (
     predictable_lines,
     tracking_lines,
 )
+from shake_ros.twin.follow import follow
 
 ALSO = "--also"
 NEEDED = {
@@ -40,19 +42,22 @@ NEEDED = {
 }
 
 
-def import_csv_parser() -> argparse.ArgumentParser:
+IMPORT_METHOD = f"""\
+Columns of a table (text, .xlsx, .tdms, .mat) become topics of a recording: valve_command, joint_states, imu, force,
+pressures. FILE alone prints its columns and the command that imports them.
+COL is a column's name or its number from 1, or the name of a variable of a .mat file. The unit in its heading converts
+it to SI units; '*scale' stands in for that, and '*scale+offset' moves its zero as well: 'CHANNEL0*0.01',
+'mA*0.125-1.5' for 4 to 20 mA. Options behind {ALSO} belong to that file: its time and its acceleration, and force and
+pressures if it has them. How its clock is offset from the first is found by the correlation of acceleration and
+position, and reported."""
+
+
+def import_csv_parser() -> CommandLine:
     """Arguments of the command, and of its first file."""
-    command = argparse.ArgumentParser(
-        prog="import_csv",
-        usage="import_csv FILE | FILE --time COL --command COL --position COL [--acceleration COL …] --out BAG "
-        f"[options] [{ALSO} FILE --time COL --acceleration COL …]",
-        description="Columns of a table (text, .xlsx, .tdms, .mat) become topics of a recording: valve_command, "
-        "joint_states, imu, force, pressures. FILE alone prints its columns and the command that imports them.",
-        epilog="COL is a column's name or its number from 1, or the name of a variable of a .mat file. The unit in its "
-        "heading converts it to SI units; '*scale' stands in for that, and '*scale+offset' moves its zero as well: "
-        "'CHANNEL0*0.01', 'mA*0.125-1.5' for 4 to 20 mA. "
-        f"Options behind {ALSO} belong to that file: its time and its acceleration, and force and pressures if it has "
-        "them. Where its clock stands to the first is found by the correlation of acceleration and position, and told.",
+    command = CommandLine("import_csv", IMPORT_METHOD)
+    command.usage = (
+        "import_csv FILE | FILE --time COL --command COL --position COL [--acceleration COL …] --out BAG "
+        f"[options] [{ALSO} FILE --time COL --acceleration COL …]"
     )
     _add_file(command, SIGNALS)
     command.add_argument("--out", type=Path, metavar="BAG", help="folder of the recording")
@@ -134,16 +139,13 @@ OPTIONS = (  # option, factor to SI, help
 
 def table_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    command = argparse.ArgumentParser(
-        prog="table",
-        description="`table`: a configuration from nameplates: cylinder, valve, supply, masses; says what it assumed.",
-    )
+    command = CommandLine("table")
     for name, _, text in OPTIONS:
         command.add_argument(f"--{name}", type=float, metavar="NUMBER", help=text)
     command.add_argument("--single-rod", action="store_true", help="the rod is on side B alone: unequal areas")
     command.add_argument("--out", type=Path, required=True, metavar="FILE", help="YAML file to write")
     command.add_argument("--force", action="store_true", help="replace an existing file")
-    given = vars(command.parse_args(list(arguments)))
+    given = vars(command.parse_args(arguments))
     values = {name.replace("-", "_"): factor for name, factor, _ in OPTIONS}
     numbers = {name: given[name] * factor for name, factor in values.items() if given[name] is not None}
     made = table(single_rod=given["single_rod"], **numbers)
@@ -154,21 +156,17 @@ def table_command(arguments: Sequence[str]) -> int:
 
 def identify_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    command = argparse.ArgumentParser(
-        prog="identify",
-        description="`identify`: fit the declared model to recordings; parameters with standard errors, error "
-        "on every recording.",
-    )
-    fitting.add_arguments(command, validation_needed=False)
+    command = CommandLine("identify")
+    add_data(command, ("estimation",))
+    add_declared(command)
     command.add_argument(
         "--method",
         choices=METHODS,
         default="free_run",
         help="what is fitted: the error of the free run, or (model axis) that of the force (default: free_run)",
     )
-    add_figures(command)
-    given = command.parse_args(list(arguments))
-    result = identify(*fitting.inputs(given), method=given.method)
+    given = command.parse_args(arguments)
+    result = identify(*inputs(given), method=given.method)
     result.report(given.out, given.force, **reporting("identify", given, arguments))
     print("\n".join(parameter_lines(result.fit.parameters) + error_lines(result.fit)))
     print("\n".join([*identified_lines(result.identified_estimates, result.data), *diagnosis_lines(result.diagnosis)]))
@@ -181,13 +179,9 @@ def identify_command(arguments: Sequence[str]) -> int:
 
 def close_loop_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    command = argparse.ArgumentParser(
-        prog="close_loop",
-        description="`close_loop`: find the residual of the declared model, trace it to an effect, add it, "
-        "report before and after.",
-    )
-    fitting.add_arguments(command, validation_needed=True)
-    add_figures(command)
+    command = CommandLine("close_loop")
+    add_data(command, ("estimation", "validation"))
+    add_declared(command)
     command.add_argument(
         "--tune", action="store_true", help="make controller.yaml and observer.yaml for the table found"
     )
@@ -214,7 +208,7 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     command.add_argument(
         "--interlock", metavar="NAME", help="of --next: its limits hold for the motion (config/interlock or a file)"
     )
-    given = command.parse_args(list(arguments))
+    given = command.parse_args(arguments)
     if given.interlock and not given.next:
         raise ShakeError("--interlock: is for --next")
     if given.next and given.model not in ("full", UNKNOWN):
@@ -222,8 +216,8 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     if given.tune and MODELS[given.model].layout is not FULL_LAYOUT:
         raise ShakeError(f"--tune: needs a valve and hydraulics, which the model {given.model} does not have")
     found = close_loop(
-        *fitting.inputs(given),
-        test=fitting.read_set(given, given.test),
+        *inputs(given),
+        test=read_set(given, given.test),
         minutes=given.minutes,
         tune=given.tune,
         search=given.search,
@@ -260,3 +254,29 @@ def discovery_lines(found: Discovery, force: bool) -> Iterator[str]:
         yield from diagnosis_lines(found.diagnosis)
     yield from slow_change_lines(found.own)
     yield from position_lines(found.position_error, found.forecast_error)
+
+
+FOLLOW_METHOD = """\
+The found model runs beside the recordings, corrected towards the sensors. The first seconds of motion show what is
+normal; from then on each window of two seconds corrects the slow parameters of the table (flow gain, hydraulic
+stiffness, leakage, friction, null shift, mass, delays, sensors) and is tested for a change. A change is named by the
+effects that close_loop knows: value, 90 % interval, since when, what else it may be; or that no effect explains it.
+DIR gets report.html, report.json and table.yaml, the table as it is known at the end."""
+
+
+def follow_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    p = CommandLine("follow", FOLLOW_METHOD)
+    p.add_argument("recordings", nargs="+", metavar="RECORDING", help="recordings of one table in the order of time")
+    p.add_argument("--table", required=True, metavar="FILE", help="table.yaml of close_loop, or a name of config/table")
+    p.add_folder("folder of the report")
+    p.add_config("twin")
+    p.add_take()
+    p.add_figures()
+    given = p.parse_args(arguments)
+    check_folder(given.out, given.force)
+    found = follow(read(*given.recordings, take=taken(given)), given.table, settings=given.config)
+    found.report(given.out, given.force, **reporting("follow", given, arguments))
+    print("\n".join(found.lines))
+    print(f"report: {given.out / 'report.html'}")
+    return 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from shake_ros.api.multisine_split import multisine_split
 from shake_ros.api.record_scale import YAML, ScaledRecord, accelerogram, band_of, record_scale, treatment
 from shake_ros.api.response_spectrum import DAMPING, HIGH, LOW, PER_OCTAVE, acceleration_spectra
 from shake_ros.api.thd import thd
-from shake_ros.cli.arguments import Reporting, add_figures, add_take, reporting, source
+from shake_ros.cli.arguments import CommandLine, Reporting, reporting, source
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.accelerograms.accelerogram import UNITS
 from shake_ros.data.result_folder import refuse_existing, writing
@@ -25,26 +24,16 @@ Without --start and --stop, the segment in which that signal keeps its amplitude
 Amplitudes come from a least-squares fit of all harmonics below half the sampling rate (or of --harmonics N)."""
 
 
-def thd_parser() -> argparse.ArgumentParser:
-    """The command line."""
-    p = argparse.ArgumentParser(
-        prog="thd",
-        description="Print the harmonics of the acceleration in recordings, and their distortion.",
-        epilog=THD_METHOD,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def thd_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    p = CommandLine("thd", THD_METHOD)
     p.add_argument("bags", nargs="+", metavar="BAG", type=Path)
-    add_take(p)
+    p.add_take()
     p.add_argument("--frequency", type=float, help="fundamental [Hz] (default: found)")
     p.add_argument("--harmonics", type=int, metavar="N", help="orders to fit and to print (default: all, 15 printed)")
     p.add_argument("--start", type=float, metavar="T", help="from this time of the recording on [s]")
     p.add_argument("--stop", type=float, metavar="T", help="up to this time of the recording [s]")
-    return p
-
-
-def thd_command(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit code."""
-    given = thd_parser().parse_args(list(arguments))
+    given = p.parse_args(arguments)
     found = [thd(source(bag, given), given.frequency, given.harmonics, given.start, given.stop) for bag in given.bags]
     print("\n\n".join(map(repr, found)))
     return 0
@@ -55,16 +44,11 @@ BAG is a recording of a table (its topic imu) or an accelerogram. Each oscillato
 for straight lines between the samples; the free vibration after the accelerogram is included."""
 
 
-def spectrum_parser() -> argparse.ArgumentParser:
-    """The command line."""
-    p = argparse.ArgumentParser(
-        prog="spectrum",
-        description="Print the absolute acceleration spectra of recordings.",
-        epilog=SPECTRUM_METHOD,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def spectrum_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    p = CommandLine("spectrum", SPECTRUM_METHOD)
     p.add_argument("bags", nargs="+", metavar="BAG", type=Path)
-    add_take(p)
+    p.add_take()
     p.add_argument("--channel", type=int, default=0, help="component of an accelerogram that has several, from 1")
     p.add_argument("--damping", type=float, nargs="+", default=list(DAMPING), metavar="XI", help="(default: 0.05)")
     p.add_argument("--low", type=float, default=LOW, metavar="HZ", help=f"lowest frequency (default: {LOW:g})")
@@ -80,12 +64,7 @@ def spectrum_parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--out", type=Path, metavar="FILE.csv", help="write the columns of one recording")
     p.add_argument("--force", action="store_true", help="replace an existing file")
-    return p
-
-
-def spectrum_command(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit code."""
-    given = spectrum_parser().parse_args(list(arguments))
+    given = p.parse_args(arguments)
     if given.out is not None:
         if len(given.bags) > 1 or given.out.suffix != ".csv":
             raise ShakeError(f"--out {given.out}: give one recording and a name that ends in .csv")
@@ -101,28 +80,19 @@ def spectrum_command(arguments: Sequence[str]) -> int:
     return 0
 
 
-def frequency_response_parser() -> argparse.ArgumentParser:
-    """The command line."""
-    p = argparse.ArgumentParser(
-        prog="frequency_response",
-        description="frequency_response: gain, delay and coherence between two signals of a recording, as a "
-        "table and a plot.",
-    )
+def frequency_response_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    p = CommandLine("frequency_response")
     p.add_argument("bag", metavar="BAG", type=Path)
-    add_take(p)
+    p.add_take()
     p.add_argument("--input", choices=tuple(INPUTS), default="valve_command")
     p.add_argument("--output", choices=tuple(OUTPUTS), default="position")
     p.add_argument("--window", type=float, default=WINDOW, metavar="T", help=f"window [s] (default: {WINDOW:g})")
     p.add_argument("--at", type=float, nargs="+", metavar="HZ", help="frequencies of the table (default: 0.5 … 20 Hz)")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for report.json and report.html with the plot")
     p.add_argument("--force", action="store_true", help="replace an existing result folder")
-    add_figures(p)
-    return p
-
-
-def frequency_response_command(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit code."""
-    given = frequency_response_parser().parse_args(list(arguments))
+    p.add_figures()
+    given = p.parse_args(arguments)
     if given.out is not None:
         refuse_existing(given.out, force=given.force)
     found = frequency_response(source(given.bag, given), given.input, given.output, given.window, given.at)
@@ -140,28 +110,17 @@ left out where two remain (--skip changes that). Even and odd distortion are apa
 excited, and the odd part is known only where some odd lines are left out (grid: odd_random of the multisine)."""
 
 
-def multisine_split_parser() -> argparse.ArgumentParser:
-    """The command line."""
-    p = argparse.ArgumentParser(
-        prog="multisine_split",
-        description="multisine_split: a response to repeated periods split into linear, even and odd nonlinear "
-        "parts and noise.",
-        epilog=MULTISINE_SPLIT_METHOD,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def multisine_split_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    p = CommandLine("multisine_split", MULTISINE_SPLIT_METHOD)
     p.add_argument("bag", metavar="BAG", type=Path)
-    add_take(p)
+    p.add_take()
     p.add_argument("--period", type=float, metavar="T", help="length of a period [s] (default: found)")
     p.add_argument("--channel", choices=tuple(CHANNELS), default="acceleration")
     p.add_argument("--skip", type=int, metavar="N", help="periods left out at the start")
     p.add_argument("--plot", type=Path, metavar="PNG", help="also draw the lines")
     p.add_argument("--force", action="store_true", help="replace an existing figure")
-    return p
-
-
-def multisine_split_command(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit code."""
-    given = multisine_split_parser().parse_args(list(arguments))
+    given = p.parse_args(arguments)
     if given.plot is not None:
         refuse_existing(given.plot, force=given.force)
     found = multisine_split(source(given.bag, given), given.period, given.channel, given.skip)
@@ -173,22 +132,17 @@ def multisine_split_command(arguments: Sequence[str]) -> int:
 
 
 RECORD_SCALE_METHOD = """\
+Reads .AT2, .V1, .V2, .V2c, .smc, K-NET, ESM, AFAD, GeoNet and tables.
 Baseline: the mean is removed, the ends are tapered, a Butterworth filter of order 4 is run forwards and backwards
 (--high-pass, --low-pass; {band} unless given: the rest is removed), the displacement is faded in and out
 over a pad before and after the record, and two smooth polynomials take out what is left at the end, so that the table
 starts and stops at rest in its middle."""
 
 
-def record_scale_parser() -> argparse.ArgumentParser:
+def record_scale_parser() -> CommandLine:
     """The command line."""
     usual, _ = treatment()
-    p = argparse.ArgumentParser(
-        prog="record_scale",
-        description="Read accelerograms (.AT2, .V1, .V2, .V2c, .smc, K-NET, ESM, AFAD, GeoNet, tables) and fit them "
-        "into a table's envelope.",
-        epilog=RECORD_SCALE_METHOD.format(band=band_of(usual)),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    p = CommandLine("record_scale", RECORD_SCALE_METHOD.format(band=band_of(usual)))
     p.add_argument("files", nargs="+", metavar="FILE", type=Path)
     p.add_argument("--table", default="bergamo", help="table whose envelope is used: a name or a YAML file")
     p.add_argument("--stroke", type=float, help="largest displacement from the middle [m] (default: from the table)")
@@ -212,13 +166,13 @@ def record_scale_parser() -> argparse.ArgumentParser:
         "FILEs a folder of .csv",
     )
     p.add_argument("--force", action="store_true", help="overwrite")
-    add_figures(p)
+    p.add_figures()
     return p
 
 
 def record_scale_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    given = record_scale_parser().parse_args(list(arguments))
+    given = record_scale_parser().parse_args(arguments)
     how = reporting("record_scale", given, arguments)
     options = vars(given).copy()
     del options["figures"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import shutil
@@ -19,7 +18,7 @@ import yaml
 
 from shake_ros.api.fitted import names_of, with_test
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.cli.arguments import add_figures, reporting
+from shake_ros.cli.arguments import CommandLine, reporting
 from shake_ros.core.discovery.close_loop import LoopClosure, close_loop
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
@@ -280,15 +279,12 @@ def lines(summary: Mapping[str, Any], tracks: Tracking) -> str:
 
 def demo_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    command = argparse.ArgumentParser(
-        prog="demo",
-        description="The main job end to end: recordings over DDS, the missing effect, tracking before and after.",
-    )
+    command = CommandLine("demo")
     command.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="result folder")
     command.add_argument("--seed", type=int, default=1, help="chooses the hidden effect and the table's own values")
     command.add_argument("--hidden", metavar="EFFECT", help="hide this effect instead of the one the seed chooses")
-    add_figures(command)
-    given = command.parse_args(list(arguments))
+    command.add_figures()
+    given = command.parse_args(arguments)
     try:
         result = demo(given.out, seed=given.seed, hidden=given.hidden, **reporting("demo", given, arguments))
     except RuntimeError as error:  # a node of the graph died or is stuck

@@ -24,12 +24,16 @@ from shake_ros.data.reference_file import write_drive
 from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.experiment_design.design import HARDLY, Designer, PredictedExcitation, Separation
 from shake_ros.experiment_design.motions import library
+from shake_ros.report.chart import Chart, ChartSeries, Panel
+from shake_ros.report.page import Page
+from shake_ros.report.text import sentence
 from shake_ros.settings import find, read_yaml
 
 Array = NDArray[np.float64]
 WITHIN = 0.8  # part of a declared table's envelope that a motion may use
 GROWTH = 2.0  # times what the recordings of an unknown table reached, the most that a motion may ask for
 MORE_MASS = 0.3  # of the moved mass, as a payload that might tell rivals apart
+COLOURS = ("c1", "c2", "c3", "c4")
 Play = Callable[["NextRecording"], Data]
 
 
@@ -96,7 +100,6 @@ class NextRecording:
 
     def write(self, folder: str | Path, force: bool = False) -> Path:
         """Write next.json, report.html and, where a motion helps, drive.yaml, a reference to play."""
-        from shake_ros.experiment_design.page import next_page
         from shake_ros.report.page import write_page
 
         def fill(out: Path) -> None:
@@ -271,3 +274,43 @@ def decide(
         found = found.extended(recording, minutes=minutes, progress=progress)
         asked = next_recording(found, progress=progress, **options)
     return Decided(found, tuple(played), asked)
+
+
+def next_page(asked: NextRecording) -> Page:
+    """The page of a design: the motion, what it is expected to settle, the rivals' predictions side by side."""
+    lines = list(asked.lines())
+    page = Page("The next recording", sentence(lines[0]))
+    page.heading("Motion")
+    for line in lines[1:]:
+        page.paragraph(sentence(line.strip()))
+    shown = asked.prediction
+    if shown is not None:
+        rows = [
+            (s.rival, f"{s.gain:.1f}", "yes" if s.gain > HARDLY else "no")
+            for s in sorted(shown.separations, key=lambda s: -s.gain)
+        ]
+        page.table(("model that is open", "expected gain in log likelihood [nats]", "distinguished"), rows)
+        if asked.motion is not None:
+            page.link("drive.yaml, the reference to play", "drive.yaml")
+        page.chart(prediction_chart(shown))
+    return page
+
+
+def prediction_chart(shown: PredictedExcitation) -> Chart:
+    """Reference, and what each rival would leave unexplained once it is refitted to the recording."""
+    record = shown.record
+    time = np.arange(len(record.commands)) * record.sample_time
+    rests = [
+        ChartSeries(s.rival, s.left, COLOURS[i % len(COLOURS)]) for i, s in enumerate(shown.separations) if len(s.left)
+    ]
+    felt = record.acceleration if record.acceleration is not None else np.gradient(record.velocity, record.sample_time)
+    panels = (
+        Panel("position [mm]", time, (ChartSeries("reference", 1e3 * shown.samples[:, 0], "c5"),), height=130),
+        Panel("acceleration [m/s²]", time, (ChartSeries("predicted by the model found", felt, "c0"),), height=150),
+        Panel("left by a rival [m/s²]", time[record.start :], tuple(rests)),
+    )
+    caption = (
+        "The motion, its acceleration, and what each rival, refitted to it, would leave unexplained if the model found "
+        "is true"
+    )
+    return Chart("next_recording", "time [s]", panels, caption)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
-from shake_ros.cli import arguments as fitting
-from shake_ros.cli.arguments import add_figures, reporting
+from shake_ros.cli.arguments import CommandLine, add_data, read_data, reporting
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import check_folder, refuse_existing, writing
 from shake_ros.measured.runs import ALL as ALL_VARIANTS
@@ -18,24 +15,13 @@ from shake_ros.thesis.schedule import ScheduleComparison, SeedResult, schedule
 from shake_ros.thesis.sensitivity import check_free, sensitivity
 
 
-def figures_parser() -> argparse.ArgumentParser:
-    """The command line."""
-    listing = "\n".join(f"  {name:10} {drawing.line}" for name, drawing in FIGURES.items())
-    p = argparse.ArgumentParser(
-        prog="figures",
-        description="Draw figures of the thesis again: their numbers, or 'all'.",
-        epilog=f"figures:\n{listing}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    p.add_argument("names", nargs="+", metavar="NAME", help="number of a figure, or all")
-    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for figure_NAME.png")
-    p.add_argument("--force", action="store_true", help="overwrite")
-    return p
-
-
 def figures_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    given = figures_parser().parse_args(list(arguments))
+    listing = "\n".join(f"  {name:10} {drawing.line}" for name, drawing in FIGURES.items())
+    p = CommandLine("figures", f"figures:\n{listing}")
+    p.add_argument("names", nargs="+", metavar="NAME", help="number of a figure, or all")
+    p.add_folder("folder for figure_NAME.png")
+    given = p.parse_args(arguments)
     targets = {name: given.out / f"figure_{name.replace('.', '_')}.png" for name in known_figures(given.names)}
     refuse_existing(*targets.values(), force=given.force)
     for name, target in targets.items():
@@ -46,19 +32,13 @@ def figures_command(arguments: Sequence[str]) -> int:
     return 0
 
 
-def sensitivity_parser() -> argparse.ArgumentParser:
-    """The command line."""
-    p = argparse.ArgumentParser(prog="sensitivity", description="Study single parameters of (6.15): figures 6.19–6.24.")
-    p.add_argument("--study", default="thesis", metavar="NAME", help="config/sensitivity/NAME.yaml or a file")
-    p.add_argument("--table", help="another table than the study's")
-    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the figures and sensitivity.json")
-    p.add_argument("--force", action="store_true", help="overwrite")
-    return p
-
-
 def sensitivity_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    given = sensitivity_parser().parse_args(list(arguments))
+    p = CommandLine("sensitivity")
+    p.add_argument("--study", default="thesis", metavar="NAME", help="config/sensitivity/NAME.yaml or a file")
+    p.add_argument("--table", help="another table than the study's")
+    p.add_folder("folder for the figures and sensitivity.json")
+    given = p.parse_args(arguments)
     check_free(given.out, given.force)
     found = sensitivity(given.study, given.table)
     found.report(given.out, given.force)
@@ -67,26 +47,14 @@ def sensitivity_command(arguments: Sequence[str]) -> int:
     return 0
 
 
-def reproduce_parser() -> argparse.ArgumentParser:
-    """The command line."""
-    listed = "".join(f"\n  {name:<14}{entry.line}" for name, entry in EXPERIMENTS.items())
-    p = argparse.ArgumentParser(
-        prog="reproduce",
-        description="reproduce: the experiments of the thesis's chapter 6 run again, "
-        "each claim beside what is found here."
-        f"\n\nexperiments:{listed}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    p.add_argument("names", nargs="*", default=[ALL], metavar="NAME", help="experiments, or all (default)")
-    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for index.html, pages and claims")
-    p.add_argument("--force", action="store_true", help="replace DIR")
-    add_figures(p)
-    return p
-
-
 def reproduce_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    given = reproduce_parser().parse_args(list(arguments))
+    listed = "".join(f"\n  {name:<16}{entry.line}" for name, entry in EXPERIMENTS.items())
+    p = CommandLine("reproduce", f"experiments:{listed}")
+    p.add_argument("names", nargs="*", default=[ALL], metavar="NAME", help="experiments, or all (default)")
+    p.add_folder("folder for index.html, pages and claims")
+    p.add_figures()
+    given = p.parse_args(arguments)
     names = known_experiments(given.names)
     check_folder(given.out, given.force)
     found = reproduce(*names)
@@ -98,19 +66,14 @@ def reproduce_command(arguments: Sequence[str]) -> int:
 
 def schedule_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
-    command = argparse.ArgumentParser(
-        prog="schedule",
-        description="`schedule`: the thesis's neural schedule of θ_1 … θ_7 (6.3.5) beside the physical effect, "
-        "on the same recordings.",
-    )
-    fitting.add_data(command)
-    command.add_argument("--config", default="default", metavar="NAME", help="config/schedule/NAME.yaml or a file")
-    add_figures(command)
-    given = command.parse_args(list(arguments))
+    p = CommandLine("schedule")
+    add_data(p)
+    p.add_config("schedule")
+    given = p.parse_args(arguments)
     if bool(given.estimation) != bool(given.validation):
         raise ShakeError("--learn and --hold: both or neither (without them, data are simulated)")
     check_folder(given.out, given.force)
-    data = fitting.read_data(given) if given.estimation else ()
+    data = read_data(given) if given.estimation else ()
     result = schedule(*data, settings=given.config)
     result.report(given.out, given.force, **reporting("schedule", given, arguments))
     print("\n".join(schedule_lines(result)))
@@ -144,14 +107,10 @@ def schedule_lines(result: ScheduleComparison) -> list[str]:
     return found
 
 
-def measured_runs_parser() -> argparse.ArgumentParser:
-    """The command line."""
-    p = argparse.ArgumentParser(
-        prog="measured_runs",
-        description="`measured_runs`: the real table's harmonics, tables 6.1 and 6.2 of the thesis, against "
-        "printed and fitted models.",
-    )
-    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the report, tables and the fit")
+def measured_runs_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    p = CommandLine("measured_runs")
+    p.add_folder("folder for the report, tables and the fit")
     p.add_argument(
         "--runs", default=DEFAULT_RUNS, metavar="FILE", help="amplitudes: a name of config/measured or a YAML file"
     )
@@ -170,14 +129,8 @@ def measured_runs_parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help=f"extensions to try on top of the best, or {ALL_VARIANTS}",
     )
-    p.add_argument("--force", action="store_true", help="replace an existing result folder")
-    add_figures(p)
-    return p
-
-
-def measured_runs_command(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit code."""
-    given = measured_runs_parser().parse_args(list(arguments))
+    p.add_figures()
+    given = p.parse_args(arguments)
     check_folder(given.out, given.force)
     found = measured_runs(given.runs, given.extend, given.second)
     found.report(given.out, given.force, **reporting("measured_runs", given, arguments))

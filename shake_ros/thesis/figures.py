@@ -47,7 +47,7 @@ FIGURES: dict[str, Drawing] = {
         "shake_ros.thesis.figures_table:flow_force", "axial flow force, and steps of the spool with it"
     ),
     **{
-        name: Drawing("shake_ros.thesis.figures_effects:effect_figure", f"what {name} does to a 2 Hz and a 5 Hz sine")
+        name: Drawing("shake_ros.thesis.figures_table:effect_figure", f"what {name} does to a 2 Hz and a 5 Hz sine")
         for name in EFFECTS
         if "full" in EFFECTS[name].models and name != "unlisted"
     },

@@ -1,4 +1,4 @@
-"""Figures of valve and table: steps and responses (6.10, 6.11), flow force, oil spring, parameters (6.19–6.24)."""
+"""Figures of valve and table: steps, responses (6.10, 6.11), flow force, oil spring, effects, parameters (6.19 …)."""
 
 from __future__ import annotations
 
@@ -8,17 +8,22 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from shake_ros.core.analysis.frequency_response import describing_function, fundamental
+from shake_ros.core.effects import EFFECTS
 from shake_ros.core.packing import record
 from shake_ros.core.plant.linearisation import linearise, oil_column_frequency, operating_point
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import Parameters
 from shake_ros.core.valve import VALVES
 from shake_ros.core.valve.ports import steady_force
 from shake_ros.core.valve.response import linear_response, valve_response
-from shake_ros.report.static_figure import COLOURS, name_decades, new_figure, tidy
+from shake_ros.report.static_figure import BEFORE, COLOURS, GREY, name_decades, new_figure, tidy
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 from shake_ros.thesis.charts import HIGHEST_HARMONIC, LOWEST_SHOWN, ROWS, SHOWN_PERIODS, ParameterStudy, value_label
 
+HARMONICS = 15  # of the figures of effects
+LOWEST_OF_EFFECT = 3e-3  # [m/s²]
+OUTPUT, UNITS = {"position_sensor_lag": 0}, {0: "position [m]", 2: "acceleration [m/s²]"}
 PERIODS = 6
 POINTS = 25
 
@@ -230,4 +235,53 @@ def spectrum_figure(study: ParameterStudy, frequency: float, samples: int) -> Fi
     axes.set_ylim(bottom=LOWEST_SHOWN)
     axes.legend(frameon=False, fontsize=9)
     tidy(axes, "frequency [Hz]", "acceleration [m/s²]")
+    return figure
+
+
+def strength(name: str) -> dict[str, float]:
+    """Parameters at which an effect is shown: of config/figures/effects.yaml, else its first trial of the search."""
+    own = read_yaml(find("figures", "effects"))["strengths"]
+    chosen: dict[str, float] = own[name] if name in own else read_yaml(find("discovery", "effects"))[name]["trials"][0]
+    return chosen
+
+
+def responses(name: str, frequency: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times [s], shape (n,), and the declared and the extended table's output over the last periods, both (n,)."""
+    content: dict[str, Any] = read_yaml(find("figures", "effects"))
+    declared = load_table(content["table"])
+    extended = declared.with_values({f"effects.{name}.{field}": value for field, value in strength(name).items()})
+    dt = content["sample_time"]
+    window = round(round(4.0 * frequency / 2.0) / frequency / dt)  # whole periods, about two seconds
+    t = np.arange(round(content["settling"] / dt) + window) * dt
+    command = content["amplitude"] * np.sin(2.0 * np.pi * frequency * t)
+    column = OUTPUT.get(name, 2)
+    before, after = (run(table, command, dt)[-window:, column] for table in (declared, extended))
+    return t[-window:], before, after
+
+
+def effect_figure(name: str) -> Figure:
+    """Two periods in time and the harmonics, without and with the effect, at both frequencies."""
+    content: dict[str, Any] = read_yaml(find("figures", "effects"))
+    figure = new_figure(11.0, 5.6)
+    values = ", ".join(f"{field} = {value:g}" for field, value in strength(name).items())
+    figure.suptitle(f"{name.replace('_', ' ')}  ({EFFECTS[name].place}; {values})", fontsize=11)
+    panels = figure.subplots(2, 2)
+    for (left, right), frequency in zip(panels, content["frequencies"], strict=True):
+        t, before, after = responses(name, frequency)
+        shown = t < t[0] + 2.0 / frequency
+        harmonics = np.arange(1, HARMONICS + 1)
+        places = harmonics * round(frequency * len(t) * content["sample_time"])
+        for i, (signal, label) in enumerate(((before, "declared"), (after, "with the effect"))):
+            colour = GREY if i == 0 else BEFORE
+            left.plot(t[shown], signal[shown], color=colour, linewidth=1.4, label=label)
+            amplitudes = 2.0 / len(signal) * np.abs(np.fft.rfft(signal))[places]
+            right.bar(harmonics + 0.4 * i - 0.2, amplitudes, 0.4, color=colour)
+        right.set_yscale("log")
+        right.set_xticks(harmonics)
+        unit = UNITS[OUTPUT.get(name, 2)]
+        if name not in OUTPUT:
+            right.set_ylim(bottom=LOWEST_OF_EFFECT)
+        tidy(left, "time [s]", unit, f"{frequency:g} Hz")
+        tidy(right, "harmonic", unit)
+    panels[0][0].legend(frameon=False, fontsize=9, loc="upper right")
     return figure

@@ -11,7 +11,7 @@ from shake_ros.core.effects import EFFECTS
 from shake_ros.core.valve import VALVES
 from shake_ros.core.valve.response import valve_response
 from shake_ros.settings import load_variant
-from shake_ros.thesis import figures_effects, figures_laws, figures_table
+from shake_ros.thesis import figures_laws, figures_table
 
 
 @pytest.mark.parametrize("name", ["curves", "lag", "presliding", "stick_slip"])
@@ -36,16 +36,16 @@ def test_valve_steps_reach_their_ends_in_both_models():
 
 def test_every_effect_of_the_full_model_is_shown_at_a_strength_of_its_own():
     for name in {name for name, e in EFFECTS.items() if "full" in e.models} - {"unlisted"}:
-        shown = EFFECTS[name](**figures_effects.strength(name))
+        shown = EFFECTS[name](**figures_table.strength(name))
         assert shown != EFFECTS[name](), name
 
 
 @pytest.mark.parametrize("name", ["soft_zone", "spool_deadband", "position_sensor_lag"])
 def test_an_effect_changes_what_its_figure_shows(name):
     for frequency in (2.0, 5.0):
-        _, before, after = figures_effects.responses(name, frequency)
+        _, before, after = figures_table.responses(name, frequency)
         assert np.std(after - before) > 0.01 * np.std(before)
-    assert len(figures_effects.effect_figure(name).axes) == 4
+    assert len(figures_table.effect_figure(name).axes) == 4
 
 
 def test_figure_6_11_is_the_full_step_of_a_valve_of_150_hz() -> None:
