@@ -61,7 +61,7 @@ PUBLIC = {  # name → module
     "response_spectrum": "shake_ros.api.response_spectrum",
     "AccelerationSpectra": "shake_ros.api.response_spectrum",
     "acceleration_spectra": "shake_ros.api.response_spectrum",
-    "ResultTable": "shake_ros.api.result_table",
+    "ResultTable": "shake_ros.report.result_table",
     "ScheduleComparison": "shake_ros.thesis.schedule",
     "schedule": "shake_ros.thesis.schedule",
     "sensitivity": "shake_ros.thesis.sensitivity",
@@ -100,7 +100,6 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.response_spectrum import ResponseSpectrum as ResponseSpectrum
     from shake_ros.api.response_spectrum import acceleration_spectra as acceleration_spectra
     from shake_ros.api.response_spectrum import response_spectrum as response_spectrum
-    from shake_ros.api.result_table import ResultTable as ResultTable
     from shake_ros.api.simulate import Simulation as Simulation
     from shake_ros.api.simulate import simulate as simulate
     from shake_ros.api.table import TableFile as TableFile
@@ -128,6 +127,7 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.qualification.result import Qualification as Qualification
     from shake_ros.qualification.result import certified as certified
     from shake_ros.qualification.sequence import qualify_sequence as qualify_sequence
+    from shake_ros.report.result_table import ResultTable as ResultTable
     from shake_ros.thesis.figures import figures as figures
     from shake_ros.thesis.reproduce import Reproduction as Reproduction
     from shake_ros.thesis.reproduce import reproduce as reproduce

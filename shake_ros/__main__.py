@@ -44,7 +44,7 @@ def call(name: str, arguments: Sequence[str]) -> int:
         print(node_help.text(importlib.import_module(ENTRY_POINTS[name].module).build, name))
         return 0
     if name in NODES:
-        gc.disable()  # it takes a tenth of a start; the node's loop says how it goes on
+        gc.disable()  # it takes a tenth of a start; the node's executor decides when it runs again
     try:
         module = importlib.import_module(ENTRY_POINTS[name].module)
     except ModuleNotFoundError as error:
@@ -57,7 +57,7 @@ def call(name: str, arguments: Sequence[str]) -> int:
 
 
 def missing(name: str, error: ModuleNotFoundError) -> ShakeError | ModuleNotFoundError:
-    """What to install, where a package of others is missing; one of our own is a fault of ours."""
+    """What to install where a third-party package is missing; a missing module of this package is a bug."""
     package = (error.name or "").partition(".")[0]
     if package in ("", "shake_ros"):
         return error
@@ -70,7 +70,7 @@ def missing(name: str, error: ModuleNotFoundError) -> ShakeError | ModuleNotFoun
 
 
 def leave_on_terminate() -> None:
-    """Let SIGTERM unwind the program as an exit with code 143, so that half-made results are removed."""
+    """Let SIGTERM unwind the program as an exit with code 143, so that unfinished results are removed."""
 
     def leave(*_: object) -> None:
         raise SystemExit(128 + signal.SIGTERM)
@@ -101,14 +101,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def program() -> int:
     """`main` as a process of its own.
 
-    A node ends there and then: all that it holds is closed by now, and to take its compiled code apart costs the
-    interpreter half a second of processor time, which a graph of seven on a busy machine waits many seconds for.
+    A node exits at once: everything that it holds is closed by now, and tearing down its compiled code would cost the
+    interpreter half a second of processor time, many seconds for a graph of seven nodes on a busy machine.
     """
     if not sys.warnoptions:
-        warnings.simplefilter("ignore")  # of numpy and others: they are for developers, with -W or in the tests
+        warnings.simplefilter("ignore")  # from numpy and others, for developers: -W and the tests show them
     node = bool(sys.argv[1:]) and sys.argv[1] in NODES
     if node:
-        faulthandler.enable()  # a crash, or SIGABRT to what hangs, tells where each thread is
+        faulthandler.enable()  # a crash, or SIGABRT to a node that hangs, prints where each thread is
     code = main()
     if node:
         sys.stdout.flush()

@@ -66,7 +66,7 @@ def tested(required: str, scale: float, model: TableParameters, seed: int) -> di
     except ShakeError as error:
         row["why"] = str(error)
     else:
-        ratio = found.judgement.ratio
+        ratio = found.assessment.ratio
         row |= {"passed": found.passed, "runs": len(found.runs)}
         row |= {"largest": float(ratio.max()), "mean": float(ratio.mean())}
         row["why"] = "" if found.passed else (found.reason or found.moved).split(";")[0]

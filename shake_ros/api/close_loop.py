@@ -14,7 +14,6 @@ from shake_ros.api import fitted
 from shake_ros.api.fitted import LatentForces, prepared_alike, test_records, with_test
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Ending, Progress, ProgressOption
-from shake_ros.api.result_table import ResultTable
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tracking, tune_table
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.close_loop import LoopClosure
@@ -35,7 +34,7 @@ from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.identification.uncertainty import Estimate, known_covariance
 from shake_ros.core.loop.robust import Uncertainty
 from shake_ros.core.loop.trials import TrackingBenefit
-from shake_ros.core.plant.parameters import FULL_LAYOUT
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.data.results import (
@@ -51,6 +50,8 @@ from shake_ros.data.results import (
 )
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
 from shake_ros.fit.solver import Budget
+from shake_ros.report.result_table import ResultTable
+from shake_ros.report.text import error_table
 from shake_ros.search.answer import answer
 from shake_ros.settings import save_table
 
@@ -87,7 +88,7 @@ class FoundEffect:
 class Effects(Sequence[FoundEffect]):
     """Effects in the order in which they were added.
 
-    none : what it says of itself where there is none.
+    none : what is printed where there are none.
     """
 
     def __init__(self, effects: Sequence[FoundEffect], none: str = "nothing is missing") -> None:
@@ -185,6 +186,11 @@ class Discovery(fitted.FittedResult):
         return self.closed.final
 
     @property
+    def compared(self) -> tuple[TableParameters, ...]:
+        """The tables before and after."""
+        return self.closed.baseline.table, self.table
+
+    @property
     def effects(self) -> Effects:
         """What was missing."""
         steps = close_loop_json(self.closed, (), (), self.model.kind)["steps"]
@@ -207,7 +213,7 @@ class Discovery(fitted.FittedResult):
     @property
     def error(self) -> ResultTable:
         """Error of the free run of every recording before and after, relative to the measured signal [-]."""
-        return fitted.error_frame({"before": self.closed.baseline, "after": self.closed.final})
+        return error_table({"before": self.closed.baseline, "after": self.closed.final})
 
     @property
     def position_error(self) -> dict[str, tuple[float, float]]:
@@ -319,7 +325,7 @@ class Discovery(fitted.FittedResult):
         with step("positions"):
             if self.model.kind == "axis":
                 errors = {n: {"before": before, "after": after} for n, (before, after) in self.position_error.items()}
-                content |= {"position_error": errors, **axis_json(self.own, self.forecast_error)}
+                content |= {"position_error": errors, **axis_json(self.table, self.records)}
         added = ", ".join(self.effects.names) or "nothing to add"
 
         def fill(out: Path) -> None:

@@ -16,7 +16,8 @@ from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.loop.metrics import MEANINGS, UNITS, Metrics, Outcome, Summary, judge, summarise
 from shake_ros.core.quantities import unknown_name
 from shake_ros.data.result_folder import write_folder, write_json
-from shake_ros.report.comparison_page import HEAD, aligned, load_rows, summary_rows, trouble
+from shake_ros.report.comparison_page import HEAD, load_rows, summary_rows, trouble
+from shake_ros.report.result_table import aligned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -121,9 +122,11 @@ class Comparison:
         write_folder(Path(out), fill, force=force)
 
     def __repr__(self) -> str:
-        tables = (aligned(HEAD, summary_rows(self.summaries)), "", aligned(*load_rows(self.outcomes)))
         bad = trouble(self.outcomes) or ["no run was unstable or touched an end stop"]
-        return "\n".join([self.plant, "", *tables, "", *bad])
+        lines = [self.plant]
+        for head, rows in ((HEAD, summary_rows(self.summaries)), load_rows(self.outcomes)):
+            lines += ["", aligned([head, *rows], [False, *[True] * (len(head) - 1)])]
+        return "\n".join([*lines, "", *bad])
 
 
 def compare(

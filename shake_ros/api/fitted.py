@@ -2,26 +2,25 @@
 
 Test data are recordings that no decision has seen, run with every model of an answer once the answer stands.
 
-Scale of the command, clock and filter of the sensors are those that the other recordings have shown. What a recording
-needs of its own (offsets of its sensors, the valve's null; slow changes of a force-driven axis) comes from itself, as
-it does for validation data. Nothing of them goes back into the answer.
+Scale of the command, clock and filter of the sensors are those of the other recordings. The nuisance parameters of a
+recording (offsets of its sensors, the valve's null; slow changes of a force-driven axis) are estimated from the
+recording itself, as for validation data. They do not influence the answer.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
-from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.latent_force import LatentForce
-from shake_ros.core.identification.axis_model import AXIS, forecast_errors, slow_changes
+from shake_ros.core.identification.axis_model import AXIS, forecast_errors
 from shake_ros.core.identification.end_stops import within_stroke
 from shake_ros.core.identification.identified import identified
 from shake_ros.core.identification.late_command import earlier
@@ -30,11 +29,13 @@ from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_filter import filter_of
-from shake_ros.core.identification.slow_changes import SlowChange, with_slow_changes
+from shake_ros.core.identification.slow_changes import with_slow_changes
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
+from shake_ros.report.result_table import ResultTable
+from shake_ros.report.text import nuisance_table, parameter_table, slow_change_table
 
 
 class LatentForces(Sequence[LatentForce]):
@@ -86,12 +87,10 @@ class LatentForces(Sequence[LatentForce]):
 
 
 Data = TableRecording | Sequence[TableRecording]
-CHANNELS = ("velocity", "acceleration")
-ROLES = ("estimation", "validation", "test")
 
 
 class FittedResult(ABC):
-    """What both results say about the fitted model.
+    """What both results share about the fitted model.
 
     Attributes
     ----------
@@ -116,6 +115,11 @@ class FittedResult(ABC):
         """The fitted model."""
 
     @property
+    def compared(self) -> tuple[TableParameters, ...]:
+        """The tables whose free runs are compared, the fitted one last."""
+        return (self.table,)
+
+    @property
     def table(self) -> TableParameters:
         """The fitted table, with effects where such were found."""
         return self.final.table
@@ -123,7 +127,7 @@ class FittedResult(ABC):
     @property
     def parameters(self) -> ResultTable:
         """Fitted parameters with their standard errors."""
-        return parameter_frame(self.final.parameters)
+        return parameter_table(self.final.parameters)
 
     @cached_property
     def identified_estimates(self) -> tuple[Estimate, ...]:
@@ -136,13 +140,12 @@ class FittedResult(ABC):
     @property
     def identified(self) -> ResultTable:
         """The same as a table."""
-        return parameter_frame(self.identified_estimates)
+        return parameter_table(self.identified_estimates)
 
     @property
     def nuisances(self) -> ResultTable:
         """Offsets that were removed from each recording; empty for a declared table."""
-        rows = [(n.recording, n.null_shift, n.acceleration_bias) for n in self.data.nuisances]
-        return ResultTable(("recording", "null shift [-]", "acceleration bias [m/s^2]"), rows)
+        return nuisance_table(self.data)
 
     @property
     def forecast_error(self) -> dict[str, float]:
@@ -152,16 +155,10 @@ class FittedResult(ABC):
         """
         return forecast_errors(self.table, self.records) if self.model.kind == "axis" else {}
 
-    @cached_property
-    def own(self) -> list[SlowChange]:
-        """Nuisance parameters of each recording of a force-driven axis; empty for other models."""
-        return slow_changes(self.table, self.records) if self.model.kind == "axis" else []
-
     @property
     def slow_changes(self) -> ResultTable:
-        """The same as a table."""
-        rows = [(c.recording, c.level, c.offset, c.drift) for c in self.own]
-        return ResultTable(("recording", "level of friction [-]", "offset [N]", "drift [N/s]"), rows)
+        """Nuisance parameters of each recording of a force-driven axis; empty for other models."""
+        return slow_change_table(self.compared, self.records if self.model.kind == "axis" else ())
 
 
 def recordings(data: Data | None) -> Recordings:
@@ -199,26 +196,6 @@ def chosen_record(records: Sequence[Record], name: str | None) -> Record:
     if name not in names_of(records):
         raise unknown_name("recording", name, names_of(records))
     return next(r for r in records if r.name == name)
-
-
-def error_frame(models: Mapping[str, FittedModel]) -> ResultTable:
-    """Relative errors of free runs per recording, a column for each channel and model."""
-    first = next(iter(models.values()))
-    rows = []
-    for role in ROLES:
-        for name in getattr(first, role):
-            errors = [getattr(model, role)[name].get(channel) for channel in CHANNELS for model in models.values()]
-            rows.append((name, role, *errors))
-    columns = [f"{channel} {title}".strip() for channel in CHANNELS for title in models]
-    return ResultTable(("recording", "data", *columns), rows, dict.fromkeys(columns, percent))
-
-
-def parameter_frame(parameters: Sequence[Estimate]) -> ResultTable:
-    """Fitted parameters; a standard error is None where the value rests on a bound."""
-    return ResultTable(
-        ("parameter", "value", "std. error", "form error", "unit"),
-        [(p.name, p.value, p.std_error, p.form_error, p.unit) for p in parameters],
-    )
 
 
 def command_comment(data: Prepared) -> str:

@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.api.read import Source, naming, one_recording
-from shake_ros.api.result_table import ResultTable
 from shake_ros.core.analysis import frequency_response as analysis
 from shake_ros.core.analysis.frequency_response import FrequencyResponse
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,7 +37,7 @@ class RecordedResponse:
 
     Attributes
     ----------
-    title : what it is of.
+    title : recording, signals and windows.
     name : of the recording.
     unit : of the gain.
     found : the response on all lines.
@@ -52,8 +52,10 @@ class RecordedResponse:
 
     @property
     def table(self) -> ResultTable:
-        """The rows."""
-        return ResultTable(("frequency [Hz]", f"gain [{self.unit}]", "delay [s]", "coherence"), self.rows)
+        """The rows, delays in ms."""
+        rows = [(f, gain, 1e3 * delay, coherence) for f, gain, delay, coherence in self.rows]
+        formats = {"delay [ms]": "{:.2f}".format, "coherence": "{:.4f}".format}
+        return ResultTable(("frequency [Hz]", f"gain [{self.unit}]", "delay [ms]", "coherence"), rows, formats)
 
     def plot(self) -> Figure:
         """Gain with two standard deviations and delay on coherent lines, coherence on all."""
@@ -85,13 +87,10 @@ class RecordedResponse:
         at = [dict(zip(("frequency_hz", "gain", "delay_s", "coherence"), row, strict=True)) for row in self.rows]
         content = {"schema": SCHEMA, "recording": self.name, "gain_unit": self.unit, "at": at, "lines": lines}
         write_json(folder / "report.json", content)
-        write_page(response_page(self.title, self.rows, self._chart(), self.unit, command), folder, figures)
+        write_page(response_page(self.title, self.table, self._chart(), command), folder, figures)
 
     def __repr__(self) -> str:
-        gain = f"gain [{self.unit}]"
-        lines = [self.title, f"{'frequency [Hz]':>16}{gain:>20}{'delay [ms]':>14}{'coherence':>12}"]
-        lines += [f"{f:>16.4g}{g:>20.4g}{1e3 * d:>14.2f}{c:>12.4f}" for f, g, d, c in self.rows]
-        return "\n".join(lines)
+        return f"{self.title}\n{self.table}"
 
 
 def frequency_response(
@@ -123,8 +122,8 @@ def frequency_response(
     >>> runs = sr.recording("late", np.arange(20000) / 1000, command=u, position=0.02 * np.roll(u, 5))
     >>> sr.frequency_response(runs, window=1.0, at=[10.0])
     late: valve_command → position, 39 windows of 1 s
-      frequency [Hz]      gain [m per -]    delay [ms]   coherence
-                  10             0.01996          4.97      0.9996
+    frequency [Hz]  gain [m per -]  delay [ms]  coherence
+                10         0.01996        4.97     0.9996
     """
     for kind, name, known in (("input", input, INPUTS), ("output", output, OUTPUTS)):
         if name not in known:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from shake_ros.api import fitted
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.api.result_table import ResultTable
 from shake_ros.core.discovery import declared_fit
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
@@ -34,6 +33,8 @@ from shake_ros.data.results import (
     unknown_json,
 )
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
+from shake_ros.report.result_table import ResultTable
+from shake_ros.report.text import error_table
 from shake_ros.settings import save_table
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ class Identification(fitted.FittedResult):
     @property
     def error(self) -> ResultTable:
         """Error of the free run of every recording, relative to the measured signal [-]."""
-        return fitted.error_frame({"": self.fit})
+        return error_table({"": self.fit})
 
     @property
     def position_error(self) -> dict[str, float]:
@@ -108,7 +109,7 @@ class Identification(fitted.FittedResult):
         identified = self.identified_estimates
         content |= unknown_json(identified, self.data) if identified else {}
         if self.model.kind == "axis":
-            content |= {"position_error": self.position_error, **axis_json(self.own, self.forecast_error)}
+            content |= {"position_error": self.position_error, **axis_json(self.table, self.records)}
 
         def fill(out: Path) -> None:
             write_json(out / "report.json", content)

@@ -168,8 +168,8 @@ def _read(
     found = table.signals(columns, WANTED)
     values = {name: signal.values for name, signal in found.items()}
     findings += [Finding("skipped", "", 0, f"{path.name}: {note}") for note in table.notes]
-    if said := [signal.note for signal in found.values() if signal.note]:
-        findings.append(Finding("unit", "", 0, f"{path.name}: {'; '.join(said)}"))
+    if notes := [signal.note for signal in found.values() if signal.note]:
+        findings.append(Finding("unit", "", 0, f"{path.name}: {'; '.join(notes)}"))
     lengths = {columns[name].name: len(x) for name, x in values.items()}
     if len(set(lengths.values())) > 1:
         text = ", ".join(f"{name} {count}" for name, count in lengths.items())

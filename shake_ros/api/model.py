@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from shake_ros.api.read import Recordings
-from shake_ros.api.result_table import ResultTable
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.identification.axis_model import AXIS
 from shake_ros.core.identification.contradictions import contradictions
@@ -32,6 +31,7 @@ from shake_ros.declared import (
     leaves_open,
     unknown_model,
 )
+from shake_ros.report.result_table import ResultTable
 
 
 @dataclass(frozen=True, repr=False)

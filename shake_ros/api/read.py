@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, overload, runtime_ch
 import numpy.typing as npt
 
 from shake_ros.api.import_csv import import_csv
-from shake_ros.api.result_table import ResultTable
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording, Take, read_table_recording, write_table_recording
+from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

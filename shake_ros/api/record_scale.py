@@ -24,6 +24,7 @@ from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.reference_file import load_reference
 from shake_ros.data.result_folder import writing
+from shake_ros.report.result_table import ResultTable
 from shake_ros.settings import find, load_table, read_yaml
 
 if TYPE_CHECKING:
@@ -106,14 +107,22 @@ class ScaledRecord:
         """What was changed, histories and response spectra; `command` is the line that the page names as its origin."""
         from shake_ros.report.signal_pages import record_page
 
+        title, spectrum = f"{self.path.name}: {self.read.name}", (self.scale.periods, self.scale.spectrum_damping)
+        return record_page(title, self.changes, self.table, self._curves(), *spectrum, command)
+
+    @property
+    def table(self) -> ResultTable:
+        """Peaks of the motion beside the table's limits, and what is left at its end."""
         p = self.parameters
         limits = (p.acceleration_limit, p.velocity_limit, p.position_limit)
-        rows = [
-            [f"{name} [{unit}]", *(f"{scale * v[0]:.4g}" for v in motion), f"{scale * limit:.4g}"]
-            for (name, unit, scale), motion, limit in zip(READ, zip(*self._motions(), strict=True), limits, strict=True)
+        motions = list(zip(*self._motions(), strict=True))
+        rows: list[tuple[str | float | None, ...]] = [
+            (f"{name} [{unit}]", *(scale * peak for peak, _ in motion), scale * limit)
+            for (name, unit, scale), motion, limit in zip(READ, motions, limits, strict=True)
         ]
-        title, spectrum = f"{self.path.name}: {self.read.name}", (self.scale.periods, self.scale.spectrum_damping)
-        return record_page(title, self.changes, rows, self._curves(), *spectrum, command)
+        for (name, unit, scale), motion in zip(READ[1:], motions[1:], strict=True):
+            rows.append((f"{name} at the end [{unit}]", *(scale * end for _, end in motion), None))
+        return ResultTable(("peak", "as recorded", "corrected", "for the table", "limit"), rows)
 
     def _motions(self) -> tuple[list[tuple[float, float]], ...]:
         """Peaks and ends as recorded, corrected and for the table, as of `_three`."""
@@ -177,21 +186,14 @@ class ScaledRecord:
 
     def __repr__(self) -> str:
         read, fitted, p = self.read, self.fitted, self.parameters
-        before, corrected, after = self._motions()
-        limits = (p.acceleration_limit, p.velocity_limit, p.position_limit)
         lines = [
             f"{self.path}: {read.name}",
             *(f"  changed: {change}" for change in self.changes),
             f"  {read.format}, {read.acceleration.size} samples of {read.time_step:g} s in {read.unit}"
             f"{f', channel {p.channel}' if p.channel > 1 else ''}",
             *(f"  warning: {warning}" for warning in read.warnings),
-            f"  {'peak':<22}{'as recorded':>14}{'corrected':>14}{'for the table':>16}{'limit':>12}",
+            *(f"  {line}" for line in str(self.table).splitlines()),
         ]
-        names = ("acceleration [m/s²]", "velocity [m/s]", "displacement [m]")
-        for name, b, c, a, limit in zip(names, before, corrected, after, limits, strict=True):
-            lines.append(f"  {name:<22}{b[0]:>14.4g}{c[0]:>14.4g}{a[0]:>16.4g}{limit:>12.4g}")
-        for name, b, c, a in zip(names[1:], before[1:], corrected[1:], after[1:], strict=True):
-            lines.append(f"  {'at the end: ' + name.split()[0]:<22}{b[1]:>14.2e}{c[1]:>14.2e}{a[1]:>16.2e}")
         because = f" (limited by {fitted.limited_by.split('_')[0]})" if fitted.limited_by else ""
         lines.append(f"  factor {fitted.factor:.5g}{because}, time scale {p.time_scale:g}, band {self.band}")
         return "\n".join(lines)

@@ -12,13 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.api.read import Source, naming, one_recording
-from shake_ros.api.result_table import ResultTable
 from shake_ros.core.analysis import response_spectrum as analysis
 from shake_ros.core.loop import metrics
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.result_folder import refuse_existing, writing
+from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,7 +35,7 @@ class ResponseSpectrum:
 
     Attributes
     ----------
-    name : of what it is of.
+    name : of the recording or accelerogram.
     damping : ξ [-].
     periods : natural periods [s].
     displacement : largest relative displacement [m].

@@ -13,7 +13,6 @@ import numpy.typing as npt
 from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
 from shake_ros.api.response_spectrum import ResponseSpectrum, response_spectrum
-from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.api.thd import Distortion, thd
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import normalised_error
@@ -32,6 +31,7 @@ from shake_ros.core.quantities import Parameters, ShakeError
 from shake_ros.data.recordings import TableRecording, write_table_recording
 from shake_ros.data.recordings.table import Provenance
 from shake_ros.data.reference_file import build_program
+from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import find, load_table, load_variant, read_yaml, table_of
 
 if TYPE_CHECKING:

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.discovery.close_loop import LoopClosure
@@ -31,6 +30,7 @@ from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys, unknown_name
 from shake_ros.data.reference_file import build_program
 from shake_ros.data.result_folder import refuse_existing, write_json, writing
+from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import find, load_table, load_variant, read_yaml, save_table
 
 

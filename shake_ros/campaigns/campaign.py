@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.api.result_table import ResultTable
 from shake_ros.campaigns.batches import Task, TaskOutcome, code_version, run
 from shake_ros.campaigns.engine import engine
 from shake_ros.campaigns.rows import CampaignFile, FinishedRow
@@ -20,6 +19,7 @@ from shake_ros.campaigns.study import Study, canonical, load_study
 from shake_ros.campaigns.tables import section_table
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import writing
+from shake_ros.report.result_table import ResultTable
 
 
 @dataclass(frozen=True, repr=False)

@@ -14,7 +14,6 @@ from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page
 
 MOST_FAILED = 50  # listed
-MOST_ROWS = 2000  # in the table of all rows
 MOST_CURVES = 6
 
 NOTES = {

@@ -22,13 +22,10 @@ from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import check_folder
 from shake_ros.experiment_design.next_recording import next_recording
-from shake_ros.report.sections import position_lines, slow_change_lines
 from shake_ros.report.text import (
     close_loop_lines,
     diagnosis_lines,
-    error_lines,
     identified_lines,
-    parameter_lines,
     predictable_lines,
     tracking_lines,
 )
@@ -168,11 +165,10 @@ def identify_command(arguments: Sequence[str]) -> int:
     given = command.parse_args(arguments)
     result = identify(*inputs(given), method=given.method)
     result.report(given.out, given.force, **reporting("identify", given, arguments))
-    print("\n".join(parameter_lines(result.fit.parameters) + error_lines(result.fit)))
+    print(result.parameters, f"error of the free run:\n{result.error}", sep="\n")
     print("\n".join([*identified_lines(result.identified_estimates, result.data), *diagnosis_lines(result.diagnosis)]))
-    errors = {name: (error,) for name, error in result.position_error.items()}
-    for line in [*slow_change_lines(result.own), *position_lines(errors, result.forecast_error)]:
-        print(line)
+    if result.slow_changes.rows:
+        print(f"nuisance parameters of each recording:\n{result.slow_changes}")
     print(f"report: {given.out / 'report.html'}")
     return 0
 
@@ -252,8 +248,8 @@ def discovery_lines(found: Discovery, force: bool) -> Iterator[str]:
         yield from tracking_lines(found.tracking)
     if found.diagnosis:
         yield from diagnosis_lines(found.diagnosis)
-    yield from slow_change_lines(found.own)
-    yield from position_lines(found.position_error, found.forecast_error)
+    if found.slow_changes.rows:
+        yield f"nuisance parameters of each recording:\n{found.slow_changes}"
 
 
 FOLLOW_METHOD = """\

@@ -17,7 +17,6 @@ from shake_ros.api.model import Model
 from shake_ros.api.model import model as model_of
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.read import Recordings
-from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.api.simulate import Simulation
 from shake_ros.api.tune_table import TunedTable, tune_table
 from shake_ros.commissioning.page import Array, commission_page
@@ -40,6 +39,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program
 from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import load_table, save_table
 
 

@@ -17,9 +17,17 @@ Array = NDArray[np.float64]
 class CommissionRun(NamedTuple):
     """A step as the page shows it.
 
-    title : step and level. loop : of the law. limits : (name, text) of the interlock. errors : of position, velocity,
-    acceleration [-], None where the interlock held. held : what it said, empty where it did not. learnt : lines.
-    time (n,) [s], reference and motion (n, 3) [m], [m/s], [m/s²], command (n,) [-].
+    Attributes
+    ----------
+    title : step and level.
+    loop : of the law.
+    limits : names and values of the interlock's limits.
+    errors : of position, velocity, acceleration, None where the interlock held [-].
+    held : its reason for a hold, empty where there was none.
+    findings : what was concluded from the run, in lines.
+    time : shape (n,) [s].
+    reference, motion : shape (n, 3) [m], [m/s], [m/s²].
+    command : shape (n,) [-].
     """
 
     title: str
@@ -27,7 +35,7 @@ class CommissionRun(NamedTuple):
     limits: Sequence[tuple[str, str]]
     errors: tuple[float, float, float] | None
     held: str
-    learnt: Sequence[str]
+    findings: Sequence[str]
     time: Array
     reference: Array
     motion: Array
@@ -84,7 +92,7 @@ def commission_page(runs: Sequence[CommissionRun], verdict: str, result: Sequenc
     for i, run in enumerate(runs):
         page.heading(run.title)
         page.table(("limit of the interlock", "holds beyond"), [list(limit) for limit in run.limits])
-        for line in run.learnt:
+        for line in run.findings:
             page.paragraph(line)
         page.chart(run_chart(f"step_{i + 1}", run))
     return page.render()

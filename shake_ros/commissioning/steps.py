@@ -118,7 +118,7 @@ LONGEST_START = 60.0  # [s] within which the interlock must let commands act
 
 @dataclass(frozen=True)
 class Step:
-    """A run that was released, and what was learnt of it.
+    """A run that was released, and what was concluded from it.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class Step:
     limits : of the interlock, by the names of `HELD`.
     run : whole, or up to where the interlock held.
     error : of position, velocity, acceleration [-], of a whole run.
-    held : what the interlock said, empty where it did not.
+    held : the interlock's reason for a hold, empty where there was none.
     explained : error of the fitted model's acceleration on the newest run [-].
     tuned : observer and gains for the model that was fitted.
     added : effects that close_loop found.
@@ -209,25 +209,25 @@ def page_run(number: int, step: Step) -> CommissionRun:
     """A step as the page shows it."""
     r = step.run
     assert r.reference is not None and r.valve_command is not None and r.acceleration is not None
-    learnt = []
+    findings = []
     if step.explained is not None:
-        learnt.append(
+        findings.append(
             f"The model fitted to all earlier runs misses {100.0 * step.explained:.2f} % of this one's acceleration."
         )
     if step.added:
-        learnt.append(f"close_loop found in all runs: {', '.join(step.added)}.")
+        findings.append(f"close_loop found in all runs: {', '.join(step.added)}.")
     if step.tuned is not None:
-        learnt.append(f"Gains for it: {step.tuned.best.kind}; {step.tuned.margins.text}.")
-        learnt += step.tuned.findings
+        findings.append(f"Gains for it: {step.tuned.best.kind}; {step.tuned.margins.text}.")
+        findings += step.tuned.findings
     return CommissionRun(
-        f"Step {number + 1}, level {step.level:g}",
-        step.loop,
-        [(name, f"{value:.4g} {UNITS[name]}") for name, value in step.limits.items()],
-        step.error,
-        step.held,
-        learnt,
-        r.time,
-        r.reference,
-        np.column_stack([r.position, motion_of(r)[:, 1], r.acceleration]),
-        r.valve_command,
+        title=f"Step {number + 1}, level {step.level:g}",
+        loop=step.loop,
+        limits=[(name, f"{value:.4g} {UNITS[name]}") for name, value in step.limits.items()],
+        errors=step.error,
+        held=step.held,
+        findings=findings,
+        time=r.time,
+        reference=r.reference,
+        motion=np.column_stack([r.position, motion_of(r)[:, 1], r.acceleration]),
+        command=r.valve_command,
     )

@@ -19,13 +19,15 @@ from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.second_form import ChangeForm, LearntChange
 from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.failures import Failures
+from shake_ros.core.identification.axis_model import forecast_errors, slow_changes
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.innovations import HORIZONS, RATES, Innovations
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.predictability import Predictability
-from shake_ros.core.identification.slow_changes import SlowChange
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.trials import TrackingBenefit
+from shake_ros.core.plant.parameters import TableParameters
 
 CLOSE_LOOP_SCHEMA = "shake_ros.close_loop/1"
 IDENTIFY_SCHEMA = "shake_ros.identify/1"
@@ -75,10 +77,12 @@ def unknown_json(identified: Sequence[Estimate], data: Prepared) -> dict[str, An
     }
 
 
-def axis_json(changes: Sequence[SlowChange], forecast: Mapping[str, float]) -> dict[str, Any]:
-    """What each recording of a force-driven axis has of its own, and position errors without it [m]."""
-    own = {c.recording: {"level": c.level, "offset": c.offset, "drift": c.drift} for c in changes}
-    return {"slow_changes": own, "forecast_error": dict(forecast)}
+def axis_json(table: TableParameters, records: Sequence[Record]) -> dict[str, Any]:
+    """Nuisance parameters of each recording of a force-driven axis, and position errors without them [m]."""
+    changes = {
+        c.recording: {"level": c.level, "offset": c.offset, "drift": c.drift} for c in slow_changes(table, records)
+    }
+    return {"slow_changes": changes, "forecast_error": forecast_errors(table, records)}
 
 
 def _judgement_json(judgement: Judgement) -> dict[str, Any]:

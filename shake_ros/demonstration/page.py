@@ -17,9 +17,10 @@ from shake_ros.measured.page import harmonics_chart
 from shake_ros.report.charts_fit import fastest_stretch, free_runs
 from shake_ros.report.close_loop_page import MODELS, model_sections, step_text
 from shake_ros.report.page import Bar, Page
-from shake_ros.report.sections import Track, made_of, parameter_table, tracking_section
+from shake_ros.report.result_table import percent
+from shake_ros.report.sections import Track, made_of, parameters_side_by_side, tracking_section
 from shake_ros.report.static_figure import AFTER, BEFORE, MEASURED, new_figure, png, tidy
-from shake_ros.report.text import percent, sentence
+from shake_ros.report.text import sentence
 
 
 def harmonic_axes(axes: Axes, runs: MeasuredRuns, index: int) -> None:
@@ -186,6 +187,6 @@ def demo_page(
     )
     tracking_section(page, tracks_of(tracks))
     page.heading("Parameters")
-    parameter_table(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)))
+    parameters_side_by_side(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)))
     measured_section(page, runs)
     return page

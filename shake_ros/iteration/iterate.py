@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from shake_ros.api.fitted import Data, recordings
 from shake_ros.api.progress import ProgressOption
-from shake_ros.api.result_table import ResultTable
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.loop.metrics import FREQUENCIES, HIGHEST, LOWEST
 from shake_ros.core.plant.parameters import TableParameters
@@ -27,7 +26,7 @@ from shake_ros.iteration.model import iterate_model, refit
 from shake_ros.iteration.table import SimulatedTable
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page
-from shake_ros.report.text import percent
+from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
 Array = NDArray[np.float64]

@@ -1,1 +1,1 @@
-"""Harmonics that a real table left behind in print (tables 6.1 and 6.2), against printed and fitted models."""
+"""Printed harmonics of a real table (tables 6.1 and 6.2), against printed and fitted models."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, measured_
 from shake_ros.measured.models import HarmonicComparison, MeasuredModel
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.page import Bar, Made, Page
+from shake_ros.report.result_table import ResultTable
 from shake_ros.report.text import bound_text, estimate_text, unit_of
 
 COLOURS = ("c5", "c3", "before")  # of the printed models, the last one counts
@@ -60,83 +61,69 @@ def shown(comparison: HarmonicComparison) -> list[tuple[MeasuredModel, str]]:
     return [*zip(printed, colours, strict=True), (comparison.chosen, "after")]
 
 
-NAME = 45  # width of a model's name
+def fixed(digits: int, sign: str = "") -> Callable[[float | None], str]:
+    """A format with so many decimals, a dash for None."""
+    return lambda value: "–" if value is None else f"{value:{sign}.{digits}f}"
 
 
-def run_lines(comparison: HarmonicComparison, index: int) -> list[str]:
-    """One run: a row per order's amplitude of each model shown, its error and its THD."""
-    problem = comparison.problem
-    run, span = problem.runs[index], problem.spans[index]
-    measured = measured_distortion(problem)[index]
-    title = f"u = {run.amplitude:g} sin(2π {run.frequency:g} t)"
-    lines = [f"{title:<{NAME}}" + "".join(f"{k:>7}" for k in run.orders) + f"{'rms':>9}{'THD [%]':>10}"]
-    lines.append(f"{'  measured':<{NAME}}{_numbers(run.measured)}{'':>9}{100 * measured:>10.1f}")
+def run_table(comparison: HarmonicComparison, index: int) -> ResultTable:
+    """One run: each order's amplitude, measured and of each model shown, with its error and its THD."""
+    run, span = comparison.problem.runs[index], comparison.problem.spans[index]
+    measured = 100.0 * float(measured_distortion(comparison.problem)[index])
+    rows: list[tuple[str | float | None, ...]] = [("measured", *map(float, run.measured), None, measured, None)]
     for model in (*comparison.printed, *comparison.fitted):
-        result = model.account
-        numbers = _numbers(result.amplitudes[span])
-        thd = f"{100 * result.distortion[index]:.1f} ({100 * result.whole_distortion[index]:.1f})"
-        lines.append(f"{'  ' + model.name:<{NAME}}{numbers}{result.run_rms[index]:>9.3f}{thd:>14}")
-    return lines
+        found = model.account
+        thd = (100.0 * float(found.distortion[index]), 100.0 * float(found.whole_distortion[index]))
+        rows.append((model.name, *map(float, found.amplitudes[span]), float(found.run_rms[index]), *thd))
+    orders = [str(k) for k in run.orders]
+    formats = {**dict.fromkeys(orders, fixed(2)), "rms": fixed(3), "THD [%]": fixed(1), "of all orders": fixed(1)}
+    return ResultTable((title(run), *orders, "rms", "THD [%]", "of all orders"), rows, formats)
 
 
-def _numbers(values: np.ndarray) -> str:
-    return "".join(f"{value:>7.2f}" for value in values)
+def model_table(models: Sequence[MeasuredModel]) -> ResultTable:
+    """Models side by side: parameters fitted, errors, and their THD minus the measured one [points], run by run."""
+    rows = [
+        (
+            m.name,
+            len(m.fitted.fit.x) if m.fitted else None,
+            m.account.rms,
+            m.fitted.criterion if m.fitted else None,
+            m.left_out.rms if m.left_out else None,
+            *(100.0 * float(points) for points in m.account.distortion_error),
+        )
+        for m in models
+    ]
+    runs = [f"THD {i + 1}" for i in range(len(models[0].account.distortion_error))]
+    formats = {"rms": fixed(3), "criterion": fixed(1), "left out": fixed(3)} | dict.fromkeys(runs, fixed(1, "+"))
+    return ResultTable(("model", "fitted", "rms", "criterion", "left out", *runs), rows, formats)
 
 
-def model_line(model: MeasuredModel) -> str:
-    """A model in a row: parameters fitted, errors, THD errors."""
-    fitted, left = model.fitted, model.left_out
-    count = str(len(fitted.fit.x)) if fitted else "–"
-    criterion = f"{fitted.criterion:.1f}" if fitted else "–"
-    points = 100 * model.account.distortion_error
-    return (
-        f"{model.name:<{NAME}}{count:>7}{model.account.rms:>8.3f}{criterion:>11}"
-        f"{f'{left.rms:.3f}' if left else '–':>10}   " + "".join(f"{p:>+7.1f}" for p in points)
-    )
-
-
-def left_out_lines(models: tuple[MeasuredModel, ...]) -> list[str]:
-    """Error of each run while it is left out."""
-    shown = [m for m in models if m.left_out]
-    if not shown:
-        return []
-    lines = ["", "rms of each run [m/s²], predicted by the model fitted to the others"]
-    for model in shown:
-        assert model.left_out is not None
-        lines.append(f"{model.name:<{NAME}}" + "".join(f"{value:>7.3f}" for value in model.left_out.run_rms))
-    return lines
+def left_out_table(models: Sequence[MeasuredModel]) -> ResultTable:
+    """Error of each run while it is left out [m/s²]."""
+    rows = [(m.name, *map(float, m.left_out.run_rms)) for m in models if m.left_out]
+    runs = [f"run {i + 1}" for i in range(len(rows[0]) - 1)] if rows else []
+    return ResultTable(("model", *runs), rows, dict.fromkeys(runs, fixed(3)))
 
 
 def comparison_lines(comparison: HarmonicComparison) -> list[str]:
     """Runs harmonic by harmonic, then all models against each other."""
-    lines = ["amplitude of the acceleration [m/s²] by order; THD of these orders, in brackets of all orders simulated"]
+    lines = ["amplitude of the acceleration [m/s²] by order; THD of these orders and of all orders simulated"]
     for index in range(len(comparison.problem.runs)):
-        lines += ["", *run_lines(comparison, index)]
+        lines += ["", str(run_table(comparison, index))]
     lines += [
         "",
-        f"{'':<{NAME}}{'fitted':>7}{'rms':>8}{'criterion':>11}{'left out':>10}"
-        "   THD minus measured [points], run by run",
-        *(model_line(model) for model in comparison.models),
+        str(model_table(comparison.models)),
         "",
         "criterion: the Bayesian one, lower is better; left out: every run predicted by the model fitted to the others",
-        *left_out_lines(comparison.models),
-        *exchanged_lines(comparison),
-        "",
-        f"best without a second effect: {comparison.chosen.name}",
-        *second_lines(comparison),
+        "THD: minus the measured one, in points, run by run",
     ]
-    return lines
-
-
-def exchanged_lines(comparison: HarmonicComparison) -> list[str]:
-    """The last printed model with one group of parameters from the fit at a time."""
-    if not comparison.exchanged:
-        return []
-    return [
-        "",
-        f"{comparison.printed[-1].name}: where it differs from {comparison.chosen.name}",
-        *("  " + model_line(model)[: NAME - 2] + model_line(model)[NAME:] for model in comparison.exchanged),
-    ]
+    left_out = left_out_table(comparison.models)
+    if left_out.rows:
+        lines += ["", "rms of each run [m/s²], predicted by the model fitted to the others", str(left_out)]
+    if comparison.exchanged:
+        lines += ["", f"{comparison.printed[-1].name}: where it differs from {comparison.chosen.name}"]
+        lines += [str(model_table(comparison.exchanged))]
+    return [*lines, "", f"best without a second effect: {comparison.chosen.name}", *second_lines(comparison)]
 
 
 def second_lines(comparison: HarmonicComparison) -> list[str]:

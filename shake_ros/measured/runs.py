@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.api.result_table import ResultTable
 from shake_ros.core.identification.free_parameters import free_parameter
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
@@ -20,6 +19,7 @@ from shake_ros.declared import DEFAULT_TABLE, free_parameters
 from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, PrintedParameters, measured_distortion
 from shake_ros.measured.models import HarmonicComparison, MeasuredModel, MeasuredRuns, Variant, compare, study
 from shake_ros.measured.page import comparison_lines
+from shake_ros.report.result_table import ResultTable
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
 if TYPE_CHECKING:

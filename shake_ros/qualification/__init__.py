@@ -1,1 +1,1 @@
-"""Seismic qualification: required spectra, motions that meet them, the rules that judge, and the certificate."""
+"""Seismic qualification: required spectra, motions that meet them, the rules that assess them, and the certificate."""

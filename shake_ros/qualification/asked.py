@@ -12,7 +12,7 @@ from shake_ros.api.live_table import OWN, LiveTable, NotReleasedError, OwnLoop, 
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, choice, member_from, quantity, strict_keys
 from shake_ros.iteration.iterate import Learn, learning
-from shake_ros.qualification.judge import Rules, SpectrumJudgement
+from shake_ros.qualification.assessment import Rules, SpectrumAssessment
 from shake_ros.qualification.motion import MotionParameters, check_sampling
 from shake_ros.qualification.required import FORMULAS, POINTS, RequiredSpectrum, from_points
 from shake_ros.qualification.resonance import SearchBand, SearchParameters
@@ -104,16 +104,16 @@ def required_json(required: RequiredSpectrum) -> dict[str, Any]:
     }
 
 
-def judgement_json(judgement: SpectrumJudgement) -> dict[str, Any]:
+def assessment_json(assessment: SpectrumAssessment) -> dict[str, Any]:
     """Verdicts and spectra of a run."""
     return {
-        "passed": judgement.passed,
+        "passed": assessment.passed,
         "rules": [
-            {"rule": v.rule, "asked": v.asked, "measured": v.measured, "passed": v.passed} for v in judgement.verdicts
+            {"rule": v.rule, "asked": v.asked, "measured": v.measured, "passed": v.passed} for v in assessment.verdicts
         ],
-        "frequencies": judgement.frequencies.tolist(),
-        "required": judgement.required.tolist(),
-        "found": judgement.found.tolist(),
+        "frequencies": assessment.frequencies.tolist(),
+        "required": assessment.required.tolist(),
+        "found": assessment.found.tolist(),
     }
 
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 from numpy.typing import NDArray
 
-from shake_ros.qualification.judge import SpectrumJudgement
+from shake_ros.qualification.assessment import SpectrumAssessment
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Page
 from shake_ros.report.static_figure import AFTER, BEFORE, COLOURS, GREY, new_figure, tidy
@@ -70,15 +70,15 @@ def convergence_axes(axes: Axes, errors: Sequence[float]) -> None:
 
 
 def qualification_figure(
-    judgement: SpectrumJudgement, motion: Array, sample_time: float, errors: Sequence[float]
+    assessment: SpectrumAssessment, motion: Array, sample_time: float, errors: Sequence[float]
 ) -> Figure:
     """Spectra, motion and convergence in one figure."""
     figure = new_figure(10.0, 6.0)
     parts = np.atleast_1d(np.asarray(figure.subfigures(2, 1, height_ratios=(3, 2)), dtype=object))
     top, bottom = parts
-    spectra_axes(top.subplots(), judgement.frequencies, judgement.required, judgement.found)
+    spectra_axes(top.subplots(), assessment.frequencies, assessment.required, assessment.found)
     left, right = bottom.subplots(1, 2, width_ratios=(3, 1))
-    motion_axes([left], motion, sample_time, 0.4 * float(judgement.frequencies[0]))
+    motion_axes([left], motion, sample_time, 0.4 * float(assessment.frequencies[0]))
     convergence_axes(right, errors)
     return figure
 
@@ -212,7 +212,7 @@ def _charts(content: Mapping[str, Any], motion: Array, sample_time: float) -> tu
 
 def _html(content: Mapping[str, Any], motion: Array, sample_time: float) -> str:
     spectra, history = _charts(content, motion, sample_time)
-    page = Page(_title(content), f"{content['required']['name']}, judged by {content['rules']['name']}")
+    page = Page(_title(content), f"{content['required']['name']}, assessed by {content['rules']['name']}")
     page.heading("What was tested")
     page.table(("", ""), _facts(content))
     page.heading("Rules")

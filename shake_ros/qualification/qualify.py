@@ -127,7 +127,7 @@ def qualify(
     release: Release = lambda _: "",
     progress: ProgressOption = True,
 ) -> Qualification:
-    """Make a motion that meets a required spectrum, run it until the test response spectrum passes, and judge it.
+    """Make a motion that meets a required spectrum, run it until the test response spectrum passes, and assess it.
 
     Parameters
     ----------
@@ -257,10 +257,10 @@ def _runs(
         return learn(carried, [Record(run.name, run.sample_time, run.valve_command, run.position, run.acceleration)])
 
     def on_run(number: int, run: Tested) -> None:
-        ratio = run.judgement.ratio
+        ratio = run.assessment.ratio
         low, high = ratio.min(), ratio.max()
         text = f"run {number}: spectrum missed by {100.0 * run.error:.1f} %, TRS/RRS {low:.3f} to {high:.3f}"
-        bar(f"{text}, {'passed' if run.judgement.passed else 'not passed'}", number / (test.running.runs + 1))
+        bar(f"{text}, {'passed' if run.assessment.passed else 'not passed'}", number / (test.running.runs + 1))
 
     return iterate_test(test, motion, play, model, None if learn is None else again, on_run)
 

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shake_ros.api.result_table import ResultTable
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
 from shake_ros.data.result_folder import write_folder, write_json, writing
-from shake_ros.qualification.asked import checksums, judgement_json, required_json
-from shake_ros.qualification.judge import Rules, SpectrumJudgement, judge, measured_motion
+from shake_ros.qualification.asked import assessment_json, checksums, required_json
+from shake_ros.qualification.assessment import Rules, SpectrumAssessment, assess, measured_motion
 from shake_ros.qualification.required import RequiredSpectrum
 from shake_ros.qualification.resonance import Resonance, ResonanceSearch, SearchBand, Shift
 from shake_ros.qualification.run import Tested, missed
+from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,9 +58,9 @@ class Qualification:
     search: SearchBand | None = None
 
     @property
-    def judgement(self) -> SpectrumJudgement:
+    def assessment(self) -> SpectrumAssessment:
         """Of the last run."""
-        return self.runs[-1].judgement
+        return self.runs[-1].assessment
 
     @property
     def shifts(self) -> tuple[Shift, ...]:
@@ -75,7 +75,7 @@ class Qualification:
     @property
     def passed(self) -> bool:
         """Whether every rule holds and the specimen's resonance did not move."""
-        return not self.reason and self.judgement.passed and not self.moved
+        return not self.reason and self.assessment.passed and not self.moved
 
     @property
     def error(self) -> ResultTable:
@@ -84,9 +84,9 @@ class Qualification:
             (
                 k + 1,
                 100.0 * run.error,
-                float(run.judgement.ratio.min()),
-                float(run.judgement.ratio.max()),
-                run.judgement.passed,
+                float(run.assessment.ratio.min()),
+                float(run.assessment.ratio.max()),
+                run.assessment.passed,
             )
             for k, run in enumerate(self.runs)
         ]
@@ -96,7 +96,7 @@ class Qualification:
     def verdicts(self) -> ResultTable:
         """The rules of the last run."""
         word = {True: "pass", False: "FAIL", None: "reported"}
-        rows = [(v.rule, v.asked, v.measured, word[v.passed]) for v in self.judgement.verdicts]
+        rows = [(v.rule, v.asked, v.measured, word[v.passed]) for v in self.assessment.verdicts]
         return ResultTable(("rule", "asked", "measured", ""), rows)
 
     def __repr__(self) -> str:
@@ -108,7 +108,7 @@ class Qualification:
         from shake_ros.qualification.certificate import qualification_figure
 
         return qualification_figure(
-            self.judgement, self.runs[-1].motion, self.sample_time, [r.error for r in self.runs]
+            self.assessment, self.runs[-1].motion, self.sample_time, [r.error for r in self.runs]
         )
 
     def content(self, sums: dict[str, str]) -> dict[str, Any]:
@@ -121,7 +121,7 @@ class Qualification:
             "about": self.about,
             "required": required_json(self.required),
             "rules": asdict(self.rules),
-            "runs": [{"error": run.error, **judgement_json(run.judgement)} for run in self.runs],
+            "runs": [{"error": run.error, **assessment_json(run.assessment)} for run in self.runs],
             "per_octave": self.per_octave,
             "search": None if self.search is None else {**asdict(self.search), "shift": self.shift},
             "resonance": found,
@@ -210,7 +210,7 @@ def _again(certified: dict[str, Any], recordings: Path, where: str) -> Qualifica
         motion = measured_motion(found.acceleration, step, rules)
         drive = np.zeros((0, 3)) if found.reference is None else found.reference
         _, error = missed(motion, step, required, rules, per_octave)
-        runs.append(Tested(drive, motion, judge(motion, step, required, rules), error))
+        runs.append(Tested(drive, motion, assess(motion, step, required, rules), error))
     searched = dict(certified["search"] or {})
     shift = float(searched.pop("shift", 0.1))
     band = SearchBand(**searched) if searched else None
@@ -263,7 +263,7 @@ def _differences(certified: dict[str, Any], again: Qualification, sums: dict[str
     ]
     lines += [f"recordings/{n}: is absent" for n in certified["sha256"] if n not in sums]
     for k, (before, run) in enumerate(zip(certified["runs"], again.runs, strict=True)):
-        now = judgement_json(run.judgement)
+        now = assessment_json(run.assessment)
         for old, new in zip(before["rules"], now["rules"], strict=True):
             if old != new:
                 lines.append(f"run {k + 1}: {new['rule']}: {new['measured']}, the certificate says {old['measured']}")

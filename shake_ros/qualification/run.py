@@ -1,4 +1,4 @@
-"""A test run by run: play, judge, correct, until every rule holds or a rule of abortion does.
+"""A test run by run: play, assess, correct, until every rule holds or a rule of abortion does.
 
 Two ways to correct: with `learn`, the model of the feedforward is fitted to the last run and the motion stays; without
 it, the drive's response spectrum is raised where the TRS was low, frequency by frequency. The model is the way where
@@ -17,7 +17,7 @@ from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import Parameters, quantity
 from shake_ros.iteration.drive import integrate
-from shake_ros.qualification.judge import Rules, SpectrumJudgement, judge, measured_motion
+from shake_ros.qualification.assessment import Rules, SpectrumAssessment, assess, measured_motion
 from shake_ros.qualification.motion import MotionParameters, aimed, corrected_drive, demand
 from shake_ros.qualification.required import RequiredSpectrum
 
@@ -41,14 +41,14 @@ class Tested:
     Attributes
     ----------
     drive : (n, 3) [m], [m/s], [m/s²].
-    motion : (n,) measured acceleration as it is judged [m/s²].
-    judgement : its verdicts.
+    motion : (n,) measured acceleration as it is assessed [m/s²].
+    assessment : its verdicts.
     error : rms of ln(TRS/aim) over the matched frequencies [-].
     """
 
     drive: Array
     motion: Array
-    judgement: SpectrumJudgement
+    assessment: SpectrumAssessment
     error: float
 
 
@@ -76,9 +76,9 @@ def missed(
     return found, float(np.sqrt(np.mean(np.square(np.log(found / levels)[inside]))))
 
 
-def failing(judgement: SpectrumJudgement) -> str:
+def failing(assessment: SpectrumAssessment) -> str:
     """The rules that do not hold, with what was asked and measured."""
-    return "; ".join(f"{v.rule}, {v.asked}: {v.measured}" for v in judgement.verdicts if v.passed is False)
+    return "; ".join(f"{v.rule}, {v.asked}: {v.measured}" for v in assessment.verdicts if v.passed is False)
 
 
 def given_up(test: Test, errors: list[float], position: float) -> str:
@@ -122,13 +122,13 @@ def iterate_test(
         motion = measured_motion(acceleration, test.sample_time, test.rules)
         found, error = missed(motion, test.sample_time, test.required, test.rules, test.motion.per_octave)
         errors.append(error)
-        made.append(Tested(drive, motion, judge(motion, test.sample_time, test.required, test.rules), errors[-1]))
+        made.append(Tested(drive, motion, assess(motion, test.sample_time, test.required, test.rules), errors[-1]))
         on_run(len(made), made[-1])
-        if made[-1].judgement.passed:
+        if made[-1].assessment.passed:
             return made, ""
         reason = given_up(test, errors, float(np.max(np.abs(position))))
         if reason:
-            return made, f"{reason}; what fails: {failing(made[-1].judgement)}"
+            return made, f"{reason}; what fails: {failing(made[-1].assessment)}"
         if learn is not None:
             carried = learn(carried, len(made) - 1)
             continue

@@ -144,7 +144,7 @@ class TestSequence:
         """Its part of sequence.json with the result."""
         rows = []
         for done in self.done:
-            ratio = done.test.judgement.ratio
+            ratio = done.test.assessment.ratio
             rows.append(
                 {
                     "test": done.stage.name,

@@ -28,6 +28,7 @@ from shake_ros.report import charts_fit
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.charts_fit import GROUPS, LABELS, SCALES, SHOWN
 from shake_ros.report.page import Bar, Page
+from shake_ros.report.result_table import percent
 from shake_ros.report.sections import (
     benefit_section,
     errors_section,
@@ -36,7 +37,7 @@ from shake_ros.report.sections import (
     identified_section,
     known_section,
     made_of,
-    parameter_table,
+    parameters_side_by_side,
     remains_section,
     slow_changes_section,
 )
@@ -45,7 +46,6 @@ from shake_ros.report.text import (
     force_text,
     function_line,
     largest_force,
-    percent,
     sentence,
     unit_of,
     verdict_lines,
@@ -127,7 +127,7 @@ def force_chart(force: LatentForce) -> Chart:
 
 
 def _strongest(force: LatentForce) -> tuple[float, float]:
-    """The stretch of largest power."""
+    """The segment of largest power."""
     step = float(force.time[1] - force.time[0])
     n = min(round(2.0 * SHOWN / step), len(force.time) - 1)
     power = np.concatenate(([0.0], np.cumsum(force.force**2)))
@@ -213,7 +213,7 @@ def identify_page(
 
 def _parameters(page: Page, models: Mapping[str, FittedModel]) -> None:
     page.heading("Parameters")
-    parameter_table(page, models)
+    parameters_side_by_side(page, models)
     if all("dynamics.beta5" in m.table.fields and m.table.layout.name == "reduced" for m in models.values()):
         page.subheading("The same as hydraulic frequency, damping and velocity gain")
         hydraulic_table(page, models)
@@ -232,7 +232,7 @@ def error_meaning(model: FittedModel, role: str = "") -> str:
 
 
 def _title(step: ForwardStep, function: LearntFunction | None = None) -> str:
-    """An effect by its name; one without a name by what it depends on and the form that it has."""
+    """An effect by its name; an unlisted one by what it depends on and the form that it has."""
     chosen = step.chosen.candidate
     if chosen.effect != "unlisted":
         return chosen.effect
@@ -274,8 +274,8 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
     if not steps and not result.candidates:
         page.paragraph(f"Nothing is added: {why_nothing(result)}.")
     for step, model, verdict in zip_longest(steps, result.models, result.verdicts):
-        said = _sentences(verdict) if verdict else []
-        page.paragraph(" ".join([step_text(step, model, verdict, result.function), *said]))
+        sentences = _sentences(verdict) if verdict else []
+        page.paragraph(" ".join([step_text(step, model, verdict, result.function), *sentences]))
     for candidate in result.candidates:
         page.paragraph(" ".join([f"Not added: {candidate.effect} ({candidate.place}).", *_sentences(candidate)]))
     if result.with_candidates:

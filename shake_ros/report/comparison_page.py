@@ -11,7 +11,7 @@ from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.metrics import Outcome, Summary, by_load, summarise
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.page import Bar, Made, Page
-from shake_ros.report.text import percent
+from shake_ros.report.result_table import percent
 
 CURVES = 6  # of a chart, a colour each: no more than static_figure.COLOURS
 QUANTITIES = (("position", "mm"), ("velocity", "mm/s"))
@@ -130,16 +130,6 @@ def trouble(outcomes: Sequence[Outcome]) -> list[str]:
             table = f"perturbed table {o.table}" if o.table >= 0 else "declared table"
             lines.append(f"{o.entry}: {o.reference}, {o.load:g} kg, {table}: {' and '.join(what)}")
     return lines
-
-
-def aligned(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of text, the first column to the left."""
-    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
-    lines = []
-    for row in [head, *rows]:
-        cells = [f"{row[0]:<{widths[0]}}"] + [f"{c:>{w}}" for c, w in zip(row[1:], widths[1:], strict=True)]
-        lines.append("  ".join(cells).rstrip())
-    return "\n".join(lines)
 
 
 CASE_HEAD = (

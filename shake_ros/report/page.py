@@ -21,6 +21,7 @@ import numpy as np
 from shake_ros import __version__
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.report.chart import Chart, chart_json
+from shake_ros.report.result_table import ResultTable
 from shake_ros.report.text import sentence
 
 WEB = Path(__file__).resolve().parent / "web"
@@ -139,6 +140,10 @@ class Page:
             f"<div class='table'><table class='data{many}'><thead><tr>{top}</tr></thead>"
             f"<tbody>{''.join(body)}</tbody></table></div>"
         )
+
+    def result(self, table: ResultTable) -> None:
+        """A table of results as it is printed."""
+        self.table(table.columns, table.cells())
 
     def matrix(self, names: Sequence[str], values: np.ndarray) -> None:
         """A square of numbers from −1 to 1, coloured by size and sign; blank where not finite."""

@@ -1,8 +1,4 @@
-"""Sections that several pages have: measured against simulated, errors, what remains, parameters, tracking.
-
-Some are lines of a terminal as well: what of a residual is predictable, and what each recording of a force-driven axis
-has of its own.
-"""
+"""Sections that several pages have: measured against simulated, errors, what remains, parameters, tracking."""
 
 from __future__ import annotations
 
@@ -14,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.identification.axis_model import forecast_errors, position_errors, slow_changes
 from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.experiments import stated
 from shake_ros.core.identification.innovations import HORIZONS, RATES, Innovations
@@ -22,14 +17,23 @@ from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.predictability import Predictability
 from shake_ros.core.identification.predictability import verdict as predictability_verdict
 from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
-from shake_ros.core.identification.slow_changes import SlowChange
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.trials import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.report import charts_fit
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page, Source
-from shake_ros.report.text import bound_text, estimate_text, percent, rounded, sentence, unit_of
+from shake_ros.report.result_table import percent
+from shake_ros.report.text import (
+    bound_text,
+    error_table,
+    estimate_text,
+    nuisance_table,
+    rounded,
+    sentence,
+    slow_change_table,
+    unit_of,
+)
 
 
 def predictable_table(page: Page, parts: Sequence[Predictability]) -> None:
@@ -63,7 +67,7 @@ def predictable_table(page: Page, parts: Sequence[Predictability]) -> None:
 
 
 def innovations_table(page: Page, found: Innovations) -> None:
-    """Errors of runs that are drawn towards the measurement, by rate, and of predictions, by horizon."""
+    """Errors of runs that are corrected towards the measurement, by rate, and of predictions, by horizon."""
     page.subheading("Error of prediction against horizon")
     page.paragraph(sentence(found.text))
     page.paragraph(
@@ -81,46 +85,19 @@ def innovations_table(page: Page, found: Innovations) -> None:
     page.table(["predicted ahead by", *(f"{1e3 * h:g} ms" for h in HORIZONS)], rows)
 
 
-OWN = (
+SLOW_CHANGES = (
     "Estimated from the recording's own position, since friction and amplifiers warm up between recordings and within "
     "them; the level is that of all friction relative to the first estimation recording. The errors of the free run "
     "on this page include them. The last column is the error of a run from the force alone."
 )
 
 
-def slow_change_lines(changes: Sequence[SlowChange]) -> list[str]:
-    """A line for each recording that has something of its own."""
-    return [
-        f"of its own, {c.recording}: friction {c.level:.4f} of the first recording's level, offset {c.offset:+.3f} N, "
-        f"drift {c.drift:+.4f} N/s"
-        for c in changes
-    ]
-
-
-def position_lines(errors: Mapping[str, Sequence[float]], forecast: Mapping[str, float]) -> list[str]:
-    """Position errors of the free runs, and those from the force alone, a line for each recording [m]."""
-    return [
-        f"position of the free run, {name}: {' → '.join(f'{1e3 * value:.3f}' for value in values)} mm rms"
-        + ("" if forecast[name] == values[-1] else f", from its force alone {1e3 * forecast[name]:.3f} mm")
-        for name, values in errors.items()
-    ]
-
-
 def slow_changes_section(page: Page, table: TableParameters, records: Sequence[Record]) -> None:
     """Nuisance parameters of each recording under a table; nothing where none has."""
-    found = slow_changes(table, records)
-    if not found:
-        return
-    errors = [of(table, records) for of in (position_errors, forecast_errors)]
-    page.subheading("Nuisance parameters of each recording")
-    page.paragraph(OWN)
-    rows = [
-        [c.recording, f"{c.level:.4f}", f"{c.offset:+.3f} N", f"{c.drift:+.4f} N/s"]
-        + [f"{1e3 * e[c.recording]:.3f} mm" for e in errors]
-        for c in found
-    ]
-    heads = ("recording", "level of friction", "offset", "drift", "position error", "from its force alone")
-    page.table(heads, rows)
+    if any(record.own for record in records):
+        page.subheading("Nuisance parameters of each recording")
+        page.paragraph(SLOW_CHANGES)
+        page.result(slow_change_table((table,), records))
 
 
 ERROR = "Error of the free run: rms(measured − simulated) / rms(measured − mean), simulated from the command alone."
@@ -180,7 +157,7 @@ def histories_section(
     return bands
 
 
-def parameter_table(page: Page, models: Mapping[str, FittedModel]) -> None:
+def parameters_side_by_side(page: Page, models: Mapping[str, FittedModel]) -> None:
     """Parameters of models side by side; the last model's make the rows. At a bound: marked, and which."""
     *_, last = models.values()
     known = [{p.name: p for p in model.parameters} for model in models.values()]
@@ -211,21 +188,18 @@ def identified_section(page: Page, identified: Sequence[Estimate], data: Prepare
     """What recordings determine of a table without a data sheet, and what was done to them; of others the latter."""
     if data is None:
         return
-    for said in data.stops:
-        page.paragraph(f"{said}.")
+    for line in data.stops:
+        page.paragraph(f"{line}.")
     if not identified:
         return
     page.heading("What the recordings determine of this table")
     page.paragraph("These quantities do not depend on the assumed area and supply pressure.")
     rows = [[p.name, estimate_text(p), unit_of(p.unit)[1]] for p in identified]
     page.table(("quantity", "value", "unit"), rows)
-    rows = [
-        [n.recording, f"{n.null_shift:.5f}", "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"]
-        for n in data.nuisances
-    ]
-    page.table(("removed from the recording", "null shift of the valve [-]", "accelerometer bias [m/s²]"), rows)
-    for said in data.changes():
-        page.paragraph(sentence(said))
+    page.paragraph("Removed from the recordings:", note=True)
+    page.result(nuisance_table(data))
+    for line in data.changes():
+        page.paragraph(sentence(line))
 
 
 def hydraulic_table(page: Page, models: Mapping[str, FittedModel]) -> None:
@@ -254,15 +228,8 @@ def errors_section(
     """Errors of the free run of models side by side, by recording and channel, then by band of frequency."""
     page.heading("Errors")
     page.paragraph(f"{ERROR}{noise}")
-    first, *_ = models.values()
-    rows = [
-        [name, role, channel, *(percent(getattr(m, role)[name].get(channel)) for m in models.values())]
-        for role in ("test", "validation", "estimation")
-        for name, errors in getattr(first, role).items()
-        for channel in errors
-    ]
-    page.table(["recording", "used for", "channel", *models], rows)
-    if first.test:
+    page.result(error_table(models))
+    if any(model.test for model in models.values()):
         page.paragraph(f"{TEST} They show how well the model predicts a new recording.", note=True)
     page.subheading("The same by frequency band")
     page.paragraph(

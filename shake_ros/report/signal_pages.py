@@ -15,6 +15,7 @@ from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.reference.baseline import integrate
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page
+from shake_ros.report.result_table import ResultTable
 from shake_ros.report.static_figure import COLOURS, GREY, new_figure, tidy
 
 Array = NDArray[np.float64]
@@ -71,7 +72,7 @@ def spectrum_chart(name: str, spectra: Mapping[str, tuple[Array, Array, Array]],
 def record_page(
     title: str,
     notes: Sequence[str],
-    rows: Sequence[Sequence[str]],
+    table: ResultTable,
     curves: Sequence[Curve],
     periods: Array,
     damping: float,
@@ -82,13 +83,13 @@ def record_page(
     Parameters
     ----------
     notes : what was changed, a sentence each.
-    rows : quantity, as recorded, corrected, for the table, limit.
+    table : peaks as recorded, corrected and for the table, and limits.
     """
     page = Page("An accelerogram for the table", title, Made(command))
     page.heading("What was changed")
     for note in notes:
         page.paragraph(note)
-    page.table(("peak", "as recorded", "corrected", "for the table", "limit"), rows)
+    page.result(table)
     page.heading("The motion")
     page.chart(record_chart("motion", curves))
     page.heading("Response spectrum")
@@ -122,14 +123,11 @@ def response_chart(found: FrequencyResponse, highest: float, unit: str) -> Chart
     return Chart("response", "frequency [Hz]", panels, caption, log_x=True)
 
 
-def response_page(
-    title: str, rows: Sequence[tuple[float, float, float, float]], chart: Chart, unit: str, command: str = ""
-) -> Page:
+def response_page(title: str, table: ResultTable, chart: Chart, command: str = "") -> Page:
     """The table of the frequencies asked for, and the response on all lines."""
     page = Page("Frequency response", f"{title}.", Made(command))
     page.heading("What was found")
-    head = ["frequency [Hz]", f"gain [{unit}]", "delay [ms]", "coherence"]
-    page.table(head, [[f"{f:g}", f"{g:.4g}", f"{1e3 * d:.2f}", f"{c:.4f}"] for f, g, d, c in rows])
+    page.result(table)
     page.heading("Over frequency")
     page.chart(chart)
     return page

@@ -12,11 +12,15 @@ from shake_ros.core.discovery.declared_fit import Errors, FittedModel
 from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.second_form import LearntChange
 from shake_ros.core.discovery.verdict import EffectVerdict
+from shake_ros.core.identification.axis_model import forecast_errors, position_errors, slow_changes
 from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.predictability import verdict
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.trials import TrackingBenefit
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.report.result_table import ResultTable, percent
 
 UNITS: Mapping[str, tuple[float, str]] = {  # SI unit → factor and unit to read
     "Pa": (1e-6, "MPa"),
@@ -32,6 +36,8 @@ UNITS: Mapping[str, tuple[float, str]] = {  # SI unit → factor and unit to rea
     "Pa*s/m^3": (1e-6 / 6e4, "MPa·min/L"),
     "-": (1.0, ""),
 }
+CHANNELS = ("velocity", "acceleration")
+ROLES = ("estimation", "validation", "test")
 KNOWN = 1.0  # relative standard error from which on a parameter is not known
 
 
@@ -97,59 +103,68 @@ def estimate_text(p: Estimate) -> str:
     return f"{rounded(value, error)} ± {text}"
 
 
-def percent(value: float | None) -> str:
-    """A share in per cent, a dash where there is none.
-
-    >>> percent(0.0123), percent(None), percent(float("nan"))
-    ('1.23 %', '–', '–')
-    """
-    return "–" if value is None or not math.isfinite(value) else f"{100.0 * value:.2f} %"
-
-
 def sentence(text: str) -> str:
     """A phrase with a capital letter and a full stop."""
     return f"{text[0].upper()}{text[1:]}."
 
 
-def parameter_lines(parameters: Sequence[Estimate]) -> list[str]:
-    """A table of fitted parameters with standard errors, and what the forms assumed near rest add."""
-    lines = [f"{'parameter':<52}{'value':>12}{'std. error':>12}{'by form':>10}  unit"]
-    for p in parameters:
-        error = "at bound" if p.std_error is None else f"{p.std_error:.2g}"
-        form = "" if p.std_error is None else f"{p.form_error:.1g}"
-        lines.append(f"{p.name:<52}{p.value:>12.4g}{error:>12}{form:>10}  {p.unit}")
-    return lines
+def parameter_table(parameters: Sequence[Estimate]) -> ResultTable:
+    """Fitted parameters; a standard error is None where the value rests on a bound."""
+    return ResultTable(
+        ("parameter", "value", "std. error", "form error", "unit"),
+        [(p.name, p.value, p.std_error, p.form_error, p.unit) for p in parameters],
+        {"std. error": lambda error: "at bound" if error is None else f"{error:.2g}", "form error": "{:.1g}".format},
+    )
+
+
+def error_table(models: Mapping[str, FittedModel]) -> ResultTable:
+    """Relative errors of free runs by recording, a column for each channel and model."""
+    rows = [row for role in ROLES for row in _error_rows(role, [getattr(m, role) for m in models.values()])]
+    columns = [f"{channel} {title}".strip() for channel in CHANNELS for title in models]
+    return ResultTable(("recording", "data", *columns), rows, dict.fromkeys(columns, percent))
+
+
+def _error_rows(role: str, models: Sequence[Errors]) -> list[tuple[str | float | None, ...]]:
+    return [
+        (name, role, *(errors[name].get(channel) for channel in CHANNELS for errors in models)) for name in models[0]
+    ]
+
+
+def nuisance_table(data: Prepared) -> ResultTable:
+    """Offsets that were removed from each recording; empty for a declared table."""
+    return ResultTable(
+        ("recording", "null shift [-]", "acceleration bias [m/s^2]"),
+        [(n.recording, n.null_shift, n.acceleration_bias) for n in data.nuisances],
+    )
+
+
+def slow_change_table(tables: Sequence[TableParameters], records: Sequence[Record]) -> ResultTable:
+    """Nuisance parameters of each recording of a force-driven axis under the last table, and its position errors.
+
+    The position errors are of the free run under every table, and from the force alone under the last one.
+    """
+    errors = [position_errors(table, records) for table in tables]
+    alone, changes, rows = forecast_errors(tables[-1], records), slow_changes(tables[-1], records), []
+    for name, error in alone.items():
+        position = " → ".join(f"{1e3 * e[name]:.3f}" for e in errors), 1e3 * error
+        found = [c for c in changes if c.recording == name]
+        nuisances = [(c.level, c.offset, c.drift) for c in found] if found else [(None, None, None)]
+        rows += [(name, *values, *position) for values in nuisances]
+    heads = ("recording", "level of friction [-]", "offset [N]", "drift [N/s]", "position error [mm]")
+    return ResultTable((*heads, "from its force alone [mm]"), rows)
 
 
 def identified_lines(identified: Sequence[Estimate], data: Prepared) -> list[str]:
     """What recordings determine of a table without a data sheet, and what was done to them; of others the latter."""
     if not identified:
         return [*data.stops]
-    lines = ["", "what the recordings determine, whatever area and pressure are:", *parameter_lines(identified), ""]
-    lines.append(f"{'removed from the recording':<36}{'null shift':>12}{'bias [m/s²]':>14}")
-    for n in data.nuisances:
-        bias = "–" if n.acceleration_bias is None else f"{n.acceleration_bias:.4f}"
-        lines.append(f"{n.recording:<36}{n.null_shift:>12.5f}{bias:>14}")
+    lines = ["", "what the recordings determine, whatever area and pressure are:", str(parameter_table(identified))]
+    lines += ["", "removed from the recordings:", str(nuisance_table(data))]
     return [*lines, *data.stops, *data.changes()]
 
 
-def error_lines(model: FittedModel, title: str = "error of the free run") -> list[str]:
-    """Errors per recording, relative to the measured signal."""
-    lines = [f"{title:<36}{'velocity':>12}{'acceleration':>14}"]
-    for role, errors in (("estimation", model.estimation), ("validation", model.validation), ("test", model.test)):
-        lines += _error_rows(role, errors)
-    return lines
-
-
-def _error_rows(role: str, errors: Errors) -> list[str]:
-    return [
-        f"{f'{role} {name}':<36}{percent(e['velocity']):>12}{percent(e.get('acceleration')):>14}"
-        for name, e in errors.items()
-    ]
-
-
 def function_line(function: LearntFunction) -> str:
-    """The function without a name as a closed form."""
+    """The function of an unlisted effect as a closed form."""
     form, second = function.form, function.second
     of = f"{function.quantity} and {second.quantity}" if second else function.quantity
     where = f", where {second.quantity} is {0.5 * (second.low + second.high):.4g} {second.unit}" if second else ""
@@ -210,15 +225,15 @@ def why_nothing(result: LoopClosure) -> str:
 
 def close_loop_lines(result: LoopClosure) -> list[str]:
     """Baseline, steps, final and what remains."""
-    lines = error_lines(result.baseline, "declared model, error of the free run")
+    lines = ["declared model, error of the free run:", str(error_table({"": result.baseline}))]
     for step, model, concluded in zip_longest(result.search.steps, result.models, result.verdicts):
         best, others = step.chosen.candidate, concluded.alternatives if concluded else step.alternatives
         also = f" (these recordings cannot distinguish it from {', '.join(others)})" if others else ""
         lines += ["", f"added: {best.effect} ({best.place}){also}"]
         lines += verdict_lines(concluded) if concluded else []
         own = {f.name for f in best.free}
-        lines += parameter_lines([p for p in model.parameters if p.name in own])
-        lines += error_lines(model)
+        lines += [str(parameter_table([p for p in model.parameters if p.name in own]))]
+        lines += ["error of the free run:", str(error_table({"": model}))]
     if not result.search.steps:
         lines += ["", f"nothing is added: {why_nothing(result)}"]
     lines += [function_line(result.function)] if result.function else []
@@ -230,11 +245,9 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
         lines.append(f"not added: {candidate.effect} ({candidate.place})")
         lines += verdict_lines(candidate)
     if result.with_candidates:
-        return [
-            *lines,
-            "error of the free run with all that is not added:",
-            *_error_rows("validation", result.with_candidates),
-        ]
+        rows = _error_rows("validation", [result.with_candidates])
+        table = ResultTable(("recording", "data", *CHANNELS), rows, dict.fromkeys(CHANNELS, percent))
+        lines += ["error of the free run with all that is not added:", str(table)]
     return lines
 
 
@@ -245,12 +258,13 @@ def predictable_lines(result: LoopClosure, diagnosis: Diagnosis) -> list[str]:
 
 def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
     """Residual tests per recording, then what the recordings identify and which one would help."""
-    lines = [f"{'residual':<36}{'white':>8}{'independent':>13}  the error is"]
+    rows = []
     for j in diagnosis.judgements:
         role = "validation" if j.held_out else "estimation"
-        white, free = ("yes" if j.test.white else "no", "yes" if j.test.independent else "no") if j.test else ("–", "–")
-        lines.append(f"{f'{role} {j.name}':<36}{white:>8}{free:>13}  {j.split.text}")
-    return [*lines, sentence(diagnosis.identifiability.text), sentence(diagnosis.advice)]
+        passed = ["yes" if p else "no" for p in (j.test.white, j.test.independent)] if j.test else [None, None]
+        rows.append((j.name, role, *passed, j.split.text))
+    table = ResultTable(("residual of", "data", "white", "independent", "the error is"), rows)
+    return [str(table), sentence(diagnosis.identifiability.text), sentence(diagnosis.advice)]
 
 
 def _hundredths(share: float) -> str:

@@ -11,7 +11,7 @@ from shake_ros.measured.runs import ALL as ALL_VARIANTS
 from shake_ros.measured.runs import DEFAULT_RUNS, THESIS_EXTENSION, measured_runs
 from shake_ros.thesis.figures import FIGURES, figures, known_figures
 from shake_ros.thesis.reproduce import ALL, EXPERIMENTS, known_experiments, reproduce
-from shake_ros.thesis.schedule import ScheduleComparison, SeedResult, schedule
+from shake_ros.thesis.schedule import schedule
 from shake_ros.thesis.sensitivity import check_free, sensitivity
 
 
@@ -76,35 +76,9 @@ def schedule_command(arguments: Sequence[str]) -> int:
     data = read_data(given) if given.estimation else ()
     result = schedule(*data, settings=given.config)
     result.report(given.out, given.force, **reporting("schedule", given, arguments))
-    print("\n".join(schedule_lines(result)))
+    print(result)
     print(f"report: {given.out / 'report.html'}")
     return 0
-
-
-def seed_line(one: SeedResult) -> str:
-    """A row of the table of the seeds."""
-    t = one.training
-    numbers = (
-        f"{one.seed:>4}{t.epochs:>8}{t.kept:>6}{t.learn:>8.2g}{t.stop:>7.2f}{t.test:>7.2f}{one.radial_basis:>8.2f}"
-    )
-    return numbers + "  " + "".join(f"{100 * v:>17.2f} / {100 * a:.2f} %" for v, a in one.errors.values())
-
-
-def schedule_lines(result: ScheduleComparison) -> list[str]:
-    """What is printed."""
-    t = result.training
-    parts = f"to learn {t.learn:.2g}, to stop by {t.stop:.2g}, to test {t.test:.2g}"
-    found = [
-        "test windows: mean square of the scaled error of theta, where the mean gives 1; error of the free run",
-        f"{'seed':>4}{'epochs':>8}{'kept':>6}{'learn':>8}{'stop':>7}{'test':>7}{'radial':>8}  "
-        + "".join(f"{name + ' v / a':>28}" for name in result.seeds[0].errors),
-        *map(seed_line, result.seeds),
-        f"network that runs below: {t.epochs} epochs, kept is {t.kept}; {parts}",
-        f"{'free-run error on validation data':<44}{'velocity':>12}{'acceleration':>14}",
-    ]
-    for recording, model, velocity, felt in result.error.cells():
-        found.append(f"{recording + ': ' + model:<44}{velocity:>12}{felt:>14}")
-    return found
 
 
 def measured_runs_command(arguments: Sequence[str]) -> int:

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.api.result_table import ResultTable
 from shake_ros.core.quantities import unknown_name
 from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.report.page import Made, Page
+from shake_ros.report.result_table import ResultTable, aligned
 from shake_ros.settings import find, read_yaml
 from shake_ros.thesis.experiment import Claim, ExperimentReport
 
@@ -93,16 +93,10 @@ def count_of(experiments: Mapping[str, ExperimentReport]) -> str:
     return f"{len(verdicts)} claims: {counts[0]} hold, {counts[1]} do not, {counts[2]} cannot be decided."
 
 
-def _left(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of text, every column to the left."""
-    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
-    return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in [head, *rows])
-
-
 def tables_text(experiments: Mapping[str, ExperimentReport]) -> str:
     """All tables, aligned for a terminal."""
     parts = [
-        f"{title} ({name})\n{_left(head, [list(map(str, row)) for row in rows])}\n"
+        f"{title} ({name})\n{aligned([head, *(list(map(str, row)) for row in rows)], [False] * len(head))}\n"
         for name, experiment in experiments.items()
         for title, head, rows in experiment.tables
     ]
@@ -113,7 +107,11 @@ def claims_text(experiments: Mapping[str, ExperimentReport]) -> str:
     """All claims, aligned for a terminal."""
     parts = [count_of(experiments)]
     for name, experiment in experiments.items():
-        parts += ["", f"{experiment.title} ({name})", _left(HEAD, claim_rows(experiment.claims))]
+        parts += [
+            "",
+            f"{experiment.title} ({name})",
+            aligned([HEAD, *claim_rows(experiment.claims)], [False] * len(HEAD)),
+        ]
     return "\n".join(parts)
 
 
@@ -148,7 +146,6 @@ class Reproduction:
         write_json(folder / "claims.json", {"schema": "shake_ros.reproduce/1", "claims": content})
 
     def __repr__(self) -> str:
-
         return claims_text(self.experiments)
 
 

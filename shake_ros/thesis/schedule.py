@@ -14,7 +14,6 @@ import numpy as np
 
 from shake_ros.api.fitted import Data, fit_data
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.api.result_table import ResultTable
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.network import Training, radial_basis, train
@@ -29,8 +28,8 @@ from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Page
+from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.report.sections import made_of
-from shake_ros.report.text import percent
 from shake_ros.settings import find, load_table, read_yaml
 
 if TYPE_CHECKING:
@@ -165,7 +164,7 @@ def compare(
         seeds.append(trained(int(seed), windows, free, declared.x, data))
     bar("the physical effect", 0.8)
     extended = with_effect(settings, declared, windows)
-    bar("recordings held out", 0.9)
+    bar("validation recordings", 0.9)
     fixed, network = free.table(declared.x), chosen(seeds).network
     compared = []
     for record in hold:
@@ -240,17 +239,10 @@ def answer(errors: Mapping[str, Mapping[str, Mapping[str, float]]]) -> str:
     return f"{best} leaves {percent(means[best])} of the acceleration unexplained, against {others}."
 
 
-def schedule_page(
-    seeds: Sequence[Any],
-    training: Training,
-    compared: Sequence[tuple[Record, dict[str, np.ndarray]]],
-    content: dict[str, Any],
-    change: float | None,
-    command: str = "",
-) -> Page:
+def schedule_page(found: ScheduleComparison, command: str = "") -> Page:
     """The whole page."""
-    lead = f"{answer(content['error'])} Both estimated from the same windows of two seconds."
-    made = made_of(command, (), [record for record, _ in compared])
+    lead = f"{answer(found.content['error'])} Both estimated from the same windows of two seconds."
+    made = made_of(command, (), [c.record for c in found.compared])
     page = Page("Scheduled parameters or a physical effect?", lead, made)
     page.paragraph(
         "The network gives θ_1 … θ_7 for the amplitude and the frequency of the command over the last two seconds; "
@@ -259,36 +251,20 @@ def schedule_page(
         "parameters fitted to each window, 80 % of them for training, 10 % for stopping, 10 % for testing."
     )
     page.heading("Error of the free run on the validation data")
-    errors_of = dict(content["error"])
-    for key, title in (("within_window", "first two seconds after the change"), ("later", "later")):
-        if "after_change" in content:
-            errors_of[title] = content["after_change"][key]
-    table = [
-        [title, name, *(percent(e.get(c)) for c in ("velocity", "acceleration"))]
-        for title, models in errors_of.items()
-        for name, e in models.items()
-    ]
-    page.table(["recording", "model", "velocity", "acceleration"], table)
-    for k, (record, runs) in enumerate(compared):
-        if record.acceleration is not None:
-            page.chart(running_chart(record, runs, change if k == 0 else None))
+    page.result(found.error)
+    for k, c in enumerate(found.compared):
+        if c.record.acceleration is not None:
+            page.chart(running_chart(c.record, c.runs, found.change if k == 0 else None))
     page.heading("The networks on their test windows")
-    page.paragraph(verdict(seeds))
-    names = list(seeds[0].errors)
-    rows = [
-        [
-            *(str(n) for n in (one.seed, one.training.epochs, one.training.kept)),
-            *(f"{n:.2g}" for n in (one.training.learn, one.training.stop, one.training.test, one.radial_basis)),
-            *(percent(one.errors[name][1]) for name in names),
-        ]
-        for one in seeds
-    ]
-    errors = ["learn", "stop by", "test", "test, radial basis"]
-    page.table(["seed", "epochs", "kept", *errors, *(f"acceleration, {name}" for name in names)], rows)
-    page.chart(learning_chart(training))
+    page.paragraph(verdict(found.seeds))
+    page.paragraph(TRAINING_ERRORS, note=True)
+    page.result(found.networks)
+    page.result(found.windows)
+    page.chart(learning_chart(found.training))
     return page
 
 
+TRAINING_ERRORS = "Training errors are mean squares of the scaled error of θ; predicting the mean gives 1."
 CHANNELS = ("velocity", "acceleration")
 KEYS = {
     *("table", "truth", "effect", "parameters", "sample_time", "amplitudes", "frequencies", "doubling", "sum", "seed"),
@@ -315,6 +291,16 @@ class ScheduleComparison:
     def training(self) -> Training:
         """Of the network that runs over the validation data: the one with the least error on the part to stop by."""
         return chosen(self.seeds)
+
+    @property
+    def networks(self) -> ResultTable:
+        """Training of each network, by seed: mean squares of the scaled error of θ, where the mean gives 1 [-]."""
+        rows = [
+            (one.seed, t.epochs, t.kept, t.learn, t.stop, t.test, one.radial_basis)
+            for one, t in ((one, one.training) for one in self.seeds)
+        ]
+        errors = ("to learn", "to stop by", "to test", "test, radial basis")
+        return ResultTable(("seed", "epochs", "kept", *errors), rows, dict.fromkeys(errors, "{:.2g}".format))
 
     @property
     def windows(self) -> ResultTable:
@@ -362,6 +348,19 @@ class ScheduleComparison:
         entries = [(title, name, *map(e.get, CHANNELS)) for title, models in rows.items() for name, e in models.items()]
         return ResultTable(("recording", "model", *CHANNELS), entries, dict.fromkeys(CHANNELS, percent))
 
+    def __str__(self) -> str:
+        t = self.training
+        return "\n".join(
+            [
+                TRAINING_ERRORS,
+                str(self.networks),
+                "error of the free run over the test windows:",
+                str(self.windows),
+                f"error of the free run on the validation data, network of {t.epochs} epochs, kept is {t.kept}:",
+                str(self.error),
+            ]
+        )
+
     def plot(self, recording: int = 0) -> Figure:
         """Running error of the acceleration of all models over a recording, by its number."""
         from shake_ros.report.static_figure import static_figure
@@ -373,12 +372,10 @@ class ScheduleComparison:
         """Write report.json and report.html; options as of `Discovery.report`."""
         from shake_ros.report.page import write_page
 
-        content = self.content
-        data = [(c.record, c.runs) for c in self.compared]
-        page = schedule_page(self.seeds, self.training, data, content, self.change, command)
+        page = schedule_page(self, command)
 
         def fill(out: Path) -> None:
-            write_json(out / "report.json", content)
+            write_json(out / "report.json", self.content)
             write_page(page, out, figures)
 
         write_folder(Path(folder), fill, force=force)

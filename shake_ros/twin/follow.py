@@ -12,12 +12,12 @@ import numpy as np
 
 from shake_ros.api.fitted import Data, recordings, text_of
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.api.result_table import ResultTable, percent
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.data.results import finite
+from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import load_table, save_table
 from shake_ros.twin.followed import TwinSettings, load_twin
 from shake_ros.twin.naming import Hypothesis

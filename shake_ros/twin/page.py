@@ -8,7 +8,8 @@ import numpy as np
 
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page, Source
-from shake_ros.report.text import percent, rounded, unit_of
+from shake_ros.report.result_table import percent
+from shake_ros.report.text import rounded, unit_of
 from shake_ros.twin.text import hypothesis_text, instant
 from shake_ros.twin.twin import INTERVAL, PAUSED, Change
 

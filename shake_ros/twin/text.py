@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import datetime
 
-from shake_ros.report.text import percent, rounded, unit_of
+from shake_ros.report.result_table import percent
+from shake_ros.report.text import rounded, unit_of
 from shake_ros.twin.naming import Hypothesis
 from shake_ros.twin.twin import INTERVAL, Change
 

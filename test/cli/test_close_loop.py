@@ -61,7 +61,7 @@ def test_command_names_the_effect_and_prints_before_and_after() -> None:
     assert done.code == 0
     assert "added: spool_deadband (valve)" in done.printed
     assert "effects.spool_deadband.width" in done.printed
-    errors = [float(e) for e in re.findall(r"^validation hold +[\d.]+ % +([\d.]+) %", done.printed, re.MULTILINE)]
+    errors = [float(e) for e in re.findall(r"^hold +validation +[\d.]+ % +([\d.]+) %", done.printed, re.MULTILINE)]
     assert len(errors) == 2
     assert errors[1] < 0.1 * errors[0]
     assert "remaining: " in done.printed

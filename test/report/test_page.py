@@ -158,8 +158,8 @@ def test_page_of_a_closed_loop_answers_in_the_order_of_the_questions() -> None:
     assert "Missing: spool_deadband." in reader.words
     assert f"./shake close_loop --learn {done.out.parent / 'learn'}" in reader.words
     after = done.result.final.validation["hold"]["acceleration"]
-    errors = [row for row in reader.rows if row[:3] == ["hold", "validation", "acceleration"]]
-    assert errors[0][4] == f"{100 * after:.2f} %"
+    errors = [row for row in reader.rows if row[:2] == ["hold", "validation"]]
+    assert errors[0][5] == f"{100 * after:.2f} %"
     assert any(row[0] == "spool_deadband.width" and row[1] == "–" for row in reader.rows if row)
     assert any(row[0] == "learn" and row[2] == "3.00 s" for row in reader.rows)
 
@@ -276,11 +276,11 @@ def test_residual_against_what_the_effect_depends_on_is_flat_afterwards() -> Non
 
 def test_lines_of_the_terminal_hold_values_errors_and_alternatives() -> None:
     done = command("spool_deadband")
-    lines = text.parameter_lines(done.result.final.parameters)
+    lines = str(text.parameter_table(done.result.final.parameters)).splitlines()
     assert len(lines) == 1 + len(done.result.final.parameters)
     width = next(line for line in lines if "spool_deadband" in line)
-    assert re.search(r"effects\.spool_deadband\.width +0\.0\d+ +[\d.e-]+ +[\d.e-]+  -$", width)
-    assert "at bound" in text.parameter_lines([Estimate("x", 1.0, None, "N")])[1]
+    assert re.search(r"effects\.spool_deadband\.width +0\.0\d+ +[\d.e-]+ +[\d.e-]+ +-$", width)
+    assert "at bound" in str(text.parameter_table([Estimate("x", 1.0, None, "N")]))
     (verdict,) = done.result.verdicts
     verdicts = (dataclasses.replace(verdict, alternatives=("slow_valve",)),)
     told = "\n".join(text.close_loop_lines(dataclasses.replace(done.result, verdicts=verdicts)))

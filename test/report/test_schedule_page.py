@@ -6,7 +6,15 @@ import numpy as np
 
 from shake_ros.core.identification.network import Split, Training, first_network
 from shake_ros.core.identification.recordings import Record
-from shake_ros.thesis.schedule import SeedResult, answer, learning_chart, schedule_page, verdict
+from shake_ros.thesis.schedule import (
+    ScheduleComparison,
+    SeedResult,
+    ValidationRuns,
+    answer,
+    learning_chart,
+    schedule_page,
+    verdict,
+)
 
 DRAW = np.random.default_rng(1)
 NETWORK = first_network(DRAW.uniform(size=(20, 2)), DRAW.uniform(size=(20, 3)), 1, (3, 3))
@@ -36,8 +44,8 @@ def test_the_page_has_every_seed_and_both_charts() -> None:
     time = np.arange(3000) * 1e-3
     record = Record("run", 1e-3, 0.1 * np.sin(6.0 * time), 0.01 * np.sin(6.0 * time), np.cos(6.0 * time))
     runs = {name: np.zeros((3000, 7)) for name in ("one set", "schedule", "soft_zone")}
-    content = {"error": {"run": {name: {"velocity": 0.1, "acceleration": 0.2} for name in runs}}}
-    page = schedule_page([seed(1, 0.2), seed(7, 0.25)], TRAINING, [(record, runs)], content, None)
+    found = ScheduleComparison([seed(1, 0.2), seed(7, 0.25)], [ValidationRuns(record, runs)], None)
+    page = schedule_page(found)
     text = page.render()
     assert "100 sigmoid neurons" in text
     assert ">7<" in text

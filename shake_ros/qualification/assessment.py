@@ -1,4 +1,4 @@
-"""The rules by which a test is judged: each a line with what is asked, what was measured, and pass or fail.
+"""The rules by which a test is assessed: each a line with what is asked, what was measured, and pass or fail.
 
 The test response spectrum (TRS) is held against the required one (RRS) on the code's own grid. The strong part lies
 between the first and the last time at which |a| reaches a share of its peak (IEC 60068-2-57); the duration from 5 to
@@ -67,7 +67,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class SpectrumJudgement:
+class SpectrumAssessment:
     """A test held against its rules.
 
     Attributes
@@ -145,17 +145,17 @@ def quarters(part: Array) -> float:
 
 
 def measured_motion(acceleration: Array, time_step: float, rules: Rules) -> Array:
-    """The measured acceleration that is judged: its mean at rest taken off, low-passed as the rules say."""
+    """The measured acceleration that is assessed: its mean at rest taken off, low-passed as the rules say."""
     still = acceleration - np.mean(acceleration[: max(8, round(0.3 / time_step))])
     return filtered(still, time_step, 0.0, rules.low_pass)
 
 
-def judge(motion: Array, time_step: float, required: RequiredSpectrum, rules: Rules) -> SpectrumJudgement:
+def assess(motion: Array, time_step: float, required: RequiredSpectrum, rules: Rules) -> SpectrumAssessment:
     """The verdicts on a motion, (n,) as of `measured_motion` [m/s²]."""
     f = code_grid(required, rules)
     asked = required.at(f)
     found = np.abs(response_spectrum(motion, time_step, f, required.damping, band_limited=True).acceleration)
-    return SpectrumJudgement(
+    return SpectrumAssessment(
         f, asked, found, (*_spectrum(f, found / asked, rules), *_time(motion, time_step, required, rules))
     )
 

@@ -1,4 +1,4 @@
-"""Required spectra: a code's own control points, a user's refusals; the judge's counts."""
+"""Required spectra: a code's own control points, a user's refusals; what an assessment counts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.quantities import ShakeError
 from shake_ros.iteration.drive import integrate
 from shake_ros.qualification.asked import load_required, load_rules, load_settings, required_from
-from shake_ros.qualification.judge import arias_times, coherence, judge, longest_run, strong_part
+from shake_ros.qualification.assessment import arias_times, assess, coherence, longest_run, strong_part
 from shake_ros.qualification.motion import check_sampling, demand, refusal, synthesise
 from shake_ros.qualification.required import GRAVITY, Ac156
 from shake_ros.settings import load_table
@@ -63,7 +63,7 @@ def test_a_synthesised_motion_passes_its_own_rules_and_ends_at_rest() -> None:
     parameters = settings.motion_for(rules).replace(seeds=1)
     motion = synthesise(required, table, parameters, STEP, seed=1)
     states = integrate(motion, STEP)
-    assert judge(motion, STEP, required, rules).passed
+    assert assess(motion, STEP, required, rules).passed
     assert np.abs(states[-1, :2]).max() < 1e-6  # m, m/s
     assert abs(states[-1, 2]) < 1e-4  # m/s²: the correction of the base line does not end at zero
     assert refusal(states, table, parameters) == ""
@@ -78,7 +78,7 @@ def test_points_below_are_counted_and_so_are_their_neighbours() -> None:
     rules = load_rules("ac156")
     t = np.arange(20_000) * STEP
     still = 1e-3 * np.sin(2.0 * np.pi * 3.0 * t) * np.sin(np.pi * t / t[-1]) ** 2
-    verdicts = {v.rule.split(" (")[0]: v for v in judge(still, STEP, required, rules).verdicts}
+    verdicts = {v.rule.split(" (")[0]: v for v in assess(still, STEP, required, rules).verdicts}
     assert verdicts["points of the TRS below the RRS"].measured == "30"
     assert verdicts["adjacent points below"].passed is False
     assert longest_run(np.array([True, True, False, True])) == 2

@@ -1,8 +1,9 @@
-"""A small table of results: columns by name, aligned text in a terminal, HTML in a notebook."""
+"""A small table of results: columns by name, aligned text in a terminal, HTML in a notebook and on a page."""
 
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -21,12 +22,26 @@ def plain(value: Any) -> str:
 
 
 def percent(value: float | None) -> str:
-    """A ratio in per cent.
+    """A ratio in per cent, a dash where there is none.
 
-    >>> percent(0.12345), percent(None)
-    ('12.35 %', '–')
+    >>> percent(0.12345), percent(None), percent(float("nan"))
+    ('12.35 %', '–', '–')
     """
-    return "–" if value is None else f"{100.0 * value:.2f} %"
+    return "–" if value is None or not math.isfinite(value) else f"{100.0 * value:.2f} %"
+
+
+def aligned(rows: Sequence[Sequence[str]], right: Sequence[bool]) -> str:
+    """Rows of text under each other, columns to the right or to the left.
+
+    >>> print(aligned([("run", "error"), ("a", "1.5")], (False, True)))
+    run  error
+    a      1.5
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = (
+        "  ".join(c.rjust(w) if r else c.ljust(w) for c, w, r in zip(row, widths, right, strict=True)) for row in rows
+    )
+    return "\n".join(line.rstrip() for line in lines)
 
 
 class ResultTable(Mapping[str, Sequence[Any]]):
@@ -78,14 +93,7 @@ class ResultTable(Mapping[str, Sequence[Any]]):
         return bool(values) and all(isinstance(value, int | float) for value in values)
 
     def __repr__(self) -> str:
-        cells = [list(self.columns), *self.cells()]
-        widths = [max(len(row[i]) for row in cells) for i in range(len(self.columns))]
-        right = [self._numeric(c) for c in self.columns]
-        lines = (
-            "  ".join(c.rjust(w) if r else c.ljust(w) for c, w, r in zip(row, widths, right, strict=True))
-            for row in cells
-        )
-        return "\n".join(line.rstrip() for line in lines)
+        return aligned([self.columns, *self.cells()], [self._numeric(c) for c in self.columns])
 
     def _repr_html_(self) -> str:
         head = "".join(f"<th>{html.escape(c)}</th>" for c in self.columns)
