@@ -100,7 +100,7 @@ def frequency_response(
     window: float = WINDOW,
     at: Sequence[float] | None = None,
 ) -> RecordedResponse:
-    """The H1 estimate of the response between two signals, in the longest piece without a gap.
+    """The H1 estimate of the response between two signals, in the longest segment without a gap.
 
     Parameters
     ----------

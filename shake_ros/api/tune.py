@@ -152,7 +152,7 @@ def gains_of(parameters: LawParameters, fixed: Sequence[str]) -> dict[str, float
 
 
 def section(course: Course, begin: float, seconds: float, dt: float) -> Course:
-    """The stretch of a course that is tuned on; it starts where the reference is slow."""
+    """The part of a course that is tuned on; it starts where the reference is slow."""
     first = round(begin / dt)
     states = course.states[: first + round(seconds / dt)]
     if len(states) <= first:

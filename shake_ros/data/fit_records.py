@@ -175,7 +175,7 @@ class Stretch:
 
 
 def stretches_of(recording: TableRecording, driven_by: str = "valve_command") -> list[Stretch]:
-    """The stretches of a recording without leap and longer gap that are long enough to fit."""
+    """The segments of a recording without leap and longer gap that are long enough to fit."""
     drive = getattr(recording, driven_by)
     columns = {"command": drive, "position": recording.position}
     if recording.acceleration is not None:

@@ -1,4 +1,4 @@
-"""The stretch of a recording in which a drive was played, sample by sample as the drive has them.
+"""The segment of a recording in which a drive was played, sample by sample as the drive has them.
 
 A table that keeps real time may lose single samples; few of them are put in by straight lines and counted, more are an
 error. The reference on the graph, which has stamps of its own in real time, shows where the drive begins.
@@ -52,7 +52,7 @@ def played(recording: TableRecording, drive: Array, sample_time: float, name: st
     missing = ~np.isfinite(_spread(r.acceleration, place)[rows] + _spread(r.position, place)[rows])
     count, longest = int(missing.sum()), _longest(missing)
     if count > MOST_MISSING * len(drive) or longest > LONGEST_MISSING:
-        raise ShakeError(f"{name}: {count} of {len(drive)} samples are missing, {longest} in a row: not judged")
+        raise ShakeError(f"{name}: {count} of {len(drive)} samples are missing, {longest} in a row: not evaluated")
     off = reference[rows, 1] - drive[:, 1]
     known = np.isfinite(off)
     if not known.any() or np.sqrt(np.mean(off[known] ** 2)) > OTHER * np.std(drive[:, 1]):

@@ -14,7 +14,7 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.data.recordings import TableRecording
 from shake_ros.measured.models import MeasuredRuns
 from shake_ros.measured.page import harmonics_chart
-from shake_ros.report.charts_fit import fastest_stretch, free_runs
+from shake_ros.report.charts_fit import fastest_segment, free_runs
 from shake_ros.report.close_loop_page import MODELS, model_sections, step_text
 from shake_ros.report.page import Bar, Page
 from shake_ros.report.result_table import percent
@@ -64,7 +64,7 @@ def overview(runs: MeasuredRuns, result: LoopClosure, hold: list[Record], tracks
     bars.legend(frameon=False, fontsize=9)
     record = hold[0]
     runs_of_record = free_runs(record, result.baseline.table, result.final.table)
-    span = fastest_stretch(record, 1.2)
+    span = fastest_segment(record, 1.2)
     time = np.arange(len(record.commands))[span] * record.sample_time
     history = figure.add_subplot(grid[0, 1])
     if record.acceleration is not None:

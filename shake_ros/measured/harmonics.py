@@ -19,7 +19,7 @@ from shake_ros.core.analysis.thd import total_harmonic_distortion
 from shake_ros.core.plant.simulation import initial_state, run_batch
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 
-LONGEST_WINDOW = 20.0  # of a stretch of whole periods [s]
+LONGEST_WINDOW = 20.0  # of a segment of whole periods [s]
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,11 @@ def _check(name: str, value: object, high: float = math.inf) -> None:
 
 
 def whole_periods(frequency: float, sample_time: float, window: float) -> int:
-    """Samples of the shortest stretch of whole periods that is a whole number of samples and at least `window` [s].
+    """Samples of the shortest segment of whole periods that is a whole number of samples and at least `window` [s].
 
     Raises
     ------
-    ShakeError : where no such stretch is shorter than LONGEST_WINDOW.
+    ShakeError : where no such segment is shorter than LONGEST_WINDOW.
 
     >>> whole_periods(5.0, 1e-3, 0.5)
     600

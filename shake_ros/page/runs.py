@@ -102,7 +102,7 @@ def _flat_top(n: int) -> Floats:
 
 
 def amplitude_spectrum(values: Floats, sample_time: float) -> tuple[Floats, Floats]:
-    """Frequencies [Hz] and amplitudes of a stretch, the largest of each band on a logarithmic axis; missing is zero.
+    """Frequencies [Hz] and amplitudes of a segment, the largest of each band on a logarithmic axis; missing is zero.
 
     A flat-top window, so that the amplitude of a line is its own wherever it falls between two bins.
     """

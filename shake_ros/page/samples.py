@@ -254,7 +254,7 @@ class SampleStore:
             return (self._frame(level, first, last), last) if last > first else (b"", max(first, 0))
 
     def between(self, level: int, start: float, stop: float) -> bytes:
-        """Buckets of a stretch of time [s], as far as they are kept."""
+        """Buckets of an interval of time [s], as far as they are kept."""
         with self._guard:
             step = self.sample_time * (1 << level)
             last = min(int(stop / step) + 1, self.settled >> level)

@@ -66,7 +66,7 @@ class Chart:
     caption : what is seen.
     view : (from, to) of the abscissa at first, None for all.
     ticks : names of places on the abscissa.
-    shaded : stretches of the abscissa.
+    shaded : intervals of the abscissa.
     """
 
     name: str

@@ -53,8 +53,8 @@ def free_runs(
     return model.run(before, record), model.run(after, record)
 
 
-def fastest_stretch(record: Record, seconds: float) -> slice:
-    """The stretch of a recording with the largest mean square velocity."""
+def fastest_segment(record: Record, seconds: float) -> slice:
+    """The segment of a recording with the largest mean square velocity."""
     n = min(round(seconds / record.sample_time), len(record.commands) - record.start)
     square = np.concatenate(([0.0], np.cumsum(record.velocity[record.start :] ** 2)))
     first = record.start + int(np.argmax(square[n:] - square[:-n]))
@@ -77,7 +77,7 @@ def history_chart(
 ) -> Chart:
     """The whole recording, measured and simulated before and after, each channel with its residual below."""
     dt = record.sample_time
-    span = fastest_stretch(record, seconds)
+    span = fastest_segment(record, seconds)
     time = np.arange(record.start, len(record.commands)) * dt + record.begin
     panels = []
     for label, measured, rests in residuals(record, runs):

@@ -400,7 +400,7 @@ def schedule(
     Raises
     ------
     ShakeError
-        One of the two sets alone, no stretch of two seconds, or an unknown name in the settings.
+        One of the two sets alone, no segment of two seconds, or an unknown name in the settings.
 
     Examples
     --------

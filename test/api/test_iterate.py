@@ -31,7 +31,7 @@ def test_written_drive_is_the_reference_that_is_played(tmp_path: Path) -> None:
     np.testing.assert_allclose(played[:, 0], drive[:, 0], atol=2e-4)  # the mean and the ends are taken out once more
 
 
-def test_simulated_runs_are_told_and_all_files_are_written(tmp_path: Path) -> None:
+def test_simulated_runs_are_reported_and_all_files_are_written(tmp_path: Path) -> None:
     told: list[str] = []
     table = SimulatedTable(progress=lambda text, part: told.append(text))
     found = iterate_simulated("earthquake_rock", table, runs=2)
@@ -51,7 +51,7 @@ def test_recording_without_reference_is_refused_by_topic() -> None:
         iterate("earthquake_rock", run)
 
 
-def test_model_that_lacks_the_soft_zone_is_told_so_from_the_runs() -> None:
+def test_model_that_lacks_the_soft_zone_is_reported_from_the_runs() -> None:
     table = SimulatedTable("bergamo", *FIXED, progress=False, changes={"effects.soft_zone.depth": 0.84})
     found = iterate_simulated("earthquake_rock", table, runs=2)
     assert found.wrong

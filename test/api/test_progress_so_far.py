@@ -17,7 +17,7 @@ def test_an_answer_so_far_is_a_line_each_time(capsys: pytest.CaptureFixture[str]
     assert lines == ["work: one thing", "work: best so far: a", "work: best so far: a"]
 
 
-def test_a_function_is_told_of_it_as_of_anything_else() -> None:
+def test_a_function_is_called_with_it_as_with_anything_else() -> None:
     told = list[str]()
     with Progress("work", lambda text, part: told.append(text)) as bar:
         bar(f"{SO_FAR}a", 0.2)

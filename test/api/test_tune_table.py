@@ -94,7 +94,7 @@ def test_gains_that_ring_are_not_written_without_force(tuned: TunedTable, tmp_pa
     assert "oscillates on neighbour 2" in (tmp_path / "controller.yaml").read_text(encoding="utf-8")
 
 
-def test_a_command_that_jumps_as_far_as_an_interlock_holds_is_told(tuned: TunedTable) -> None:
+def test_a_command_that_jumps_as_far_as_an_interlock_holds_is_reported(tuned: TunedTable) -> None:
     trials = cast(Trials, SimpleNamespace(s=load_robust("default")[1]))
     own = dataclasses.replace(tuned.best.trials[0], jump=0.42, at_limit=0.0)
     jumps = dataclasses.replace(tuned.best, trials=(own,), rings=0.5)
@@ -104,7 +104,7 @@ def test_a_command_that_jumps_as_far_as_an_interlock_holds_is_told(tuned: TunedT
     assert tuned.best.trials[0].jump < 0.3
 
 
-def test_motion_beyond_the_valve_is_told_with_the_scale_that_fits(soft: TableParameters, tmp_path: Path) -> None:
+def test_motion_beyond_the_valve_is_reported_with_the_scale_that_fits(soft: TableParameters, tmp_path: Path) -> None:
     text = Path("config/robust_tuning/default.yaml").read_text(encoding="utf-8")
     (tmp_path / "short.yaml").write_text(text.replace("tables: 8", "tables: 2"), encoding="utf-8")
     weak = soft.with_values({"valve.flow_coefficient": 5e-8})
@@ -123,7 +123,7 @@ def test_motion_beyond_the_valve_is_told_with_the_scale_that_fits(soft: TablePar
         ({"mass": 1.0, "hertz": 4.0}, "hertz"),
     ],
 )
-def test_load_that_is_none_is_told_with_its_line(given: object, told: str) -> None:
+def test_load_that_is_none_is_reported_with_its_line(given: object, told: str) -> None:
     assert load_of({"mass": 150, "frequency": 4}, "loads") == Load(150.0, 4.0)
     with pytest.raises(ShakeError, match=told):
         load_of(given, "file: loads")

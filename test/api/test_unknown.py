@@ -51,7 +51,7 @@ def told(name: str) -> tuple[float, float]:
     return found.value, found.std_error
 
 
-def test_free_run_of_what_was_found_explains_a_recording_held_out() -> None:
+def test_free_run_of_what_was_found_explains_a_validation_recording() -> None:
     error = fitted().fit.validation["held"]
     assert error["velocity"] < 0.01
     assert error["acceleration"] < 0.05
@@ -96,7 +96,7 @@ def test_table_that_was_found_loads_like_any_other(tmp_path: Path) -> None:
     assert np.all(np.isfinite(run.recording.acceleration))
 
 
-def test_lag_of_a_slow_accelerometer_is_told_from_its_filter() -> None:
+def test_lag_of_a_slow_accelerometer_is_distinguished_from_its_filter() -> None:
     made = record(4, 5.0)
     slow, weight = np.zeros(len(made.acceleration)), SAMPLE_TIME / (0.006 + SAMPLE_TIME)
     for k in range(1, len(slow)):
@@ -136,7 +136,7 @@ def test_recording_at_ten_kilohertz_is_thinned_to_one() -> None:
     assert len(found.commands) == 2000
 
 
-def test_bias_that_wanders_is_taken_out_and_told() -> None:
+def test_bias_that_wanders_is_removed_and_reported() -> None:
     made = record(6, 8.0)
     at = np.arange(len(made.commands)) / len(made.commands)
     wander = 0.3 * np.sin(2.0 * at)

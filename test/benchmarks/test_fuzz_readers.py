@@ -37,7 +37,7 @@ def test_an_input_depends_on_seed_and_number_alone() -> None:
     assert fuzz.mutation(reader, sound, 3, 17) != fuzz.mutation(reader, sound, 3, 18)
 
 
-def test_a_crash_a_hang_and_an_exception_are_told_from_each_other(monkeypatch, tmp_path: Path) -> None:
+def test_a_crash_a_hang_and_an_exception_are_distinguished_from_each_other(monkeypatch, tmp_path: Path) -> None:
     def crash(path: Path) -> None:
         raise IndexError("not a clear line")
 

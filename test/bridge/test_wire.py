@@ -90,7 +90,7 @@ def test_every_flipped_bit_and_every_other_length_is_refused(name) -> None:
     assert reason(data * 10, key) == "size"
 
 
-def test_forged_tag_other_version_other_kind_and_bad_content_are_told_apart() -> None:
+def test_forged_tag_other_version_other_kind_and_bad_content_are_distinguished() -> None:
     data = wire.command(KEY, WORKED_COMMAND)
     assert reason(wire.command(b"another key entirely", WORKED_COMMAND)) == "tag"
     assert reason(b"\x00" + data[1:]) == "magic"

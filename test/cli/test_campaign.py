@@ -114,7 +114,7 @@ def _times(folder: Path) -> dict[str, float]:
     return found
 
 
-def test_rows_that_fail_are_told_and_can_be_tried_again(tmp_path, capsys):
+def test_rows_that_fail_are_reported_and_can_be_tried_again(tmp_path, capsys):
     study, out = tmp_path / "odd.yaml", tmp_path / "out"
     study.write_text("title: Odd\nmeasure: benchmarks.campaign.tasks:failing\nrows: [{seed: [1, 2, 3]}]\n")
     given = ["campaign", str(study), "--out", str(out), "--workers", "1"]

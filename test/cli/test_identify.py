@@ -80,7 +80,7 @@ def test_residual_tests_and_what_the_recordings_identify_are_reported(out: Path)
     assert [c["name"] for c in read.charts][:2] == ["history_second", "spectrum_second"]
 
 
-def test_recordings_held_out_are_not_needed(
+def test_validation_data_are_not_needed(
     bags: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with mock.patch.object(command, "search_settings", return_value=SEARCH.replace(starts=1, fitted_starts=0)):

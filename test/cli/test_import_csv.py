@@ -156,7 +156,7 @@ def test_pressures_are_kept_and_are_said_to_be_used_by_no_fit(tmp_path, capsys):
     assert "identify and close_loop do not use them" in capsys.readouterr().out
 
 
-def test_rows_that_are_there_twice_are_left_out_and_told(tmp_path, capsys):
+def test_rows_that_are_there_twice_are_left_out_and_reported(tmp_path, capsys):
     first, second, *rest = TABLE.splitlines(keepends=True)
     recording = run(tmp_path, "".join([first, second, second, *rest]))
     assert np.allclose(recording.valve_command, 0.1 * np.arange(5))

@@ -66,7 +66,7 @@ def test_an_unknown_experiment_is_one_line_and_exit_code_2(tmp_path: Path, capsy
 
 
 @pytest.mark.second_tier
-def test_every_controller_of_the_thesis_is_judged_in_every_loop(tmp_path: Path) -> None:
+def test_every_controller_of_the_thesis_is_compared_in_every_loop(tmp_path: Path) -> None:
     sine = read_yaml(find("reference", "sine_20mm_2hz"))
     sine["duration"] = 1.0
     sine["shaping"]["soft_start"] = sine["shaping"]["soft_stop"] = 0.25
@@ -129,7 +129,7 @@ def test_without_the_soft_zone_the_models_part_at_low_frequency_and_meet_at_high
 
 
 @pytest.mark.second_tier
-def test_the_neural_schedule_is_judged_beside_one_set_and_the_physical_effect(tmp_path: Path) -> None:
+def test_the_neural_schedule_is_compared_with_one_set_and_the_physical_effect(tmp_path: Path) -> None:
     few = read_yaml(find("schedule", "default"))
     few |= {"amplitudes": [0.1, 0.2, 0.4, 0.6], "frequencies": [1.0, 2.0, 4.0, 6.0], "seeds": [1, 2]}
     (tmp_path / "few.yaml").write_text(yaml.safe_dump(few), encoding="utf-8")

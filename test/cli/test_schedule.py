@@ -24,7 +24,7 @@ def test_bad_arguments_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert not (tmp_path / "out").exists()
 
 
-def test_simulated_data_are_windows_to_learn_from_and_a_doubled_amplitude_held_out() -> None:
+def test_simulated_data_are_windows_to_learn_from_and_a_doubled_amplitude_to_validate() -> None:
     settings = read_settings("default")
     short = settings | {"amplitudes": [0.1, 0.3], "frequencies": [2.0]}
     learn, hold = simulated(short, load_table(settings["table"]))

@@ -60,7 +60,7 @@ def test_recording_without_accelerometer_gives_a_record_without_it(tmp_path: Pat
     assert record.acceleration is None
 
 
-def test_clipped_acceleration_is_not_heard_and_told(tmp_path: Path) -> None:
+def test_clipped_acceleration_is_left_out_and_reported(tmp_path: Path) -> None:
     whole = -0.05 * (4.0 * np.pi) ** 2 * np.sin(ANGLE)
     (record,), findings = records_and_findings([bag(tmp_path / "run", acceleration=np.clip(whole, -5.0, 5.0))])
     assert np.array_equal(record.whole, np.abs(whole) < 5.0)
@@ -73,7 +73,7 @@ def test_clipped_acceleration_is_not_heard_and_told(tmp_path: Path) -> None:
     )
 
 
-def test_a_few_lost_samples_part_nothing_and_are_told(tmp_path: Path) -> None:
+def test_a_few_lost_samples_part_nothing_and_are_reported(tmp_path: Path) -> None:
     keep = ~np.isin(np.arange(4000), [700, 701, 702, 2500])
     felt = -0.05 * (4.0 * np.pi) ** 2 * np.sin(ANGLE)
     felt[1200] = np.nan
@@ -106,7 +106,7 @@ def test_piece_of_a_recording_without_a_segment_has_its_findings_all_the_same(tm
     assert finding_lines(empty) == ["run: /diagnostics: did not act"]
 
 
-def test_gap_makes_two_records_of_one_name_and_is_told(tmp_path: Path) -> None:
+def test_gap_makes_two_records_of_one_name_and_is_reported(tmp_path: Path) -> None:
     records, findings = records_and_findings([bag(tmp_path / "run", without(1.5, 1.8))])
     assert [r.name for r in records] == ["run", "run"]
     assert [len(r.commands) for r in records] == [1500, 2200]

@@ -20,7 +20,7 @@ def write(folder: Path, position: np.ndarray, force: np.ndarray | None = None) -
     return write_table_recording(folder / "run", TIME, np.sin(TIME), position, force=force)
 
 
-def test_a_leap_parts_a_recording_and_is_told(tmp_path: Path) -> None:
+def test_a_leap_parts_a_recording_and_is_reported(tmp_path: Path) -> None:
     position = np.round(0.02 * np.sin(3.0 * TIME), 4)
     position[600:] += 0.01
     runs = sr.read(write(tmp_path, position))

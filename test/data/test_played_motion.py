@@ -65,7 +65,7 @@ def test_reference_with_stamps_of_its_own_tells_the_place_as_well(tmp_path) -> N
     np.testing.assert_allclose(found.acceleration, drive()[:, 2], atol=1e-12)
 
 
-def test_run_that_cannot_be_judged_is_refused_with_its_reason(tmp_path) -> None:
+def test_run_that_cannot_be_evaluated_is_refused_with_its_reason(tmp_path) -> None:
     whole = recording(drive(), tmp_path)
     with pytest.raises(ShakeError, match=r"run_1: no topic imu"):
         played(replace(whole, acceleration=None), drive(), DT, "run_1")
@@ -77,6 +77,6 @@ def test_run_that_cannot_be_judged_is_refused_with_its_reason(tmp_path) -> None:
         played(whole[slice(0, 900)], drive(), DT, "run_1")
 
 
-def test_run_with_many_lost_samples_is_not_judged(tmp_path) -> None:
-    with pytest.raises(ShakeError, match=r"run_1: 11 of 1001 samples are missing, 11 in a row: not judged"):
+def test_run_with_many_lost_samples_is_not_evaluated(tmp_path) -> None:
+    with pytest.raises(ShakeError, match=r"run_1: 11 of 1001 samples are missing, 11 in a row: not evaluated"):
         played(recording(drive(), tmp_path, np.arange(300, 311)), drive(), DT, "run_1")

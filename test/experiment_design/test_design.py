@@ -59,7 +59,7 @@ def test_a_motion_is_found_that_tells_a_droop_of_the_supply_from_its_absence(tab
     assert designer.separated(slow)[0].gain < best.separations[0].gain
 
 
-def test_a_rival_that_differs_by_no_more_than_its_parameter_is_uncertain_is_not_told_apart(table, small_motion):
+def test_a_rival_that_differs_by_no_more_than_its_parameter_is_uncertain_is_not_distinguished(table, small_motion):
     found = fit_of(table)
     information, wide = Designer.of(FULL, found, [], LIMITS, small_motion).itself
     place = found.free.names.index("bulk_modulus.modulus")

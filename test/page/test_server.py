@@ -173,7 +173,7 @@ def test_forged_token_foreign_origin_and_foreign_host_stay_outside(running, path
         ("operator", {"Host": "evil.example:80"}),
     ],
 )
-def test_socket_is_refused_to_who_has_no_token_or_comes_from_elsewhere(running, role, changed) -> None:
+def test_socket_is_refused_without_a_token_or_from_elsewhere(running, role, changed) -> None:
     with pytest.raises(InvalidStatus, match="403"), running.page(role, **changed):
         pass
 
@@ -313,7 +313,7 @@ def test_page_that_reads_nothing_costs_nothing_and_goes_on_with_the_newest(runni
     assert threading.active_count() < 40
 
 
-def test_fifty_pages_are_served_and_a_sixty_fifth_is_told_to_wait(running) -> None:
+def test_fifty_pages_are_served_and_a_sixty_fifth_has_to_wait(running) -> None:
     async def crowd() -> tuple[int, int]:
         from websockets.asyncio.client import connect as connect_async
 

@@ -83,7 +83,7 @@ def test_newtons_of_a_gauge_are_said_to_be_relative() -> None:
     assert "relative to the assumed area" in page_of([force()], UnknownModel())[1].words
 
 
-def test_largest_force_is_one_held_out_and_outside_its_band() -> None:
+def test_largest_force_is_one_of_validation_data_and_outside_its_band() -> None:
     forces = [force("quiet", zero=True, size=800.0), force("loud"), force("learn", held_out=False, size=900.0)]
     assert largest_force(forces).recording == "loud"
     assert largest_force(forces[2:]).recording == "learn"

@@ -196,7 +196,7 @@ def test_page_of_recordings_without_accelerometer_is_drawn() -> None:
     assert "velocity [m/s]" in panels and "acceleration [m/s²]" not in panels
 
 
-def test_uncertainty_is_told_only_where_it_means_something() -> None:
+def test_uncertainty_is_reported_only_where_it_means_something() -> None:
     assert estimate_text(Estimate("x", 0.059, 260.0, "-")) == "not known (0.059)"
     assert estimate_text(Estimate("x", 2.0e7, 3.0e5, "Pa")) == "20.00 ± 0.30"
     assert unit_of("Pa")[1] == "MPa"
@@ -214,7 +214,7 @@ def test_parameter_at_a_bound_says_at_which_and_is_marked() -> None:
         assert rows[name][1].endswith(("at its lower bound", "at its upper bound", "does not act"))
 
 
-def test_betas_are_told_as_hydraulic_frequency_damping_and_gain() -> None:
+def test_betas_are_reported_as_hydraulic_frequency_damping_and_gain() -> None:
     betas = {"beta1": -((2.0 * np.pi * 16.0) ** 2), "beta2": -20.0, "beta3": 4000.0, "beta4": -2.0, "beta5": 0.0}
 
     class Model:
@@ -244,7 +244,7 @@ def test_histories_hold_the_whole_recording_and_show_the_stretch_of_fastest_moti
         assert np.allclose([s.drawn for s in lower.series], [measured - before, measured - after], atol=1e-12)
     assert chart.view is not None
     assert chart.view[1] - chart.view[0] == pytest.approx(0.5, abs=2 * SAMPLE_TIME)
-    span = charts_fit.fastest_stretch(record, 0.5)
+    span = charts_fit.fastest_segment(record, 0.5)
     assert np.mean(record.velocity[span] ** 2) > np.mean(record.velocity[record.start :] ** 2)
     seen = static_figure(chart).axes[0].lines[0].get_xdata()
     assert len(seen) == pytest.approx(0.5 / SAMPLE_TIME, abs=2)
@@ -287,7 +287,7 @@ def test_lines_of_the_terminal_hold_values_errors_and_alternatives() -> None:
     assert "(these recordings cannot distinguish it from slow_valve)" in told
 
 
-def test_effect_that_shows_is_not_said_to_be_told_from_others_that_nobody_tried() -> None:
+def test_effect_that_shows_is_not_reported_as_distinguished_from_untried_ones() -> None:
     done = command("spool_deadband").result
     (step,) = done.search.steps
     alone = dataclasses.replace(step, ranking=(step.chosen,))
@@ -295,7 +295,7 @@ def test_effect_that_shows_is_not_said_to_be_told_from_others_that_nobody_tried(
     assert f"from the {len(step.ranking) - 1} other effects" in step_text(step, done.final)
 
 
-def test_function_without_a_name_is_told_by_what_it_depends_on_and_its_form() -> None:
+def test_unlisted_function_is_described_by_what_it_depends_on_and_its_form() -> None:
     done = command("spool_deadband").result
     (step,) = done.search.steps
     effect = dataclasses.replace(

@@ -155,7 +155,7 @@ def _left(series: Series, position: Series, shift: ClockShift) -> tuple[float, f
 TOPIC, TYPE = "diagnostics", "diagnostic_msgs/msg/DiagnosticArray"
 PASSES, SPAN = "passes", "span"  # values of a status: whether commands act, and the master gain
 FULL = 0.9995  # master gain that counts as 1, as it is printed
-BRIEF = 0.05  # [s] a shorter stretch is a matter of which message was received first
+BRIEF = 0.05  # [s] a shorter segment is a matter of which message was received first
 
 
 def said(data: bytes) -> bool | None:
@@ -181,7 +181,7 @@ def _number(text: str) -> float:
 
 
 def without_brief(acts: npt.NDArray[np.bool_], most: int) -> npt.NDArray[np.bool_]:
-    """The same, without stretches of at most so many samples on which commands did not act.
+    """The same, without segments of at most so many samples on which commands did not act.
 
     >>> without_brief(np.array([False, True, False, False]), 1).tolist()
     [True, True, False, False]

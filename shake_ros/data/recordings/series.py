@@ -325,7 +325,7 @@ def _strays(stamps: Integers) -> npt.NDArray[np.bool_]:
 
 
 def _one_run(series: Series, findings: list[Finding]) -> Series:
-    """The longest stretch of a series without a jump back by more than RESTART_SAMPLES."""
+    """The longest segment of a series without a jump back by more than RESTART_SAMPLES."""
     if len(series) < 2:
         return series
     cuts = np.flatnonzero(np.diff(series.stamps) < -_far(series.stamps)) + 1

@@ -161,7 +161,7 @@ def iterate_table_recording(
     """Read a long recording in pieces of about `seconds` of receipt, with bounded memory.
 
     Every piece stands by itself: its own time base, segments (perhaps none) and findings; `provenance.start_stamp`
-    places it. The command that acts at the start of a piece is carried over from the one before. A stretch without
+    places it. The command that acts at the start of a piece is carried over from the one before. A span without
     positions or commands gives no piece. Raises ShakeError where topics are missing, as `read_table_recording` does.
     """
     with Bag(path) as bag:

@@ -69,7 +69,7 @@ def test_parts_of_a_polynomial_add_up_to_its_power():
     assert 0.02 < parts["odd"] < 0.1 * np.std(u**3)
 
 
-def test_odd_distortion_on_excited_lines_is_told_by_lines_left_out():
+def test_odd_distortion_on_excited_lines_is_found_by_lines_left_out():
     u = odd_random(3)
     cubic = 0.05 * u**3
     own = np.fft.rfft(u) @ np.conj(np.fft.rfft(cubic)) / np.sum(np.abs(np.fft.rfft(u)) ** 2)

@@ -171,7 +171,7 @@ def test_phases_are_those_at_time_zero_of_the_given_times() -> None:
     assert found.phase[0] == pytest.approx(0.4, abs=1e-9)  # 100 s are whole periods
 
 
-def test_a_strong_overtone_does_not_hide_a_fundamental_that_is_told() -> None:
+def test_a_strong_overtone_does_not_hide_a_fundamental_that_is_given() -> None:
     time = times(5.0)
     found = harmonics(time, 0.2 * np.sin(TURN * 2.0 * time) + np.sin(TURN * 6.0 * time), 2.0)
     assert found.thd == pytest.approx(5.0, rel=1e-9)

@@ -41,7 +41,7 @@ def test_model_with_the_dead_band_of_the_table_follows_better_than_one_without()
     assert found["after"]["acceleration"] < 0.5 * found["before"]["acceleration"]
 
 
-def test_loop_that_rings_under_the_extended_model_is_told_with_the_cure() -> None:
+def test_loop_that_rings_under_the_extended_model_is_reported_with_the_cure() -> None:
     # 12 ms of dead time and one of the loop, known: the present loop waits for them, at gains made for one
     late = DECLARED.with_values({"effects.command_delay.delay": 0.012})
     model = DECLARED.with_values({"effects.command_delay.delay": 0.013})

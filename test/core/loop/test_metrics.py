@@ -102,7 +102,7 @@ def test_loop_that_goes_on_oscillating_is_unstable() -> None:
     assert not judge(run_of(reference, truth), part, 1.0, STROKE).unstable
 
 
-def test_lost_run_and_run_into_the_end_stop_are_told() -> None:
+def test_lost_run_and_run_into_the_end_stop_are_reported() -> None:
     reference = motion()
     lost = motion()
     lost[2000:] = np.nan

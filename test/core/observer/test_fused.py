@@ -79,7 +79,7 @@ def test_position_alone_does_as_well_as_the_observer_that_takes_nothing_else() -
     assert np.all(error(KNOWN, estimates(KNOWN, ())) < 1.1 * error(KNOWN, other))
 
 
-def test_force_that_the_model_lacks_is_told_from_the_pressures_by_the_accelerometer() -> None:
+def test_force_that_the_model_lacks_is_distinguished_from_the_pressures_by_the_accelerometer() -> None:
     pushed = recording(constant_force__force=3000.0)
     mass = load_table("bergamo").moved_mass
     others = Observer("fused", PARAMETERS.replace(force_memory=1e3), DT, load_table("bergamo"))

@@ -282,7 +282,7 @@ def test_table_that_moves_as_its_valve_is_open_trips_nothing() -> None:
 
 
 @pytest.mark.parametrize(("speed", "u"), [(0.0, 0.25), (0.2, 0.0), (-0.1, 0.2)])
-def test_valve_that_does_not_do_what_it_is_told_takes_the_pressure_off_within_50_ms(speed, u) -> None:
+def test_valve_that_does_not_follow_its_command_takes_the_pressure_off_within_50_ms(speed, u) -> None:
     lock = running(sensor_implausible={"action": "none"})
     after = moved(lock, speed, u)
     assert after is not None and after < 50
