@@ -35,7 +35,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
 from shake_ros.report.result_table import ResultTable
-from shake_ros.report.text import nuisance_table, parameter_table, slow_change_table
+from shake_ros.report.text import force_table, nuisance_table, parameter_table, slow_change_table
 
 
 class LatentForces(Sequence[LatentForce]):
@@ -63,21 +63,7 @@ class LatentForces(Sequence[LatentForce]):
     @property
     def frame(self) -> ResultTable:
         """A row for each recording."""
-        heads = ("recording", "role", "rms", "peak", "unit", "of inertia", "kinds", "depends on")
-        rows = [
-            (
-                force.recording,
-                "validation" if force.held_out else "estimation",
-                force.rms,
-                force.peak,
-                force.unit,
-                force.of_inertia,
-                "zero" if force.kinds.zero else ", ".join(force.kinds.kinds) or None,
-                ", ".join(force.kinds.depends_on) or None,
-            )
-            for force in self
-        ]
-        return ResultTable(heads, rows)
+        return force_table(self._forces)
 
     def __repr__(self) -> str:
         return repr(self.frame)

@@ -19,15 +19,15 @@ from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.read import Recordings
 from shake_ros.api.simulate import Simulation
 from shake_ros.api.tune_table import TunedTable, tune_table
-from shake_ros.commissioning.page import Array, commission_page
+from shake_ros.commissioning.page import commission_page
 from shake_ros.commissioning.stage import CommissionStage, LiveStage, SimulatedStage
 from shake_ros.commissioning.steps import (
+    Array,
     CommissionSettings,
     Step,
     announced,
     interlock_of,
     load_commission,
-    page_run,
     tracked,
 )
 from shake_ros.core.identification.recording_problem import RecordingProblem
@@ -86,7 +86,7 @@ class Commission:
             text = yaml.safe_dump(dict(self.steps[-1].interlock), sort_keys=False) if self.steps else ""
             head = f"# Limits of level {self.steps[-1].level:g}, by commission.\n" if self.steps else ""
             (out / "interlock.yaml").write_text(head + text, encoding="utf-8")
-            page = commission_page([page_run(i, step) for i, step in enumerate(self.steps)], *self._summary(), command)
+            page = commission_page(self.steps, self.frame, *self._summary(), command)
             (out / "commission.html").write_text(page, encoding="utf-8")
             write_json(out / "commission.json", self.content())
             for step in self.steps:

@@ -1,4 +1,4 @@
-"""The steps of `commission`: levels and limits from config/, what the operator reads, the interlock, what is shown."""
+"""The steps of `commission`: levels and limits from config/, what the operator reads, the interlock."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from shake_ros.api.simulate import Simulation
 from shake_ros.api.tune_table import TunedTable
-from shake_ros.commissioning.page import CommissionRun
 from shake_ros.core.control.closed_loop import normalised_error
 from shake_ros.core.loop.linear_loop import LAWS
 from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
@@ -144,6 +143,20 @@ class Step:
     tuned: TunedTable | None = None
     added: tuple[str, ...] = ()
 
+    @property
+    def findings(self) -> list[str]:
+        """What was concluded from the run, a line each."""
+        lines = []
+        if self.explained is not None:
+            missed = f"{100.0 * self.explained:.2f} % of this one's acceleration"
+            lines.append(f"The model fitted to all earlier runs misses {missed}.")
+        if self.added:
+            lines.append(f"close_loop found in all runs: {', '.join(self.added)}.")
+        if self.tuned is not None:
+            lines.append(f"Gains for it: {self.tuned.best.kind}; {self.tuned.margins.text}.")
+            lines += self.tuned.findings
+        return lines
+
 
 def watched(run: Simulation, content: Mapping[str, Any]) -> tuple[str, float]:
     """What the interlock would say to a run first, and when [s]; empty and the run's length where it lets it pass."""
@@ -202,32 +215,4 @@ def announced(
         f"step {number + 1}, level {level:g}{', for the evidence' if last else ''}: {1e3 * x:.1f} mm, {v:.3f} m/s, "
         f"{a:.2f} m/s²; gains: {loop}; the interlock holds beyond {1e3 * limit['position_hard']:.1f} mm, "
         f"{limit['velocity']:.3f} m/s, {limit['acceleration']:.2f} m/s²{distance}"
-    )
-
-
-def page_run(number: int, step: Step) -> CommissionRun:
-    """A step as the page shows it."""
-    r = step.run
-    assert r.reference is not None and r.valve_command is not None and r.acceleration is not None
-    findings = []
-    if step.explained is not None:
-        findings.append(
-            f"The model fitted to all earlier runs misses {100.0 * step.explained:.2f} % of this one's acceleration."
-        )
-    if step.added:
-        findings.append(f"close_loop found in all runs: {', '.join(step.added)}.")
-    if step.tuned is not None:
-        findings.append(f"Gains for it: {step.tuned.best.kind}; {step.tuned.margins.text}.")
-        findings += step.tuned.findings
-    return CommissionRun(
-        title=f"Step {number + 1}, level {step.level:g}",
-        loop=step.loop,
-        limits=[(name, f"{value:.4g} {UNITS[name]}") for name, value in step.limits.items()],
-        errors=step.error,
-        held=step.held,
-        findings=findings,
-        time=r.time,
-        reference=r.reference,
-        motion=np.column_stack([r.position, motion_of(r)[:, 1], r.acceleration]),
-        command=r.valve_command,
     )

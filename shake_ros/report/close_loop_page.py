@@ -43,6 +43,7 @@ from shake_ros.report.sections import (
 )
 from shake_ros.report.text import (
     estimate_text,
+    force_table,
     force_text,
     function_line,
     largest_force,
@@ -73,31 +74,13 @@ def force_section(page: Page, forces: Sequence[LatentForce], model: DeclaredMode
         return
     gauge = " Forces are relative to the assumed area." if model.nuisances else ""
     page.paragraph(f"{WHAT}{gauge}", note=True)
-    page.table(
-        ("recording", "rms", "peak", "of inertia", "the force", "run leaves, × noise", "up to"),
-        [_row(f) for f in forces],
-    )
+    page.result(force_table(forces))
     force = largest_force(forces)
     page.chart(force_chart(force))
     for name in SIDES:
         chart = against_chart(force, name)
         if chart:
             page.chart(chart)
-
-
-def _row(force: LatentForce) -> list[str]:
-    share = f"{100.0 * force.of_inertia:.1f} %"
-    role = "validation" if force.held_out else "estimation"
-    left = f"{force.left[0]:.2f}" if force.kinds.zero else f"{force.left[0]:.2f} → {force.left[1]:.2f}"
-    sizes = [f"{size:.3g} {force.unit}" for size in (force.rms, force.peak)]
-    return [
-        f"{force.recording} ({role})",
-        *sizes,
-        share,
-        force.kinds.text,
-        left,
-        "–" if force.kinds.zero else f"{force.bandwidth:.0f} Hz",
-    ]
 
 
 def force_chart(force: LatentForce) -> Chart:

@@ -196,6 +196,28 @@ def largest_force(forces: Sequence[LatentForce]) -> LatentForce:
     return max(held_out, key=lambda force: (not force.kinds.zero, force.rms))
 
 
+def force_table(forces: Sequence[LatentForce]) -> ResultTable:
+    """The force that a model lacks in each recording: size, kind, and how far it explains the residual."""
+    rows = [
+        (
+            force.recording,
+            "validation" if force.held_out else "estimation",
+            force.rms,
+            force.peak,
+            force.unit,
+            force.of_inertia,
+            force.kinds.text,
+            force.left[0],
+            *((None, None) if force.kinds.zero else (force.left[1], force.bandwidth)),
+        )
+        for force in forces
+    ]
+    heads = ("recording", "data", "rms", "peak", "unit", "of inertia", "the force", "run leaves, × noise", "with it")
+    return ResultTable(
+        (*heads, "up to [Hz]"), rows, {"rms": "{:.3g}".format, "peak": "{:.3g}".format, "of inertia": percent}
+    )
+
+
 def force_text(forces: Sequence[LatentForce]) -> str:
     """The force that a model lacks, as a phrase: how large it is and of what kind."""
     force = largest_force(forces)
