@@ -19,9 +19,9 @@ from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.read import Recordings
 from shake_ros.api.simulate import Simulation
 from shake_ros.api.tune_table import TunedTable, tune_table
-from shake_ros.commissioning.page import commission_page
 from shake_ros.commissioning.stage import CommissionStage, LiveStage, SimulatedStage
 from shake_ros.commissioning.steps import (
+    UNITS,
     Array,
     CommissionSettings,
     Step,
@@ -39,6 +39,8 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program
 from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.report.chart import Chart, ChartSeries, Panel
+from shake_ros.report.page import Made, Page
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import load_table, save_table
 
@@ -86,7 +88,7 @@ class Commission:
             text = yaml.safe_dump(dict(self.steps[-1].interlock), sort_keys=False) if self.steps else ""
             head = f"# Limits of level {self.steps[-1].level:g}, by commission.\n" if self.steps else ""
             (out / "interlock.yaml").write_text(head + text, encoding="utf-8")
-            page = commission_page(self.steps, self.frame, *self._summary(), command)
+            page = commission_page(self, command)
             (out / "commission.html").write_text(page, encoding="utf-8")
             write_json(out / "commission.json", self.content())
             for step in self.steps:
@@ -95,7 +97,7 @@ class Commission:
         write_folder(Path(folder), fill, force=force)
         return Path(folder)
 
-    def _summary(self) -> tuple[str, list[str]]:
+    def summary(self) -> tuple[str, list[str]]:
         """The verdict, and lines on table and gains."""
         last = self.steps[-1] if self.steps else None
         verdict = "Complete: every step was released, run and sound." if self.complete else f"Ended: {self.reason}."
@@ -171,6 +173,56 @@ class _Way:
                 error = float(list(found.closed.final.estimation.values())[-1]["acceleration"])
         tuned = tune_table(table, uncertainty=known, laws=self.settings.laws, progress=self.progress)
         return error, tuned, added
+
+
+def run_chart(name: str, title: str, step: Step) -> Chart:
+    """Reference and sensors of a run over time, and the command."""
+    run = step.run
+    assert run.reference is not None and run.valve_command is not None and run.acceleration is not None
+    rows = (
+        Panel(
+            "position [mm]",
+            run.time,
+            (
+                ChartSeries("reference", 1e3 * run.reference[:, 0], "c5", kind="dashed"),
+                ChartSeries("measured", 1e3 * run.position, "c0"),
+            ),
+        ),
+        Panel(
+            "acceleration [m/s²]",
+            run.time,
+            (
+                ChartSeries("measured", run.acceleration, "c0"),
+                ChartSeries("reference", run.reference[:, 2], "c5", kind="dashed"),
+            ),
+        ),
+        Panel("command [-]", run.time, (ChartSeries("valve command", run.valve_command, "c1"),), height=120),
+    )
+    return Chart(name, "time [s]", rows, f"{title}: reference, sensors and command")
+
+
+def commission_page(found: Commission, command: str = "") -> str:
+    """The page as HTML: the steps, what each taught, and the curves of each run."""
+    verdict, lines = found.summary()
+    page = Page("Commissioning", verdict, Made(command))
+    page.heading("Steps")
+    page.result(found.frame, warn=[i for i, step in enumerate(found.steps) if step.held])
+    scope = (
+        "of the true motion if it is known, otherwise of the measured one, over the rms of the reference about its mean"
+    )
+    page.paragraph(f"Errors are rms errors {scope}.", note=True)
+    page.heading("Table and gains")
+    for line in lines:
+        page.paragraph(line)
+    for i, step in enumerate(found.steps):
+        title = f"Step {i + 1}, level {step.level:g}"
+        page.heading(title)
+        limits = [(name, f"{value:.4g} {UNITS[name]}") for name, value in step.limits.items()]
+        page.table(("limit of the interlock", "holds beyond"), limits)
+        for line in step.findings:
+            page.paragraph(line)
+        page.chart(run_chart(f"step_{i + 1}", title, step))
+    return page.render()
 
 
 def commission(
