@@ -99,7 +99,7 @@ def residual_series(
         else:
             seen = filtered_velocity(out[:, 1], record.sample_time)
             rest, deviation = (record.velocity - seen)[span], record.velocity_noise()
-        residuals.append(rest)
+        residuals.append(record.in_band(rest))
         noise += len(rest) * deviation**2
         for name, values in problem.model.quantities(record, out).items():
             columns.setdefault(name, []).append(values[span])
@@ -120,17 +120,17 @@ def without_single(ratios: np.ndarray) -> tuple[float, int]:
 
 def remaining(problem: SearchProblem, found: Selection) -> Remaining:
     """Judge the residual of the final model on the validation data."""
-    settings, final = problem.settings, found.final.fit
+    settings, final, noise = problem.settings, found.final.fit, problem.validation.noise_name
     rest, columns, ratios = residual_series(problem.validation, final.table)
     ratio = float(np.sqrt(np.mean(ratios**2)))
     shares = {name: explained_share(rest, values, settings.remaining_groups) for name, values in columns.items()}
     if ratio <= settings.remaining_above:
-        text = f"nothing above the noise: the residual is {ratio:.2f} × the sensor noise"
+        text = f"nothing above the noise: the residual is {ratio:.2f} × {noise}"
         return Remaining(False, ratio, None, (), shares, text)
     most, few = without_single(ratios)
     if most <= settings.remaining_above:
         text = (
-            f"nothing above the noise but single samples: the residual is {ratio:.2f} × the sensor noise, "
+            f"nothing above the noise but single samples: the residual is {ratio:.2f} × {noise}, "
             f"{most:.2f} × without the largest {few} of {len(ratios)}"
         )
         return Remaining(False, ratio, None, (), shares, text)
@@ -138,7 +138,7 @@ def remaining(problem: SearchProblem, found: Selection) -> Remaining:
     at_most = settings.remaining_above**2 * problem.validation.noise_cost()
     if unpredictable > 1.0 and found.final.validation_cost <= at_most:
         text = (
-            f"nothing above the process noise: the residual is {ratio:.2f} × the sensor noise, and responses to "
+            f"nothing above the process noise: the residual is {ratio:.2f} × {noise}, and responses to "
             f"the same command differ by {math.sqrt(unpredictable):.2f} × the noise"
         )
         return Remaining(False, ratio, None, (), shares, text)
@@ -147,7 +147,7 @@ def remaining(problem: SearchProblem, found: Selection) -> Remaining:
     if unpredictable <= 1.0 and ratio > settings.remaining_far_above and nothing_fits(found, settings.memoryless):
         best = max(found.functions.gains.values()) if found.functions else 0.0
         text = (
-            f"the residual is {ratio:.2f} × the sensor noise; no function of position, velocity, valve opening, load "
+            f"the residual is {ratio:.2f} × {noise}; no function of position, velocity, valve opening, load "
             f"pressure or time removes more than {100.0 * best:.0f} % of it; an effect with dynamics of its own, "
             "such as a nonlinear resonance, is likely"
         )
@@ -157,7 +157,7 @@ def remaining(problem: SearchProblem, found: Selection) -> Remaining:
     place = next((PLACES[name] for name in order if name in PLACES), _nearest_place(found, least))
     where = f", mostly near {centre:.1f} Hz" if shares["frequency"] else ""
     depends = f"; it depends on {', '.join(order)}" if order else "; it depends on no single quantity"
-    text = f"the residual is {ratio:.2f} × the sensor noise{where}{depends}"
+    text = f"the residual is {ratio:.2f} × {noise}{where}{depends}"
     return Remaining(True, ratio, place, tuple(order), shares, text)
 
 

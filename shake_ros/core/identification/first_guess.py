@@ -10,17 +10,19 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from shake_ros.core.identification.linear_table import linear_table
+from shake_ros.core.identification.linear_table import LinearTable, linear_table
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import DeclaredModel, Record, windows
 from shake_ros.core.identification.sensor_pair import ALIKE, SensorPair
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.parameters import FIELDS, TableParameters
 
-RESERVES = (1.2, 1.7, 3.0)  # acceleration at full pressure, in parts of the largest measured one
+RESERVES = (1.2, 1.7, 3.0, 10.0, 30.0)  # acceleration at full pressure, in parts of the largest measured one
 FRICTIONS = (0.05, 0.3, 1.0)  # dry friction per mass [m/s²]
+UNSEEN, DAMPING = (1.5, 3.0, 6.0), 0.2  # hydraulic frequencies beyond the highest line, in parts of it, damping
 FREE_STROKE = 4.0  # length of both chambers in parts of the range of motion, where nothing is known
 PIECES = 15.0  # of the recordings that the grid is run over [s]
 
@@ -53,7 +55,8 @@ class FirstGuess:
         shown : values by dotted name of the effects that each of them has on top.
         """
         problem = RecordingProblem(windows(self.records, PIECES), model)
-        made = (self._made(given, unknown, r, f) for r, f in itertools.product(RESERVES, FRICTIONS))
+        grid = itertools.product(self._columns(), RESERVES, FRICTIONS)
+        made = (self._made(given, unknown, column, r, f) for column, r, f in grid)
         tables = [table.with_values(shown(table)) for table in made]
         rows = problem.residuals(np.array([t.vector() for t in tables]))
         costs = np.mean(np.nan_to_num(rows, nan=1e3, posinf=1e3, neginf=-1e3) ** 2, axis=1)
@@ -64,10 +67,29 @@ class FirstGuess:
         mode = self.linear.specimen
         if mode is None:
             return {}
-        values = {"mass": mode.share * table.moved_mass, "frequency": mode.frequency, "damping": mode.damping}
+        heaviest = FIELDS["effects.specimen_resonance.mass"].metadata["high"]
+        values = {
+            "mass": min(mode.share * table.moved_mass, heaviest),
+            "frequency": mode.frequency,
+            "damping": mode.damping,
+        }
         return {f"effects.specimen_resonance.{key}": value for key, value in values.items()}
 
-    def _made(self, given: TableParameters, unknown: Sequence[str], reserve: float, friction: float) -> TableParameters:
+    def _columns(self) -> list[LinearTable]:
+        """The linear table, and others of its lag where its oil column rings beyond what the response shows."""
+        table = self.linear
+        if table.omega <= table.seen_to:
+            return [table]
+        lag = table.delay + 2.0 * table.damping / table.omega
+        unseen = [ratio * table.seen_to for ratio in UNSEEN]
+        return [
+            table,
+            *(replace(table, omega=w, damping=DAMPING, delay=max(lag - 2 * DAMPING / w, 0.0)) for w in unseen),
+        ]
+
+    def _made(
+        self, given: TableParameters, unknown: Sequence[str], column: LinearTable, reserve: float, friction: float
+    ) -> TableParameters:
         area, drop = given.body.piston_area, given.supply.supply_pressure - given.supply.tank_pressure
 
         def of(name: str, guess: float) -> float:
@@ -76,18 +98,18 @@ class FirstGuess:
 
         mass = of("body.table_mass", drop * area / (reserve * self.largest)) + given.body.specimen_mass
         volume = of("body.cylinder_volume", 2.0 * FREE_STROKE * self.reach * area)
-        modulus = of("bulk_modulus.modulus", self.linear.omega**2 * volume * mass / (4.0 * area**2))
+        modulus = of("bulk_modulus.modulus", column.omega**2 * volume * mass / (4.0 * area**2))
         stiff = math.sqrt(modulus * mass / volume) / area
         values = {
             "body.table_mass": mass - given.body.specimen_mass,
             "body.cylinder_volume": volume,
             "bulk_modulus.modulus": modulus,
-            "valve.flow_coefficient": self.linear.gain * area / math.sqrt(0.5 * drop),
-            "leakage.internal": 0.3 * self.linear.damping / stiff,
+            "valve.flow_coefficient": column.gain * area / math.sqrt(0.5 * drop),
+            "leakage.internal": 0.3 * column.damping / stiff,
             "friction.coulomb_level": friction * mass,
             "friction.stribeck_rise": 0.3 * friction * mass,
             "friction.viscous": 0.5 * mass,
-            "effects.command_delay.delay": 0.5 * self.linear.delay,
+            "effects.command_delay.delay": 0.5 * column.delay,
         }
         guessed = {name: of(name, value) for name, value in values.items() if name in unknown}
         return given.with_values(guessed)

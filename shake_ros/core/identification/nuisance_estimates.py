@@ -72,6 +72,8 @@ class NuisanceEstimates:
         known = self if behind is None else replace(self, behind=behind)
         noise = dict(known.noise)
         for name, records in by_name([known.applied(r) for r in (*problem.records, *others)]).items():
+            if records[0].explained is not None:
+                continue
             found = residual_noise(RecordingProblem(records, problem.model), model.vector)
             if found < CALMER * records[0].acceleration_noise():
                 noise[name] = found

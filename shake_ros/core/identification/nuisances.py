@@ -17,6 +17,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, decimate, sosfiltfilt
 
+from shake_ros.core.identification.explained_band import limited
 from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import ALIKE, SensorPair, sensor_pair, timely
@@ -74,7 +75,13 @@ class Prepared:
         scaled = [
             per_unit(thinned(without_spikes(r, at)), self.full_scale) for r, at in zip(records, places, strict=True)
         ]
-        return _without_offsets(scaled, self.sensors.delay, places, first)
+        found, offsets = _without_offsets(scaled, self.sensors.delay, places, first)
+        band = self.estimation[0].explained if self.estimation else None
+        return (found if band is None else limited(found, band.highest)), offsets
+
+    def below(self, band: float) -> Prepared:
+        """The same, compared below a frequency [Hz] alone."""
+        return replace(self, estimation=limited(self.estimation, band), validation=limited(self.validation, band))
 
     def with_nuisances(self, nuisances: NuisanceEstimates) -> Prepared:
         """The same with nuisance parameters that a model has given."""
@@ -98,7 +105,18 @@ class Prepared:
 
     def changes(self) -> list[str]:
         """What was done to the signals, a phrase each."""
-        return [*filter(None, (self.lateness(), self.promptness(), self.spikes(), self.drifts(), self.note()))]
+        notes = (self.lateness(), self.promptness(), self.spikes(), self.drifts(), self.note(), self.limit())
+        return [*filter(None, notes)]
+
+    def limit(self) -> str:
+        """The frequency below which the recordings are compared; empty where all of them is."""
+        band = self.estimation[0].explained if self.estimation else None
+        if band is None:
+            return ""
+        return (
+            f"compared below {band.highest:.3g} Hz: above, no filter of the command explains any of the acceleration; "
+            "below, what a linear one leaves counts as noise"
+        )
 
     def lateness(self) -> str:
         """How late the accelerometer is and what for; empty where it is not."""

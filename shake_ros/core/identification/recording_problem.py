@@ -43,7 +43,7 @@ class RecordingProblem:
         self.acceleration_weights = []
         self.position_weights = []
         for r in records:
-            independent = min(2.0 * CUTOFF * r.sample_time, 1.0)
+            independent = min(2.0 * CUTOFF * r.sample_time * r.every, 1.0)
             velocity, acceleration = r.deviations()
             self.velocity_weights.append(np.sqrt(independent) / velocity)
             self.acceleration_weights.append(1.0 / acceleration if acceleration else 0.0)
@@ -112,23 +112,34 @@ class RecordingProblem:
             if position is not None:
                 parts.append(w_x * (position - record.position)[:, record.start :])
             own = slice(len(parts) - self._channels(record), len(parts))
-            parts[own] = [self._in_band(part, record.sample_time) for part in parts[own]]
+            parts[own] = [self._in_band(part, record) for part in parts[own]]
         parts += [(vectors[:, [i]] - value) / deviation for i, value, deviation in self.model.priors]
         return np.concatenate(parts, axis=1)
 
-    def _in_band(self, part: np.ndarray, sample_time: float) -> np.ndarray:
-        """Rows of residuals of one signal, or what they have below the band."""
-        if not self.band < HIGHEST / sample_time:
-            return part
-        return low_pass(part, sample_time, self.band)
+    def _in_band(self, part: np.ndarray, record: Record) -> np.ndarray:
+        """Rows of residuals of one signal, or what they have below the band, as many samples of it as tell of it."""
+        if self.band < HIGHEST / record.sample_time:
+            part = low_pass(part, record.sample_time, self.band)
+        return record.in_band(part)[:, :: record.every]
+
+    @staticmethod
+    def _samples(record: Record) -> np.ndarray:
+        """Index of each sample of a recording that is compared."""
+        return np.arange(record.start, len(record.commands), record.every)
 
     @property
     def count(self) -> int:
         """Number of residuals."""
-        return sum((len(r.commands) - r.start) * self._channels(r) for r in self.records)
+        return sum(len(self._samples(r)) * self._channels(r) for r in self.records)
 
     def _channels(self, record: Record) -> int:
         return 1 + (record.acceleration is not None) + self.model.positions
+
+    @property
+    def noise_name(self) -> str:
+        """What counts as noise, for a sentence."""
+        band = self.records[0].explained
+        return f"what a linear filter of the command leaves below {band.highest:.3g} Hz" if band else "the sensor noise"
 
     def noise_cost(self) -> float:
         """Mean square of the weighted residuals that the sensor noise alone would leave, or what no command tells [-].
@@ -138,11 +149,11 @@ class RecordingProblem:
         total = 0.0
         weights = zip(self.velocity_weights, self.acceleration_weights, self.position_weights, strict=True)
         for record, (w_v, w_a, w_x) in zip(self.records, weights, strict=True):
-            n = len(record.commands) - record.start
+            n = len(self._samples(record))
             share = 1.0 if record.noise_from_periods else self.unpredictable
             total += share * n * (w_v * record.velocity_noise()) ** 2
             if record.acceleration is not None:
-                valid = np.count_nonzero(record.whole[record.start :])
+                valid = np.count_nonzero(record.whole[self._samples(record)])
                 total += share * valid * (w_a * record.acceleration_noise()) ** 2
             if self.model.positions:
                 total += n * (w_x * record.position_noise()) ** 2
@@ -159,8 +170,8 @@ class RecordingProblem:
         if seconds / block < parameters:
             block = seconds / (2 * parameters)
         for record in self.records:
-            n = len(record.commands) - record.start
-            numbers = first + np.arange(n) // max(round(block / record.sample_time), 1)
+            n = len(self._samples(record))
+            numbers = first + np.arange(n) // max(round(block / (record.sample_time * record.every)), 1)
             parts += [numbers] * self._channels(record)
             first = int(numbers[-1]) + 1
         return np.concatenate([*parts, first + np.arange(len(self.model.priors))])
@@ -169,7 +180,7 @@ class RecordingProblem:
         """Time since its recording's start of each residual, shape (n,) [s]."""
         parts = []
         for record in self.records:
-            time = record.begin + np.arange(record.start, len(record.commands)) * record.sample_time
+            time = record.begin + self._samples(record) * record.sample_time
             parts += [time] * self._channels(record)
         return np.concatenate([*parts, np.zeros(len(self.model.priors))])
 
@@ -211,7 +222,7 @@ class RecordingProblem:
 
     def _runs(self) -> np.ndarray:
         """Number of the recording that each residual belongs to, -1 of a prior, shape (n,)."""
-        parts = [np.full((len(r.commands) - r.start) * self._channels(r), r.run) for r in self.records]
+        parts = [np.full(len(self._samples(r)) * self._channels(r), r.run) for r in self.records]
         return np.concatenate([*parts, np.full(len(self.model.priors), -1)])
 
     def errors(self, vector: np.ndarray) -> dict[str, dict[str, float]]:

@@ -34,7 +34,22 @@ SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pre
 CORRECTION_RATE = 40.0  # … and found by correcting the run towards the measured motion at this rate [1/s], unless …
 AT_REST = 0.01  # … it begins at rest: with a velocity over this time [s] …
 QUIET = 4.0  # … below so many times its noise
+OVER = 0.8  # of the samples that a band needs where a filter ended at its highest frequency at once
+LONGER = 3.0
 MODEL_FLOOR = 2e-3  # part of a channel's rms that counts as noise at least
+
+
+@dataclass(frozen=True)
+class ExplainedBand:
+    """Where the command explains the response, see explained_band.py.
+
+    highest : frequency of it [Hz]. velocity, acceleration : standard deviation of what it leaves of them there [m/s],
+    [m/s²].
+    """
+
+    highest: float
+    velocity: float
+    acceleration: float
 
 
 @dataclass(frozen=True)
@@ -48,7 +63,7 @@ class Record:
         None: all. calmest : noise of the acceleration at most, where a model has shown it [m/s²]. shift : null shift of
         the valve that models have added to the commands [-]. run : number of the recording, of those that are learned
         from and then those held out. own : what a force-driven axis takes from this recording
-        for itself, see slow_changes.py.
+        for itself, see slow_changes.py. explained : where the command explains the response; None: everywhere.
     """
 
     name: str
@@ -66,6 +81,7 @@ class Record:
     shift: float = 0.0
     run: int = 0
     own: tuple[str, ...] = ()
+    explained: ExplainedBand | None = None
     velocity: np.ndarray = field(init=False)
     track: np.ndarray = field(init=False)
 
@@ -126,6 +142,15 @@ class Record:
         """First sample that is compared."""
         return min(round(SETTLE / self.sample_time), len(self.commands) // 4)
 
+    def in_band(self, values: np.ndarray) -> np.ndarray:
+        """What a signal has where the command explains the response, along its last axis."""
+        return values if self.explained is None else low_pass(values, self.sample_time, self.explained.highest)
+
+    @property
+    def every(self) -> int:
+        """Every how many samples one is compared: each where all of the response is, else as many as its band has."""
+        return 1 if self.explained is None else max(int(OVER / (2.0 * self.explained.highest * self.sample_time)), 1)
+
     def position_noise(self) -> float:
         """Standard deviation of the position noise, not below that of its rounding to steps [m]."""
         return max(white_deviation(self.position), resolution(self.position) / math.sqrt(12.0))
@@ -141,6 +166,8 @@ class Record:
 
     def velocity_noise(self) -> float:
         """Standard deviation of the noise that passes the velocity filter [m/s], not below that of its rounding."""
+        if self.explained is not None:
+            return self.explained.velocity
         gain = velocity_noise_gain(self.sample_time)
         if "velocity" in self.noise_from_periods:
             rounding = gain * resolution(self.position) / math.sqrt(12.0)
@@ -150,6 +177,8 @@ class Record:
     def acceleration_noise(self) -> float:
         """Standard deviation of the acceleration noise [m/s²]."""
         assert self.acceleration is not None
+        if self.explained is not None:
+            return self.explained.acceleration
         return min(self.noise_from_periods.get("acceleration", self._white_acceleration), self.calmest)
 
     def deviations(self) -> tuple[float, float]:
@@ -178,8 +207,11 @@ def relative_error(measured: np.ndarray, simulated: np.ndarray) -> float:
 def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[Record]:
     """Pieces of the recordings, evenly spread, of about `seconds` in all: a cheaper problem for a first look.
 
-    Recordings that are no longer in total are returned as they are. A piece keeps its recording's name.
+    Recordings that are no longer in total are returned as they are. A piece keeps its recording's name. Where the
+    command does not explain all of the response, more is needed: the loudest pieces, LONGER times as long and as many.
     """
+    if records[0].explained is not None:
+        return _loudest(records, LONGER * seconds, LONGER * window)
     total = sum(len(r.commands) * r.sample_time for r in records)
     if total <= 1.2 * seconds:
         return records
@@ -189,6 +221,22 @@ def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[
         count = max(round(seconds * len(r.commands) * r.sample_time / total / window), 1)
         for first in np.linspace(0, len(r.commands) - length, count).astype(int):
             pieces.append(r.part(slice(first, first + length)))
+    return pieces
+
+
+def _loudest(records: Sequence[Record], seconds: float, window: float) -> list[Record]:
+    """The pieces of the recordings that move most, of about `seconds` in all and each of `window` [s]."""
+    pieces = []
+    for r in records:
+        length = min(round(window / r.sample_time), len(r.commands))
+        energy = np.concatenate([[0.0], np.cumsum(r.velocity**2)])
+        moved = energy[length:] - energy[:-length]
+        for _ in range(max(round(seconds / window / len(records)), 1)):
+            first = int(np.argmax(moved))
+            if moved[first] < 0.0:
+                break
+            pieces.append(r.part(slice(first, first + length)))
+            moved[max(first - length + 1, 0) : first + length] = -1.0
     return pieces
 
 

@@ -81,6 +81,8 @@ def better_filter(problem: RecordingProblem, found: Fit) -> SensorFilter | None:
     None as well where all leave much above the noise: then the effects that are missing would choose. Where no delay
     shows, one is sought only if clock and offsets of the recordings are their own.
     """
+    if problem.records[0].explained is not None:
+        return None  # it shows above what the command explains
     late = [r for r in problem.records if is_late(r)]
     accelerations = [r for r in problem.records if r.acceleration is not None]
     if not late and not (accelerations and problem.model.nuisances):

@@ -15,6 +15,7 @@ import numpy as np
 
 from shake_ros.core.identification.approach import arrived, predictor_start
 from shake_ros.core.identification.by_bands import FALL, from_slow_to_fast, slow
+from shake_ros.core.identification.explained_band import explained_band
 from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.fit import Fit, costs, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, null_shifts_of
@@ -99,6 +100,9 @@ def staged_start(
     progress("first guess from the recordings", 0.0)
     assert model.table is not None
     data = data.with_nuisances(NuisanceEstimates(behind_filter(data.estimation)))
+    if (band := explained_band(data.estimation)) < np.inf:
+        progress(f"the command explains nothing of the acceleration above {band:.3g} Hz: compared below", 0.0)
+        data = data.below(band)
     first = FirstGuess(data.estimation, data.sensors)
     may_lack = tuple(effect for effect in SHOWN if model.may_lack(effect))
 

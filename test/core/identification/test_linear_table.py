@@ -105,7 +105,9 @@ def test_response_is_that_of_the_state_space() -> None:
     omega = 2.0 * math.pi * np.array([1.0, 4.5, 5.2, 9.0, 14.0])
     a, b = matrices(SHARE)
     exact = [np.linalg.solve(1j * w * np.eye(5) - a, b)[1, 0] for w in omega]
-    numbers = np.array([GAIN, 0.0, 2 * math.pi * HYDRAULIC, DAMPING, SHARE, 2 * math.pi * FREQUENCY, SPECIMEN_DAMPING])
+    numbers = np.array(
+        [GAIN, 0.0, 2 * math.pi * HYDRAULIC, DAMPING, 0.0, SHARE, 2 * math.pi * FREQUENCY, SPECIMEN_DAMPING]
+    )
     assert response(numbers, omega) == pytest.approx(np.array(exact), rel=1e-9)
 
 

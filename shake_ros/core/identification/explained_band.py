@@ -1,0 +1,73 @@
+"""The band in which the command explains the response, and what no filter of the command explains in it.
+
+Noise in the valve, friction that catches and rings the oil column, and play shake a laboratory's table by as much as a
+small earthquake does. Its phase is nobody's doing: a free run cannot have it, and a fit to it bends the table until the
+run is calm. Above the highest frequency at which a linear filter of the command explains any of the acceleration, it
+is compared no more; below, what the filter leaves counts as noise. A nonlinear table keeps its whole band: what its
+nonlinearity adds to a wide command is partly coherent with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from shake_ros.core.identification.recordings import ExplainedBand, Record
+from shake_ros.core.identification.velocity_filter import low_pass
+
+MEMORY, STEP = 1.0, 0.005  # of the filter, and between its coefficients [s]
+EXPLAINS = 0.15  # part of the acceleration's power in a band, up to which the command explains nothing there
+MUCH = 0.1  # part of its whole power that lies above at least
+LOWEST, PER_OCTAVE = 2.0, 3  # bands that are looked at [Hz]
+
+
+def explained_band(records: Sequence[Record]) -> float:
+    """The frequency above which the command explains nothing of a good part of the acceleration [Hz]; else infinite."""
+    if any(r.acceleration is None for r in records):
+        return math.inf
+    highest = 0.5 / max(r.sample_time for r in records)
+    edges = np.geomspace(LOWEST, highest, round(PER_OCTAVE * math.log2(highest / LOWEST)) + 1)
+    shares = np.mean([_shares(r, edges) for r in records], axis=0)
+    explains = np.flatnonzero(shares[1] < (1.0 - EXPLAINS) * shares[0])
+    edge = explains[-1] + 1 if len(explains) else 0
+    return float(edges[edge]) if np.sum(shares[0, edge:]) > MUCH else math.inf
+
+
+def _shares(record: Record, edges: np.ndarray) -> np.ndarray:
+    """Acceleration by band and what a filter of the command leaves of it, in parts of its power, shape (2, m)."""
+    felt = _felt(record)
+    signals = np.array([felt, felt - _explained(record, felt)])
+    power = np.abs(np.fft.rfft(signals - signals.mean(axis=1, keepdims=True))) ** 2
+    lines = np.fft.rfftfreq(len(felt), record.sample_time)
+    above_noise = np.maximum(power - record.acceleration_noise() ** 2 * len(felt), 0.0)
+    inside = (lines[:, None] >= edges[:-1]) & (lines[:, None] < edges[1:])
+    return np.asarray(above_noise @ inside / power[0].sum())
+
+
+def limited(records: Sequence[Record], band: float) -> list[Record]:
+    """The recordings, compared below a frequency [Hz] alone; what the command does not explain there is their noise."""
+    found = []
+    for r in records:
+        seen = slice(r.start, None)
+        levels = [
+            float(np.std(low_pass(x - _explained(r, x), r.sample_time, band))) for x in (r.velocity[seen], _felt(r))
+        ]
+        found.append(replace(r, explained=ExplainedBand(band, *levels)))
+    return found
+
+
+def _felt(record: Record) -> np.ndarray:
+    assert record.acceleration is not None
+    return np.where(record.whole, record.acceleration, 0.0)[record.start :]
+
+
+def _explained(record: Record, signal: np.ndarray) -> np.ndarray:
+    """What a linear filter of the command makes of a signal from the recording's `start` on."""
+    lags = np.arange(0, round(MEMORY / record.sample_time), max(round(STEP / record.sample_time), 1))
+    u = np.concatenate([np.full(lags[-1], record.command_before), record.commands])
+    n = len(record.commands)
+    terms = np.column_stack([*(u[lags[-1] - k : lags[-1] - k + n] for k in lags), np.ones(n)])[record.start :]
+    return np.asarray(terms @ np.linalg.lstsq(terms, signal, rcond=None)[0])
