@@ -37,7 +37,8 @@ class Following:
     ----------
     names, units : of the followed parameters. windows : in the order of time, without their motion.
     latest : the last windows with motion. changes : with their names.
-    table : as it is known at the end. error : of the acceleration in free runs of the reference [-].
+    reference, table : as known at the end of the reference, and at the end.
+    error : of the acceleration in free runs of the reference [-].
     recordings : that were followed.
     """
 
@@ -46,6 +47,7 @@ class Following:
     windows: Sequence[TwinWindow]
     latest: Sequence[TwinWindow]
     changes: Sequence[Change]
+    reference: TableParameters
     table: TableParameters
     error: float
     recordings: Sequence[TableRecording]
@@ -72,11 +74,18 @@ class Following:
     def events(self) -> ResultTable:
         """The changes, a row each."""
         rows = [
-            (instant(c.since, c.recording, c.at), _name(c), c.named.place, *c.named.error, change_text(c))
+            (
+                instant(c.since, c.recording, c.at),
+                c.named.verdict,
+                _name(c),
+                c.named.place,
+                *c.named.error,
+                change_text(c),
+            )
             for c in self.changes
         ]
-        heads = ("since", "change", "place", "error before", "since then", "with it", "in words")
-        return ResultTable(heads, rows, dict.fromkeys(heads[3:6], percent))
+        heads = ("since", "verdict", "change", "place", "error before", "since then", "with it", "in words")
+        return ResultTable(heads, rows, dict.fromkeys(heads[4:7], percent))
 
     @property
     def lines(self) -> list[str]:
@@ -118,7 +127,8 @@ class Following:
 
 
 def _name(change: Change) -> str:
-    return change.named.best.name if change.named.explained else "unexplained"
+    named = change.named
+    return " or ".join(h.name for h in (named.best, *named.rivals)) if named.explained else "unexplained"
 
 
 def _window_json(w: TwinWindow) -> dict[str, Any]:
@@ -143,6 +153,7 @@ def _change_json(c: Change) -> dict[str, Any]:
         "since": c.since,
         "noticed": c.noticed,
         "score": c.score,
+        "verdict": c.named.verdict,
         "explained": c.named.explained,
         "place": c.named.place,
         "best": _hypothesis_json(c.named.best),
@@ -161,7 +172,8 @@ def _hypothesis_json(h: Hypothesis) -> dict[str, Any]:
         "before": h.before,
         "value": h.after,
         "deviation": h.deviation,
-        "gain": h.gain,
+        "evidence": h.evidence,
+        "followed": h.followed,
     }
 
 
@@ -206,7 +218,9 @@ def follow(
         moving = sum(w.state == LEARNING for w in windows) * chosen.test.window
         raise ShakeError(f"{chosen.test.reference:g} s of motion show what is normal; the recordings hold {moving:g} s")
     changes = [w.change for w in windows if w.change] + ([last] if last else [])
-    return Following(twin.names, twin.units, windows, latest, changes, twin.table, twin.error, tuple(found))
+    return Following(
+        twin.names, twin.units, windows, latest, changes, twin.reference, twin.table, twin.error, tuple(found)
+    )
 
 
 def _place(recording: TableRecording, window: TwinWindow) -> float:

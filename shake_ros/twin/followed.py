@@ -66,10 +66,12 @@ class Followed:
     Attributes
     ----------
     model : its free parameters are those followed, in units of what `unit_of` says.
+    sizes : of a change of each that matters, shape (p,) [units].
     walk : standard deviation of each within an hour, shape (p,) [units]. spread : from motion to motion, (p,) [units].
     """
 
     model: FreeModel
+    sizes: np.ndarray
     walk: np.ndarray
     spread: np.ndarray
 
@@ -92,7 +94,10 @@ def followed(table: TableParameters, settings: TwinSettings) -> Followed:
         raise ShakeError("the table has none of the parameters that the twin follows")
     free = [_in_units(own[name], table) for name in settings.parameters if name in own]
     wander = [settings.parameters[p.name] for p in free]
-    return Followed(start_of(table, free), np.array([w.walk for w in wander]), np.array([w.model for w in wander]))
+    sizes = np.array([own[p.name].scale / p.scale for p in free])
+    return Followed(
+        start_of(table, free), sizes, *(np.array([getattr(w, n) for w in wander]) for n in ("walk", "model"))
+    )
 
 
 def _is_there(table: TableParameters, name: str) -> bool:

@@ -1,9 +1,20 @@
 """What changed? Every candidate effect and every followed parameter, tried on the windows behind and before a change.
 
-The model as it was known before the change is linearised over the windows since (search/proposal.py); each hypothesis
-is one effect that came, or one followed parameter that moved, while all others stay where they were known, within what
-they wander. What it would also have gained before the change is no evidence for a change and is taken off. The best are
-refitted; the ratio of likelihoods names one, with those that come near it as rivals, or none where too much is left.
+A hypothesis is one effect that came, or one followed parameter that moved, while all others stay where they were known,
+within what they wander. They are screened by a linearisation about the model as it was known (search/proposal.py); the
+best are refitted until they have converged, and compared by their marginal likelihood on the windows since, against
+that of no change: with likelihood ℓ, prior p of the one number that changed, prior precisions P of all others, normal
+matrix A at the refit,
+
+    E = ℓ + log p(δ) + ½ log |P| − ½ log |A| + ½ log 2π
+
+p is a Cauchy density whose half-width is the scale of a change that matters. An effect that would have to appear has
+PRIOR nats against it; a followed parameter changes in service. What an effect would also have gained before the change
+is no evidence for a change and is taken off.
+
+The answer is every hypothesis with positive evidence that lies within RIVAL nats of the best, or whose prediction
+differs from the best one's by less than that in expected log likelihood, ½ |r − r_best|²: these windows cannot
+distinguish the two, whatever the prior.
 """
 
 from __future__ import annotations
@@ -12,6 +23,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,11 +37,14 @@ from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import Budget, PredictorFit, descend, jacobian, prior_residuals
 from shake_ros.search.candidates import functions, listed
 from shake_ros.search.loop import PRIOR
-from shake_ros.search.proposal import EffectSet, Linearised, evaluate, linearised, start
+from shake_ros.search.proposal import MULTIPLES, SHIFT, EffectSet, Linearised, evaluate, linearised
 
-REFITTED, STEPS = 6, 6  # hypotheses that are refitted, by so many Jacobians
+REFITTED = 6  # hypotheses that are refitted
+STEPS, CONVERGED = 30, 0.1  # Jacobians of a refit at most; fall of the cost at which it has converged [nats]
 RIVAL = math.log(20.0)  # nats behind the best, within which a hypothesis stays possible
+MOVED = 1.5  # times the size of a change that matters, by which a followed parameter is first moved
 FREE = 1e3  # units within which the parameter of a hypothesis may move
+ESTABLISHED, ONE_OF_THESE, NOT_EXPLAINED = "established", "one of these", "not explained"
 PLACES = {
     **{"valve": "valve", "supply": "supply", "bulk_modulus": "compressibility", "leakage": "flow"},
     **{"friction": "friction", "body": "structure", "sensor": "sensor"},
@@ -43,8 +58,10 @@ class Hypothesis:
     Attributes
     ----------
     name : of the effect or the parameter. parameter : its dotted name. place : where it acts.
-    before, after, deviation : value before, since, and its standard deviation [unit]. gain : in log likelihood [nats].
-    model : with it. square : mean square of the whitened innovations that it leaves [-].
+    before, after, deviation : value before, since, and its standard deviation [unit].
+    evidence : log marginal likelihood against no change, with the prior odds [nats].
+    followed : whether it is a followed parameter. model : with it. square : mean square of the whitened innovations
+        that it leaves [-].
     """
 
     name: str
@@ -54,10 +71,16 @@ class Hypothesis:
     before: float
     after: float
     deviation: float
-    gain: float
+    evidence: float
+    followed: bool
     model: FreeModel
     covariance: np.ndarray
-    square: float
+    residuals: np.ndarray
+
+    @property
+    def square(self) -> float:
+        """Mean square of the residuals [-]."""
+        return float(self.residuals @ self.residuals) / max(int(np.count_nonzero(self.residuals)), 1)
 
 
 @dataclass(frozen=True)
@@ -77,6 +100,27 @@ class Named:
     explained: bool
     error: tuple[float, float, float]
 
+    @property
+    def verdict(self) -> str:
+        """established, one of these, or not explained."""
+        return NOT_EXPLAINED if not self.explained else ONE_OF_THESE if self.rivals else ESTABLISHED
+
+    @property
+    def kept(self) -> Hypothesis:
+        """The hypothesis that the model goes on with: of an open answer the best that is a followed parameter."""
+        own = [h for h in self.rivals if h.followed and self.explained]
+        return self.best if self.best.followed or not own else own[0]
+
+
+class _Refit(NamedTuple):
+    """A refit: model, cost of windows and priors [nats], residuals, inverse normal matrix, log determinants."""
+
+    model: FreeModel
+    cost: float
+    residuals: np.ndarray
+    covariance: np.ndarray
+    occam: float
+
 
 class Naming:
     """Names what changed between two sets of windows.
@@ -84,13 +128,15 @@ class Naming:
     Parameters
     ----------
     model : as known before the change. covariance : of its parameters with what they wander, shape (p, p) [units].
-    levels : of noise. inflation : of the variance of the innovations. before, since : the windows.
+    sizes : of a change of each that matters, shape (p,) [units]. levels : of noise.
+    inflation : of the variance of the innovations. before, since : the windows.
     """
 
     def __init__(
         self,
         model: FreeModel,
         covariance: np.ndarray,
+        sizes: np.ndarray,
         levels: Levels,
         inflation: float,
         before: Sequence[Record],
@@ -101,6 +147,7 @@ class Naming:
             n: (float(v), float(d)) for n, v, d in zip(model.names, model.x * model.scale, deviations, strict=True)
         }
         self.model, self.levels, self.inflation = replace(model, priors=priors), levels, inflation
+        self.sizes = sizes
         self.candidates = sized(effect_candidates(), model.table)
         self.before, self.since = tuple(before), tuple(since)
         self.fitted = self._fitted(self.since)
@@ -121,8 +168,8 @@ class Naming:
         """
         found = self._against_past([self._refitted(*h) for h in self._screened()])
         best = found[0]
-        explained = best.gain > PRIOR and best.square < normal_square
-        rivals = tuple(h for h in found[1:] if h.gain > max(best.gain - RIVAL, PRIOR))
+        explained = bool(best.evidence > 0.0 and best.square < normal_square)
+        rivals = tuple(h for h in found[1:] if self._rivals(h, best))
         place = best.place if explained else self._place_of_unlisted(best)
         vectors = [m.vectors(m.x)[:, :TABLE] for m in (self.model, best.model)]
         errors = free_run_errors(np.vstack(vectors), self.since)
@@ -131,61 +178,95 @@ class Naming:
 
     def _screened(self) -> list[tuple[TriedEffect, EffectSet]]:
         """The best hypotheses by their linear gain since the change less that before it, the best first."""
-        moved = {i: self._moved(i) for i in range(len(self.model.x))}
+        every = {i: self._moved(i) for i in range(len(self.model.x))}
+        sensors = {i: m for i, m in every.items() if m.strength.name in SENSOR}  # of no table: their slope is tried
         taken = {*self.model.table.effects, *(n.split(".")[1] for n in self.model.names if n.startswith("effects."))}
-        tried = [listed(c) for c in self.candidates if c.effect not in taken]
-        lin = linearised(self.fitted, tried, moved)
-        had = linearised(self.past, tried, moved) if self.past else None
+        moved = [m for i, m in every.items() if i not in sensors]
+        tried = [*moved, *(listed(c) for c in self.candidates if c.effect not in taken)]
+        lin = linearised(self.fitted, tried, sensors)
+        had = linearised(self.past, tried, sensors) if self.past else None
         found = dict[str, tuple[float, TriedEffect, EffectSet]]()
         for m, trial in enumerate(lin.trials):
             gain, parts = evaluate(lin, [m])
             net = gain - (self._share * max(evaluate(had, [m])[0], 0.0) if had else 0.0)
             effect = trial.candidate
-            if gain > 0.0 and net > found.get(effect.name, (-math.inf,))[0]:
-                found[effect.name] = net, effect, _single(lin, m, gain, parts)
+            if gain > 0.0 and net > found.get(effect.strength.name, (-math.inf,))[0]:
+                found[effect.strength.name] = net, effect, _single(lin, m, gain, parts)
         return [(effect, s) for _, effect, s in sorted(found.values(), key=lambda f: -f[0])[:REFITTED]]
 
     def _moved(self, i: int) -> TriedEffect:
-        """A followed parameter as a hypothesis: it alone moves, either way."""
-        p = self.model.free[i]
+        """A followed parameter as a hypothesis: it alone moves, tried either way at finite steps."""
+        p, x = self.model.free[i], self.model.x[i]
         section, _, rest = p.name.partition(".")
         name = rest.partition(".")[0] if section == "effects" else p.name
         place = {c.effect: c.place for c in self.candidates}.get(name) or PLACES[section]
-        free = FreeParameter(p.name, p.scale, -math.inf, math.inf, p.unit)
-        return TriedEffect(name, (free,), (), place)
+        reached = np.clip(x + MOVED * self.sizes[i] * np.array([-1.0, 1.0]), *(b[i] for b in self.model.bounds))
+        trials = tuple(({p.name: float(v * p.scale)},) for v in reached if v != x)
+        return TriedEffect(name, (FreeParameter(p.name, p.scale, -math.inf, math.inf, p.unit),), trials, place)
+
+    def _begun(self, effect: TriedEffect, proposal: EffectSet) -> FreeModel:
+        """Where a refit begins: the hypothesis at the likeliest part of its linear prediction, others moved or not."""
+        (trial,), (parts,) = proposal.trials, proposal.parts
+        found, name = list[FreeModel](), effect.strength.name
+        for part in MULTIPLES:
+            for x in (self.model.x, self.model.x + np.clip(part * proposal.change, -SHIFT, SHIFT)):
+                if name not in self.model.names:
+                    model = self.model.at(x).with_effect(effect, trial.values([part * s for s in parts]))
+                    found.append(replace(model, priors={**model.priors, **self._shapes(effect)}))
+                    continue
+                i = self.model.names.index(name)
+                tried = trial.directions[0][name] / effect.strength.scale
+                moved = x.copy()
+                moved[i] = self.model.x[i] + part * parts[0] * (tried if name in SENSOR else tried - self.model.x[i])
+                free = (self.model.value(name), FREE * effect.strength.scale)
+                found.append(replace(self.model, priors={**self.model.priors, name: free}).at(moved))
+        rows = np.vstack([m.vectors(m.x) for m in found])
+        costs = np.sum(self.fitted.prediction.residuals(rows) ** 2, axis=1)
+        costs += [np.sum(prior_residuals(m, m.x) ** 2) for m in found]
+        return found[int(np.argmin(costs))]
 
     def _refitted(self, effect: TriedEffect, proposal: EffectSet) -> Hypothesis:
         """A hypothesis at its most likely value."""
-        name = effect.strength.name
-        if name in self.model.names:
-            i = self.model.names.index(name)
-            x = self.model.x.copy()
-            x[i] += proposal.parts[0][0]
-            priors = {**self.model.priors, name: (self.model.value(name), FREE * self.model.scale[i])}
-            begun = replace(self.model, priors=priors).at(x)
-        else:
-            begun = start(self.fitted, proposal)
-        model, _ = descend(self.fitted.prediction, begun, STEPS, 1.0, Budget())
-        gain = self._unchanged - self._cost(self.fitted, model)
-        r, j = jacobian(self.fitted.prediction, model, model.x)
-        rows = model.prior[0]
-        covariance = self.inflation * np.linalg.pinv(j.T @ j + rows.T @ rows)
-        i = model.names.index(name)
-        was = self.model.value(name) if name in self.model.names else self.model.table.value(name)
-        deviation = math.sqrt(covariance[i, i]) * float(model.scale[i])
-        square = float(r @ r) / self.fitted.prediction.count
+        name, scale = effect.strength.name, effect.strength.scale
+        followed = name in self.model.names
+        half_width = float(self.sizes[self.model.names.index(name)]) * scale if followed else scale
+        was = self.model.value(name) if followed else self.model.table.value(name)
+        begun = self._begun(effect, proposal)
+        found = self._converged(self.fitted, begun, name)
+        i = found.model.names.index(name)
+        value, deviation = found.model.value(name), math.sqrt(found.covariance[i, i]) * scale
+        prior = math.log(scale / (math.pi * half_width * (1.0 + ((value - was) / half_width) ** 2)))
+        evidence = self._unchanged.cost - found.cost + found.occam - self._unchanged.occam
+        evidence += prior + 0.5 * math.log(2.0 * math.pi) - (0.0 if followed else PRIOR)
         return Hypothesis(
-            effect.name,
-            name,
-            effect.place,
-            effect.strength.unit,
-            was,
-            model.value(name),
-            deviation,
-            gain / self.inflation,
-            model,
-            covariance,
-            square,
+            *(effect.name, name, effect.place, effect.strength.unit, was, value, deviation, evidence, followed),
+            *(found.model, found.covariance, found.residuals),
+        )
+
+    def _shapes(self, effect: TriedEffect) -> dict[str, tuple[float, float]]:
+        """Priors of an effect's parameters beside its strength: about its trials, as wide as they spread."""
+        found = dict[str, tuple[float, float]]()
+        values = [direction for directions in effect.trials for direction in directions]
+        for p in effect.free[1:]:
+            tried = [v[p.name] for v in values if p.name in v] or [self.model.table.value(p.name)]
+            deviation = max(max(tried) - min(tried), p.scale)
+            found[p.name] = float(np.mean(tried)), deviation / math.sqrt(self.inflation)
+        return found
+
+    def _converged(self, fitted: PredictorFit, model: FreeModel, free: str = "") -> _Refit:
+        """A model refitted under held gains. free : the parameter whose prior is not one of `model`."""
+        model, _ = descend(fitted.prediction, model, STEPS, CONVERGED * self.inflation, Budget())
+        r, j = jacobian(fitted.prediction, model, model.x)
+        rows = model.prior[0]
+        normal = (j.T @ j + rows.T @ rows) / self.inflation
+        precisions = [d for n, d in zip(model.names, np.diag(rows.T @ rows) / self.inflation, strict=True) if n != free]
+        scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
+        inner = normal / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
+        log_normal = float(np.linalg.slogdet(inner)[1]) + 2.0 * float(np.sum(np.log(scale)))
+        cost = 0.5 * float(r @ r) + 0.5 * float(np.sum(prior_residuals(model, model.x) ** 2))
+        covariance = np.linalg.inv(inner) / np.outer(scale, scale)
+        return _Refit(
+            model, cost / self.inflation, r, covariance, 0.5 * float(np.sum(np.log(precisions))) - 0.5 * log_normal
         )
 
     def _against_past(self, found: list[Hypothesis]) -> list[Hypothesis]:
@@ -194,31 +275,32 @@ class Naming:
         A followed parameter has been fitted to the past already.
         """
         sound, best = list[Hypothesis](), -math.inf
-        for h in sorted(found, key=lambda h: -h.gain):
-            if h.gain < best - RIVAL:
-                break
-            if self.past and h.parameter not in self.model.names:
-                always, _ = descend(self.past.prediction, h.model, STEPS, 1.0, Budget())
-                had = max(self._unchanged_past - self._cost(self.past, always), 0.0)
-                h = replace(h, gain=h.gain - self._share * had / self.inflation)
+        for h in sorted(found, key=lambda h: -h.evidence):
+            if h.evidence < best - RIVAL and not any(self._rivals(h, other) for other in sound):
+                continue
+            if self.past and not h.followed:
+                always = self._converged(self.past, h.model, h.parameter)
+                had = max(self._unchanged_past.cost - always.cost, 0.0)
+                h = replace(h, evidence=h.evidence - self._share * had)
             sound.append(h)
-            best = max(best, h.gain)
-        return sorted(sound, key=lambda h: -h.gain)
+            best = max(best, h.evidence)
+        return sorted(sound, key=lambda h: -h.evidence)
+
+    def _rivals(self, one: Hypothesis, best: Hypothesis) -> bool:
+        """Whether a hypothesis is possible beside the best: nearly as likely, or not distinguished by these windows."""
+        alike = 0.5 * float(np.sum((one.residuals - best.residuals) ** 2)) / self.inflation < RIVAL
+        return one.evidence > 0.0 and (alike or one.evidence > best.evidence - RIVAL)
 
     @cached_property
-    def _unchanged(self) -> float:
-        """Cost of the windows since, where nothing has changed but what wanders."""
-        return self._cost(self.fitted, descend(self.fitted.prediction, self.model, STEPS, 1.0, Budget())[0])
+    def _unchanged(self) -> _Refit:
+        """The windows since, where nothing has changed but what wanders."""
+        return self._converged(self.fitted, self.model)
 
     @cached_property
-    def _unchanged_past(self) -> float:
+    def _unchanged_past(self) -> _Refit:
         """The same of the windows before."""
         assert self.past
-        return self._cost(self.past, descend(self.past.prediction, self.model, STEPS, 1.0, Budget())[0])
-
-    def _cost(self, fitted: PredictorFit, model: FreeModel) -> float:
-        r = fitted.prediction.residuals(model.vectors(model.x))[0]
-        return 0.5 * float(r @ r) + 0.5 * float(np.sum(prior_residuals(model, model.x) ** 2))
+        return self._converged(self.past, self.model)
 
     def _place_of_unlisted(self, best: Hypothesis) -> str:
         """Where a function of one quantity would explain most."""

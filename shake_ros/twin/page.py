@@ -10,6 +10,7 @@ from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page, Source
 from shake_ros.report.result_table import percent
 from shake_ros.report.text import rounded, unit_of
+from shake_ros.twin.naming import ONE_OF_THESE
 from shake_ros.twin.text import hypothesis_text, instant
 from shake_ros.twin.twin import INTERVAL, PAUSED, Change
 
@@ -44,8 +45,13 @@ def _lead(found: Following) -> str:
     if not found.changes:
         return "Nothing has changed since the reference."
     unknown = sum(not c.named.explained for c in found.changes)
+    several = sum(c.named.verdict == ONE_OF_THESE for c in found.changes)
     many = f"{len(found.changes)} change{'s' * (len(found.changes) > 1)}"
-    return f"{many} since the reference{f', {unknown} that no effect explains' if unknown else ''}."
+    parts = [
+        f"{several} that may be one of several" * (several > 0),
+        f"{unknown} that no effect explains" * (unknown > 0),
+    ]
+    return ", ".join([f"{many} since the reference", *filter(None, parts)]) + "."
 
 
 def _cards(found: Following) -> list[tuple[str, str]]:
@@ -62,7 +68,7 @@ def _changes(page: Page, found: Following) -> None:
     if not found.changes:
         page.paragraph("None was noticed.")
         return
-    head = ("since", "what", "place", "or", "error before", "since then", "with it")
+    head = ("since", "what", "place", "or one of these", "error before", "since then", "with it")
     rows = [
         (
             *(instant(c.since, c.recording, c.at), _what(c), c.named.place),
@@ -74,7 +80,9 @@ def _changes(page: Page, found: Following) -> None:
     page.table(head, rows, warn=[i for i, c in enumerate(found.changes) if not c.named.explained])
     page.paragraph(
         "Error: of the acceleration in free runs, before the change, since then with the old model, and with "
-        "the change in the model. A change lies in the window that begins at the first instant.",
+        "the change in the model. A change lies in the window that begins at the first instant. Of several that these "
+        "windows cannot distinguish, table.yaml has the one that is a followed parameter; where none is, and where "
+        "nothing explains a change, it is left as the table was known before.",
         note=True,
     )
 

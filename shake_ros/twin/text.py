@@ -47,5 +47,8 @@ def change_text(change: Change) -> str:
     errors = f"acceleration error {before} → {after}"
     if not named.explained:
         return f"something changed since {since} that no effect explains, place {named.place}; {errors}"
-    rivals = f"; or {', or '.join(hypothesis_text(h) for h in named.rivals)}" if named.rivals else ""
-    return f"{hypothesis_text(named.best)} since {since}; {errors}, {left} with it{rivals}"
+    if not named.rivals:
+        return f"{hypothesis_text(named.best)} since {since}; {errors}, {left} with it"
+    every = ", or ".join(hypothesis_text(h) for h in (named.best, *named.rivals))
+    kept = f"the table has {named.kept.name}" if named.kept.followed else "the table is left as it was"
+    return f"one of these since {since}: {every}; {errors}, {left} with the first; {kept}"

@@ -11,10 +11,11 @@ The same samples give the same numbers, from a recording or from a graph in lock
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import brentq
 
 from shake_ros.core.analysis.stretches import stretches
 from shake_ros.core.identification.recordings import Record
@@ -26,7 +27,7 @@ from shake_ros.fit.segment import SETTLE, Segment
 from shake_ros.twin.change import HOUR, Alarm, KnownState, alarm, threshold, windows_since
 from shake_ros.twin.evidence import WindowEvidence, evidence
 from shake_ros.twin.followed import Followed, TwinSettings, followed
-from shake_ros.twin.naming import Named, Naming, changed_table, free_run_errors
+from shake_ros.twin.naming import ESTABLISHED, Named, Naming, changed_table, free_run_errors
 
 LEARNING, WATCHING, NAMING, PAUSED = "learning", "watching", "naming", "paused"
 START = 10.0  # times what an estimate varies from motion to motion: as far as a table may be off its file
@@ -39,7 +40,8 @@ FOREIGN = 0.6  # relative error of the acceleration in free runs, from which a t
 FAR = 100.0  # times what an estimate varies from motion to motion, within which a changed parameter lies
 FROZEN = 0.2  # for which a sensor stands still to the last digit while the table moves [s]
 KEPT = 160  # windows
-MOST_NAMED = 3  # windows from which a change is named
+MOST_INFLATED = 1e3  # variance of the innovations over what the levels of noise say
+MOST_NAMED = 5  # windows from which a change is named
 NO_MOTION = np.zeros((0, 5))
 INTERVAL = 1.645  # standard deviations to each side of a 90 % interval
 
@@ -70,7 +72,8 @@ class TwinWindow:
     recording : that it is of. at : of its first sample behind that of the recording [s].
     start, stamp : of its first sample and behind its last one [ns].
     state : learning, watching, naming or paused. note : why it pauses; else empty.
-    values, deviations : of the followed parameters, shape (p,), in their units.
+    values, deviations : of the followed parameters, shape (p,), in their units; for one motion, from which to the next
+        an estimate differs because no model is exact.
     square : mean square of the whitened innovations, NaN while nothing is known [-].
     motion : predicted and measured from the first sample on, shape (n, 5) or (0, 5), as in WindowEvidence.
     change : that was named with it.
@@ -98,6 +101,7 @@ class _Normal:
     square: tuple[float, float]
     error: float
     loudness: float
+    table: TableParameters
 
 
 class Twin:
@@ -127,6 +131,7 @@ class Twin:
         self._waiting: list[tuple[Record, int]] = []
         self._history: list[tuple[KnownState, WindowEvidence, int, float]] = []
         self._alarm: tuple[Alarm, int] | None = None
+        self._left: TableParameters | None = None
         self.begin("")
 
     @property
@@ -141,8 +146,14 @@ class Twin:
 
     @property
     def table(self) -> TableParameters:
-        """The table as it is now known."""
-        return self._model.at(self._known.mean).found_table()
+        """The table as it is now known; after a change that is not established, and that no followed parameter may
+        be, as it was known before."""
+        return self._left or self._model.at(self._known.mean).found_table()
+
+    @property
+    def reference(self) -> TableParameters:
+        """The table as the reference has shown it; as given before its end."""
+        return self._normal.table if self._normal else self._model.table
 
     @property
     def error(self) -> float:
@@ -232,7 +243,7 @@ class Twin:
         motion: np.ndarray,
         change: Change | None = None,
     ) -> TwinWindow:
-        deviations = np.sqrt(np.diag(self._known.covariance)) * self._model.scale
+        deviations = np.sqrt(np.diag(self._known.covariance) + self.followed.spread**2) * self._model.scale
         values = self._known.mean * self._model.scale
         at = (start - self._origin) * 1e-9
         return TwinWindow(self._recording, at, start, stop, state, note, values, deviations, square, motion, change)
@@ -270,8 +281,7 @@ class Twin:
             model = model.at(self._known.mean)
             found = [evidence(model, r, levels, np.linalg.inv(first.covariance), loudness) for r in records]
             self._known = pooled(first, found, 1.0)
-        misfit = [_misfit(self._known.mean, w) for w in found]
-        inflation = max(1.0, float(np.mean(misfit)) / len(model.x))
+        inflation = _inflation(self._known.mean, found, self.followed.spread**2)
         self._known = pooled(first, [shared(w, inflation, self.followed.spread) for w in found], 1.0)
         logs = np.log([w.square for w in found])
         at = model.at(self._known.mean)
@@ -282,7 +292,9 @@ class Twin:
                 f"the table's file leaves {100.0 * error:.0f} % of the acceleration unexplained: "
                 "it is that of another table, or was not found by close_loop"
             )
-        self._normal = _Normal(levels, inflation, (float(np.mean(logs)), float(np.std(logs))), error, loudness)
+        self._normal = _Normal(
+            levels, inflation, (float(np.mean(logs)), float(np.std(logs))), error, loudness, at.found_table()
+        )
         self._model, self._waiting = at, []
 
     def _tested(self, stop: int) -> Change | None:
@@ -313,6 +325,7 @@ class Twin:
         naming = Naming(
             self._model.at(known.mean),
             known.covariance + np.diag(wander),
+            self.followed.sizes,
             normal.levels,
             normal.inflation,
             before[-MOST_NAMED:],
@@ -320,16 +333,18 @@ class Twin:
         )
         usual = math.exp(normal.square[0] + 3.0 * math.hypot(normal.square[1], 0.15))
         named = naming.named(usual)
-        self._take(named)
+        self._take(named, self._model.at(known.mean).found_table())
         return Change(first.record.name, at, since, noticed, found.score, named)
 
-    def _take(self, named: Named) -> None:
-        """Go on with the changed model."""
+    def _take(self, named: Named, before: TableParameters) -> None:
+        """Go on with the changed model; what is not established leaves the table as it was before."""
         assert self._normal is not None
-        best, p = named.best, len(self._model.x)
-        self._model = replace(self._model.at(best.model.x[:p]), table=changed_table(best))
-        self._known = KnownState(self._model.x, best.covariance[:p, :p] + np.diag(self.followed.spread**2))
-        grown = max(math.log(best.square), self._normal.square[0])
+        kept, p = named.kept, len(self._model.x)
+        if named.verdict != ESTABLISHED and not (named.explained and kept.followed):
+            self._left = self._left or before
+        self._model = replace(self._model.at(kept.model.x[:p]), table=changed_table(kept))
+        self._known = KnownState(self._model.x, kept.covariance[:p, :p] + np.diag(self.followed.spread**2))
+        grown = max(math.log(kept.square), self._normal.square[0])
         self._normal = replace(self._normal, square=(grown, self._normal.square[1]))
         self._history, self._alarm = [], None
 
@@ -355,12 +370,30 @@ def corrected(known: KnownState, window: WindowEvidence, inflation: float, sprea
     return pooled(known, [shared(window, inflation, spread)], 1.0)
 
 
-def _misfit(mean: np.ndarray, window: WindowEvidence) -> float:
-    """Square of the distance of a window's own estimate from a mean, in its own standard deviations [-]."""
-    score = window.vector - window.information @ mean
-    scale = np.sqrt(np.maximum(np.diag(window.information), 1e-12))
-    inner = np.linalg.solve(window.information / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), score / scale)
-    return float((score / scale) @ inner)
+def _inflation(mean: np.ndarray, windows: Sequence[WindowEvidence], spread: np.ndarray) -> float:
+    """Variance of the innovations by which windows scatter about a mean, beside what the motions' differences add.
+
+    It is the mean square of the innovations at least. Their score has the covariance f H + H S H, with f sought.
+
+    Parameters
+    ----------
+    spread : variance from motion to motion, shape (p,) [units].
+    """
+
+    def excess(log_f: float) -> float:
+        found = 0.0
+        for w in windows:
+            score = w.vector - w.information @ mean
+            variance = math.exp(log_f) * w.information + w.information @ (spread[:, None] * w.information)
+            scale = np.sqrt(np.maximum(np.diag(variance), 1e-12))
+            inner = variance / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
+            found += float(score / scale @ np.linalg.solve(inner, score / scale))
+        return found / (len(windows) * len(mean)) - 1.0
+
+    least, most = math.log(float(np.mean([w.square for w in windows]))), math.log(MOST_INFLATED)
+    if excess(least) <= 0.0 or least >= most:
+        return math.exp(least)
+    return math.exp(brentq(excess, least, most)) if excess(most) < 0.0 else MOST_INFLATED
 
 
 def moves(record: Record) -> bool:

@@ -1,4 +1,4 @@
-"""The twin over recordings of an independent simulator that gets a soft zone from one recording to the next."""
+"""The twin over recordings of an independent simulator that changes from one recording to the next."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from shake_ros.twin.followed import TwinSettings, load_twin
 from shake_ros.twin.twin import Twin
 
 DEPTH = 0.3  # of the soft zone
+SOFTER = 0.75  # bulk modulus of the oil over what it was
 TRUTH = hidden.declared_truth(71)
 TABLE = load_table("bergamo").with_values({name: getattr(TRUTH, field) for name, field in hidden.DECLARED.items()})
 
@@ -34,17 +35,44 @@ def quick() -> TwinSettings:
     return replace(settings, test=settings.test.replace(reference=8.0, naming=4.0))
 
 
+def changed_to(truth: hidden.Truth) -> Following:
+    runs = recording("before", TRUTH, 12.5, 1) + recording("after", truth, 6.5, 2)
+    return follow(runs, TABLE, settings=quick(), progress=False)
+
+
 @pytest.fixture(scope="module")
 def followed() -> Following:
-    runs = recording("before", TRUTH, 12.5, 1)
-    runs += recording("after", TRUTH._replace(soft_zone=DEPTH), 6.5, 2)
-    return follow(runs, TABLE, settings=quick(), progress=False)
+    return changed_to(TRUTH._replace(soft_zone=DEPTH))
+
+
+@pytest.fixture(scope="module")
+def softened() -> Following:
+    return changed_to(TRUTH._replace(modulus=SOFTER * TRUTH.modulus))
+
+
+def test_softer_oil_is_named_and_not_a_dead_volume_of_nearly_the_same_response(softened: Following) -> None:
+    (change,) = softened.changes
+    assert change.named.explained
+    assert change.named.best.name == "bulk_modulus.modulus"
+    assert change.named.best.after == pytest.approx(SOFTER * TRUTH.modulus, rel=0.05)
+    assert softened.table.value("bulk_modulus.modulus") == pytest.approx(SOFTER * TRUTH.modulus, rel=0.05)
+    assert softened.table.value("effects.dead_volume.volume") == 0.0
+
+
+@pytest.mark.second_tier
+def test_a_delay_is_named_and_not_a_slower_valve_of_nearly_the_same_response() -> None:
+    found = changed_to(TRUTH._replace(command_delay=0.002))
+    (change,) = found.changes
+    assert change.named.explained
+    assert change.named.best.name == "command_delay"
+    assert found.table.value("effects.command_delay.delay") == pytest.approx(0.002, rel=0.1)
+    assert found.table.value("effects.slow_valve.slowdown") == 0.0
 
 
 def test_a_soft_zone_is_named_with_its_depth_and_its_instant(followed: Following) -> None:
     (change,) = followed.changes
     best = change.named.best
-    assert change.named.explained
+    assert change.named.verdict == "established"
     assert best.parameter == "effects.soft_zone.depth"
     assert best.after == pytest.approx(DEPTH, abs=0.05)
     assert (change.recording, change.at < 3.0) == ("after", True)
