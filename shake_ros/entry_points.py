@@ -39,6 +39,7 @@ ENTRY_POINTS: dict[str, Entry] = {
     "observer": Entry("shake_ros.ros.observer_node", "estimates velocity and acceleration from the position"),
     "controller": Entry("shake_ros.ros.controller_node", "follows the reference with the valve command"),
     "thd_analyzer": Entry("shake_ros.ros.thd_node", "live harmonics of the acceleration and their distortion"),
+    "twin": Entry("shake_ros.ros.twin_node", "follows a found table beside the running one; says what changed"),
     "recorder": Entry("shake_ros.ros.recorder_node", "records topics into a rosbag2 recording; --recover PATH"),
     "player": Entry("shake_ros.ros.player_node", "plays a recording with its recorded timing"),
     "faults": Entry(

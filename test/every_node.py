@@ -34,6 +34,8 @@ def needed(name: str, folder: Path) -> list[str]:
     if name == "player":
         path = folder / "to_play"
         return ["-p", f"input:={path if path.exists() else small_recording(path)}"]
+    if name == "twin":
+        return ["-p", "table:=bergamo"]
     return []
 
 

@@ -24,6 +24,8 @@ from shake_ros.ros.interface import (
     ESTIMATE,
     IMU,
     JOINT_STATES,
+    PREDICTED_IMU,
+    PREDICTED_JOINT_STATES,
     PRESSURE_A,
     PRESSURE_B,
     PRESSURE_SUPPLY,
@@ -284,10 +286,10 @@ class _Family:
 
 
 _FAMILIES = (
-    _Family((JOINT_STATES,), lambda topic: _joint_codec(topic, TABLE_JOINT)),
+    _Family((JOINT_STATES, PREDICTED_JOINT_STATES), lambda topic: _joint_codec(topic, TABLE_JOINT)),
     _Family((VALVE_COMMAND,), lambda topic: _joint_codec(topic, VALVE_JOINT)),
     _Family((REFERENCE, ESTIMATE, TRUTH), _trajectory_codec),
-    _Family((IMU,), _imu_codec),
+    _Family((IMU, PREDICTED_IMU), _imu_codec),
     _Family((PRESSURE_A, PRESSURE_B, PRESSURE_SUPPLY), _pressure_codec),
     _Family((CLOCK,), _clock_codec),
 )

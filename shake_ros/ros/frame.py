@@ -121,6 +121,7 @@ class Reader:
     accept : called with (stamp [ns], *numbers).
     refuse : called with (stamp, reason) for NaN, infinity, unreadable and unstamped messages; −1 where unknown.
     doubled : called with the stamp of a message that is not newer than the one before.
+    profile : quality of service, where it is not the topic's.
     """
 
     def __init__(
@@ -130,6 +131,7 @@ class Reader:
         accept: Callable[..., None],
         refuse: Callable[[int, str], None] | None = None,
         doubled: Callable[[int], None] | None = None,
+        profile: QoSProfile | None = None,
     ) -> None:
         self.input = Input(topic.name, frame.period)
         frame.diagnostics.inputs[topic.name] = self.input
@@ -140,7 +142,7 @@ class Reader:
         self._doubled = doubled
         self.codec = codec(topic)
         self._decode = self.codec.decode
-        self.subscription = frame.subscription(topic, self._arrived)
+        self.subscription = frame.subscription(topic, self._arrived, profile=profile)
 
     def _arrived(self, data: bytes) -> None:
         try:
@@ -345,9 +347,10 @@ class Frame:
         accept: Callable[..., None],
         refuse: Callable[[int, str], None] | None = None,
         doubled: Callable[[int], None] | None = None,
+        profile: QoSProfile | None = None,
     ) -> Reader:
         """A reader of a sampled topic; see `Reader`."""
-        return Reader(self, topic, accept, refuse, doubled)
+        return Reader(self, topic, accept, refuse, doubled, profile)
 
     def resolved(self, topic: str) -> str:
         """Full name of a topic, its remaps applied."""

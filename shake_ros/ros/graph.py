@@ -53,6 +53,7 @@ READS: dict[str, tuple[str, ...]] = {
     "observer": ("joint_states", "valve_command"),
     "controller": ("reference", "estimate"),
     "thd_analyzer": ("imu", "reference"),
+    "twin": ("valve_command", "joint_states", "imu"),
 }
 
 

@@ -107,6 +107,9 @@ ESTIMATE = Topic("estimate", JointTrajectory)
 TRUTH = Topic("truth", JointTrajectory)
 THD = Topic("thd", DiagnosticArray, sampled=False)
 HARMONICS = Topic("harmonics", Float64MultiArray, sampled=False)
+TWIN = Topic("twin", DiagnosticArray, sampled=False)
+PREDICTED_JOINT_STATES = Topic("predicted_joint_states", JointState)
+PREDICTED_IMU = Topic("predicted_imu", Imu, frame=TABLE)
 OPERATOR = Topic("operator", Header, sampled=False)
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, sampled=False)
 CLOCK = Topic("/clock", Clock, sampled=False)
@@ -125,6 +128,9 @@ TOPICS: dict[str, Topic] = {
         TRUTH,
         THD,
         HARMONICS,
+        TWIN,
+        PREDICTED_JOINT_STATES,
+        PREDICTED_IMU,
         OPERATOR,
         DIAGNOSTICS,
         CLOCK,

@@ -67,13 +67,13 @@ def wait_until(condition: Callable[[], bool], what: str) -> None:
         time.sleep(0.01)
 
 
-def spin_until(node: Node, condition: Callable[[], bool], what: str) -> None:
+def spin_until(node: Node, condition: Callable[[], bool], what: str, seconds: float = TIMEOUT) -> None:
     """Serve the test's subscriptions until the condition holds."""
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
-    deadline = time.monotonic() + TIMEOUT
+    deadline = time.monotonic() + seconds
     while not condition():
-        assert time.monotonic() < deadline, f"not within {TIMEOUT:g} s: {what}"
+        assert time.monotonic() < deadline, f"not within {seconds:g} s: {what}"
         executor.spin_once(timeout_sec=0.05)
     executor.remove_node(node)
     executor.shutdown()

@@ -1,0 +1,219 @@
+"""Node `twin`: a found table followed beside the running one; its prediction, parameters and changes as messages.
+
+Callbacks only put samples together; one thread follows them (shake_ros/twin), so that a window that takes long delays
+no sample. The same samples give the same numbers as `follow` over the recording. It ends when nobody publishes
+positions any more, once it has followed all that came.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
+from shake_ros.ros import interface
+from shake_ros.ros.conversions import SECOND, time_message
+from shake_ros.ros.diagnostics import ERROR, LEVELS, OK, WARN
+from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.interface import REALTIME_RECORDER_QOS, copied
+from shake_ros.settings import load_table
+from shake_ros.twin.followed import load_twin
+from shake_ros.twin.text import change_text
+from shake_ros.twin.twin import INTERVAL, PAUSED, Change, Twin, TwinWindow
+
+INPUTS = (interface.VALVE_COMMAND, interface.JOINT_STATES, interface.IMU)
+BATCH = 0.1  # samples that are handed over at once [s]
+LOOK = 0.25  # between two looks at who is silent [s]
+SILENT = 1.0  # of a topic, from which the twin says that it pauses [s]
+PORTION, REST = 200, 0.02  # samples of a prediction that are published at once; pause behind them [s]
+WAITING = 4096  # samples that wait for the rest of their instant
+
+
+@dataclass(frozen=True)
+class TwinNodeParameters(Parameters):
+    """The node's settings."""
+
+    table: str = choice("found table: its YAML file, or a name of config/table")
+    settings: str = choice("configuration in config/twin, or a YAML file")
+    backlog: float = quantity("s", "samples that may wait for the twin", low=1.0, high=3600.0)
+
+
+class Instants:
+    """Puts the samples of the topics together by their stamps, in order; an instant that lacks one is left out."""
+
+    def __init__(self) -> None:
+        self._newest = [-1] * len(INPUTS)
+        self._waiting: dict[int, list[float]] = {}
+
+    def add(self, place: int, stamp: int, value: float) -> list[tuple[int, list[float]]]:
+        """The instants that a sample of a topic completes, as stamp and values of all topics."""
+        self._newest[place] = stamp
+        self._waiting.setdefault(stamp, [math.nan] * len(INPUTS))[place] = value
+        over = min(self._newest) if len(self._waiting) < WAITING else max(self._newest)
+        ready = sorted(s for s in self._waiting if s <= over)
+        whole = [(s, self._waiting.pop(s)) for s in ready]
+        return [(s, values) for s, values in whole if all(map(math.isfinite, values))]
+
+
+class TwinNode(Behaviour):
+    """Samples to the following thread; what it finds to the topics."""
+
+    def __init__(self, frame: Frame) -> None:
+        super().__init__(frame)
+        own = frame.settings(TwinNodeParameters).value
+        self._most = round(own.backlog / frame.sample_time)
+        self._instants, self._ready = Instants(), list[tuple[int, list[float]]]()
+        self._queue, self._there = deque[list[tuple[int, list[float]]]](), threading.Condition()
+        self._queued = self._dropped = 0
+        self._over, self._ended, self._error = False, False, ""
+        self._level, self._text, self._event, self._note = OK, "waiting for samples", "", ""
+        self._last: TwinWindow | None = None
+        self._publisher = frame.publisher(interface.TWIN)
+        self._predicted = frame.writer(interface.PREDICTED_JOINT_STATES), frame.writer(interface.PREDICTED_IMU)
+        profile = None if frame.lockstep else copied(REALTIME_RECORDER_QOS)  # takes all, however late
+        readers = [frame.reader(t, self._taker(i), profile=profile) for i, t in enumerate(INPUTS)]
+        self._inputs = [r.input for r in readers]
+        self._silent = dict.fromkeys((t.name for t in INPUTS), False)
+        frame.diagnostics.condition = lambda: (self._level, self._text)
+        frame.diagnostics.values["waiting_samples"] = lambda: self._queued
+        frame.diagnostics.values["dropped_samples"] = lambda: self._dropped
+        frame.every(LOOK, self._look)
+        if not own.table:
+            raise ShakeError("parameter table: the found table is needed")
+        self.twin = Twin(load_table(own.table), load_twin(own.settings), frame.sample_time)
+        self._thread = threading.Thread(target=self._follow, name="following", daemon=True)
+
+    def start(self) -> None:
+        """Begin to follow."""
+        self._thread.start()
+
+    def finish(self) -> None:
+        """Follow what has come to its end where the table has ended; drop what waits where the node is stopped."""
+        if not self._ended:
+            self._most = 0
+        self._hand_over(over=True)
+        if self._thread.ident is not None:
+            self._thread.join()
+        if self._error:
+            raise ShakeError(self._error)
+
+    def _taker(self, place: int) -> Callable[[int, float], None]:
+        def take(stamp: int, value: float) -> None:
+            self._ready += self._instants.add(place, stamp, value)
+            if len(self._ready) >= BATCH / self.frame.sample_time:
+                self._hand_over()
+            self.frame.diagnostics.cycles += place == 1
+
+        return take
+
+    def _hand_over(self, over: bool = False) -> None:
+        """Give what is ready to the thread; where too much waits, the oldest is dropped."""
+        with self._there:
+            self._queue.append(self._ready)
+            self._queued, self._ready, self._over = self._queued + len(self._ready), [], self._over or over
+            while self._queued > self._most and not (self.frame.lockstep and self._most):
+                gone = len(self._queue.popleft())
+                self._queued, self._dropped = self._queued - gone, self._dropped + gone
+            self._there.notify()
+
+    def _look(self) -> None:
+        """Say which topic has stopped or is back; end where nobody publishes positions any more."""
+        position = self._inputs[1]
+        here = self.frame.node.count_publishers(self.frame.resolved(interface.JOINT_STATES.name))
+        if position.last_arrival >= 0 and not here:
+            if position.age() > SILENT:
+                self._ended = True
+                self.frame.stop()
+            return
+        for item in self._inputs:
+            silent = item.last_arrival >= 0 and item.age() > SILENT
+            if silent != self._silent[item.name]:
+                self._silent[item.name] = silent
+                words = f"paused: nothing on {item.name} for {SILENT:g} s" if silent else f"{item.name} is back"
+                self.frame.say(WARN if silent else OK, words)
+
+    def _follow(self) -> None:
+        try:
+            while True:
+                with self._there:
+                    self._there.wait_for(lambda: self._queue or self._over)
+                    if not self._queue:
+                        break
+                    samples = self._queue.popleft()
+                    self._queued -= len(samples)
+                if samples:
+                    values = np.array([v for _, v in samples]).T
+                    for window in self.twin.add(np.array([s for s, _ in samples], dtype=np.int64), *values):
+                        self._publish(window)
+            if (last := self.twin.finish()) is not None and self._last is not None:
+                self._changed(last)
+                self._send(self._last, last)
+        except ShakeError as error:
+            self._error = str(error)
+            self.frame.diagnostics.fault("twin", str(error))
+        finally:
+            if not self._over:
+                self.frame.stop()
+
+    def _publish(self, window: TwinWindow) -> None:
+        """One window: its line where it pauses or goes on, its status, its prediction."""
+        if window.note != self._note:
+            self._note = window.note
+            self.frame.say(*((WARN, f"paused: {window.note}") if window.note else (OK, "going on")))
+        if window.change is not None:
+            self._changed(window.change)
+        self._last = window
+        self._send(window, window.change)
+        count = len(window.motion)
+        stamps = window.start + np.rint(np.arange(count) * self.frame.sample_time * SECOND).astype(np.int64)
+        for k in range(count):
+            stamp, (position, _, acceleration, *_) = int(stamps[k]), window.motion[k].tolist()
+            self._predicted[0].send(stamp, position)
+            self._predicted[1].send(stamp, acceleration)
+            if k % PORTION == PORTION - 1 and not self.frame.lockstep:
+                time.sleep(REST)
+
+    def _changed(self, change: Change) -> None:
+        """A change: a line, and the light that stays."""
+        level = WARN if change.named.explained else ERROR
+        self._level, self._event = max(self._level, level), change_text(change)
+        self.frame.say(level, self._event)
+
+    def _send(self, window: TwinWindow, change: Change | None) -> None:
+        """Publish the status of a window."""
+        level = max(self._level, WARN if window.state == PAUSED else OK)
+        self._text = f"{window.state}: {window.note}" if window.note else self._event or window.state
+        values = {"state": window.state, "note": window.note, "mean_square": window.square, "event": self._event}
+        if change is not None:
+            values |= {"verdict": change.named.verdict, "since": change.since}
+        rows = zip(self.twin.names, self.twin.units, window.values, window.deviations, strict=True)
+        message = DiagnosticArray(
+            status=[self._status(level, "table", self._text, values)]
+            + [self._parameter(name, unit, float(value), float(deviation)) for name, unit, value, deviation in rows]
+        )
+        message.header.stamp = time_message(window.stamp)
+        self._publisher.publish(message)
+
+    def _parameter(self, name: str, unit: str, value: float, deviation: float) -> DiagnosticStatus:
+        low, high = value - INTERVAL * deviation, value + INTERVAL * deviation
+        text = f"{value:.4g} ({low:.4g} … {high:.4g}) {unit}"
+        return self._status(OK, name, text, {"value": value, "low": low, "high": high, "unit": unit})
+
+    def _status(self, level: int, name: str, text: str, values: Mapping[str, object]) -> DiagnosticStatus:
+        return DiagnosticStatus(
+            level=LEVELS[level],
+            name=f"twin {name}",
+            message=text,
+            hardware_id=self.frame.node.get_fully_qualified_name().lstrip("/"),
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+
+
+build = TwinNode
