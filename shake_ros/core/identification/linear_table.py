@@ -29,7 +29,8 @@ from shake_ros.core.quantities import ShakeError
 
 WINDOW = 4.0  # of the response [s]
 LOWEST, HIGHEST = 0.7, 60.0  # lines that are looked at [Hz]
-COHERENT, AROUND = 0.3, 0.5  # coherence of a line and mean of it and its neighbours, below which it is left out
+COHERENT, AROUND = 0.3, 0.7  # coherence of a line and mean of it and its neighbours, below which it is left out …
+SHAKEN = 0.5  # … and this mean where something beside the command shakes the table
 EXCITED = 3e-3  # of the largest power density of the command's slope, below which a line is left out
 NEIGHBOURS = 5  # lines that a mean is taken over
 FEWEST = 5  # lines
@@ -107,7 +108,7 @@ def measured_response(
         at, power = welch(record.commands, 1.0 / record.sample_time, nperseg=round(window / record.sample_time))
         density = f**2 * np.interp(f, at, uniform_filter1d(power, NEIGHBOURS))
         use = (f >= LOWEST) & (f <= min(HIGHEST, 0.35 / record.sample_time)) & (found.coherence > COHERENT)
-        use &= (around > AROUND) & (density > EXCITED * np.max(density))
+        use &= (around > (AROUND if record.explained is None else SHAKEN)) & (density > EXCITED * np.max(density))
         lines.append(2.0 * math.pi * f[use])
         values.append(2j * math.pi * f[use] * found.response[use])
         weights.append(around[use] / (1.05 - around[use]))
