@@ -32,7 +32,7 @@ class ExclusiveWriter:
 
     def __init__(self, domain: int) -> None:
         self._domain = domain
-        self._held: dict[str, socket.socket] = {}
+        self._held: dict[tuple[str, str], socket.socket] = {}
 
     def take(self, kind: str, name: str) -> None:
         """Take the `node` or `topic` of this full name; ShakeError where a running node has it."""
@@ -52,12 +52,12 @@ class ExclusiveWriter:
                 return self.take(kind, name)
             verb = "runs" if kind == "node" else "is published"
             raise ShakeError(f"{kind} {name} {verb} already, by process {holder}: {OTHER}") from None
-        self._held[name] = held
+        self._held[kind, name] = held
 
     def elsewhere(self, node: Any, wait: Callable[[], None]) -> None:
         """ShakeError where discovery finds another writer of a topic taken here that does not go within LEASE."""
         deadline = time.monotonic() + LEASE
-        while found := [name for name in self._held if node.count_publishers(name) > 1]:
+        while found := [name for kind, name in self._held if kind == "topic" and node.count_publishers(name) > 1]:
             if time.monotonic() > deadline:
                 raise ShakeError(f"topic {found[0]} is published already, beyond this machine: {OTHER}")
             wait()

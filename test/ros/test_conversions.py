@@ -92,7 +92,7 @@ def test_a_topic_that_is_not_sampled_has_no_codec() -> None:
 def test_every_header_names_its_frame(topic) -> None:
     message = deserialize_message(codec(topic).pack(STAMP, NUMBERS[: codec(topic).size]), topic.type)
     if topic is not CLOCK:
-        assert message.header.frame_id == ("table" if topic is IMU else "ground")
+        assert message.header.frame_id == ("table" if topic.type is IMU.type else "ground")
 
 
 @pytest.mark.parametrize("topic", [IMU, PRESSURE_A, PRESSURE_SUPPLY], ids=lambda topic: topic.name)
