@@ -20,7 +20,11 @@ from shake_ros.ros.interface import NAMESPACE
 from shake_ros.ros.recorded_topics import interface_class
 
 FOLDER = Path(__file__).resolve().parent.parent / "config" / "layouts"
-JOINTS = {"joint_states": interface.TABLE_JOINT, "valve_command": interface.VALVE_JOINT}
+JOINTS = {
+    "joint_states": interface.TABLE_JOINT,
+    "predicted_joint_states": interface.TABLE_JOINT,
+    "valve_command": interface.VALVE_JOINT,
+}
 STEP = re.compile(r"(\w+)(\[\d+\])?")
 
 
