@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
+from shake_ros.core.analysis.stretches import energies
 from shake_ros.core.discovery.closed_form import FunctionForm
 from shake_ros.core.discovery.unlisted_functions import ABOVE_NAMES, BELOW_NAMES, NODE_NAMES, PREFIX
 from shake_ros.core.effects.unlisted import CHANGES, NODES, SECONDS
@@ -56,8 +57,7 @@ def free_runs(
 def fastest_segment(record: Record, seconds: float) -> slice:
     """The segment of a recording with the largest mean square velocity."""
     n = min(round(seconds / record.sample_time), len(record.commands) - record.start)
-    square = np.concatenate(([0.0], np.cumsum(record.velocity[record.start :] ** 2)))
-    first = record.start + int(np.argmax(square[n:] - square[:-n]))
+    first = record.start + int(np.argmax(energies(record.velocity[record.start :], n)))
     return slice(first, first + n)
 
 

@@ -9,6 +9,7 @@ from itertools import zip_longest
 import numpy as np
 from numpy.typing import NDArray
 
+from shake_ros.core.analysis.stretches import energies
 from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.decision import ForwardStep
@@ -113,8 +114,7 @@ def _strongest(force: LatentForce) -> tuple[float, float]:
     """The segment of largest power."""
     step = float(force.time[1] - force.time[0])
     n = min(round(2.0 * SHOWN / step), len(force.time) - 1)
-    power = np.concatenate(([0.0], np.cumsum(force.force**2)))
-    first = int(np.argmax(power[n:] - power[:-n]))
+    first = int(np.argmax(energies(force.force, n)))
     return float(force.time[first]), float(force.time[min(first + n, len(force.time)) - 1])
 
 

@@ -62,6 +62,26 @@ class Input:
         return (time.monotonic_ns() - self.last_arrival) * 1e-9
 
 
+def status_of(name: str, hardware: str, level: int, text: str, values: Mapping[str, object]) -> DiagnosticStatus:
+    """A status message.
+
+    Parameters
+    ----------
+    name : of what it is about.
+    hardware : full name of the node.
+    level : OK, WARN or ERROR.
+    text : what a person reads.
+    values : what a program reads, by key.
+    """
+    return DiagnosticStatus(
+        level=LEVELS[level],
+        name=name,
+        message=text,
+        hardware_id=hardware,
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+    )
+
+
 class Diagnostics:
     """Counts what a node does and publishes it once a second.
 
@@ -158,23 +178,11 @@ class Diagnostics:
             values |= group()
         self._latency_count = self.latest = 0
         level, text = self._level()
-        return DiagnosticStatus(
-            level=LEVELS[level],
-            name=f"{self._hardware}: {self._name}",
-            message=text,
-            hardware_id=self._hardware,
-            values=[KeyValue(key=name, value=str(value)) for name, value in values.items()],
-        )
+        return status_of(f"{self._hardware}: {self._name}", self._hardware, level, text, values)
 
     def event(self, part: str, level: int, text: str, values: dict[str, object]) -> None:
         """Publish something that has just happened, beside the report of every second, so that a recording has it."""
-        status = DiagnosticStatus(
-            level=LEVELS[level],
-            name=f"{self._hardware}: {part}",
-            message=text,
-            hardware_id=self._hardware,
-            values=[KeyValue(key=name, value=str(value)) for name, value in values.items()],
-        )
+        status = status_of(f"{self._hardware}: {part}", self._hardware, level, text, values)
         message = DiagnosticArray(status=[status])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from shake_ros.core.analysis.newest_samples import NewestSamples
@@ -13,7 +13,7 @@ from shake_ros.core.analysis.thd import Harmonics
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, time_message
-from shake_ros.ros.diagnostics import OK, WARN
+from shake_ros.ros.diagnostics import OK, WARN, status_of
 from shake_ros.ros.frame import Behaviour, Frame
 
 COLUMNS = "order, frequency [Hz], amplitude [m/s^2], phase [rad]"
@@ -93,16 +93,8 @@ def thd_message(stamp: int, found: Harmonics, hardware: str) -> DiagnosticArray:
         "periods": found.periods,
         "samples": found.samples,
     }
-    status = DiagnosticStatus(
-        level=DiagnosticStatus.OK,
-        name=f"thd {AXIS}",
-        message=f"THD {100.0 * found.thd:.3f} %",
-        hardware_id=hardware,
-        values=[
-            KeyValue(key=key, value=value if isinstance(value, str) else f"{value:.9g}")
-            for key, value in values.items()
-        ],
-    )
+    digits = {key: value if isinstance(value, str) else f"{value:.9g}" for key, value in values.items()}
+    status = status_of(f"thd {AXIS}", hardware, OK, f"THD {100.0 * found.thd:.3f} %", digits)
     message = DiagnosticArray(status=[status])
     message.header.stamp = time_message(stamp)
     return message

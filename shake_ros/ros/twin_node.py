@@ -15,12 +15,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, time_message
-from shake_ros.ros.diagnostics import ERROR, LEVELS, OK, WARN
+from shake_ros.ros.diagnostics import ERROR, OK, WARN, status_of
 from shake_ros.ros.frame import Behaviour, Frame
 from shake_ros.ros.interface import REALTIME_RECORDER_QOS, copied
 from shake_ros.settings import load_table
@@ -207,13 +207,8 @@ class TwinNode(Behaviour):
         return self._status(OK, name, text, {"value": value, "low": low, "high": high, "unit": unit})
 
     def _status(self, level: int, name: str, text: str, values: Mapping[str, object]) -> DiagnosticStatus:
-        return DiagnosticStatus(
-            level=LEVELS[level],
-            name=f"twin {name}",
-            message=text,
-            hardware_id=self.frame.node.get_fully_qualified_name().lstrip("/"),
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-        )
+        hardware = self.frame.node.get_fully_qualified_name().lstrip("/")
+        return status_of(f"twin {name}", hardware, level, text, values)
 
 
 build = TwinNode

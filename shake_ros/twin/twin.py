@@ -24,7 +24,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.fit.model import TABLE, FreeModel
 from shake_ros.fit.prediction import Levels, Predictor, tuned
 from shake_ros.fit.segment import SETTLE, Segment
-from shake_ros.twin.change import HOUR, Alarm, KnownState, alarm, threshold, windows_since
+from shake_ros.twin.change import HOUR, SQUARE_SPREAD, Alarm, KnownState, alarm, threshold, windows_since
 from shake_ros.twin.evidence import WindowEvidence, evidence
 from shake_ros.twin.followed import Followed, TwinSettings, followed
 from shake_ros.twin.naming import ESTABLISHED, Named, Naming, changed_table, free_run_errors
@@ -331,7 +331,7 @@ class Twin:
             before[-MOST_NAMED:],
             records[-MOST_NAMED:],
         )
-        usual = math.exp(normal.square[0] + 3.0 * math.hypot(normal.square[1], 0.15))
+        usual = math.exp(normal.square[0] + 3.0 * math.hypot(normal.square[1], SQUARE_SPREAD))
         named = naming.named(usual)
         self._take(named, self._model.at(known.mean).found_table())
         return Change(first.record.name, at, since, noticed, found.score, named)

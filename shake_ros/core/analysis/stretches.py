@@ -21,6 +21,16 @@ def stretches(holds: NDArray[np.bool_]) -> list[slice]:
     return [slice(first, stop) for first, stop in edges.reshape(-1, 2).tolist()]
 
 
+def energies(values: NDArray[np.float64], length: int) -> NDArray[np.float64]:
+    """The sum of squares of each segment of `length` samples, by its first one, shape (n − length + 1,).
+
+    >>> energies(np.array([1.0, 2.0, 0.0, 3.0]), 2).tolist()
+    [5.0, 4.0, 9.0]
+    """
+    total = np.concatenate(([0.0], np.cumsum(values**2)))
+    return np.asarray(total[length:] - total[:-length])
+
+
 SHORTEST_BLOCK = 64  # samples whose root mean square is taken; at least one period
 SAME_LEVEL = 0.02
 DRIVEN = 0.5  # of the largest level: what is below is a pause or a ramp

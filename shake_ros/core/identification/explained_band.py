@@ -39,7 +39,7 @@ def explained_band(records: Sequence[Record]) -> float:
 def _shares(record: Record, edges: np.ndarray) -> np.ndarray:
     """Acceleration by band and what a filter of the command leaves of it, in parts of its power, shape (2, m)."""
     felt = _felt(record)
-    signals = np.array([felt, felt - _explained(record, felt)])
+    signals = np.array([felt, _unexplained(record, felt[:, None])[:, 0]])
     power = np.abs(np.fft.rfft(signals - signals.mean(axis=1, keepdims=True))) ** 2
     lines = np.fft.rfftfreq(len(felt), record.sample_time)
     above_noise = np.maximum(power - record.acceleration_noise() ** 2 * len(felt), 0.0)
@@ -51,10 +51,8 @@ def limited(records: Sequence[Record], band: float) -> list[Record]:
     """The recordings, compared below a frequency [Hz] alone; what the command does not explain there is their noise."""
     found = []
     for r in records:
-        seen = slice(r.start, None)
-        levels = [
-            float(np.std(low_pass(x - _explained(r, x), r.sample_time, band))) for x in (r.velocity[seen], _felt(r))
-        ]
+        left = _unexplained(r, np.column_stack([r.velocity[r.start :], _felt(r)]))
+        levels = np.std(low_pass(left.T, r.sample_time, band), axis=1).tolist()
         found.append(replace(r, explained=ExplainedBand(band, *levels)))
     return found
 
@@ -64,10 +62,10 @@ def _felt(record: Record) -> np.ndarray:
     return np.where(record.whole, record.acceleration, 0.0)[record.start :]
 
 
-def _explained(record: Record, signal: np.ndarray) -> np.ndarray:
-    """What a linear filter of the command makes of a signal from the recording's `start` on."""
+def _unexplained(record: Record, signals: np.ndarray) -> np.ndarray:
+    """What linear filters of the command leave of signals from the recording's `start` on, shape (n, k)."""
     lags = np.arange(0, round(MEMORY / record.sample_time), max(round(STEP / record.sample_time), 1))
     u = np.concatenate([np.full(lags[-1], record.command_before), record.commands])
     n = len(record.commands)
     terms = np.column_stack([*(u[lags[-1] - k : lags[-1] - k + n] for k in lags), np.ones(n)])[record.start :]
-    return np.asarray(terms @ np.linalg.lstsq(terms, signal, rcond=None)[0])
+    return np.asarray(signals - terms @ np.linalg.lstsq(terms, signals, rcond=None)[0])

@@ -18,6 +18,7 @@ from typing import ClassVar, final
 
 import numpy as np
 
+from shake_ros.core.analysis.stretches import energies
 from shake_ros.core.identification.noise import periodic_deviation, resolution, white_deviation
 from shake_ros.core.identification.velocity_filter import (
     derivative,
@@ -210,11 +211,14 @@ def windows(records: list[Record], seconds: float, window: float = 2.5) -> list[
     Recordings that are no longer in total are returned as they are. A piece keeps its recording's name. Where the
     command does not explain all of the response, more is needed: the loudest pieces, LONGER times as long and as many.
     """
-    if records[0].explained is not None:
-        return _loudest(records, LONGER * seconds, LONGER * window)
+    shaken = records[0].explained is not None
+    if shaken:
+        seconds, window = LONGER * seconds, LONGER * window
     total = sum(len(r.commands) * r.sample_time for r in records)
     if total <= 1.2 * seconds:
         return records
+    if shaken:
+        return _loudest(records, seconds, window)
     pieces = []
     for r in records:
         length = min(round(window / r.sample_time), len(r.commands))
@@ -229,8 +233,7 @@ def _loudest(records: Sequence[Record], seconds: float, window: float) -> list[R
     pieces = []
     for r in records:
         length = min(round(window / r.sample_time), len(r.commands))
-        energy = np.concatenate([[0.0], np.cumsum(r.velocity**2)])
-        moved = energy[length:] - energy[:-length]
+        moved = energies(r.velocity, length)
         for _ in range(max(round(seconds / window / len(records)), 1)):
             first = int(np.argmax(moved))
             if moved[first] < 0.0:

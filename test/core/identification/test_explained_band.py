@@ -78,3 +78,8 @@ def test_pieces_of_a_limited_recording_are_its_loudest() -> None:
     (found,) = limited([record(4.0, loud=slice(round(20.0 / DT), round(30.0 / DT)))], 16.0)
     (piece,) = windows([found], 3.0, 3.0)
     assert 18.0 < piece.begin < 23.0
+
+
+def test_a_limited_recording_that_is_short_stays_whole() -> None:
+    found = limited([record(4.0)], 16.0)
+    assert windows(found, 0.9 * SECONDS / 3.0, 3.0) == found
