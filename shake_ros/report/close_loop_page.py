@@ -239,7 +239,7 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
     cards = [
         (named, f"missing from the declared model{f', place: {place}' if place else ''}"),
         (f"{before} → {after}" if steps else before, error_meaning(result.final)),
-        (left, f"what remains: {'above' if rest.above_noise else 'not above'} the sensor noise"),
+        (left, f"what remains: {'above' if rest.above_noise else 'not above'} the noise"),
     ]
     if benefit:
         errors = benefit.errors()
