@@ -11,10 +11,11 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 
-from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, TOPICS, Topic
+from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, PREDICTED_IMU, PREDICTED_JOINT_STATES, TOPICS, Topic
 from shake_ros.ros.loop import make_executor, ros_context
 
-SAMPLED = tuple(topic.name for topic in TOPICS.values() if topic.sampled)
+PREDICTED = (PREDICTED_JOINT_STATES, PREDICTED_IMU)  # of the twin, which is beside the loop
+SAMPLED = tuple(topic.name for topic in TOPICS.values() if topic.sampled and topic not in PREDICTED)
 
 
 class Listener:

@@ -13,6 +13,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -23,10 +24,10 @@ from shake_ros.ros.conversions import SECOND, time_message
 from shake_ros.ros.diagnostics import ERROR, OK, WARN, status_of
 from shake_ros.ros.frame import Behaviour, Frame
 from shake_ros.ros.interface import REALTIME_RECORDER_QOS, copied
-from shake_ros.settings import load_table
-from shake_ros.twin.followed import load_twin
-from shake_ros.twin.text import change_text
-from shake_ros.twin.twin import INTERVAL, PAUSED, Change, Twin, TwinWindow
+from shake_ros.settings import find, load_table
+
+if TYPE_CHECKING:
+    from shake_ros.twin.twin import Change, Twin, TwinWindow
 
 INPUTS = (interface.VALVE_COMMAND, interface.JOINT_STATES, interface.IMU)
 BATCH = 0.1  # samples that are handed over at once [s]
@@ -87,7 +88,7 @@ class TwinNode(Behaviour):
         frame.every(LOOK, self._look)
         if not own.table:
             raise ShakeError("parameter table: the found table is needed")
-        self.twin = Twin(load_table(own.table), load_twin(own.settings), frame.sample_time)
+        self._table, self._settings = load_table(own.table), str(find("twin", own.settings))
         self._thread = threading.Thread(target=self._follow, name="following", daemon=True)
 
     def start(self) -> None:
@@ -139,8 +140,16 @@ class TwinNode(Behaviour):
                 words = f"paused: nothing on {item.name} for {SILENT:g} s" if silent else f"{item.name} is back"
                 self.frame.say(WARN if silent else OK, words)
 
+    def _made(self) -> Twin:
+        """The twin; its fits take seconds to import, in which samples wait."""
+        from shake_ros.twin.followed import load_twin
+        from shake_ros.twin.twin import Twin
+
+        return Twin(self._table, load_twin(self._settings), self.frame.sample_time)
+
     def _follow(self) -> None:
         try:
+            self.twin = self._made()
             while True:
                 with self._there:
                     self._there.wait_for(lambda: self._queue or self._over)
@@ -182,27 +191,28 @@ class TwinNode(Behaviour):
 
     def _changed(self, change: Change) -> None:
         """A change: a line, and the light that stays."""
+        from shake_ros.twin.text import change_text
+
         level = WARN if change.named.explained else ERROR
         self._level, self._event = max(self._level, level), change_text(change)
         self.frame.say(level, self._event)
 
     def _send(self, window: TwinWindow, change: Change | None) -> None:
         """Publish the status of a window."""
-        level = max(self._level, WARN if window.state == PAUSED else OK)
+        level = max(self._level, WARN if window.note else OK)
         self._text = f"{window.state}: {window.note}" if window.note else self._event or window.state
         values = {"state": window.state, "note": window.note, "mean_square": window.square, "event": self._event}
         if change is not None:
             values |= {"verdict": change.named.verdict, "since": change.since}
-        rows = zip(self.twin.names, self.twin.units, window.values, window.deviations, strict=True)
+        rows = zip(self.twin.names, self.twin.units, window.values, *window.ends, strict=True)
         message = DiagnosticArray(
             status=[self._status(level, "table", self._text, values)]
-            + [self._parameter(name, unit, float(value), float(deviation)) for name, unit, value, deviation in rows]
+            + [self._parameter(name, unit, *map(float, numbers)) for name, unit, *numbers in rows]
         )
         message.header.stamp = time_message(window.stamp)
         self._publisher.publish(message)
 
-    def _parameter(self, name: str, unit: str, value: float, deviation: float) -> DiagnosticStatus:
-        low, high = value - INTERVAL * deviation, value + INTERVAL * deviation
+    def _parameter(self, name: str, unit: str, value: float, low: float, high: float) -> DiagnosticStatus:
         text = f"{value:.4g} ({low:.4g} … {high:.4g}) {unit}"
         return self._status(OK, name, text, {"value": value, "low": low, "high": high, "unit": unit})
 

@@ -22,7 +22,7 @@ from shake_ros.settings import load_table, save_table
 from shake_ros.twin.followed import TwinSettings, load_twin
 from shake_ros.twin.naming import Hypothesis
 from shake_ros.twin.text import change_text, instant
-from shake_ros.twin.twin import INTERVAL, LEARNING, NO_MOTION, Change, Twin, TwinWindow
+from shake_ros.twin.twin import LEARNING, NO_MOTION, Change, Twin, TwinWindow
 
 SCHEMA = "shake_ros.follow/1"
 LATEST = 3  # windows whose motion is kept
@@ -62,12 +62,7 @@ class Following:
     def parameters(self) -> ResultTable:
         """Each followed parameter at the end of the reference and at the end, with its 90 % interval."""
         first, last = self.known[0], self.known[-1]
-        rows = [
-            (name, a, b, b - INTERVAL * d, b + INTERVAL * d, unit)
-            for name, a, b, d, unit in zip(
-                self.names, first.values, last.values, last.deviations, self.units, strict=True
-            )
-        ]
+        rows = list(zip(self.names, first.values, last.values, *last.ends, self.units, strict=True))
         return ResultTable(("parameter", "reference", "now", "low", "high", "unit"), rows)
 
     @property

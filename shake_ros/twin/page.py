@@ -108,10 +108,10 @@ def _curves(found: Following) -> Chart:
     for i, (name, unit) in enumerate(zip(found.names, found.units, strict=True)):
         factor, text = unit_of(unit)
         value = factor * np.array([w.values[i] for w in windows])
-        half = factor * INTERVAL * np.array([w.deviations[i] for w in windows])
+        low, high = (factor * np.array(ends) for ends in zip(*((e[i] for e in w.ends) for w in windows), strict=True))
         series = (
-            ChartSeries("upper end", value + half, "grey", width=0.5),
-            ChartSeries("lower end", value - half, "grey", width=0.5),
+            ChartSeries("upper end", high, "grey", width=0.5),
+            ChartSeries("lower end", low, "grey", width=0.5),
             ChartSeries(_title(name), value, "c0", width=1.6),
         )
         panels.append(Panel(f"[{text or '-'}]", time, series, height=130, band=(0, 1)))

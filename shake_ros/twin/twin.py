@@ -91,6 +91,11 @@ class TwinWindow:
     motion: np.ndarray
     change: Change | None = None
 
+    @property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper ends of the 90 % intervals of the followed parameters, each of shape (p,)."""
+        return self.values - INTERVAL * self.deviations, self.values + INTERVAL * self.deviations
+
 
 @dataclass(frozen=True)
 class _Normal:
