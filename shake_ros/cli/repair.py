@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +14,26 @@ import numpy as np
 from shake_ros.api.close_loop import SEARCHES, Discovery, close_loop
 from shake_ros.api.identify import METHODS, identify
 from shake_ros.api.import_csv import OF_SECOND, SIGNALS, import_csv, import_proposal
-from shake_ros.api.read import read
+from shake_ros.api.live_table import InterlockHeldError
+from shake_ros.api.read import Recordings, read
 from shake_ros.api.table import table
-from shake_ros.cli.arguments import CommandLine, add_data, add_declared, inputs, read_set, reporting, taken
+from shake_ros.cli.arguments import (
+    CommandLine,
+    add_data,
+    add_declared,
+    inputs,
+    live,
+    read_set,
+    released_by,
+    reporting,
+    taken,
+)
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import check_folder
-from shake_ros.experiment_design.next_recording import next_recording
+from shake_ros.experiment_design.next_recording import NextRecording, decide, next_recording
 from shake_ros.report.text import (
     close_loop_lines,
     diagnosis_lines,
@@ -204,13 +216,25 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     command.add_argument(
         "--interlock", metavar="NAME", help="of --next: its limits hold for the motion (config/interlock or a file)"
     )
+    command.add_live()
+    command.add_argument(
+        "--most", type=int, default=2, metavar="N", help="of --live: at most N recordings are made (default: 2)"
+    )
+    command.add_argument("--acknowledge", default="", metavar="NAME", help="of --live: who releases every motion")
     given = command.parse_args(arguments)
     if given.interlock and not given.next:
         raise ShakeError("--interlock: is for --next")
+    if given.live and (not given.next or given.interlock):
+        raise ShakeError("--live: is for --next; the limits are those of the graph's own interlock")
+    if given.most < 1:
+        raise ShakeError(f"--most {given.most}: 1 or more")
     if given.next and given.model not in ("full", UNKNOWN):
         raise ShakeError(f"--next: needs the model full or unknown, not {given.model}")
     if given.tune and MODELS[given.model].layout is not FULL_LAYOUT:
         raise ShakeError(f"--tune: needs a valve and hydraulics, which the model {given.model} does not have")
+    with live(given) as table:  # what will be moved in the end must be there and enabled now
+        if table is not None:
+            table.check()
     found = close_loop(
         *inputs(given),
         test=read_set(given, given.test),
@@ -223,7 +247,10 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     with found.failures.step("text"):
         text.extend(discovery_lines(found, given.force))
     print("\n".join(text))
-    if given.next:
+    if given.live:
+        with found.failures.step("next recording"):
+            decide_live(found, given, arguments)
+    elif given.next:
         with found.failures.step("next recording"):
             asked = next_recording(found, interlock=given.interlock)
             print("\n".join([*asked.lines(), f"next recording: {asked.write(given.out / 'next')}"]))
@@ -232,6 +259,40 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     for failure in found.failures:
         print(f"shake_ros close_loop: {failure}", file=sys.stderr)
     return 1 if len(found.failures) else 0
+
+
+def decide_live(found: Discovery, given: argparse.Namespace, arguments: Sequence[str]) -> None:
+    """Play what settles open questions on the table of the running graph, record it, and decide again."""
+    with live(given) as table:
+        assert table is not None
+
+        def play(asked: NextRecording) -> Recordings | None:
+            bag = unused(given.out / "recordings")
+            state = "\n".join([*asked.lines(), f"{table.words}: the table moves as described"])
+            if not released_by(state, given.acknowledge):
+                print("nobody released it (--acknowledge NAME says who does): the search ends with what it has")
+                return None
+            try:
+                made = table.play(asked.motion_at(table.sample_time), bag.name)
+            except InterlockHeldError as held:
+                print(f"{held}; the search ends with what it has", file=sys.stderr)
+                return None
+            shutil.copytree(made, bag)
+            print(f"recorded: {bag}", flush=True)
+            return read(bag)
+
+        table.check()
+        decided = decide(found, play, most=given.most, minutes=given.minutes, interlock=table.limits())
+    print("\n".join(decided.last.lines()))
+    if decided.played:
+        decided.found.report(given.out / "decided", **reporting("close_loop", given, arguments))
+        print("\n".join(discovery_lines(decided.found, given.force)))
+        print(f"report after {len(decided.played)} more: {given.out / 'decided'}")
+
+
+def unused(folder: Path) -> Path:
+    """The first next_1, next_2, … in a folder that is not there yet."""
+    return next(path for k in count(1) if not (path := folder / f"next_{k}").exists())
 
 
 def discovery_lines(found: Discovery, force: bool) -> Iterator[str]:

@@ -34,7 +34,9 @@ WITHIN = 0.8  # part of a declared table's envelope that a motion may use
 GROWTH = 2.0  # times what the recordings of an unknown table reached, the most that a motion may ask for
 MORE_MASS = 0.3  # of the moved mass, as a payload that might tell rivals apart
 COLOURS = ("c1", "c2", "c3", "c4")
-Play = Callable[["NextRecording"], Data]
+LIMITS = ("position_soft", "velocity", "acceleration")  # causes of the interlock, in the order of Envelope
+Play = Callable[["NextRecording"], Data | None]
+Interlock = str | Mapping[str, float]
 
 
 @dataclass(frozen=True, repr=False)
@@ -72,6 +74,12 @@ class NextRecording:
     def motion(self) -> Array | None:
         """Position [m], velocity [m/s] and acceleration [m/s²] to play, shape (n, 3)."""
         return self.prediction.samples if self.prediction and self.useful else None
+
+    def motion_at(self, sample_time: float) -> Array:
+        """The motion for a table of another sampling rate; ShakeError where there is none."""
+        if self.prediction is None or not self.useful:
+            raise ShakeError("no motion within the limits would settle anything")
+        return self.prediction.motion.samples(self.limits, sample_time)
 
     def lines(self) -> Iterator[str]:
         """What it says, line by line."""
@@ -136,7 +144,9 @@ def _odds(odds: float) -> str:
     return "over 1 000 000" if odds >= 1e6 else f"{odds:.2g}" if odds < 100.0 else f"{odds:,.0f}".replace(",", " ")
 
 
-def limits_of(found: Discovery, limits: Mapping[str, float] | None = None, interlock: str | None = None) -> Envelope:
+def limits_of(
+    found: Discovery, limits: Mapping[str, float] | None = None, interlock: Interlock | None = None
+) -> Envelope:
     """How far a motion may go.
 
     Parameters
@@ -144,7 +154,7 @@ def limits_of(found: Discovery, limits: Mapping[str, float] | None = None, inter
     found : result. A motion keeps to WITHIN of the envelope of a declared table; of an unknown one it asks for no more
         than GROWTH times what the recordings have reached.
     limits : values for "position" [m], "velocity" [m/s], "acceleration" [m/s²] in the place of these.
-    interlock : a name of config/interlock or a file, whose limits hold in any case.
+    interlock : a name of config/interlock or a file, or limits by cause, which hold in any case.
 
     Raises
     ------
@@ -160,10 +170,11 @@ def limits_of(found: Discovery, limits: Mapping[str, float] | None = None, inter
     most = np.array([given.get(name, value) for name, value in zip(Envelope._fields, own, strict=True)])
     if not np.all(most > 0.0):
         raise ShakeError("limits: expected numbers above 0")
-    if interlock is not None:
+    if isinstance(interlock, str):
         causes = read_yaml(find("interlock", interlock))["causes"]
-        names = ("position_soft", "velocity", "acceleration")
-        most = np.minimum(most, [WITHIN * float(causes[name]["threshold"]) for name in names])
+        interlock = {name: float(causes[name]["threshold"]) for name in LIMITS}
+    if interlock is not None:
+        most = np.minimum(most, [WITHIN * interlock.get(name, np.inf) for name in LIMITS])
     return Envelope(*map(float, most))
 
 
@@ -178,7 +189,7 @@ def next_recording(
     found: Discovery,
     *,
     limits: Mapping[str, float] | None = None,
-    interlock: str | None = None,
+    interlock: Interlock | None = None,
     motions: str = "motions",
     progress: ProgressOption = True,
 ) -> NextRecording:
@@ -189,7 +200,7 @@ def next_recording(
     found : from `close_loop`, of the model full or unknown.
     limits : largest "position" [m], "velocity" [m/s], "acceleration" [m/s²] of the motion; where not given 80 % of a
         declared table's envelope, or twice what the recordings of an unknown table reached.
-    interlock : a name of config/interlock or a file, whose limits hold in any case.
+    interlock : a name of config/interlock or a file, or limits by cause, which hold in any case.
     motions : a name of config/experiment or a file: the library.
     progress : show it, or a function to call with what is being done and the part done.
 
@@ -261,7 +272,7 @@ def decide(
     Parameters
     ----------
     found : from `close_loop`.
-    play : plays a motion and returns its recording; what it raises ends the series.
+    play : plays a motion and returns its recording; None ends the series with what it has.
     most : recordings at most.
     minutes : time budget of each search that goes on.
     options : of `next_recording`.
@@ -270,6 +281,8 @@ def decide(
     asked = next_recording(found, progress=progress, **options)
     while asked.motion is not None and len(played) < most:
         recording = play(asked)
+        if recording is None:
+            break
         played.append(asked)
         found = found.extended(recording, minutes=minutes, progress=progress)
         asked = next_recording(found, progress=progress, **options)
