@@ -108,6 +108,7 @@ def scaled(candidate: CandidateEffect, table: TableParameters, reference: TableP
     """A candidate whose trials, scales and bounds fit a table of another mass and area than those they are given for.
 
     Masses and forces count with the moved mass, flows and volumes with the area; lengths, times and pressures stay.
+    A mass is a part of the moved one also where a fit moves that: a specimen cannot weigh more than all that moves.
     """
     mass = table.moved_mass / reference.moved_mass
     area = table.body.piston_area / reference.body.piston_area
@@ -123,7 +124,8 @@ def scaled(candidate: CandidateEffect, table: TableParameters, reference: TableP
     def fitting(p: FreeParameter) -> FreeParameter:
         by, limits = factor(p.unit), FIELDS[p.name].metadata
         low, high = max(by * p.low, limits["low"]), min(by * p.high, limits["high"])
-        return replace(p, scale=by * p.scale, low=low, high=high)
+        follows = table.moved_mass if p.unit == "kg" else 0.0
+        return replace(p, scale=by * p.scale, low=low, high=high, moved_mass=follows)
 
     def tried(trial: Mapping[str, float]) -> dict[str, float]:
         limits = {name: FIELDS[name].metadata for name in trial}

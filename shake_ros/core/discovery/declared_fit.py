@@ -62,7 +62,7 @@ def fitted_model(
 
 def unassessed_model(result: Fit) -> FittedModel:
     """Parameters without standard errors, where neither these nor errors of free runs could be computed."""
-    values = (result.x * result.free.scale).tolist()
+    values = result.free.values(result.x).tolist()
     own = [(f, value) for f, value in zip(result.free.free, values, strict=True) if not is_of_recording(f.name)]
     return FittedModel(result, result.table, tuple(Estimate(f.name, v, None, f.unit) for f, v in own), {}, {})
 

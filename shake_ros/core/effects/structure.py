@@ -63,7 +63,7 @@ class SpecimenResonance(Effect):
     depends_on: ClassVar[tuple[str, ...]] = ("frequency",)
     models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
-    mass: float = quantity("kg", "mass m_q that moves on the spring", low=0.0, high=5e3, default=0.0)
+    mass: float = quantity("kg", "mass m_q that moves on the spring", low=0.0, high=1e5, default=0.0)
     frequency: float = quantity("Hz", "natural frequency on a table at rest", low=0.2, high=200.0, default=8.0)
     damping: float = quantity("-", "damping ratio ζ", low=1e-3, high=1.0, default=0.03)
 

@@ -47,14 +47,29 @@ def _shares(record: Record, edges: np.ndarray) -> np.ndarray:
     return np.asarray(above_noise @ inside / power[0].sum())
 
 
-def limited(records: Sequence[Record], band: float) -> list[Record]:
-    """The recordings, compared below a frequency [Hz] alone; what the command does not explain there is their noise."""
-    found = []
-    for r in records:
-        left = _unexplained(r, np.column_stack([r.velocity[r.start :], _felt(r)]))
-        levels = np.std(low_pass(left.T, r.sample_time, band), axis=1).tolist()
-        found.append(replace(r, explained=ExplainedBand(band, *levels)))
-    return found
+def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = ()) -> list[Record]:
+    """The recordings, compared below a frequency [Hz] alone; what the command does not explain there is their noise.
+
+    That is what the filter leaves which explains most of others, in parts of the recording: one that has seen it would
+    explain chance as well.
+
+    Parameters
+    ----------
+    learnt : recordings that such a filter may come from; each for itself where there are no others.
+    """
+    return [replace(r, explained=_band(r, band, [o for o in learnt if _tells_of(o, r)])) for r in records]
+
+
+def _tells_of(other: Record, record: Record) -> bool:
+    return other.run != record.run and other.sample_time == record.sample_time
+
+
+def _band(record: Record, band: float, others: Sequence[Record]) -> ExplainedBand:
+    signals = _signals(record)
+    filters = _filters(others) if others else None
+    left = low_pass(_unexplained(record, signals, filters).T, record.sample_time, band)
+    whole = low_pass((signals - signals.mean(axis=0)).T, record.sample_time, band)
+    return ExplainedBand(band, *np.minimum(np.std(left, axis=1), np.std(whole, axis=1)).tolist())
 
 
 def _felt(record: Record) -> np.ndarray:
@@ -62,10 +77,30 @@ def _felt(record: Record) -> np.ndarray:
     return np.where(record.whole, record.acceleration, 0.0)[record.start :]
 
 
-def _unexplained(record: Record, signals: np.ndarray) -> np.ndarray:
-    """What linear filters of the command leave of signals from the recording's `start` on, shape (n, k)."""
+def _signals(record: Record) -> np.ndarray:
+    """Velocity [m/s] and acceleration [m/s²] from the recording's `start` on, shape (n, 2)."""
+    return np.column_stack([record.velocity[record.start :], _felt(record)])
+
+
+def _terms(record: Record) -> np.ndarray:
+    """The command at each lag of a filter about its mean, from the recording's `start` on, shape (n, lags)."""
     lags = np.arange(0, round(MEMORY / record.sample_time), max(round(STEP / record.sample_time), 1))
     u = np.concatenate([np.full(lags[-1], record.command_before), record.commands])
     n = len(record.commands)
-    terms = np.column_stack([*(u[lags[-1] - k : lags[-1] - k + n] for k in lags), np.ones(n)])[record.start :]
-    return np.asarray(signals - terms @ np.linalg.lstsq(terms, signals, rcond=None)[0])
+    terms = np.column_stack([u[lags[-1] - k : lags[-1] - k + n] for k in lags])[record.start :]
+    return np.asarray(terms - terms.mean(axis=0))
+
+
+def _filters(records: Sequence[Record]) -> np.ndarray:
+    """The filters that explain most of velocity and acceleration of all these recordings, shape (lags, 2)."""
+    terms, signals = [_terms(r) for r in records], [_signals(r) for r in records]
+    square = sum(t.T @ t for t in terms)
+    return np.asarray(np.linalg.lstsq(square, sum(t.T @ s for t, s in zip(terms, signals, strict=True)), rcond=None)[0])
+
+
+def _unexplained(record: Record, signals: np.ndarray, filters: np.ndarray | None = None) -> np.ndarray:
+    """What filters of the command leave of signals, shape (n, k); those of least squares where none are given."""
+    terms, signals = _terms(record), signals - signals.mean(axis=0)
+    if filters is None:
+        filters = np.linalg.lstsq(terms, signals, rcond=None)[0]
+    return np.asarray(signals - terms @ filters)

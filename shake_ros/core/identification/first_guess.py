@@ -14,16 +14,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from shake_ros.core.identification.linear_table import LinearTable, linear_table
+from shake_ros.core.identification.linear_table import SPECIMEN_BOUNDS, LinearTable, SpecimenMode, linear_table
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import DeclaredModel, Record, windows
 from shake_ros.core.identification.sensor_pair import ALIKE, SensorPair
-from shake_ros.core.plant.parameters import FIELDS, TableParameters
+from shake_ros.core.plant.parameters import TableParameters
 
 RESERVES = (1.2, 1.7, 3.0, 10.0, 30.0)  # acceleration at full pressure, in parts of the largest measured one
 FRICTIONS = (0.05, 0.3, 1.0)  # dry friction per mass [m/s²]
 UNSEEN, DAMPING = (1.5, 3.0, 6.0), 0.2  # hydraulic frequencies beyond the highest line, in parts of it, damping
 FREE_STROKE = 4.0  # length of both chambers in parts of the range of motion, where nothing is known
+TOLD = 0.99  # of the largest share, up to which the response tells it
+SHARES = (0.3, 0.6)  # of the moved mass that a specimen is where the response does not tell: beyond its bound
 PIECES = 15.0  # of the recordings that the grid is run over [s]
 
 
@@ -47,43 +49,47 @@ class FirstGuess:
         unknown: Sequence[str],
         model: DeclaredModel,
         shown: Callable[[TableParameters], Mapping[str, float]] = lambda _: {},
+        specimen: bool = False,
     ) -> list[TableParameters]:
-        """The given table with guesses of what is unknown, the best first.
+        """The given table with guesses of what is unknown, the best first; of several specimens the best of each.
 
         Parameters
         ----------
         shown : values by dotted name of the effects that each of them has on top.
+        specimen : whether the specimen that the response shows is one of these.
         """
         problem = RecordingProblem(windows(self.records, PIECES), model)
         grid = itertools.product(self._columns(), RESERVES, FRICTIONS)
-        made = (self._made(given, unknown, column, r, f) for column, r, f in grid)
-        tables = [table.with_values(shown(table)) for table in made]
+        made = [self._made(given, unknown, column, r, f) for column, r, f in grid]
+        modes = self._modes() if specimen else [None]
+        tables = [table.with_values({**shown(table), **_on(table, mode)}) for mode in modes for table in made]
         rows = problem.residuals(np.array([t.vector() for t in tables]))
         costs = np.mean(np.nan_to_num(rows, nan=1e3, posinf=1e3, neginf=-1e3) ** 2, axis=1)
-        return [tables[i] for i in np.argsort(costs)]
+        of_mode = np.argsort(costs.reshape(len(modes), -1), axis=1) + len(made) * np.arange(len(modes))[:, None]
+        ranked = sorted((rank, costs[i], i) for order in of_mode for rank, i in enumerate(order.tolist()))
+        return [tables[i] for _, _, i in ranked]
 
     def specimen(self, table: TableParameters) -> dict[str, float]:
         """The specimen that the response shows, by dotted name, on a table; empty where none shows."""
+        return _on(table, self._modes()[0])
+
+    def _modes(self) -> list[SpecimenMode | None]:
+        """The specimen of the linear table, of several shares where its own is beyond what a response can tell."""
         mode = self.linear.specimen
-        if mode is None:
-            return {}
-        heaviest = FIELDS["effects.specimen_resonance.mass"].metadata["high"]
-        values = {
-            "mass": min(mode.share * table.moved_mass, heaviest),
-            "frequency": mode.frequency,
-            "damping": mode.damping,
-        }
-        return {f"effects.specimen_resonance.{key}": value for key, value in values.items()}
+        if mode is None or mode.share < TOLD * SPECIMEN_BOUNDS[0][1]:
+            return [mode]
+        return [replace(mode, share=share) for share in SHARES]
 
     def _columns(self) -> list[LinearTable]:
         """The linear table, and others of its lag where its oil column rings beyond what the response shows."""
         table = self.linear
         if table.omega <= table.seen_to:
-            return [table]
+            return [table, replace(table, drag=0.0)]
         lag = table.delay + 2.0 * table.damping / table.omega
         unseen = [ratio * table.seen_to for ratio in UNSEEN]
         return [
             table,
+            replace(table, drag=0.0),
             *(replace(table, omega=w, damping=DAMPING, delay=max(lag - 2 * DAMPING / w, 0.0)) for w in unseen),
         ]
 
@@ -99,6 +105,7 @@ class FirstGuess:
         mass = of("body.table_mass", drop * area / (reserve * self.largest)) + given.body.specimen_mass
         volume = of("body.cylinder_volume", 2.0 * FREE_STROKE * self.reach * area)
         modulus = of("bulk_modulus.modulus", column.omega**2 * volume * mass / (4.0 * area**2))
+        zeta = given.value("valve.damping")
         stiff = math.sqrt(modulus * mass / volume) / area
         values = {
             "body.table_mass": mass - given.body.specimen_mass,
@@ -110,6 +117,16 @@ class FirstGuess:
             "friction.stribeck_rise": 0.3 * friction * mass,
             "friction.viscous": 0.5 * mass,
             "effects.command_delay.delay": 0.5 * column.delay,
+            # what holds the table back as friction would is nearly always the valve
+            "valve.natural_frequency": 2.0 * zeta / (column.drag + 2.0 * zeta / given.value("valve.natural_frequency")),
         }
         guessed = {name: of(name, value) for name, value in values.items() if name in unknown}
         return given.with_values(guessed)
+
+
+def _on(table: TableParameters, mode: SpecimenMode | None) -> dict[str, float]:
+    """A specimen by dotted name on a table; empty where there is none."""
+    if mode is None:
+        return {}
+    values = {"mass": mode.share * table.moved_mass, "frequency": mode.frequency, "damping": mode.damping}
+    return {f"effects.specimen_resonance.{key}": value for key, value in values.items()}

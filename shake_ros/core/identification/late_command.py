@@ -55,7 +55,12 @@ def in_time(data: Prepared) -> Prepared:
     first = lead(data.estimation)
     if not first:
         return data
+    return moved_ahead(data, LEFT + first)
+
+
+def moved_ahead(data: Prepared, time: float) -> Prepared:
+    """The recordings with their commands earlier by a time [s], up to whole samples."""
     step = max(r.sample_time for r in data.estimation)
-    ahead = step * np.ceil((LEFT + first) / step)
+    ahead = step * np.ceil(time / step)
     both = [[earlier(r, ahead) for r in records] for records in (data.estimation, data.validation)]
     return replace(data, estimation=both[0], validation=both[1], ahead=float(ahead))

@@ -77,11 +77,12 @@ class Prepared:
         ]
         found, offsets = _without_offsets(scaled, self.sensors.delay, places, first)
         band = self.estimation[0].explained if self.estimation else None
-        return (found if band is None else limited(found, band.highest)), offsets
+        return (found if band is None else limited(found, band.highest, self.estimation)), offsets
 
     def below(self, band: float) -> Prepared:
         """The same, compared below a frequency [Hz] alone."""
-        return replace(self, estimation=limited(self.estimation, band), validation=limited(self.validation, band))
+        both = [limited(records, band, self.estimation) for records in (self.estimation, self.validation)]
+        return replace(self, estimation=both[0], validation=both[1])
 
     def with_nuisances(self, nuisances: NuisanceEstimates) -> Prepared:
         """The same with nuisance parameters that a model has given."""

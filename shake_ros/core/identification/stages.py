@@ -20,6 +20,7 @@ from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.fit import Fit, costs, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, null_shifts_of
 from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
+from shake_ros.core.identification.late_command import moved_ahead
 from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates, estimated_null_shifts
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
@@ -35,6 +36,7 @@ from shake_ros.core.quantities import ShakeError
 PIECES, PIECE = 18.0, 6.0  # of the recordings that the first fit sees, and length of each [s]
 SLOW_PIECES, SLOW_PIECE = 9.0, 3.0  # the same of what a way from slow to fast motion sees [s]
 GUESSES = 2  # that are fitted
+SHAKEN_GUESSES = 6  # the same where noise in the table hides its ringing, which leaves more than one way to explain it
 EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
 ROUGH = 5e-3  # tolerance where it ends far from the noise, and of the predictor runs before
 SAME = 0.99  # part of the cost of predictor runs from which a second guess leads nowhere else
@@ -103,18 +105,13 @@ def staged_start(
     if (band := explained_band(data.estimation)) < np.inf:
         progress(f"the command explains nothing of the acceleration above {band:.3g} Hz: compared below", 0.0)
         data = data.below(band)
-    first = FirstGuess(data.estimation, data.sensors)
-    may_lack = tuple(effect for effect in SHOWN if model.may_lack(effect))
-
-    def shown_on(table: TableParameters) -> dict[str, float]:
-        return (first.specimen(table) if SPECIMEN in may_lack else {}) | effects_between_sensors(
-            table, data.sensors, may_lack
-        )
-
     free = [*free, *null_shifts_of(len({r.run for r in data.estimation}), free)]
-    guesses = first.tables(model.table, model.unknown, model, shown_on)[:GUESSES]
-    known = effects(guesses[0])
-    shown = tuple(e for e in SHOWN if e in known and e in guesses[0].effects)
+    first = _first_fit(model, free, effects, data, progress)
+    if not data.ahead and quicker_than_sensor(first.best.table, data.delay):
+        progress("first fit: the position may be early, not the acceleration late", 0.0)
+        other = _first_fit(model, free, effects, moved_ahead(data, data.delay), progress)
+        first = min(first, other, key=attrgetter("best.cost"))
+    data, pieces, best, known, shown = first.data, first.pieces, first.best, first.known, first.shown
     between = tuple(e for e in shown if e in BETWEEN_SENSORS)
     if shown:
         progress(f"best so far: {' + '.join(shown)}, from the frequency responses", 0.0)
@@ -122,14 +119,7 @@ def staged_start(
     def moved(names: Sequence[str]) -> list[FreeParameter]:
         return with_effects(free, known, names)
 
-    pieces = _pieces(model, data)
-    progress("first fit", 0.0)
-    best = _best_of(pieces, moved(shown), guesses)
-    if (behind := better_filter(pieces, best)) is not None:
-        data = data.with_nuisances(NuisanceEstimates(behind))
-        pieces = _pieces(model, data)
-        best = _fitted(pieces, moved(shown), best.table)
-    begin = guesses[0]
+    begin = first.guess
     for _ in range(JOINTS):
         if not leaves_much(pieces, best):
             break
@@ -142,7 +132,7 @@ def staged_start(
         progress(f"best so far: {' + '.join(shown)}, {over:.1f} × the noise in segments of the estimation data", 0.0)
     if residual_to_noise_ratio(pieces, best) >= BOUND_RATIO and not any(known[e].narrow for e in shown):
         progress("first fit: refitting friction", 0.0)
-        anew = _fitted(pieces, moved(shown), with_friction_of(guesses[0], best.table, model))
+        anew = _fitted(pieces, moved(shown), with_friction_of(first.guess, best.table, model))
         best = min(best, anew, key=attrgetter("cost"))
     if not leaves_much(pieces, best):
         best = with_lag_parted(pieces, best, TOLERANCE)
@@ -150,6 +140,64 @@ def staged_start(
     return StartingPoint(
         table.without(shown), data.with_nuisances(NuisanceEstimates(shifts=shifts)), table, shown, between
     )
+
+
+@dataclass(frozen=True)
+class _FirstFit:
+    """The fit from the first guess. known : the effects that the table may lack. shown : those that it has."""
+
+    data: Prepared
+    pieces: RecordingProblem
+    guess: TableParameters
+    best: Fit
+    known: Mapping[str, JoiningEffect]
+    shown: tuple[str, ...]
+
+
+def _first_fit(
+    model: UnknownModel,
+    free: Sequence[FreeParameter],
+    effects: EffectsOf,
+    data: Prepared,
+    progress: Callable[[str, float], None],
+) -> _FirstFit:
+    """The best fit from a first guess, with the effects that the frequency responses show."""
+    assert model.table is not None
+    first = FirstGuess(data.estimation, data.sensors)
+    may_lack = tuple(effect for effect in SHOWN if model.may_lack(effect))
+
+    def shown_on(table: TableParameters) -> dict[str, float]:
+        return effects_between_sensors(table, data.sensors, may_lack)
+
+    guesses = first.tables(model.table, model.unknown, model, shown_on, SPECIMEN in may_lack)
+    known = effects(guesses[0])
+    shown = tuple(e for e in SHOWN if e in known and e in guesses[0].effects)
+    moved = with_effects(free, known, shown)
+    progress("first fit", 0.0)
+    pieces = _pieces(model, data)
+    if data.estimation[0].explained is None:
+        best = _best_of(pieces, moved, guesses[:GUESSES])
+    else:
+        few = RecordingProblem(windows(data.estimation, PIECE, PIECE), model)
+        begun = [_without_predictor(few, FreeParameters(g, moved)) for g in guesses[:SHAKEN_GUESSES]]
+        found = min(begun, key=attrgetter("cost"))
+        best = _without_predictor(pieces, found.free, found.x)
+    if (behind := better_filter(pieces, best)) is not None:
+        data = data.with_nuisances(NuisanceEstimates(behind))
+        pieces = _pieces(model, data)
+        best = _fitted(pieces, moved, best.table)
+    return _FirstFit(data, pieces, guesses[0], best, known, shown)
+
+
+def _without_predictor(problem: RecordingProblem, free: FreeParameters, x: np.ndarray | None = None) -> Fit:
+    """A fit of free runs: where noise shakes the table, a run that is corrected by the sensors follows that as well."""
+    return fit(problem, free, free.start() if x is None else x, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+
+
+def quicker_than_sensor(table: TableParameters, delay: float) -> bool:
+    """Whether command and valve take less time than the accelerometer is late by: rather, the position is early."""
+    valve = 2.0 * table.value("valve.damping") / table.value("valve.natural_frequency")
+    return table.value("effects.command_delay.delay") + valve < delay
 
 
 def residual_to_noise_ratio(pieces: RecordingProblem, found: Fit) -> float:

@@ -91,10 +91,15 @@ def of_table(result: Fit) -> Fit:
     return replace(result, free=free, x=result.x[~own], jacobian=left_beside(followed, result.jacobian[:, ~own]))
 
 
+def value_covariance(result: Fit, blocks: np.ndarray) -> np.ndarray:
+    """Covariance of the fitted values in their units, shape (p, p); NaN as in `covariance`."""
+    of_x, slopes = covariance(result, blocks), result.free.slopes(result.x)
+    return np.asarray(np.where(np.isnan(of_x), np.nan, slopes @ np.nan_to_num(of_x) @ slopes.T))
+
+
 def known_covariance(result: Fit, blocks: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
     """Names of the table's parameters that the residuals determine, and their covariance, shape (p, p)."""
-    scale = result.free.scale
-    whole = covariance(result, blocks) * scale * scale[:, None]
+    whole = value_covariance(result, blocks)
     declared = np.array([name in result.free.base.fields for name in result.free.names])
     known = np.flatnonzero(np.isfinite(np.diag(whole)) & declared)
     return tuple(result.free.names[i] for i in known), whole[np.ix_(known, known)]
@@ -134,9 +139,9 @@ def _other_forms(result: Fit) -> tuple[np.ndarray, np.ndarray]:
 
 def estimates(result: Fit, blocks: np.ndarray, forms: np.ndarray | None = None) -> list[Estimate]:
     """Fitted parameters of the table with their standard errors; forms : from `form_errors`."""
-    deviation = np.sqrt(np.diag(covariance(result, blocks))) * result.free.scale
-    values = result.x * result.free.scale
-    by_form = np.zeros(len(values)) if forms is None else forms * result.free.scale
+    deviation = np.sqrt(np.diag(value_covariance(result, blocks)))
+    values = result.free.values(result.x)
+    by_form = np.zeros(len(values)) if forms is None else forms * result.free.scales(result.x)
     return [
         Estimate(f.name, float(v), float(s) if np.isfinite(s) else None, f.unit, float(e))
         for f, v, s, e in zip(result.free.free, values, deviation, by_form, strict=True)

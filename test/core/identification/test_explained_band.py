@@ -1,6 +1,7 @@
 """The band in which the command explains the response, on signals whose parts are known."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -63,6 +64,16 @@ def test_below_the_band_the_noise_is_what_no_filter_explains() -> None:
     shaken = Record("shaken", DT, r.commands, r.position, r.acceleration + 2.0 * calm)
     (found,) = limited([shaken], 20.0)
     assert found.acceleration_noise() == pytest.approx(2.0, rel=0.1)
+
+
+def test_the_noise_of_a_recording_is_what_a_filter_of_others_leaves() -> None:
+    first, second = (replace(record(4.0, seed), run=seed) for seed in (1, 2))
+    twice_as_quick = replace(second, commands=0.5 * second.commands)
+    ((alone,), (beside,), (other,)) = (
+        limited([first], 16.0, learnt) for learnt in ((first,), (first, second), (first, twice_as_quick))
+    )
+    assert alone.velocity_noise() < beside.velocity_noise() < 0.3 * other.velocity_noise()
+    assert other.velocity_noise() <= np.std(first.velocity)
 
 
 def test_a_limited_problem_compares_as_many_samples_as_its_band_has() -> None:

@@ -24,6 +24,7 @@ from shake_ros.core.identification.stages import (
     SAME,
     effects_between_sensors,
     from_narrow_start,
+    quicker_than_sensor,
     several_at_once,
     shows_at_once,
     staged_start,
@@ -247,3 +248,10 @@ def test_what_the_sensors_show_stays_known_to_the_search_as_theirs(monkeypatch: 
     start = staged_start(unknown_model(), (), lambda _: effects, prepared([late], []))
     assert start.between == ("position_sensor_lag",)
     assert model_structure(start).between == start.between
+
+
+def test_a_table_quicker_than_its_accelerometer_has_an_early_position() -> None:
+    lag = {"valve.natural_frequency": 200.0, "valve.damping": 0.8, "effects.command_delay.delay": 2e-3}  # 8 + 2 ms
+    table = load_table("bergamo").with_values(lag)
+    assert quicker_than_sensor(table, 0.0105)
+    assert not quicker_than_sensor(table, 0.0095)
