@@ -215,6 +215,18 @@ def test_recording_in_both_sets_is_refused(refused, bags: tuple[Path, Path], tmp
     assert "hold: given both as validation and as test data" in refused("--test", bags[1])
 
 
+@pytest.mark.parametrize(
+    ("asked", "text"),
+    [
+        (("--live",), "--live: is for --next"),
+        (("--next", "--live", "--interlock", "bergamo"), "those of the graph's own interlock"),
+        (("--next", "--most", "0"), "--most 0: 1 or more"),
+    ],
+)
+def test_what_belongs_together_is_asked_together(refused, asked: tuple[str, ...], text: str) -> None:
+    assert text in refused(*asked)
+
+
 def test_existing_results_stay_without_force(
     bags: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -21,6 +21,7 @@ from shake_ros.core.identification.velocity_filter import low_pass
 MEMORY, STEP = 1.0, 0.005  # of the filter, and between its coefficients [s]
 EXPLAINS = 0.15  # part of the acceleration's power in a band, up to which the command explains nothing there
 MUCH = 0.1  # part of its whole power that lies above at least
+SAME_RATE = 1e-3  # part by which sample times of one rate may differ
 LOWEST, PER_OCTAVE = 2.0, 3  # bands that are looked at [Hz]
 
 
@@ -61,7 +62,7 @@ def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = (
 
 
 def _tells_of(other: Record, record: Record) -> bool:
-    return other.run != record.run and other.sample_time == record.sample_time
+    return other.run != record.run and abs(other.sample_time / record.sample_time - 1.0) < SAME_RATE
 
 
 def _band(record: Record, band: float, others: Sequence[Record]) -> ExplainedBand:

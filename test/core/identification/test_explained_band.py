@@ -68,6 +68,7 @@ def test_below_the_band_the_noise_is_what_no_filter_explains() -> None:
 
 def test_the_noise_of_a_recording_is_what_a_filter_of_others_leaves() -> None:
     first, second = (replace(record(4.0, seed), run=seed) for seed in (1, 2))
+    second = replace(second, sample_time=(1.0 + 1e-6) * DT)  # a clock of its own
     twice_as_quick = replace(second, commands=0.5 * second.commands)
     ((alone,), (beside,), (other,)) = (
         limited([first], 16.0, learnt) for learnt in ((first,), (first, second), (first, twice_as_quick))
