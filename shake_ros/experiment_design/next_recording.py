@@ -34,7 +34,7 @@ WITHIN = 0.8  # part of a declared table's envelope that a motion may use
 GROWTH = 2.0  # times what the recordings of an unknown table reached, the most that a motion may ask for
 MORE_MASS = 0.3  # of the moved mass, as a payload that might tell rivals apart
 COLOURS = ("c1", "c2", "c3", "c4")
-LIMITS = ("position_soft", "velocity", "acceleration")  # causes of the interlock, in the order of Envelope
+LIMITS = (("position_soft", "position_hard"), ("velocity",), ("acceleration",))  # causes, in the order of Envelope
 Play = Callable[["NextRecording"], Data | None]
 Interlock = str | Mapping[str, float]
 
@@ -172,9 +172,10 @@ def limits_of(
         raise ShakeError("limits: expected numbers above 0")
     if isinstance(interlock, str):
         causes = read_yaml(find("interlock", interlock))["causes"]
-        interlock = {name: float(causes[name]["threshold"]) for name in LIMITS}
+        interlock = {name: float(cause["threshold"]) for name, cause in causes.items() if name in sum(LIMITS, ())}
     if interlock is not None:
-        most = np.minimum(most, [WITHIN * interlock.get(name, np.inf) for name in LIMITS])
+        held = [min((interlock[name] for name in names if name in interlock), default=np.inf) for names in LIMITS]
+        most = np.minimum(most, WITHIN * np.array(held))
     return Envelope(*map(float, most))
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from shake_ros.core.identification.velocity_filter import low_pass
 MEMORY, STEP = 1.0, 0.005  # of the filter, and between its coefficients [s]
 EXPLAINS = 0.15  # part of the acceleration's power in a band, up to which the command explains nothing there
 MUCH = 0.1  # part of its whole power that lies above at least
-SAME_RATE = 1e-3  # part by which sample times of one rate may differ
 LOWEST, PER_OCTAVE = 2.0, 3  # bands that are looked at [Hz]
 
 
@@ -58,19 +57,32 @@ def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = (
     ----------
     learnt : recordings that such a filter may come from; each for itself where there are no others.
     """
-    return [replace(r, explained=_band(r, band, [o for o in learnt if _tells_of(o, r)])) for r in records]
+    told = [_Normal.of(r) for r in learnt]
+    found = []
+    for r in records:
+        signals = _signals(r)
+        filters = _filters([n for n in told if n.run != r.run and np.array_equal(n.lags, _lags(r))])
+        left = low_pass(_unexplained(r, signals, filters).T, r.sample_time, band)
+        whole = low_pass((signals - signals.mean(axis=0)).T, r.sample_time, band)
+        levels = np.minimum(np.std(left, axis=1), np.std(whole, axis=1))  # the filter of another motion may not fit
+        found.append(replace(r, explained=ExplainedBand(band, *levels.tolist())))
+    return found
 
 
-def _tells_of(other: Record, record: Record) -> bool:
-    return other.run != record.run and abs(other.sample_time / record.sample_time - 1.0) < SAME_RATE
+@dataclass(frozen=True)
+class _Normal:
+    """Normal equations of a recording's filters. square : shape (lags, lags). right : shape (lags, 2)."""
 
+    run: int
+    lags: np.ndarray
+    square: np.ndarray
+    right: np.ndarray
 
-def _band(record: Record, band: float, others: Sequence[Record]) -> ExplainedBand:
-    signals = _signals(record)
-    filters = _filters(others) if others else None
-    left = low_pass(_unexplained(record, signals, filters).T, record.sample_time, band)
-    whole = low_pass((signals - signals.mean(axis=0)).T, record.sample_time, band)
-    return ExplainedBand(band, *np.minimum(np.std(left, axis=1), np.std(whole, axis=1)).tolist())
+    @classmethod
+    def of(cls, record: Record) -> _Normal:
+        """Those of a recording."""
+        terms, signals = _terms(record), _signals(record)
+        return cls(record.run, _lags(record), terms.T @ terms, terms.T @ (signals - signals.mean(axis=0)))
 
 
 def _felt(record: Record) -> np.ndarray:
@@ -83,20 +95,26 @@ def _signals(record: Record) -> np.ndarray:
     return np.column_stack([record.velocity[record.start :], _felt(record)])
 
 
+def _lags(record: Record) -> np.ndarray:
+    """Samples by which the terms of a filter are late."""
+    return np.arange(0, round(MEMORY / record.sample_time), max(round(STEP / record.sample_time), 1))
+
+
 def _terms(record: Record) -> np.ndarray:
     """The command at each lag of a filter about its mean, from the recording's `start` on, shape (n, lags)."""
-    lags = np.arange(0, round(MEMORY / record.sample_time), max(round(STEP / record.sample_time), 1))
+    lags = _lags(record)
     u = np.concatenate([np.full(lags[-1], record.command_before), record.commands])
     n = len(record.commands)
     terms = np.column_stack([u[lags[-1] - k : lags[-1] - k + n] for k in lags])[record.start :]
     return np.asarray(terms - terms.mean(axis=0))
 
 
-def _filters(records: Sequence[Record]) -> np.ndarray:
-    """The filters that explain most of velocity and acceleration of all these recordings, shape (lags, 2)."""
-    terms, signals = [_terms(r) for r in records], [_signals(r) for r in records]
-    square = sum(t.T @ t for t in terms)
-    return np.asarray(np.linalg.lstsq(square, sum(t.T @ s for t, s in zip(terms, signals, strict=True)), rcond=None)[0])
+def _filters(told: Sequence[_Normal]) -> np.ndarray | None:
+    """The filters that explain most of velocity and acceleration of some recordings, shape (lags, 2); None of none."""
+    if not told:
+        return None
+    square, right = (np.sum([getattr(n, name) for n in told], axis=0) for name in ("square", "right"))
+    return np.asarray(np.linalg.lstsq(square, right, rcond=None)[0])
 
 
 def _unexplained(record: Record, signals: np.ndarray, filters: np.ndarray | None = None) -> np.ndarray:
