@@ -172,7 +172,7 @@ def limits_of(
         raise ShakeError("limits: expected numbers above 0")
     if isinstance(interlock, str):
         causes = read_yaml(find("interlock", interlock))["causes"]
-        interlock = {name: float(cause["threshold"]) for name, cause in causes.items() if name in sum(LIMITS, ())}
+        interlock = {n: float(causes[n]["threshold"]) for names in LIMITS for n in names if n in causes}
     if interlock is not None:
         held = [min((interlock[name] for name in names if name in interlock), default=np.inf) for names in LIMITS]
         most = np.minimum(most, WITHIN * np.array(held))

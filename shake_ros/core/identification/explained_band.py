@@ -50,18 +50,18 @@ def _shares(record: Record, edges: np.ndarray) -> np.ndarray:
 def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = ()) -> list[Record]:
     """The recordings, compared below a frequency [Hz] alone; what the command does not explain there is their noise.
 
-    That is what the filter leaves which explains most of others, in parts of the recording: one that has seen it would
-    explain chance as well.
+    The noise is what is left by the linear filter that explains most of the other recordings: a filter fitted to the
+    recording itself would explain chance as well.
 
     Parameters
     ----------
-    learnt : recordings that such a filter may come from; each for itself where there are no others.
+    learnt : recordings to which such filters are fitted; a recording without others has its own.
     """
-    told = [_Normal.of(r) for r in learnt]
+    equations = [_Normal.of(r) for r in learnt]
     found = []
     for r in records:
         signals = _signals(r)
-        filters = _filters([n for n in told if n.run != r.run and np.array_equal(n.lags, _lags(r))])
+        filters = _filters([n for n in equations if n.run != r.run and np.array_equal(n.lags, _lags(r))])
         left = low_pass(_unexplained(r, signals, filters).T, r.sample_time, band)
         whole = low_pass((signals - signals.mean(axis=0)).T, r.sample_time, band)
         levels = np.minimum(np.std(left, axis=1), np.std(whole, axis=1))  # the filter of another motion may not fit
@@ -109,11 +109,12 @@ def _terms(record: Record) -> np.ndarray:
     return np.asarray(terms - terms.mean(axis=0))
 
 
-def _filters(told: Sequence[_Normal]) -> np.ndarray | None:
+def _filters(equations: Sequence[_Normal]) -> np.ndarray | None:
     """The filters that explain most of velocity and acceleration of some recordings, shape (lags, 2); None of none."""
-    if not told:
+    if not equations:
         return None
-    square, right = (np.sum([getattr(n, name) for n in told], axis=0) for name in ("square", "right"))
+    square = np.sum([e.square for e in equations], axis=0)
+    right = np.sum([e.right for e in equations], axis=0)
     return np.asarray(np.linalg.lstsq(square, right, rcond=None)[0])
 
 

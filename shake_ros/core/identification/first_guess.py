@@ -24,8 +24,8 @@ RESERVES = (1.2, 1.7, 3.0, 10.0, 30.0)  # acceleration at full pressure, in part
 FRICTIONS = (0.05, 0.3, 1.0)  # dry friction per mass [m/s²]
 UNSEEN, DAMPING = (1.5, 3.0, 6.0), 0.2  # hydraulic frequencies beyond the highest line, in parts of it, damping
 FREE_STROKE = 4.0  # length of both chambers in parts of the range of motion, where nothing is known
-TOLD = 0.99  # of the largest share, up to which the response tells it
-SHARES = (0.3, 0.6)  # of the moved mass that a specimen is where the response does not tell: beyond its bound
+IDENTIFIED = 0.99  # part of the largest share of a specimen, up to which the response determines its share
+SHARES = (0.3, 0.6)  # of the moved mass, tried where it does not
 PIECES = 15.0  # of the recordings that the grid is run over [s]
 
 
@@ -66,17 +66,16 @@ class FirstGuess:
         rows = problem.residuals(np.array([t.vector() for t in tables]))
         costs = np.mean(np.nan_to_num(rows, nan=1e3, posinf=1e3, neginf=-1e3) ** 2, axis=1)
         of_mode = np.argsort(costs.reshape(len(modes), -1), axis=1) + len(made) * np.arange(len(modes))[:, None]
-        ranked = sorted((rank, costs[i], i) for order in of_mode for rank, i in enumerate(order.tolist()))
-        return [tables[i] for _, _, i in ranked]
+        return [tables[i] for equals in of_mode.T for i in equals[np.argsort(costs[equals])]]
 
     def specimen(self, table: TableParameters) -> dict[str, float]:
         """The specimen that the response shows, by dotted name, on a table; empty where none shows."""
         return _on(table, self._modes()[0])
 
     def _modes(self) -> list[SpecimenMode | None]:
-        """The specimen of the linear table, of several shares where its own is beyond what a response can tell."""
+        """The specimen of the linear table, with several shares where the response does not determine it."""
         mode = self.linear.specimen
-        if mode is None or mode.share < TOLD * SPECIMEN_BOUNDS[0][1]:
+        if mode is None or mode.share < IDENTIFIED * SPECIMEN_BOUNDS[0][1]:
             return [mode]
         return [replace(mode, share=share) for share in SHARES]
 

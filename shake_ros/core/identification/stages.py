@@ -178,20 +178,16 @@ def _first_fit(
     if data.estimation[0].explained is None:
         best = _best_of(pieces, moved, guesses[:GUESSES])
     else:
+        # free runs alone: one that the sensors correct would follow what shakes the table beside the command
         few = RecordingProblem(windows(data.estimation, PIECE, PIECE), model)
-        begun = [_without_predictor(few, FreeParameters(g, moved)) for g in guesses[:SHAKEN_GUESSES]]
-        found = min(begun, key=attrgetter("cost"))
-        best = _without_predictor(pieces, found.free, found.x)
+        starts = [FreeParameters(guess, moved) for guess in guesses[:SHAKEN_GUESSES]]
+        begun = [fit(few, f, f.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE) for f in starts]
+        best = _finished(pieces, min(begun, key=attrgetter("cost")))
     if (behind := better_filter(pieces, best)) is not None:
         data = data.with_nuisances(NuisanceEstimates(behind))
         pieces = _pieces(model, data)
         best = _fitted(pieces, moved, best.table)
     return _FirstFit(data, pieces, guesses[0], best, known, shown)
-
-
-def _without_predictor(problem: RecordingProblem, free: FreeParameters, x: np.ndarray | None = None) -> Fit:
-    """A fit of free runs: where noise shakes the table, a run that is corrected by the sensors follows that as well."""
-    return fit(problem, free, free.start() if x is None else x, evaluations=EVALUATIONS, tolerance=TOLERANCE)
 
 
 def quicker_than_sensor(table: TableParameters, delay: float) -> bool:
