@@ -44,7 +44,7 @@ case "$*" in
         [ -z "$KILLED" ] || { rm "$KILLED"; kill -9 "$PPID"; }
         [ -z "$NO_NETWORK" ] || { echo "NewConnectionError: x"; echo "ERROR: No matching distribution"; exit 1; } ;;
     -c*) ;;
-    *) echo "run $(pwd): $*" ;;
+    *) echo "run $(pwd): $*${PYTHONDONTWRITEBYTECODE:+ without bytecode}" ;;
 esac
 """
 
@@ -103,7 +103,7 @@ def test_first_start_sets_up_and_the_second_starts_at_once(launcher: Launcher) -
     assert first.stdout == "run /: -m shake_ros plant --ros-args -p a:=b c\n"
     assert "requirements-ros.lock" in launcher.notes.read_text()
     begin = time.perf_counter()
-    second = launcher.run("demo")
+    second = launcher.run("demo", PYTHONDONTWRITEBYTECODE="1")
     assert second.stdout == "run /: -m shake_ros demo\n"
     assert second.stderr == ""
     assert launcher.set_ups() == 1

@@ -7,23 +7,31 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from machine_time import on_a_machine_that_keeps_time
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
 
 from benchmarks.realtime.driver import Driver
 from benchmarks.realtime.emulated_target import emulated_target
 from benchmarks.realtime.listener import Listener
 from shake_ros.core.quantities import ShakeError
+from shake_ros.ros.conversions import codec
 from shake_ros.ros.faults_node import build, parse_topics
 from shake_ros.ros.graph import Graph, NodeSpec
+from shake_ros.ros.interface import VALVE_COMMAND
 from shake_ros.ros.loop import build_node, ros_context
 from shake_ros.ros.plant_node import build as build_plant
 from shake_ros.settings import find, read_yaml
 
 TIMEOUT = 40.0
+MS = 1_000_000
+START = 1000 * MS
 WATCHED = ("stop", "sensor_missing", "command_not_finite", "target_trip")
 NODE = {"plant": "plant", "bridge": "hardware_bridge"}
 
@@ -91,7 +99,8 @@ class Scene:
         return found
 
 
-@pytest.mark.parametrize("link", ["plant", pytest.param("bridge", marks=pytest.mark.second_tier)])
+@pytest.mark.second_tier
+@pytest.mark.parametrize("link", ["plant", "bridge"])
 @on_a_machine_that_keeps_time
 def test_fault_of_a_sensor_and_of_the_command_end_as_configured_and_are_over_after_reset(
     ros_domain, tmp_path, link
@@ -137,6 +146,49 @@ def test_fault_of_a_sensor_and_of_the_command_end_as_configured_and_are_over_aft
                 print("position_off off", file=emulator.stdin, flush=True)
             scene.go()
             graph.stop()
+
+
+def test_sensor_without_a_reading_takes_the_pressure_off_until_it_is_back_and_reset(ros_domain) -> None:
+    arguments = ["--ros-args", "-p", "enabled:=true", "-p", "interlock.configuration:=bergamo"]
+    with ros_context([], domain_id=ros_domain) as context:
+        node = build_node(build_plant, "plant", context, arguments)
+        lock = node.interlock
+
+        def tick(first: int, last: int) -> None:
+            for k in range(first, last):
+                lock.command(START + (k - 1) * MS, 0.0)
+                node.tick(START + k * MS, 1)
+
+        def switch(on: bool) -> None:
+            assert node.frame.node.set_parameters([Parameter("faults.position_off", value=on)])[0].successful
+
+        node.start()
+        tick(0, 50)
+        assert not any(trip.cause == "sensor_missing" for trip in lock.core.trips)
+        switch(True)
+        tick(50, 300)
+        assert ("sensor_missing", "hydraulic_interlock") in {(trip.cause, trip.action) for trip in lock.core.trips}
+        assert not lock._reset(Trigger.Request(), Trigger.Response()).success
+        switch(False)
+        tick(300, 400)
+        assert lock._reset(Trigger.Request(), Trigger.Response()).success
+        node.frame.close()
+
+
+def test_node_between_changes_a_command_while_its_fault_is_on(ros_domain) -> None:
+    passed: list[bytes] = []
+    command = codec(VALVE_COMMAND)
+    with ros_context([], domain_id=ros_domain) as context:
+        node = build_node(build, "faults", context, ["--ros-args", "-p", "topics:=valve_command"])
+        (channel,) = node._channels
+        channel._publisher = SimpleNamespace(publish=passed.append)
+        for k, share in enumerate((0.0, 1.0, 0.0)):
+            assert node.frame.node.set_parameters([Parameter("valve_command.nan", value=share)])[0].successful
+            channel._arrived(command.encode(START + k * MS, (0.25,)))
+        node.frame.close()
+    stamps, values = zip(*(command.decode(data) for data in passed), strict=True)
+    assert stamps == tuple(START + k * MS for k in range(3))
+    np.testing.assert_array_equal(values, [(0.25,), (np.nan,), (0.25,)])
 
 
 def test_plant_in_lockstep_refuses_a_sensor_that_says_nothing(ros_domain) -> None:

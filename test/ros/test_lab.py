@@ -117,6 +117,7 @@ def test_composed_lab_that_still_compiles_ends_when_told(ros_domain, tmp_path) -
     assert started.lines[-1] == "lab: ended"
 
 
+@pytest.mark.second_tier
 @on_a_machine_that_keeps_time
 def test_lab_over_a_bridge_takes_the_target_through_its_stages_and_stops_it_in_order(ros_domain, tmp_path) -> None:
     folder = Path(tempfile.mkdtemp(dir=tmp_path))

@@ -51,6 +51,7 @@ def play(node, bag, until, **options):
             assert player.wait(20) == 0
 
 
+@pytest.mark.second_tier
 @on_a_machine_that_keeps_time
 def test_every_message_comes_again_in_its_rhythm(ros_domain, bag):
     with own_node(ros_domain) as node:

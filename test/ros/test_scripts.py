@@ -32,11 +32,11 @@ def run(script: str, *arguments: str) -> str:
 
 
 def test_closed_loop_in_lockstep_is_the_same_every_time(ros_domain) -> None:
-    assert "the same in every run" in run("same_every_time.py", "--seconds", "2.0")
+    assert "the same in every run" in run("same_every_time.py", "--seconds", "0.8")
 
 
 def test_every_controller_in_lockstep_has_the_numbers_of_the_compiled_loop(ros_domain) -> None:
-    assert "every controller is the same" in run("every_controller.py", "--seconds", "0.3")
+    assert "every controller is the same" in run("every_controller.py", "--seconds", "0.15")
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_every_controller_in_lockstep_has_the_numbers_of_the_compiled_loop(ros_d
 )
 @on_a_machine_that_keeps_time
 def test_closed_loop_in_real_time_keeps_its_books(ros_domain, scheduling) -> None:
-    assert "missed deadlines counted" in run("real_time.py", "--seconds", "3.0", *scheduling)
+    assert "missed deadlines counted" in run("real_time.py", "--seconds", "2.0", *scheduling)
 
 
 @pytest.mark.second_tier

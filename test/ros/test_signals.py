@@ -27,6 +27,7 @@ def test_signals_that_come_in_a_bunch_end_a_node_in_good_order(ros_domain, tmp_p
     assert "Traceback" not in node.said()
 
 
+@pytest.mark.second_tier
 @on_a_machine_that_keeps_time
 def test_node_that_compiles_says_so_and_ends_at_once_when_told(ros_domain, tmp_path) -> None:
     node = NodeProcess(ros_domain, tmp_path, "plant", NUMBA_CACHE_DIR=str(tmp_path / "empty"))
