@@ -11,6 +11,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LAB = [sys.executable, "-m", "shake_ros", "lab"]
+QUICK = (  # in lock-step: low and high pressure are short, and a loop that is waited for takes no whole processor
+    *("--set", "plant.interlock.low_pressure_time=1.0", "plant.interlock.high_pressure_time=0.2"),
+    *("plant.interlock.span_time=0.2", "--pace", "1"),
+)
 
 
 class Started:

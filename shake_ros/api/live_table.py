@@ -60,8 +60,18 @@ class OwnLoop:
         return observer, Controller(self.kind, self.law.replace(**known), sample_time, model)
 
 
+_loops: dict[str, OwnLoop] = {}  # made in this process, by the values of their tables
+
+
 def own_loop(table: TableParameters) -> OwnLoop:
-    """The loop of a table, in some seconds; ShakeError where none can be made."""
+    """The loop of a table, in some seconds, later at once; ShakeError where none can be made."""
+    values = f"{table.layout.name} {table.to_mapping()}"
+    if values not in _loops:
+        _loops[values] = _made_for(table)
+    return _loops[values]
+
+
+def _made_for(table: TableParameters) -> OwnLoop:
     tuned = tune_table(table, laws=[LAW], progress=False)
     parameters: ObserverParameters
     _, parameters = load_variant("observer", FUSED, OBSERVERS)

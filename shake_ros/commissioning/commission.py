@@ -171,7 +171,8 @@ class _Way:
             if added:
                 table, known = found.table, found.uncertainty
                 error = float(list(found.closed.final.estimation.values())[-1]["acceleration"])
-        tuned = tune_table(table, uncertainty=known, laws=self.settings.laws, progress=self.progress)
+        s = self.settings
+        tuned = tune_table(table, s.tuning, uncertainty=known, laws=s.laws, progress=self.progress)
         return error, tuned, added
 
 

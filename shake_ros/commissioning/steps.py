@@ -41,6 +41,7 @@ class CommissionSettings:
     """A file of config/commission.
 
     `search_from` : level from which `close_loop` seeks what the model lacks, in all runs so far; above 1 it never does.
+    `tuning` : name or path of a file of config/robust_tuning.
     """
 
     reference: str
@@ -52,6 +53,7 @@ class CommissionSettings:
     interlock: str
     laws: tuple[str, ...]
     numbers: CommissionNumbers
+    tuning: str = "default"
 
 
 def load_commission(name: str) -> CommissionSettings:
@@ -62,7 +64,7 @@ def load_commission(name: str) -> CommissionSettings:
     ShakeError : unknown or missing keys, levels that do not grow to at most 1, an unknown law.
     """
     path = find("commission", name)
-    content = dict(strict_keys(read_yaml(path), KEYS, str(path), KEYS, kind="key"))
+    content = dict(strict_keys(read_yaml(path), (*KEYS, "tuning"), str(path), KEYS, kind="key"))
     try:
         levels, seconds = tuple(float(level) for level in content["levels"]), float(content["seconds"])
         search_from = float(content["search_from"])

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 from live_tables import SimulatedLiveTable
+from short_tuning import short_tuning
 
 import shake_ros as sr
 from shake_ros.__main__ import main
@@ -27,6 +28,7 @@ def settings(folder: Path, **changes: object) -> str:
     """The default way, shortened."""
     content = yaml.safe_load((config_folder() / "commission" / "default.yaml").read_text(encoding="utf-8"))
     content |= {"seconds": 4.0, "levels": [0.5], "laws": ["three_variable"], "search_from": 2.0}
+    content["tuning"] = short_tuning(folder, 2)
     numbers = content["numbers"] | {k: v for k, v in changes.items() if k in content["numbers"]}
     content |= {k: v for k, v in changes.items() if k in content} | {"numbers": numbers}
     path = folder / "way.yaml"
@@ -158,7 +160,7 @@ def test_close_loop_seeks_at_the_highest_level_and_the_run_before_decides(
         return Nothing()
 
     monkeypatch.setattr("shake_ros.commissioning.commission.close_loop", seek)
-    given = settings(tmp_path, levels=[0.3, 0.5], search_from=0.5)
+    given = settings(tmp_path, levels=[0.3, 0.5], search_from=0.5, seconds=2.0)
     found = sr.commission("bergamo", settings=given, progress=False)
     assert found.complete
     assert asked == [(["step_2_level_0.5"], "step_1_level_0.3")]

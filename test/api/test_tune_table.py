@@ -10,6 +10,7 @@ from typing import cast
 
 import numpy as np
 import pytest
+from short_tuning import short_tuning
 
 import shake_ros as sr
 from shake_ros.__main__ import main
@@ -37,8 +38,9 @@ def soft() -> TableParameters:
 
 
 @pytest.fixture(scope="module")
-def tuned(soft: TableParameters) -> TunedTable:
-    found = sr.tune(soft, laws=["sliding_mode", "three_variable"], progress=False)
+def tuned(soft: TableParameters, tmp_path_factory: pytest.TempPathFactory) -> TunedTable:
+    settings = short_tuning(tmp_path_factory.mktemp("tuning"), 3)
+    found = sr.tune(soft, settings=settings, laws=["sliding_mode", "three_variable"], progress=False)
     assert isinstance(found, TunedTable)
     return found
 
@@ -105,10 +107,8 @@ def test_a_command_that_jumps_as_far_as_an_interlock_holds_is_reported(tuned: Tu
 
 
 def test_motion_beyond_the_valve_is_reported_with_the_scale_that_fits(soft: TableParameters, tmp_path: Path) -> None:
-    text = Path("config/robust_tuning/default.yaml").read_text(encoding="utf-8")
-    (tmp_path / "short.yaml").write_text(text.replace("tables: 8", "tables: 2"), encoding="utf-8")
     weak = soft.with_values({"valve.flow_coefficient": 5e-8})
-    found = tune_table(weak, tmp_path / "short.yaml", laws=["feedforward_pi"], progress=False)
+    found = tune_table(weak, short_tuning(tmp_path, 1), laws=["feedforward_pi"], progress=False)
     (told,) = [text for text in found.findings if "saturates" in text]
     scale = float(told.rpartition(": ")[2].split()[0])
     assert 0.2 <= scale <= 0.7

@@ -47,13 +47,13 @@ np.save(sys.argv[2], [run(load_table("bergamo").with_values(c), commands, 0.001)
 """
 
 
-@pytest.fixture
-def copy(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the package and its configuration that may be edited."""
-    skipped = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(CORE.parent, tmp_path / "shake_ros", ignore=skipped)
-    shutil.copytree(CORE.parent.parent / "config", tmp_path / "config")
-    return tmp_path
+    folder, skipped = tmp_path_factory.mktemp("copy"), shutil.ignore_patterns("__pycache__")
+    shutil.copytree(CORE.parent, folder / "shake_ros", ignore=skipped)
+    shutil.copytree(CORE.parent.parent / "config", folder / "config")
+    return folder
 
 
 def python(folder: Path, code: str, *arguments: str, **environment: str) -> str:
@@ -64,21 +64,6 @@ def python(folder: Path, code: str, *arguments: str, **environment: str) -> str:
     done = subprocess.run(command, check=False, cwd=folder, env=clean, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return done.stdout
-
-
-def test_an_edited_kernel_of_another_file_is_seen_at_once_also_by_a_child(copy: Path) -> None:
-    cache = str(copy / "cache")
-    before, after = python(copy, EDIT_WHILE_RUNNING, FLOW, XDG_CACHE_HOME=cache).split()
-    both_a_quarter_open = 1.81e-7 * 0.25 * (np.sqrt(1e7) - np.sqrt(1e7 - 1e5))
-    assert float(after) == pytest.approx(both_a_quarter_open, rel=1e-2)
-    assert float(before) == pytest.approx(1.81e-7 * 0.505 * np.sqrt(1e7), rel=1e-4)
-    assert python(copy, FLOW, XDG_CACHE_HOME=cache).split() == [after]
-
-
-def test_nothing_compiled_lies_among_the_sources(copy: Path) -> None:
-    python(copy, FLOW, XDG_CACHE_HOME=str(copy / "cache"))
-    assert not list((copy / "shake_ros").rglob("*.nb[ci]"))
-    assert list((copy / "cache").rglob("*.nbc"))
 
 
 def test_hash_follows_a_file_and_what_it_imports_and_nothing_else(copy: Path) -> None:
@@ -96,6 +81,17 @@ def test_hash_follows_a_file_and_what_it_imports_and_nothing_else(copy: Path) ->
     path.write_text(path.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     after = python(copy, program).split()
     assert [a == b for a, b in zip(before, after, strict=True)] == [False, False, True]
+
+
+def test_an_edited_kernel_of_another_file_is_seen_at_once_also_by_a_child(copy: Path) -> None:
+    cache = str(copy / "cache")
+    before, after = python(copy, EDIT_WHILE_RUNNING, FLOW, XDG_CACHE_HOME=cache).split()
+    both_a_quarter_open = 1.81e-7 * 0.25 * (np.sqrt(1e7) - np.sqrt(1e7 - 1e5))
+    assert float(after) == pytest.approx(both_a_quarter_open, rel=1e-2)
+    assert float(before) == pytest.approx(1.81e-7 * 0.505 * np.sqrt(1e7), rel=1e-4)
+    assert python(copy, FLOW, XDG_CACHE_HOME=cache).split() == [after]
+    assert list((copy / "cache").rglob("*.nbc"))
+    assert not list((copy / "shake_ros").rglob("*.nb[ci]"))  # nothing compiled lies among the sources
 
 
 def test_every_file_of_the_core_that_is_imported_counts() -> None:

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from lab_process import LAB, ROOT, Started
+from lab_process import LAB, QUICK, ROOT, Started
 from machine_time import on_a_machine_that_keeps_time
 
 from benchmarks.realtime.emulated_target import emulated_target
@@ -21,7 +21,8 @@ SEQUENCE = 20.0  # low and high pressure, full span, some seconds of a busy mach
 
 
 def test_one_command_runs_the_table_refuses_a_second_and_ends_in_order(ros_domain, tmp_path) -> None:
-    started = Started("--headless", "--lockstep", "--enabled", "--play", "--record", "run", "--folder", str(tmp_path))
+    arguments = ["--headless", "--lockstep", "--enabled", "--play", "--record", "run", "--folder", str(tmp_path)]
+    started = Started(*arguments, *QUICK)
     started.wait_for("running: recorder, plant")
     second = subprocess.run(
         [*LAB, "--headless", "--folder", str(tmp_path)], capture_output=True, text=True, cwd=ROOT, check=False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from lab_process import Started
+from lab_process import QUICK, Started
 
 from shake_ros.__main__ import main
 from shake_ros.api.live_table import InterlockHeldError, LiveLaboratory, write_loop
@@ -39,7 +39,7 @@ def test_without_a_graph_nothing_is_made(ros_domain, tmp_path, capsys, monkeypat
 
 
 def test_drive_is_played_on_an_enabled_table_alone_and_recorded_whole(ros_domain, tmp_path, capsys) -> None:
-    started = Started("--headless", "--lockstep", "--composed", "--folder", str(tmp_path))
+    started = Started("--headless", "--lockstep", "--composed", *QUICK, "--folder", str(tmp_path))
     with started:
         started.wait_for("running: loop")
         assert "the table is not ready to move: not enabled; enable it" in refused(capsys, tmp_path)

@@ -22,7 +22,7 @@ AMONG = ("spool_deadband", "specimen_resonance", "asymmetric_flow_gain", "quadra
 def named(hidden: Hidden, **limits: float) -> tuple[str, ...]:
     runs = []
     for seed in (1, 2):
-        made = record(seed, 6.0, hidden)
+        made = record(seed, 4.0, hidden)
         runs.append(Record(f"run{seed}", SAMPLE_TIME, made.commands, made.position, made.acceleration))
     structure = model_structure(load_table("bergamo").with_values({"body.specimen_mass": 200.0}))
     candidates = tuple(c for c in effect_candidates() if c.effect in AMONG)
