@@ -18,12 +18,17 @@ from shake_ros.core.plant.temperature import OilState, at_temperature
 from shake_ros.core.quantities import Parameters, ShakeError, member_from, strict_keys, unknown_name
 from shake_ros.core.safety.causes import InterlockParameters
 
+try:  # libyaml's, which takes a fifth of the time
+    from yaml import CSafeLoader as SafeLoader
+except ImportError:
+    from yaml import SafeLoader  # type: ignore[assignment]
+
 P = TypeVar("P", bound=Parameters)
 OIL_KEYS = ("oil", *(field.name for field in fields(OilState)))  # of the section `fluid`
 LARGEST_DOCUMENT = 1_000_000  # nodes
 
 
-class _StrictLoader(yaml.SafeLoader):
+class _StrictLoader(SafeLoader):
     """A YAML loader that refuses a key given twice, and what its aliases blow up; reads 1e5 as a number."""
 
     def get_single_node(self) -> yaml.Node | None:
