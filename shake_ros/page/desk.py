@@ -31,6 +31,10 @@ class Desk(Protocol):
         """Node → parameters with value, unit, range, meaning, and whether they are live."""
         ...
 
+    def twin(self) -> dict[str, Any]:
+        """What the twin has found: see `TwinHistory`."""
+        ...
+
     def ask(self, what: str, **how: Any) -> Future[Answer]:
         """`enable`, `stop`, `reset`, `set`, `record`, `stop_recording`, `restart`, `table`, `model`."""
         ...

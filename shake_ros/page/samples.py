@@ -128,7 +128,9 @@ CURVES = (
     LiveCurve("pressure_a", "pressure_a", 0, "Pa"),
     LiveCurve("pressure_b", "pressure_b", 0, "Pa"),
     LiveCurve("pressure_supply", "pressure_supply", 0, "Pa"),
+    LiveCurve("twin_acceleration", "predicted_imu", 0, "m/s^2"),
 )
+LATER = ("predicted_imu",)  # topics that are not waited for: they come when all else of their samples is settled
 ROW = {curve.name: row for row, curve in enumerate(CURVES)}
 TOPICS = tuple(dict.fromkeys(curve.topic for curve in CURVES if curve.topic))
 
@@ -144,7 +146,8 @@ class SampleStore:
     Attributes
     ----------
     epoch : number of the run; a restart of the stamps begins another.
-    settled : first sample that may still change.
+    settled : first sample that may still change, but for the topics `LATER`.
+    later : first sample to which these have not come.
     """
 
     def __init__(self, period: int, prediction: Prediction) -> None:
@@ -161,7 +164,7 @@ class SampleStore:
         self._phase: dict[str, float] = {}
         self._newest = -1
         self._came: dict[str, int] = {}  # topic → its newest sample
-        self.settled = 0
+        self.settled = self.later = 0
         self.epoch += 1
         self._rings[:] = np.nan
         self._frame.cache_clear()
@@ -178,16 +181,22 @@ class SampleStore:
         if not len(stamps):
             return
         with self._guard:
-            newest = self._origin + self._newest * self.period
-            if self._origin < 0 or stamps[-1] < newest - RESTART * 1e9 or stamps[-1] > newest + RESTART * 1e9:
+            newest, later = self._origin + self._newest * self.period, topic in LATER
+            if not later and (self._origin < 0 or abs(stamps[-1] - newest) > RESTART * 1e9):
                 self._begin(int(stamps[0]))
             indices = self._indices(topic, stamps)
             fresh = (indices > self._newest - self._size // 2) & (indices >= 0)
+            fresh &= (indices <= self._newest) | (not later)
             indices, values = indices[fresh], values[fresh]
             if not len(indices):
                 return
-            self._advance(int(indices.max()))
-            self._came[topic] = max(self._came.get(topic, -1), int(indices.max()))
+            last = int(indices.max())
+            self._advance(last)
+            if later:
+                self.later = max(self.later, last + 1)
+                self._frame.cache_clear()
+            else:
+                self._came[topic] = max(self._came.get(topic, -1), last)
             places = indices % self._size
             for row, curve in enumerate(CURVES):
                 if curve.topic == topic and curve.column < values.shape[1]:

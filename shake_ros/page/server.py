@@ -53,7 +53,7 @@ class LivePage:
         self.server, self.socket = server, socket
         self.operator = socket.scope["state"]["role"] == OPERATOR
         self.level, self.window, self.first, self.paused = 3, 10.0, 0, False
-        self._epoch = -1
+        self._epoch, self._later = -1, 0
         self._sending = asyncio.Lock()
 
     async def send(self, message: dict[str, Any]) -> None:
@@ -86,6 +86,8 @@ class LivePage:
         """What else changes."""
         server = self.server
         while True:
+            if (later := server.site.store.later) != self._later:
+                self.first, self._later = min(self.first, self._later >> self.level), later
             seat = server.seat
             mine = seat.holder is self
             if self.operator and seat.holder is None:
@@ -299,6 +301,7 @@ class Server:
             Route("/", self._enter),
             Route("/api/choices", self._choices),
             Route("/api/parameters", self._parameters),
+            Route("/api/twin", self._twin),
             Route("/api/recordings", self._recordings),
             Route("/api/spectators", self._spectators),
             Route("/api/upload", self._upload, methods=["POST"]),
@@ -373,6 +376,9 @@ class Server:
 
     async def _parameters(self, _request: Request) -> Response:
         return JSONResponse(await run_in_threadpool(self.site.desk.parameters))
+
+    async def _twin(self, _request: Request) -> Response:
+        return JSONResponse(self.site.desk.twin())
 
     async def _recordings(self, _request: Request) -> Response:
         running = Path(self.site.desk.status().get("recording", "")).name

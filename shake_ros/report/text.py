@@ -73,6 +73,21 @@ def rounded(value: float, error: float | None = None) -> str:
     return text.replace("-", "−")
 
 
+def interval_text(value: float, half: float, unit: str) -> str:
+    """A number and its interval in the unit to read it in.
+
+    Parameters
+    ----------
+    value, half : number and half of the interval [unit]. unit : SI.
+
+    >>> interval_text(0.0204132, 0.00031, "m")
+    '20.41 (20.10 … 20.72) mm'
+    """
+    factor, text = unit_of(unit)
+    shown, low, high = (rounded(factor * v, factor * half or None) for v in (value, value - half, value + half))
+    return f"{shown} ({low} … {high}) {text}".rstrip()
+
+
 def bound_text(value: float, low: float, high: float) -> str:
     """At which of its two bounds a value rests.
 

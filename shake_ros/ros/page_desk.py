@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Float64MultiArray
 
 from shake_ros.core.quantities import ShakeError
@@ -21,6 +21,7 @@ from shake_ros.page.desk import Answer, Line
 from shake_ros.page.library import Library
 from shake_ros.page.runs import RunMeter, amplitude_spectrum
 from shake_ros.page.samples import SampleStore
+from shake_ros.page.twin import TwinHistory, TwinStatus
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import LEVELS
 from shake_ros.ros.frame import Frame
@@ -64,6 +65,10 @@ def periodic(thd: dict[str, Any]) -> bool:
     return float(thd["thd_percent"]) < LARGEST_THD and amplitude > TONE * noise
 
 
+def _values(status: DiagnosticStatus) -> dict[str, str]:
+    return {one.key: one.value for one in status.values}
+
+
 class PageDesk:
     """See `shake_ros.page.desk.Desk`."""
 
@@ -78,6 +83,7 @@ class PageDesk:
         self._trips: deque[dict[str, Any]] = deque(maxlen=TRIPS)
         self._thd: dict[str, Any] = {}
         self._harmonics: list[list[float]] = []
+        self._twin = TwinHistory()
         self._spectrum: dict[str, list[float]] = {}
         self._spectrum_at = 0.0
         self._processes: dict[str, str] = {}
@@ -88,6 +94,7 @@ class PageDesk:
             (interface.DIAGNOSTICS, self._on_diagnostics),
             (interface.THD, self._on_thd),
             (interface.HARMONICS, self._on_harmonics),
+            (interface.TWIN, self._on_twin),
         ):
             node.create_subscription(topic.type, topic.name, heard, topic.qos(frame.lockstep))
         self._services: dict[str, Any] = {
@@ -102,7 +109,7 @@ class PageDesk:
             space, _, name = node.rpartition("/")
             if space != self._space:
                 continue
-            values = {one.key: one.value for one in status.values}
+            values = _values(status)
             if part == "interlock":
                 self._trips.append({"at": time.time(), "text": status.message, **values})
                 continue
@@ -117,10 +124,17 @@ class PageDesk:
             }  # fmt: skip
 
     def _on_thd(self, message: DiagnosticArray) -> None:
-        self._thd = {one.key: one.value for one in message.status[0].values} | {"heard": time.monotonic()}
+        self._thd = {**_values(message.status[0]), "heard": time.monotonic()}
 
     def _on_harmonics(self, message: Float64MultiArray) -> None:
         self._harmonics = np.asarray(message.data).reshape(-1, 4).tolist()
+
+    def _on_twin(self, message: DiagnosticArray) -> None:
+        statuses = [
+            TwinStatus(one.name.removeprefix("twin "), LEVELS.index(one.level), one.message, _values(one))
+            for one in message.status
+        ]
+        self._twin.add(message.header.stamp.sec + message.header.stamp.nanosec * 1e-9, statuses)
 
     def serve(self) -> None:
         """Carry out what has been asked for; hear what the lab says."""
@@ -223,6 +237,10 @@ class PageDesk:
             node: [{**one, "live": one["live"] and not self._guarded(node, one["name"])} for one in found]
             for node, found in self.remote.nodes.items()
         }
+
+    def twin(self) -> dict[str, Any]:
+        """See `Desk`."""
+        return self._twin.content
 
     def _guarded(self, node: str, name: str) -> bool:
         """Whether a parameter is out of the page's reach: what the interlock watches is not loosened by a click."""

@@ -69,7 +69,7 @@ class SampleTap:
                 while (taken := handle.take_message(reader.msg_type, True)) is not None:
                     messages.append(taken[0])
             if messages:
-                signal = SIGNALS[name]
+                signal = SIGNALS[name.removeprefix("predicted_")]
                 stamps, values, sources = columns(messages, signal.type, signal.choose, len(signal.paths))
                 own = sources >= 0  # messages of other joints on a shared topic are not the table's
                 self._store.add(name, stamps[own], values[own])

@@ -12,7 +12,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +21,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, time_message
-from shake_ros.ros.diagnostics import ERROR, OK, WARN, status_of
+from shake_ros.ros.diagnostics import ERROR, OK, WARN, Input, status_of
 from shake_ros.ros.frame import Behaviour, Frame
 from shake_ros.ros.interface import REALTIME_RECORDER_QOS, copied
 from shake_ros.settings import find, load_table
@@ -35,6 +35,12 @@ LOOK = 0.25  # between two looks at who is silent [s]
 SILENT = 1.0  # of a topic, from which the twin says that it pauses [s]
 PORTION, REST = 200, 0.02  # samples of a prediction that are published at once; pause behind them [s]
 WAITING = 4096  # samples that wait for the rest of their instant
+WORDS = {  # state → words
+    "waiting": "waiting for samples",
+    "learning": "learning what is normal",
+    "watching": "nothing has changed",
+    "naming": "something changed; more motion will show what",
+}
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,11 @@ class Instants:
         return [(s, values) for s, values in whole if all(map(math.isfinite, values))]
 
 
+def stopped(item: Input) -> bool:
+    """Whether a topic came, and comes no more."""
+    return item.last_arrival >= 0 and item.age() > SILENT
+
+
 class TwinNode(Behaviour):
     """Samples to the following thread; what it finds to the topics."""
 
@@ -74,7 +85,7 @@ class TwinNode(Behaviour):
         self._queue, self._there = deque[list[tuple[int, list[float]]]](), threading.Condition()
         self._queued = self._dropped = 0
         self._over, self._ended, self._error = False, False, ""
-        self._level, self._text, self._event, self._note = OK, "waiting for samples", "", ""
+        self._state, self._note, self._changes = "waiting", "", list[tuple[int, str, dict[str, object]]]()
         self._last: TwinWindow | None = None
         self._publisher = frame.publisher(interface.TWIN)
         self._predicted = frame.writer(interface.PREDICTED_JOINT_STATES), frame.writer(interface.PREDICTED_IMU)
@@ -82,7 +93,8 @@ class TwinNode(Behaviour):
         readers = [frame.reader(t, self._taker(i), profile=profile) for i, t in enumerate(INPUTS)]
         self._inputs = [r.input for r in readers]
         self._silent = dict.fromkeys((t.name for t in INPUTS), False)
-        frame.diagnostics.condition = lambda: (self._level, self._text)
+        frame.diagnostics.condition = lambda: self._light(self._pause())
+        frame.diagnostics.values["state"] = lambda: "paused" if self._pause() else self._state
         frame.diagnostics.values["waiting_samples"] = lambda: self._queued
         frame.diagnostics.values["dropped_samples"] = lambda: self._dropped
         frame.every(LOOK, self._look)
@@ -134,7 +146,7 @@ class TwinNode(Behaviour):
                 self.frame.stop()
             return
         for item in self._inputs:
-            silent = item.last_arrival >= 0 and item.age() > SILENT
+            silent = stopped(item)
             if silent != self._silent[item.name]:
                 self._silent[item.name] = silent
                 words = f"paused: nothing on {item.name} for {SILENT:g} s" if silent else f"{item.name} is back"
@@ -163,7 +175,7 @@ class TwinNode(Behaviour):
                         self._publish(window)
             if (last := self.twin.finish()) is not None and self._last is not None:
                 self._changed(last)
-                self._send(self._last, last)
+                self._send(replace(self._last, state="watching"))
         except ShakeError as error:
             self._error = str(error)
             self.frame.diagnostics.fault("twin", str(error))
@@ -178,8 +190,7 @@ class TwinNode(Behaviour):
             self.frame.say(*((WARN, f"paused: {window.note}") if window.note else (OK, "going on")))
         if window.change is not None:
             self._changed(window.change)
-        self._last = window
-        self._send(window, window.change)
+        self._send(window)
         count = len(window.motion)
         stamps = window.start + np.rint(np.arange(count) * self.frame.sample_time * SECOND).astype(np.int64)
         for k in range(count):
@@ -191,32 +202,48 @@ class TwinNode(Behaviour):
 
     def _changed(self, change: Change) -> None:
         """A change: a line, and the light that stays."""
-        from shake_ros.twin.text import change_text
+        from shake_ros.twin import text
 
-        level = WARN if change.named.explained else ERROR
-        self._level, self._event = max(self._level, level), change_text(change)
-        self.frame.say(level, self._event)
+        named, words = change.named, text.change_text(change)
+        level = ERROR if text.asks_for_action(change) else WARN
+        values = {"since": change.since, "verdict": named.verdict, "place": named.place}
+        values |= {"change": text.what_text(change), "rivals": text.rivals_text(change)}
+        values |= {"error": text.error_text(change), "action": text.action_text(change)}
+        self._changes.append((level, words, values))
+        self.frame.say(level, words)
 
-    def _send(self, window: TwinWindow, change: Change | None) -> None:
+    def _pause(self) -> str:
+        """Why the twin pauses now; empty where it does not."""
+        silent = ", ".join(item.name for item in self._inputs if stopped(item))
+        return f"nothing on {silent} for {SILENT:g} s" if silent else self._note
+
+    def _light(self, pause: str) -> tuple[int, str]:
+        """Level and words of what has been found, and of what the twin is doing. pause : why it does nothing."""
+        state = self._state
+        level = max([WARN if pause or state == "naming" else OK, *(level for level, *_ in self._changes)])
+        words = [f"paused: {pause}"] * bool(pause) + [text for _, text, _ in self._changes[-1:]]
+        return level, "; ".join(words if words and state != "naming" else [*words, WORDS.get(state, state)])
+
+    def _send(self, window: TwinWindow) -> None:
         """Publish the status of a window."""
-        level = max(self._level, WARN if window.note else OK)
-        self._text = f"{window.state}: {window.note}" if window.note else self._event or window.state
-        values = {"state": window.state, "note": window.note, "mean_square": window.square, "event": self._event}
-        if change is not None:
-            values |= {"verdict": change.named.verdict, "since": change.since}
+        self._last, self._state = window, window.state
+        values = {"state": window.state, "note": window.note, "mean_square": window.square}
         rows = zip(self.twin.names, self.twin.units, window.values, *window.ends, strict=True)
         message = DiagnosticArray(
-            status=[self._status(level, "table", self._text, values)]
+            status=[self._status("table", *self._light(window.note), values)]
             + [self._parameter(name, unit, *map(float, numbers)) for name, unit, *numbers in rows]
+            + [self._status(f"change {number}", *change) for number, change in enumerate(self._changes, 1)]
         )
         message.header.stamp = time_message(window.stamp)
         self._publisher.publish(message)
 
     def _parameter(self, name: str, unit: str, value: float, low: float, high: float) -> DiagnosticStatus:
-        text = f"{value:.4g} ({low:.4g} … {high:.4g}) {unit}"
-        return self._status(OK, name, text, {"value": value, "low": low, "high": high, "unit": unit})
+        from shake_ros.report.text import interval_text
 
-    def _status(self, level: int, name: str, text: str, values: Mapping[str, object]) -> DiagnosticStatus:
+        values = {"value": value, "low": low, "high": high, "unit": unit}
+        return self._status(name, OK, interval_text(value, 0.5 * (high - low), unit), values)
+
+    def _status(self, name: str, level: int, text: str, values: Mapping[str, object]) -> DiagnosticStatus:
         hardware = self.frame.node.get_fully_qualified_name().lstrip("/")
         return status_of(f"twin {name}", hardware, level, text, values)
 

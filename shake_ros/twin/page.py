@@ -11,8 +11,8 @@ from shake_ros.report.page import Made, Page, Source
 from shake_ros.report.result_table import percent
 from shake_ros.report.text import rounded, unit_of
 from shake_ros.twin.naming import ONE_OF_THESE
-from shake_ros.twin.text import hypothesis_text, instant
-from shake_ros.twin.twin import INTERVAL, PAUSED, Change
+from shake_ros.twin.text import action_text, instant, rivals_text, what_text
+from shake_ros.twin.twin import INTERVAL, PAUSED
 
 if TYPE_CHECKING:
     from shake_ros.twin.follow import Following
@@ -68,12 +68,12 @@ def _changes(page: Page, found: Following) -> None:
     if not found.changes:
         page.paragraph("None was noticed.")
         return
-    head = ("since", "what", "place", "or one of these", "error before", "since then", "with it")
+    head = ("since", "what", "place", "or one of these", "error before", "since then", "with it", "what to do")
     rows = [
         (
-            *(instant(c.since, c.recording, c.at), _what(c), c.named.place),
-            "; ".join(hypothesis_text(h) for h in c.named.rivals) or "–",
+            *(instant(c.since, c.recording, c.at), what_text(c), c.named.place, rivals_text(c) or "–"),
             *map(percent, c.named.error),
+            action_text(c),
         )
         for c in found.changes
     ]
@@ -85,10 +85,6 @@ def _changes(page: Page, found: Following) -> None:
         "nothing explains a change, it is left as the table was known before.",
         note=True,
     )
-
-
-def _what(change: Change) -> str:
-    return hypothesis_text(change.named.best) if change.named.explained else "no effect explains it"
 
 
 def _title(name: str) -> str:

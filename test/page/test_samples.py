@@ -142,3 +142,28 @@ def test_computed_curves_wait_for_a_late_topic_but_not_for_one_that_has_stopped(
     fill(samples, 800, 200, 0.3)  # now the reference is 0.6 s behind
     assert samples.settled == 1000
     assert np.isnan(samples.newest("tracking_error", 0.6)).all()
+
+
+def test_twins_prediction_comes_seconds_late_and_is_shown_where_it_belongs() -> None:
+    samples = store()
+    for batch in range(80):
+        fill(samples, 100 * batch, 100, topic="imu")
+    before = samples.frame(3, 0, 120.0)
+    fill(samples, 1000, 1000, 5.0, topic="predicted_imu")
+    assert (samples.settled, samples.later) == (8000, 2000)
+    frame, following = samples.frame(3, 0, 120.0)
+    assert following == before[1]
+    shown = decoded(frame)[1][ROW["twin_acceleration"]]
+    assert np.flatnonzero(np.isfinite(shown)).tolist() == list(range(125, 250))
+    assert np.nanmin(shown) == 5.0
+
+
+def test_prediction_of_an_earlier_run_of_the_table_is_left_out() -> None:
+    samples = store()
+    fill(samples, 0, 100, 5.0, topic="predicted_imu")  # before all else
+    fill(samples, 60_000, 100)
+    fill(samples, 0, 100)  # the table has begun anew
+    epoch = samples.epoch
+    fill(samples, 60_000, 100, 5.0, topic="predicted_imu")
+    assert (samples.epoch, samples.later, samples.settled) == (epoch, 0, 100)
+    assert np.isnan(samples.newest("twin_acceleration", 1.0)).all()

@@ -24,7 +24,7 @@ from websockets.sync.client import connect
 from shake_ros.page.desk import Answer
 from shake_ros.page.jobs import Jobs
 from shake_ros.page.library import Library
-from shake_ros.page.samples import HEADER, Prediction, SampleStore
+from shake_ros.page.samples import HEADER, ROW, Prediction, SampleStore
 from shake_ros.page.server import Server, Site
 
 MS = 1_000_000
@@ -42,6 +42,9 @@ class QuietDesk:
 
     def parameters(self) -> dict[str, list[dict[str, Any]]]:
         return {"plant": []}
+
+    def twin(self) -> dict[str, Any]:
+        return {"time": [2.0], "parameters": [], "changes": []}
 
     def ask(self, what: str, **how: Any) -> Future[Answer]:
         self.asked.append((what, how))
@@ -358,3 +361,32 @@ def test_zoom_gets_every_sample_of_a_stretch(running) -> None:
             pass
         _, _, count, _, first, step = HEADER.unpack_from(data, 4)
         assert (count, first, step) == (101, 50.0, 0.001)
+
+
+def test_page_gets_the_twins_late_prediction_for_what_it_has_already_shown(running) -> None:
+    with running.page() as socket:
+        while running.store.settled < 600:
+            time.sleep(0.01)
+        end = 0.0
+
+        def late() -> bool:
+            nonlocal end
+            data = socket.recv(timeout=10)
+            if isinstance(data, str):
+                return False
+            _, _, n, curves, first, step = HEADER.unpack_from(data)
+            low = np.frombuffer(data, np.float32, offset=HEADER.size)[: curves * n].reshape(curves, n)
+            again, end = first * step < end, max(end, (first + n) * step)
+            return bool(again and np.nanmax(low[ROW["twin_acceleration"]], initial=0.0) == 5.0)
+
+        while end < 0.5:
+            late()
+        running.store.add("predicted_imu", START + np.arange(100, 400) * MS, np.full((300, 1), 5.0))
+        deadline = time.monotonic() + 10.0
+        while not late():
+            assert time.monotonic() < deadline
+
+
+def test_spectator_sees_what_the_twin_has_found(running) -> None:
+    status, content = running.request("GET", "/api/twin", **running.headers("spectator"))
+    assert (status, json.loads(content)) == (200, running.desk.twin())

@@ -7,12 +7,18 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from named_changes import LEAKAGE, SENSOR, change, told_twin, twin_window
 from rclpy.node import Node
 
 import shake_ros as sr
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.data.recordings import write_table_recording
+from shake_ros.page.library import Library
+from shake_ros.page.samples import Prediction, SampleStore
 from shake_ros.ros import interface
+from shake_ros.ros.frame import Frame
+from shake_ros.ros.loop import ros_context
+from shake_ros.ros.page_desk import PageDesk
 from shake_ros.ros.twin_node import Instants
 from shake_ros.settings import load_table, save_table
 from shake_ros.twin.follow import follow
@@ -86,3 +92,32 @@ def test_an_instant_that_lacks_a_topic_is_left_out_and_order_does_not_matter() -
     for place, stamp in ((0, 20), (1, 20), (0, 30), (1, 30)):
         assert instants.add(place, stamp, 1.0) == []
     assert instants.add(2, 30, 2.0) == [(30, [1.0, 1.0, 2.0])]
+
+
+def test_light_changes_and_curves_reach_the_page(ros_domain, tmp_path) -> None:
+    with ros_context([], domain_id=ros_domain) as context:
+        frame, twin = Frame("page", context, ["--ros-args"]), told_twin(context)
+        desk = PageDesk(frame, SampleStore(frame.period, Prediction(frame.sample_time, None)), Library(tmp_path), None)
+
+        def shown(**of_window: Any) -> tuple[int, str]:
+            """Level and words of the light once the page has a window."""
+            count = len(desk.twin()["time"])
+            twin._publish(twin_window(**of_window))
+            spin_until(frame.node, lambda: len(desk.twin()["time"]) > count, "the window")
+            before = desk.status()["nodes"].get("twin", {}).get("heard", 0.0)
+            twin.frame.diagnostics.publish()
+            spin_until(frame.node, lambda: desk.status()["nodes"].get("twin", {}).get("heard", 0.0) > before, "light")
+            node = desk.status()["nodes"]["twin"]
+            return node["level"], node["message"]
+
+        spin_until(frame.node, lambda: twin._publisher.get_subscription_count() > 0, "the page's subscription")
+        assert shown()[0] == 0
+        assert shown(note="no samples for 3.00 s") == (1, "paused: no samples for 3.00 s")
+        level, words = shown(found=change(LEAKAGE))
+        assert (level, words[:29]) == (1, "leakage.internal × 2.00 (1.84")
+        assert shown(found=change(SENSOR, explained=False))[0] == 2
+        assert shown()[0] == 2  # the light stays
+        assert [one["level"] for one in desk.twin()["changes"]] == [1, 2]
+        assert desk.twin()["changes"][0]["since"] == 3.0
+        (curve,) = desk.twin()["parameters"]
+        assert curve["value"] == [0.6] * 5

@@ -3,13 +3,13 @@ import { ask, look, on, stats } from './socket.js'
 
 const NAMES = ['reference_position', 'position', 'tracking_error', 'reference_velocity', 'estimated_velocity',
   'predicted_velocity', 'reference_acceleration', 'acceleration', 'estimated_acceleration', 'predicted_acceleration',
-  'valve_command', 'pressure_a', 'pressure_b', 'pressure_supply']
-const BLUE = ['#0b5fa5', '#58a6ee'], ORANGE = ['#b85c00', '#f0a050'], GREEN = ['#1b7f4b', '#4cc38a'], GREY = ['#6b7885', '#93a1b0'], VIOLET = ['#7a3fa0', '#c48cf0']
+  'valve_command', 'pressure_a', 'pressure_b', 'pressure_supply', 'twin_acceleration']
+export const BLUE = ['#0b5fa5', '#58a6ee'], ORANGE = ['#b85c00', '#f0a050'], GREEN = ['#1b7f4b', '#4cc38a'], GREY = ['#6b7885', '#93a1b0'], VIOLET = ['#7a3fa0', '#c48cf0']
 const PANELS = [
   { title: 'Position', unit: 'mm', factor: 1e3, height: 150, least: 2, curves: [['reference', 0, GREY], ['measured', 1, BLUE]] },
   { title: 'Tracking error', unit: 'mm', factor: 1e3, height: 90, least: 0.1, curves: [['reference − measured', 2, ORANGE]] },
   { title: 'Velocity', unit: 'm/s', factor: 1, height: 110, least: 0.02, curves: [['reference', 3, GREY], ['estimate', 4, BLUE], ['model', 5, VIOLET]] },
-  { title: 'Acceleration', unit: 'm/s²', factor: 1, height: 150, least: 0.4, curves: [['reference', 6, GREY], ['measured', 7, BLUE], ['estimate', 8, GREEN], ['model', 9, VIOLET]] },
+  { title: 'Acceleration', unit: 'm/s²', factor: 1, height: 150, least: 0.4, curves: [['reference', 6, GREY], ['measured', 7, BLUE], ['estimate', 8, GREEN], ['model', 9, VIOLET], ['twin', 14, ORANGE]] },
   { title: 'Valve command', unit: '%', factor: 100, height: 90, least: 2, curves: [['command', 10, ORANGE]] },
   { title: 'Pressure', unit: 'MPa', factor: 1e-6, height: 110, least: 1, curves: [['A', 11, BLUE], ['B', 12, GREEN], ['supply', 13, GREY]] },
 ]
@@ -17,7 +17,7 @@ const WINDOWS = [1, 2, 5, 10, 20, 30, 60, 120]
 let rested = 0, plots = [], span = 10, paused = false, zoom = null, epoch = -1, sampleTime = 0.001, dirty = false
 let time = [], values = NAMES.map(() => []), zoomed = null, newest = 0
 const element = id => document.getElementById(id)
-const dark = () => document.documentElement.dataset.theme === 'dark' ? 1 : 0
+export const dark = () => document.documentElement.dataset.theme === 'dark' ? 1 : 0
 
 export function level(seconds) {  // buckets no wider than half a pixel of the narrowest curve
   const pixels = Math.max(300, element('charts').clientWidth - 70)
@@ -37,7 +37,10 @@ function take(frame, into) {
 }
 
 function onFrame(frame) {
-  if (frame.epoch !== epoch || (time.length && frame.first * frame.step < time[time.length - 1] - frame.step)) clear(frame.epoch)
+  if (frame.epoch !== epoch) clear(frame.epoch)
+  let kept = time.length  // the twin's curve comes late: such a frame replaces what is there
+  while (kept && time[kept - 1] >= frame.first * frame.step) kept--
+  for (const list of [time, ...values]) list.length = kept
   take(frame, { time, values })
   newest = (frame.first + frame.n) * frame.step
   let old = 0
@@ -89,6 +92,11 @@ function round(low, high, least, rows) {
 
 const fixed = (value, digits) => { const shown = value.toFixed(digits); return +shown === 0 ? shown.replace('-', '') : shown }
 
+export function axisStyle() {
+  const css = getComputedStyle(document.documentElement)
+  return { stroke: css.getPropertyValue('--quiet').trim(), grid: { stroke: css.getPropertyValue('--line').trim(), width: 1 }, ticks: { show: false }, font: '12px system-ui' }
+}
+
 function panel(what) {
   const box = document.createElement('div')
   box.className = 'chart'
@@ -99,9 +107,7 @@ function panel(what) {
   box.append(legend)
   element('charts').append(box)
   const outputs = [...legend.querySelectorAll('output')]
-  const css = getComputedStyle(document.documentElement)
-  const ink = css.getPropertyValue('--quiet').trim(), line = css.getPropertyValue('--line').trim()
-  const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { show: false }, font: '12px system-ui' }
+  const axis = axisStyle()
   const last = what === PANELS[PANELS.length - 1]
   const rows = what.height > 100 ? 4 : 2
   let bounds = round(0, 0, what.least, rows)
@@ -150,6 +156,7 @@ function panel(what) {
         return part
       })
       if (low > high) { low = 0; high = 0 }
+      outputs.forEach((output, i) => { output.parentNode.hidden = !shown[i].some(value => value != null) })
       const wide = bounds.high - bounds.low
       if (low < bounds.low || high > bounds.high || (wide > 1.01 * what.least && high - low < 0.4 * wide)) bounds = round(low, high, what.least, rows)
       plot.setData([x, ...shown], false)

@@ -4,6 +4,7 @@ import * as curves from './curves.js'
 import * as state from './state.js'
 import * as run from './run.js'
 import * as learn from './learn.js'
+import * as twin from './twin.js'
 
 const root = document.documentElement
 root.dataset.theme = localStorage.getItem('theme') || (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light')
@@ -35,7 +36,7 @@ addEventListener('keydown', event => {
 addEventListener('keyup', event => { if (event.code === 'Space' && !event.shiftKey && event.target.tagName === 'BUTTON') event.preventDefault() }, true)
 addEventListener('message', event => { if (event.source === document.getElementById('report').contentWindow && event.data === 'stop') run.stop() })
 
-curves.begin(); state.begin(); run.begin(); learn.begin()
+curves.begin(); state.begin(); run.begin(); learn.begin(); twin.begin()
 connect()
 const answers = []
 on('answer', answer => { answers.push(answer); if (answers.length > 50) answers.shift() })

@@ -1,10 +1,10 @@
 // State at a glance: the interlock, the nodes, trips, spectra, harmonics, runs.
 import { ask, on, stats } from './socket.js'
-import { column } from './curves.js'
+import { axisStyle, BLUE, column, dark, GREY } from './curves.js'
 
 const element = id => document.getElementById(id)
 export const text = value => String(value ?? '').replace(/[&<>"']/g, c => `&#${c.charCodeAt(0)};`)
-const clock = seconds => new Date(seconds * 1000).toLocaleTimeString('en-GB')
+export const clock = seconds => new Date(seconds * 1000).toLocaleTimeString('en-GB')
 // Three digits, no exponent, no more than so many decimals.
 export const number = (value, digits = 3, decimals = 4) => {
   if (value == null || value === '' || Number.isNaN(+value)) return '–'
@@ -17,7 +17,16 @@ const SLOW = ['deadline_overruns', 'stale_command']
 const HINT = '<div class="quiet">This machine does not hold the rate in real time: end the lab and start it with <code>--lockstep</code>, which waits for every sample.</div>'
 const WORDS = { run: 'run', off: 'off', hold: 'hold', tripped: 'tripped', starting: 'starting', lost: 'table lost', unknown: '…' }
 export const current = { status: null }
-const put = (id, html) => { const box = element(id); if (box.dataset.shown !== html) { box.dataset.shown = html; box.innerHTML = html } }
+export const put = (id, html) => { const box = element(id); if (box.dataset.shown !== html) { box.dataset.shown = html; box.innerHTML = html } }
+
+// The twin's light: green, amber, red; grey while it learns what is normal and when it has stopped.
+export function twin(status) {
+  const node = Object.values(status.nodes).find(one => one.part === 'twin')
+  if (!node) return null
+  const state = node.lost ? 'stopped' : node.values.state, grey = ['stopped', 'waiting', 'learning'].includes(state) && (node.lost || !node.level)
+  const word = state === 'watching' ? ['unchanged', 'changed', 'fault'][node.level] : state
+  return { ...node, state, word, dot: `<i class="dot ${grey ? 'grey' : `l${node.level}`}"></i>` }
+}
 
 function peak(name, factor) {
   let most = 0
@@ -48,6 +57,8 @@ function header(status) {
   const facts = [`<span>span <b>${number(status.span, 3)}</b></span>`]
   if (table) facts.push(`<span>${status.lockstep ? 'lock-step' : 'real time'} <b>${Math.round(table.values.rate_hz)} Hz</b></span>`, `<span>missed <b>${table.values.missed_deadlines}</b></span>`)
   for (const [name, value] of Object.entries(status.words)) facts.push(`<span>${name} <b>${text(value.split('/').slice(-2).join('/'))}</b></span>`)
+  const beside = twin(status)
+  if (beside) facts.push(`<span>${beside.dot}twin <b>${text(beside.word)}</b></span>`)
   if (status.recording) facts.push(`<span class="rec">● recording ${text(status.recording.split('/').pop())} ${Math.round(status.recording_for)} s</span>`)
   put('facts', facts.join(''))
   const seat = { operator: 'you have the controls', waiting: status.taken ? 'another page has the controls <button id="take">Take them</button>' : '', spectator: 'spectator: read only' }
@@ -106,10 +117,10 @@ function nodes(status) {
 }
 
 const small = {}
-function chart(id, key, make, data) {
+export function chart(id, key, make, data) {
   const box = element(id)
   if (!data || !data[0] || !data[0].length) { put(id, '<span class="quiet">nothing yet</span>'); delete small[id]; return }
-  if (!small[id] || small[id].box !== box.clientWidth || small[id].theme !== document.documentElement.dataset.theme) {
+  if (!small[id] || small[id].plot.root.parentNode !== box || small[id].box !== box.clientWidth || small[id].theme !== document.documentElement.dataset.theme) {
     if (!box.clientWidth) return
     box.replaceChildren(); box.dataset.shown = ''
     small[id] = { plot: new uPlot(make(box.clientWidth), data, box), box: box.clientWidth, theme: document.documentElement.dataset.theme }
@@ -126,8 +137,7 @@ const decades = (low, high, marks) => {
 const plain = at => { const v = 10 ** at; return v >= 0.001 && v < 10000 ? String(+v.toPrecision(2)) : v.toExponential(0) }
 
 function options(width, x, y, series, logY) {
-  const css = getComputedStyle(document.documentElement), ink = css.getPropertyValue('--quiet').trim()
-  const axis = { stroke: ink, grid: { stroke: css.getPropertyValue('--line').trim(), width: 1 }, ticks: { show: false }, font: '12px system-ui', labelFont: '12px system-ui', labelSize: 16 }
+  const axis = { ...axisStyle(), labelFont: '12px system-ui', labelSize: 16 }
   const log = marks => ({ splits: (u, i, low, high) => decades(low, high, marks), values: (u, splits) => splits.map(plain) })
   return {
     width, height: 180, legend: { show: false }, cursor: { show: false }, padding: [8, 12, 0, 0],
@@ -138,8 +148,7 @@ function options(width, x, y, series, logY) {
 }
 
 function spectra(status) {
-  const s = status.spectrum, night = document.documentElement.dataset.theme === 'dark'
-  const blue = night ? '#58a6ee' : '#0b5fa5', grey = night ? '#93a1b0' : '#6b7885', colours = [blue, grey]
+  const s = status.spectrum, colours = [BLUE[dark()], GREY[dark()]]
   const log = values => (values || []).map(v => Math.log10(Math.max(v, 1e-7)))
   const full = s.frequency && s.frequency.length && Math.max(...s.acceleration) > 0
   chart('spectrum', status.time, w => options(w, 'Hz', 'm/s²', colours, true), full ? [log(s.frequency), log(s.acceleration), log(s.reference_acceleration)] : null)
