@@ -434,7 +434,7 @@ def close_loop(
     with Progress("close_loop", progress) as bar:
         with Ending(bar, minutes) as ending:
             start = model.begin(*records, unstopped(ending))
-            start = start.with_specimen() if declared is FULL and search == FORWARD else start
+            start = start.with_shown() if declared is FULL and search == FORWARD else start
             data, structure = start.data, model_structure(start, declared)
             first, second = data.estimation, data.validation
             limits = settings or search_settings(declared)

@@ -7,6 +7,7 @@ leaves least; where that leaves much, with backlash alone (by_bands.py) or with 
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -26,7 +27,7 @@ from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import windows
 from shake_ros.core.identification.sensor_filter import behind_filter, better_filter
-from shake_ros.core.identification.sensor_pair import SensorPair
+from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair
 from shake_ros.core.identification.shared_lag import with_lag_parted
 from shake_ros.core.identification.uncertainty import at_bound
 from shake_ros.core.identification.unknown_model import UnknownModel
@@ -74,15 +75,17 @@ class StartingPoint:
         """A declared table, from which the fit begins as it is."""
         return cls(table, data, table)
 
-    def with_specimen(self) -> StartingPoint:
-        """The same with a specimen that swings, where the linear response shows one that the table lacks."""
-        if SPECIMEN in self.table.effects:
-            return self
-        try:
-            specimen = FirstGuess(self.data.estimation).specimen(self.table)
-        except ShakeError:  # a sine alone, for one, is no response
-            return self
-        return replace(self, fitted=self.table.with_values(specimen), shown=(SPECIMEN,)) if specimen else self
+    def with_shown(self) -> StartingPoint:
+        """The same with what sensors and linear response show of the effects that the table lacks."""
+        lacks = tuple(e for e in SHOWN if e not in self.table.effects)
+        sensors = sensor_pair(self.data.estimation)
+        values = effects_between_sensors(self.table, sensors, lacks)
+        with contextlib.suppress(ShakeError):  # a sine alone, for one, is no response
+            if SPECIMEN in lacks:
+                values |= FirstGuess(self.data.estimation, sensors).specimen(self.table)
+        fitted = self.table.with_values(values)
+        shown = tuple(e for e in lacks if e in fitted.effects)
+        return replace(self, fitted=fitted, shown=shown, between=tuple(e for e in shown if e in BETWEEN_SENSORS))
 
 
 def staged_start(

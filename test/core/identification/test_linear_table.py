@@ -167,7 +167,7 @@ def sine() -> Record:
 )
 def test_a_declared_table_begins_with_the_specimen_that_shows(records: list[Record], shown: tuple[str, ...]) -> None:
     table = load_table("bergamo")
-    start = StartingPoint.declared(table, Prepared(records, [], 1.0, ())).with_specimen()
+    start = StartingPoint.declared(table, Prepared(records, [], 1.0, ())).with_shown()
     assert (start.table, start.shown, tuple(start.fitted.effects)) == (table, shown, shown)
     if shown:
         assert start.fitted.value("effects.specimen_resonance.frequency") == pytest.approx(FREQUENCY, rel=0.05)

@@ -7,23 +7,31 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair
+from shake_ros.core.identification.stages import StartingPoint
 from shake_ros.core.quantities import ShakeError
+from shake_ros.settings import load_table
 
 SAMPLE_TIME, COUNT = 0.002, 15000
 OMEGA = 2.0 * np.pi * np.fft.rfftfreq(COUNT, SAMPLE_TIME)
 Response = Callable[[np.ndarray], np.ndarray]
 
 
-def told_by(*responses: Response) -> SensorPair:
-    """The sensors of a motion up to 40 Hz whose acceleration passes through responses; both have noise."""
+def record(*responses: Response) -> Record:
+    """A motion up to 40 Hz whose acceleration passes through responses; both sensors have noise."""
     rng = np.random.default_rng(3)
     motion = np.fft.rfft(rng.standard_normal(COUNT)) * (OMEGA > 3.0) * (OMEGA < 250.0) / np.maximum(OMEGA, 3.0) ** 2
     through = np.prod([response(OMEGA) for response in responses], axis=0) if responses else 1.0
     position = np.fft.irfft(motion, COUNT) + 1e-6 * rng.standard_normal(COUNT)
     acceleration = np.fft.irfft(-(OMEGA**2) * motion * through, COUNT) + 0.01 * rng.standard_normal(COUNT)
-    return sensor_pair([Record("made", SAMPLE_TIME, np.zeros(COUNT), position, acceleration)])
+    return Record("made", SAMPLE_TIME, np.zeros(COUNT), position, acceleration)
+
+
+def told_by(*responses: Response) -> SensorPair:
+    """What the sensors of such a motion tell."""
+    return sensor_pair([record(*responses)])
 
 
 def test_sensors_that_agree_tell_of_nothing() -> None:
@@ -76,23 +84,39 @@ def test_transducer_slower_than_all_lines_hides_the_scale() -> None:
     assert found.scale_error is None
 
 
+MASS, STIFFNESS, DAMPING, FREQUENCY = 800.0, 4e7, 0.04, 18.0  # of a table, and of the base below it [Hz]
+
+
+def receding(omega: np.ndarray) -> np.ndarray:
+    """Absolute acceleration per acceleration to a base that is a mass on its spring."""
+    base = STIFFNESS / (2.0 * np.pi * FREQUENCY) ** 2
+    dynamic = STIFFNESS - base * omega**2 + 2j * DAMPING * np.sqrt(STIFFNESS * base) * omega
+    return np.asarray(1.0 / (1.0 - omega**2 * MASS / dynamic))
+
+
 @pytest.mark.parametrize(("lag", "position_lag"), [(0.0, 0.0), (0.005, 0.0), (0.0, 0.03)])
 def test_base_that_gives_way_beside_slow_sensors(lag: float, position_lag: float) -> None:
-    mass, stiffness, damping = 800.0, 4e7, 0.04
-    base = stiffness / (2.0 * np.pi * 18.0) ** 2
-
-    def receding(omega: np.ndarray) -> np.ndarray:
-        """Absolute acceleration per acceleration to a base that is a mass on its spring."""
-        dynamic = stiffness - base * omega**2 + 2j * damping * np.sqrt(stiffness * base) * omega
-        return np.asarray(1.0 / (1.0 - omega**2 * mass / dynamic))
-
     found = told_by(receding, late, lambda omega: (1.0 + 1j * omega * position_lag) / (1.0 + 1j * omega * lag))
     assert found.lag == pytest.approx(lag, rel=0.1)
     assert found.position_lag == pytest.approx(position_lag, rel=0.1)
     assert found.base is not None
-    assert found.base.compliance_mass == pytest.approx(mass / stiffness, rel=0.03)
-    assert found.base.frequency == pytest.approx(18.0, rel=0.005)
-    assert found.base.damping == pytest.approx(damping, rel=0.15)
+    assert found.base.compliance_mass == pytest.approx(MASS / STIFFNESS, rel=0.03)
+    assert found.base.frequency == pytest.approx(FREQUENCY, rel=0.005)
+    assert found.base.damping == pytest.approx(DAMPING, rel=0.15)
+
+
+@pytest.mark.parametrize(("responses", "shown"), [((), ()), ((receding,), ("base_flexibility",))])
+def test_a_declared_table_begins_with_what_its_sensors_show(
+    responses: tuple[Response, ...], shown: tuple[str, ...]
+) -> None:
+    table = load_table("bergamo")
+    start = StartingPoint.declared(table, Prepared([record(*responses)], [], 1.0, ())).with_shown()
+    assert (start.table, start.shown, start.between, tuple(start.fitted.effects)) == (table, shown, shown, shown)
+    if shown:
+        assert start.fitted.value("effects.base_flexibility.frequency") == pytest.approx(FREQUENCY, rel=0.005)
+        assert start.fitted.value("effects.base_flexibility.compliance") * table.moved_mass == pytest.approx(
+            MASS / STIFFNESS, rel=0.03
+        )
 
 
 def test_position_alone_tells_of_nothing() -> None:
