@@ -95,3 +95,8 @@ def test_pieces_of_a_limited_recording_are_its_loudest() -> None:
 def test_a_limited_recording_that_is_short_stays_whole() -> None:
     found = limited([record(4.0)], 16.0)
     assert windows(found, 0.9 * SECONDS / 3.0, 3.0) == found
+
+
+def test_a_short_response_that_follows_its_command_keeps_its_whole_band() -> None:
+    plain = record(0.0)
+    assert explained_band([plain.part(slice(0, round(3.0 / DT)))]) == math.inf
