@@ -193,7 +193,12 @@ class _Passes:
 def latent_force(
     model: DeclaredModel, table: TableParameters, record: Record, settings: SearchSettings, held_out: bool = True
 ) -> LatentForce | None:
-    """The force that a table lacks in a recording; None where its run is lost or the recording too short to tell."""
+    """The force that a table lacks in a recording; None where its run is lost or the recording too short to tell.
+
+    None as well of a table that shakes by itself: what shakes it is such a force.
+    """
+    if record.explained is not None:
+        return None
     passes = _Passes(model, table, record)
     run = model.run(table, record)
     none = np.zeros(len(record.commands) - record.start)

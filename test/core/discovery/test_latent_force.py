@@ -11,6 +11,7 @@ from benchmarks.discovery import hidden_tables as hidden
 from benchmarks.discovery.latent_force import declared_table, relative_error, true_force
 from shake_ros.core.discovery.latent_force import LatentForce, latent_force
 from shake_ros.core.identification.axis_model import AXIS
+from shake_ros.core.identification.explained_band import limited
 from shake_ros.core.identification.recordings import FULL, Record
 from shake_ros.core.identification.reduced_model import REDUCED
 from shake_ros.core.plant.axis import AXIS_LAYOUT, AxisParameters
@@ -32,6 +33,12 @@ def found(which: str = "hold_multisine", seed: int = SEED, **effects: float) -> 
     force = latent_force(FULL, declared_table(base), record, SETTINGS)
     assert force is not None
     return force, true_force(truth, record)
+
+
+def test_of_a_table_that_shakes_by_itself_no_force_is_told() -> None:
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((2, 2000))
+    (shaken,) = limited([Record("shaken", hidden.SAMPLE, np.zeros(2000), *noise)], 20.0)
+    assert latent_force(FULL, declared_table(hidden.declared_truth(SEED)), shaken, SETTINGS) is None
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
