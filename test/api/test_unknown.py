@@ -31,7 +31,7 @@ LATE = 0.0025  # anti-aliasing filter of the accelerometer [s]
 TABLE = constants(**OWN)
 
 
-def laboratory(name: str, seed: int, seconds: float = 2.5) -> sr.Recordings:
+def laboratory(name: str, seed: int, seconds: float = 4.0) -> sr.Recordings:
     """A recording as a laboratory has it: volts, null shift, bias, a late accelerometer."""
     made = record(seed, seconds, Hidden(null_shift=SHIFTS[name]))
     acceleration = advanced(made.acceleration, -LATE / SAMPLE_TIME) + BIASES[name]

@@ -119,10 +119,18 @@ class Prepared:
             "below, what a linear one leaves counts as noise"
         )
 
+    @property
+    def _position_early(self) -> bool:
+        """Whether command and accelerometer are later than the position by the same time, up to a sample."""
+        return self.delay > 0.0 and 0.0 <= self.ahead - self.delay < max(r.sample_time for r in self.estimation)
+
     def lateness(self) -> str:
         """How late the accelerometer is and what for; empty where it is not."""
         if not self.delay and not self.cutoff:
             return ""
+        if self._position_early:
+            early = f"position earlier than command and accelerometer by {1e3 * self.delay:.2f} ms"
+            return f"{early}; both were moved to it"
         if self.cutoff and self.cutoff * self.delay < UNMADE * FILTER_DELAY:
             late = f"later than the position by {1e3 * self.delay:.2f} ms only"
             return (
@@ -133,7 +141,7 @@ class Prepared:
 
     def promptness(self) -> str:
         """By how much a late command was moved; empty where it was not."""
-        if not self.ahead:
+        if not self.ahead or self._position_early:
             return ""
         return (
             f"the table moves before its recorded command, which was moved {1e3 * self.ahead:.2f} ms earlier; the dead "

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from foreign_run import foreign_run
 
-from shake_ros.core.identification.late_command import LEFT, earlier, in_time, lead
+from shake_ros.core.identification.late_command import LEFT, earlier, in_time, lead, moved_ahead
 from shake_ros.core.identification.nuisances import prepared
 from shake_ros.core.identification.recordings import Record
 
@@ -42,6 +44,14 @@ def test_command_is_left_alone_where_damping_explains_the_response_as_well_as_a_
     noise = np.random.default_rng(1).normal(0.0, 1e-5, len(time))
     record = Record("slow", 0.005, command, np.cumsum(velocity) * 0.005 + noise, None)
     assert lead([record]) == 0.0
+
+
+def test_command_and_accelerometer_that_are_late_alike_are_called_an_early_position() -> None:
+    data = prepared([foreign_run(422)], [])
+    late = [replace(r, delay=0.0087) for r in data.estimation]
+    data = moved_ahead(replace(data, estimation=late), 0.0087)
+    (change,) = [c for c in data.changes() if "ms" in c]
+    assert change == "position earlier than command and accelerometer by 8.70 ms; both were moved to it"
 
 
 def test_command_in_time_stays() -> None:
