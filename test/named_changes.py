@@ -38,7 +38,7 @@ def twin_window(
     return TwinWindow("", 4.0, start, start + 2 * SECOND, state, note, value, deviation, 1.0, motion, found)
 
 
-def told_twin(context: Any) -> Any:
+def idle_twin(context: Any) -> Any:
     """A node `twin` of one parameter that nothing comes in to; needs ROS."""
     from shake_ros.ros.frame import Frame
     from shake_ros.ros.twin_node import TwinNode

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from named_changes import LEAKAGE, SENSOR, change, told_twin, twin_window
+from named_changes import LEAKAGE, SENSOR, change, idle_twin, twin_window
 from rclpy.node import Node
 
 import shake_ros as sr
@@ -96,7 +96,7 @@ def test_an_instant_that_lacks_a_topic_is_left_out_and_order_does_not_matter() -
 
 def test_light_changes_and_curves_reach_the_page(ros_domain, tmp_path) -> None:
     with ros_context([], domain_id=ros_domain) as context:
-        frame, twin = Frame("page", context, ["--ros-args"]), told_twin(context)
+        frame, twin = Frame("page", context, ["--ros-args"]), idle_twin(context)
         desk = PageDesk(frame, SampleStore(frame.period, Prediction(frame.sample_time, None)), Library(tmp_path), None)
 
         def shown(**of_window: Any) -> tuple[int, str]:

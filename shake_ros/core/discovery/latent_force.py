@@ -193,9 +193,9 @@ class _Passes:
 def latent_force(
     model: DeclaredModel, table: TableParameters, record: Record, settings: SearchSettings, held_out: bool = True
 ) -> LatentForce | None:
-    """The force that a table lacks in a recording; None where its run is lost or the recording too short to tell.
+    """The force that a table lacks in a recording; None where its run is lost or the recording is too short.
 
-    None as well of a table that shakes by itself: what shakes it is such a force.
+    None as well for a table that shakes by itself: what shakes it is such a force.
     """
     if record.explained is not None:
         return None

@@ -81,8 +81,8 @@ class Prepared:
 
     def below(self, band: float) -> Prepared:
         """The same, compared below a frequency [Hz] alone."""
-        both = [limited(records, band, self.estimation) for records in (self.estimation, self.validation)]
-        return replace(self, estimation=both[0], validation=both[1])
+        both, count = limited([*self.estimation, *self.validation], band, self.estimation), len(self.estimation)
+        return replace(self, estimation=both[:count], validation=both[count:])
 
     def with_nuisances(self, nuisances: NuisanceEstimates) -> Prepared:
         """The same with nuisance parameters that a model has given."""

@@ -80,8 +80,8 @@ class StartingPoint:
         lacks = tuple(e for e in SHOWN if e not in self.table.effects)
         sensors = sensor_pair(self.data.estimation)
         values = effects_between_sensors(self.table, sensors, lacks)
-        with contextlib.suppress(ShakeError):  # a sine alone, for one, is no response
-            if SPECIMEN in lacks:
+        if SPECIMEN in lacks:
+            with contextlib.suppress(ShakeError):  # a sine alone, for one, is no response
                 values |= FirstGuess(self.data.estimation, sensors).specimen(self.table)
         fitted = self.table.with_values(values)
         shown = tuple(e for e in lacks if e in fitted.effects)

@@ -35,7 +35,7 @@ def found(which: str = "hold_multisine", seed: int = SEED, **effects: float) -> 
     return force, true_force(truth, record)
 
 
-def test_of_a_table_that_shakes_by_itself_no_force_is_told() -> None:
+def test_no_force_is_estimated_for_a_table_that_shakes_by_itself() -> None:
     noise = 1e-3 * np.random.default_rng(1).standard_normal((2, 2000))
     (shaken,) = limited([Record("shaken", hidden.SAMPLE, np.zeros(2000), *noise)], 20.0)
     assert latent_force(FULL, declared_table(hidden.declared_truth(SEED)), shaken, SETTINGS) is None
