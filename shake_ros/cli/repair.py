@@ -247,22 +247,27 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     with found.failures.step("text"):
         text.extend(discovery_lines(found, given.force))
     print("\n".join(text))
+    answers = [found]
     if given.live:
         with found.failures.step("next recording"):
-            decide_live(found, given, arguments)
+            decide_live(answers, given, arguments)
     elif given.next:
         with found.failures.step("next recording"):
             asked = next_recording(found, interlock=given.interlock)
             print("\n".join([*asked.lines(), f"next recording: {asked.write(given.out / 'next')}"]))
     page = given.out / "report.html"
     print(f"report: {page if page.exists() else given.out / 'report.json'}")
-    for failure in found.failures:
+    failures = [failure for answer in answers for failure in answer.failures]
+    for failure in failures:
         print(f"shake_ros close_loop: {failure}", file=sys.stderr)
-    return 1 if len(found.failures) else 0
+    return 1 if failures else 0
 
 
-def decide_live(found: Discovery, given: argparse.Namespace, arguments: Sequence[str]) -> None:
-    """Play what settles open questions on the table of the running graph, record it, and decide again."""
+def decide_live(answers: list[Discovery], given: argparse.Namespace, arguments: Sequence[str]) -> None:
+    """Play what settles open questions on the table of the running graph, record it, and decide again.
+
+    Each further answer is reported before the table moves again, and added to the answers.
+    """
     with live(given) as table:
         assert table is not None
 
@@ -281,13 +286,16 @@ def decide_live(found: Discovery, given: argparse.Namespace, arguments: Sequence
             print(f"recorded: {bag}", flush=True)
             return read(bag)
 
+        def keep(more: Discovery) -> None:
+            answers.append(more)
+            out = more.report(given.out / "decided", force=True, **reporting("close_loop", given, arguments))
+            print("\n".join([*discovery_lines(more, given.force), f"report: {out}"]), flush=True)
+
         table.check()
-        decided = decide(found, play, most=given.most, minutes=given.minutes, interlock=table.limits())
-    print("\n".join(decided.last.lines()))
-    if decided.played:
-        decided.found.report(given.out / "decided", **reporting("close_loop", given, arguments))
-        print("\n".join(discovery_lines(decided.found, given.force)))
-        print(f"report after {len(decided.played)} more: {given.out / 'decided'}")
+        limits = table.limits()
+        decided = decide(answers[0], play, most=given.most, minutes=given.minutes, extended=keep, interlock=limits)
+    if decided.last is not None:
+        print("\n".join(decided.last.lines()))
 
 
 def unused(folder: Path) -> Path:

@@ -249,14 +249,14 @@ class Decided:
 
     Attributes
     ----------
-    found : the last result.
+    found : the last result; its `failures` name an error that ended the series.
     played : motions in their order, each with what it was expected to do.
-    last : what the last design said.
+    last : what the last design said; None where that design failed.
     """
 
     found: Discovery
     played: tuple[NextRecording, ...]
-    last: NextRecording
+    last: NextRecording | None
 
 
 def decide(
@@ -266,9 +266,12 @@ def decide(
     most: int = 2,
     minutes: float | None = None,
     progress: ProgressOption = True,
+    extended: Callable[[Discovery], None] = lambda _: None,
     **options: Any,
 ) -> Decided:
     """Make recordings until nothing is open, nothing within the limits would help, or there are enough of them.
+
+    An error in a recording, or in what follows it, ends the series with the result so far, whose `failures` note it.
 
     Parameters
     ----------
@@ -276,18 +279,25 @@ def decide(
     play : plays a motion and returns its recording; None ends the series with what it has.
     most : recordings at most.
     minutes : time budget of each search that goes on.
+    progress : show it, or a function to call with what is being done and the part done.
+    extended : called with the result of each search that went on, before the table moves again.
     options : of `next_recording`.
     """
-    played = list[NextRecording]()
-    asked = next_recording(found, progress=progress, **options)
-    while asked.motion is not None and len(played) < most:
-        recording = play(asked)
-        if recording is None:
+    played = tuple[NextRecording, ...]()
+    asked: NextRecording | None = next_recording(found, progress=progress, **options)
+    while asked is not None and asked.motion is not None and len(played) < most:
+        more = None
+        with found.failures.step(f"further recording {len(played) + 1}"):
+            recording = play(asked)
+            more = None if recording is None else found.extended(recording, minutes=minutes, progress=progress)
+        if more is None:
             break
-        played.append(asked)
-        found = found.extended(recording, minutes=minutes, progress=progress)
-        asked = next_recording(found, progress=progress, **options)
-    return Decided(found, tuple(played), asked)
+        found, played, asked = more, (*played, asked), None
+        with found.failures.step("result of a further recording"):
+            extended(found)
+        with found.failures.step("next recording"):
+            asked = next_recording(found, progress=progress, **options)
+    return Decided(found, played, asked)
 
 
 def next_page(asked: NextRecording) -> Page:

@@ -6,7 +6,11 @@ import pytest
 import shake_ros as sr
 from shake_ros.core.plant.axis import AXIS_LAYOUT
 from shake_ros.core.quantities import ShakeError
-from shake_ros.experiment_design.next_recording import next_recording
+from shake_ros.core.reference.motion import Envelope
+from shake_ros.experiment_design import next_recording as designs
+from shake_ros.experiment_design.design import PredictedExcitation, Separation
+from shake_ros.experiment_design.motions import library
+from shake_ros.experiment_design.next_recording import NextRecording, decide, next_recording
 
 NUMBERS = {"mass": 10.0, "viscous": 20.0, "coulomb": 5.0, "offset": 0.0}
 
@@ -44,3 +48,48 @@ def test_a_recording_that_the_search_has_had_is_refused(found):
 def test_a_design_needs_hydraulics(found):
     with pytest.raises(ShakeError, match="needs the model full or unknown, not axis"):
         next_recording(found, progress=False)
+
+
+@pytest.fixture
+def asked(found, monkeypatch):
+    """The same motion is asked for again and again."""
+    prediction = PredictedExcitation(
+        library()[0], np.zeros((10, 3)), found.estimation[0], (Separation("another", 5.0, np.zeros(10)),)
+    )
+    made = NextRecording(("another",), prediction, Envelope(0.1, 1.0, 10.0), (), 0.001)
+    monkeypatch.setattr(designs, "next_recording", lambda *_, **__: made)
+    return made
+
+
+def breaking(runs):
+    """Plays these runs; then the graph is gone."""
+
+    def play(*_, **__):
+        if not runs:
+            raise ShakeError("the graph has stopped")
+        return runs.pop(0)
+
+    return play
+
+
+def test_an_error_in_the_second_recording_leaves_the_result_of_the_first(found, asked):
+    kept = []
+    third = run("third", 51, 1.0, 3)
+    decided = decide(found, breaking([third]), most=3, extended=kept.append, progress=False)
+    assert kept == [decided.found]
+    assert {r.name for r in decided.found.estimation} == {"first", "third"}
+    assert decided.played == (asked,)
+    (failure,) = decided.found.failures
+    assert failure.step == "further recording 2"
+    assert "the graph has stopped" in failure.cause
+
+
+def test_a_design_that_fails_leaves_the_result_of_the_recording_before_it(found, asked, monkeypatch):
+    def played(_):
+        monkeypatch.setattr(designs, "next_recording", breaking([]))
+        return run("third", 51, 1.0, 3)
+
+    decided = decide(found, played, progress=False)
+    assert {r.name for r in decided.found.estimation} == {"first", "third"}
+    assert decided.last is None
+    assert [failure.step for failure in decided.found.failures] == ["next recording"]
