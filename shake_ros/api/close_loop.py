@@ -162,6 +162,7 @@ class Discovery(fitted.FittedResult):
     tuned : observer and controller for the found table, where they were asked for.
     failures : steps after the first fit that ended in an error, those of `report` as well; the result is without what
         they would have added.
+    unused : signals of the recordings that no fit uses, such as "pressure_a".
     """
 
     model: Model
@@ -174,6 +175,7 @@ class Discovery(fitted.FittedResult):
     tuned: TunedTable | None = None
     failures: Failures = field(default_factory=Failures)
     test: Sequence[Record] = ()
+    unused: tuple[str, ...] = ()
 
     @property
     def records(self) -> list[Record]:
@@ -286,7 +288,7 @@ class Discovery(fitted.FittedResult):
             )
             data = data.with_nuisances(found.search.nuisances)
             asked = () if ending.deadline_passed() else recordings_to_make()
-            return _completed(self.model, found, data, [], asked, bar, failures)
+            return replace(_completed(self.model, found, data, [], asked, bar, failures), unused=self.unused)
 
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, before and after; the first one validated."""
@@ -448,7 +450,8 @@ def close_loop(
         data = data.with_nuisances(found.search.nuisances)
         data = replace(data, stops=(*data.stops, *stops))
         asked = () if ending.deadline_passed() else recordings_to_make()
-        return _completed(model, found, data, test_data, asked, bar, failures, tune=tune)
+        completed = _completed(model, found, data, test_data, asked, bar, failures, tune=tune)
+        return replace(completed, unused=fitted.unused_signals(estimation, validation))
 
 
 def _completed(

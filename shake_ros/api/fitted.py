@@ -73,6 +73,7 @@ class LatentForces(Sequence[LatentForce]):
 
 
 Data = TableRecording | Sequence[TableRecording]
+UNUSED = "pressure_a", "pressure_b", "pressure_supply"
 
 
 class FittedResult(ABC):
@@ -152,6 +153,12 @@ def recordings(data: Data | None) -> Recordings:
     if isinstance(data, Recordings):
         return data
     return Recordings([data] if isinstance(data, TableRecording) else data or ())
+
+
+def unused_signals(*data: Data) -> tuple[str, ...]:
+    """Signals that any of some recordings has and no fit uses."""
+    runs = [run for some in data for run in recordings(some)]
+    return tuple(name for name in UNUSED if any(getattr(run, name) is not None for run in runs))
 
 
 def fit_data(estimation: Data, validation: Data | None, driven_by: str) -> tuple[list[Record], list[Record]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -32,7 +33,7 @@ from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import check_folder
+from shake_ros.data.result_folder import check_folder, write_json
 from shake_ros.experiment_design.next_recording import NextRecording, decide, next_recording
 from shake_ros.report.text import (
     close_loop_lines,
@@ -254,7 +255,7 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     elif given.next:
         with found.failures.step("next recording"):
             asked = next_recording(found, interlock=given.interlock)
-            print("\n".join([*asked.lines(), f"next recording: {asked.write(given.out / 'next')}"]))
+            print("\n".join([*asked.lines(), f"next recording: {write_next(asked, given.out)}"]))
     page = given.out / "report.html"
     print(f"report: {page if page.exists() else given.out / 'report.json'}")
     failures = [failure for answer in answers for failure in answer.failures]
@@ -295,7 +296,16 @@ def decide_live(answers: list[Discovery], given: argparse.Namespace, arguments: 
         limits = table.limits()
         decided = decide(answers[0], play, most=given.most, minutes=given.minutes, extended=keep, interlock=limits)
     if decided.last is not None:
+        write_next(decided.last, given.out / "decided" if decided.played else given.out)
         print("\n".join(decided.last.lines()))
+
+
+def write_next(asked: NextRecording, out: Path) -> Path:
+    """The motion and its page in the folder `next` of a result, next.json beside report.json, which has it too."""
+    folder, report = asked.write(out / "next"), out / "report.json"
+    content = (folder / "next.json").replace(out / "next.json").read_text(encoding="utf-8")
+    write_json(report, {**json.loads(report.read_text(encoding="utf-8")), "next": json.loads(content)})
+    return folder
 
 
 def unused(folder: Path) -> Path:

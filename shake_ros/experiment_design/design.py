@@ -27,13 +27,16 @@ from shake_ros.core.control.feedforward_pi import FeedforwardPI
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.discovery.problem import side_by_side
 from shake_ros.core.discovery.rival_models import RivalModel
+from shake_ros.core.identification.experiments import PAYLOAD
 from shake_ros.core.identification.fit import Fit, jacobian
+from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.identifiability import widening
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.reference.motion import Envelope, envelope
+from shake_ros.experiment_design.further_sensors import FurtherSensor, WithSensors
 from shake_ros.experiment_design.motions import Excitation
 
 Array = NDArray[np.float64]
@@ -42,6 +45,7 @@ HARDLY = math.log(10.0)  # below it a motion does not tell a rival apart [nats]
 OVERHEAD = 4.0  # of a run beside its motion, in seconds of excitation: many short runs are no gain
 FOLLOWED = 12.0  # bandwidth of the plain loop by which a motion is predicted [rad/s]
 COMMAND = 0.9  # largest valve command that a motion may need [-]
+NOTHING = np.zeros(0)
 CLOSE = 12  # motions whose evidence is worked out with refitted rivals: those of the largest difference
 
 
@@ -164,26 +168,54 @@ class Designer:
     def separated(self, prediction: PredictedExcitation, *, refitted: bool = True) -> tuple[Separation, ...]:
         """What a predicted motion does to each rival; without their refits an upper bound."""
         problem = RecordingProblem([prediction.record], self.model)
-        truth = problem.residuals(self.final.vector[None, :])[0]
-        own = [self._gain(problem, truth, fit, *self.itself, refitted)[0] for fit in self.moved] if refitted else [0.0]
-        found = []
-        for rival, (information, wide) in zip(self.rivals, self.known, strict=True):
-            gain, left = self._gain(problem, truth, rival.fit, information, wide, refitted)
-            found.append(Separation(rival.name, max(gain - max(own), 0.0), self._acceleration(problem, left)))
-        return tuple(found)
-
-    @staticmethod
-    def _gain(
-        problem: RecordingProblem, truth: Array, fit: Fit, information: Array, wide: float, refitted: bool
-    ) -> tuple[float, Array]:
-        """Expected gain over a fit [nats], and the weighted residuals that it would leave beyond the noise."""
-        r = problem.residuals(fit.vector[None, :])[0]
-        left, moved = np.nan_to_num(r - truth), 0.0
         if refitted:
-            j = np.nan_to_num(jacobian(problem, fit.free, fit.x, r))
-            step = np.linalg.lstsq(j.T @ j + information, -j.T @ left, rcond=1e-12)[0]
-            left, moved = left + j @ step, float(step @ information @ step)
-        return 0.5 * (float(left @ left) + moved) / wide, left
+            return self._separations(self._compared(problem), lambda left: self._acceleration(problem, left))
+        truth = problem.residuals(self.final.vector[None, :])[0]
+        ends = [problem.residuals(rival.fit.vector[None, :])[0] - truth for rival in self.rivals]
+        gains = [0.5 * float(np.nansum(end**2)) / wide for end, (_, wide) in zip(ends, self.known, strict=True)]
+        return tuple(Separation(r.name, gain, NOTHING) for r, gain in zip(self.rivals, gains, strict=True))
+
+    def with_sensors(
+        self, prediction: PredictedExcitation, sensors: Sequence[FurtherSensor]
+    ) -> dict[str, tuple[Separation, ...]]:
+        """The same if the table had one of some sensors more, by the sensor's name."""
+        problem = WithSensors(RecordingProblem([prediction.record], self.model), sensors, self.final.vector)
+        compared = self._compared(problem)
+        return {
+            name: self._separations([(left[own], j[own]) for left, j in compared], lambda _: NOTHING)
+            for name, own in problem.columns().items()
+        }
+
+    def heavier(self, part: float) -> Designer:
+        """The same with a part of the mass that the model found moves more on the table."""
+        more = part * self.final.table.moved_mass
+
+        def loaded(fit: Fit) -> Fit:
+            base = fit.free.base.with_values({PAYLOAD: fit.free.base.value(PAYLOAD) + more})
+            return replace(fit, free=FreeParameters(base, fit.free.free))
+
+        rivals = tuple(replace(r, result=replace(r.result, fit=loaded(r.fit))) for r in self.rivals)
+        return replace(self, final=loaded(self.final), rivals=rivals, moved=tuple(map(loaded, self.moved)))
+
+    def _compared(self, problem: RecordingProblem | WithSensors) -> list[tuple[Array, Array]]:
+        """Weighted difference from the model found, and its Jacobian, of `moved` and of every rival."""
+        truth = problem.residuals(self.final.vector[None, :])[0]
+
+        def one(fit: Fit) -> tuple[Array, Array]:
+            r = problem.residuals(fit.vector[None, :])[0]
+            return np.nan_to_num(r - truth), np.nan_to_num(jacobian(problem, fit.free, fit.x, r))
+
+        return [one(fit) for fit in (*self.moved, *(rival.fit for rival in self.rivals))]
+
+    def _separations(
+        self, compared: Sequence[tuple[Array, Array]], shown: Callable[[Array], Array]
+    ) -> tuple[Separation, ...]:
+        """What is gained over each rival beyond what is gained over the model found itself."""
+        known = [*[self.itself] * len(self.moved), *self.known]
+        ends = [gained(*pair, *of) for pair, of in zip(compared, known, strict=True)]
+        itself = max((gain for gain, _ in ends[: len(self.moved)]), default=0.0)
+        others = zip(self.rivals, ends[len(self.moved) :], strict=True)
+        return tuple(Separation(rival.name, max(gain - itself, 0.0), shown(left)) for rival, (gain, left) in others)
 
     @staticmethod
     def _acceleration(problem: RecordingProblem, residuals: Array) -> Array:
@@ -211,6 +243,16 @@ class Designer:
     def _worked_out(self, predictions: Sequence[PredictedExcitation]) -> list[PredictedExcitation]:
         made = side_by_side(lambda p: replace(p, separations=self.separated(p)), predictions)
         return sorted(made, key=lambda p: -p.rate)
+
+
+def gained(difference: Array, slopes: Array, information: Array, wide: float) -> tuple[float, Array]:
+    """Expected gain over a fit [nats], and what its refit leaves of a weighted difference, shape (n,).
+
+    slopes : Jacobian, shape (n, p). information, wide : of the recordings at hand, and the widening.
+    """
+    step = np.linalg.lstsq(slopes.T @ slopes + information, -slopes.T @ difference, rcond=1e-12)[0]
+    left = difference + slopes @ step
+    return 0.5 * (float(left @ left) + float(step @ information @ step)) / wide, left
 
 
 def within_uncertainty(fit: Fit, information: Array, wide: float) -> tuple[Fit, ...]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +13,14 @@ from numpy.typing import NDArray
 from shake_ros.api.close_loop import Discovery
 from shake_ros.api.fitted import Data
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.core.identification.experiments import PAYLOAD
-from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.uncertainty import of_table
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError, strict_keys
 from shake_ros.core.reference.motion import Envelope, envelope
 from shake_ros.data.reference_file import write_drive
 from shake_ros.data.result_folder import write_folder, write_json
-from shake_ros.experiment_design.design import HARDLY, Designer, PredictedExcitation, Separation
+from shake_ros.experiment_design.design import ENOUGH, HARDLY, Designer, PredictedExcitation, Separation
+from shake_ros.experiment_design.further_sensors import FurtherSensor, further_sensors, lacking
 from shake_ros.experiment_design.motions import library
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Page
@@ -48,17 +46,20 @@ class NextRecording:
     rivals : names of the models that are open beside the model found; empty where nothing is open.
     prediction : the motion with what it is expected to do to each rival; None where none within the limits is possible.
     limits : largest position [m], velocity [m/s] and acceleration [m/s²] that it may ask for.
-    with_payload : expected gain over each rival of the same motion with MORE_MASS more on the table [nats].
     sample_time : of the motion [s].
     unexplained : whether a residual stands above the noise that no rival explains.
+    further : what the same motion would do to the rivals that it does not settle, with each further sensor that the
+        table lacks, and with MORE_MASS.
+    answers : effects of the model found, and of each rival.
     """
 
     rivals: tuple[str, ...]
     prediction: PredictedExcitation | None
     limits: Envelope
-    with_payload: tuple[Separation, ...]
     sample_time: float
     unexplained: bool = False
+    further: Mapping[str, tuple[Separation, ...]] = field(default_factory=dict)
+    answers: tuple[tuple[str, ...], ...] = ()
 
     @property
     def settled(self) -> bool:
@@ -85,26 +86,42 @@ class NextRecording:
         """What it says, line by line."""
         if self.settled:
             yield "nothing is open: no further recording is needed"
+        if self.rivals:
+            yield f"open beside the model found: {', '.join(self.rivals)}"
+        if self.prediction is not None and self.useful:
+            yield f"the next recording: {self.prediction.motion}"
+            for s in self.prediction.separations:
+                if s.gain > HARDLY:
+                    yield f"  distinguishes {s.rival}: expected odds {_odds(s.odds)} : 1"
+        yield from self.cannot()
+
+    def cannot(self) -> Iterator[str]:
+        """What no motion within the limits settles, and what else would, line by line."""
+        if self.settled:
             return
         if not self.rivals:
             yield "the residual is above the noise, and there is no rival model that a recording could distinguish"
-            return
-        yield f"open beside the model found: {', '.join(self.rivals)}"
-        if self.prediction is None:
+        elif self.prediction is None:
             yield f"no motion of the library stays within {_limits(self.limits)} with every one of these models"
-            return
-        if not self.useful:
-            yield f"no motion within {_limits(self.limits)} distinguishes them with these sensors"
-            helped = [s.rival for s in self.with_payload if s.gain > HARDLY]
-            if helped:
-                yield f"with {100.0 * MORE_MASS:.0f} % more mass on the table it would: {', '.join(helped)}"
-            return
-        yield f"the next recording: {self.prediction.motion}"
-        for s in self.prediction.separations:
-            if s.gain > HARDLY:
-                yield f"  distinguishes {s.rival}: expected odds {_odds(s.odds)} : 1"
-            else:
-                yield f"  does not settle {s.rival}: expected odds {s.odds:.1f} : 1"
+        elif not self.useful:
+            yield f"no motion within {_limits(self.limits)} distinguishes them with the sensors of this table"
+        else:
+            for s in self.prediction.separations:
+                if s.gain <= HARDLY:
+                    yield f"  does not settle {s.rival}: expected odds {s.odds:.1f} : 1"
+        if self.helpful:
+            yield "what would, with the same motion:"
+        elif self.further:
+            yield f"nor would any of these with the same motion: {', '.join(self.further)}"
+        for name, settled in self.helpful.items():
+            yield f"  {name}: {', '.join(f'{s.rival} (expected odds {_odds(s.odds)} : 1)' for s in settled)}"
+
+    @property
+    def helpful(self) -> dict[str, tuple[Separation, ...]]:
+        """What of `further` settles something, and what it settles; the most first."""
+        found = {name: tuple(s for s in made if s.gain > HARDLY) for name, made in self.further.items()}
+        order = sorted(found, key=lambda name: -sum(min(s.gain, ENOUGH) for s in found[name]))
+        return {name: found[name] for name in order if found[name]}
 
     def write(self, folder: str | Path, force: bool = False) -> Path:
         """Write next.json, report.html and, where a motion helps, drive.yaml, a reference to play."""
@@ -113,27 +130,44 @@ class NextRecording:
         def fill(out: Path) -> None:
             if self.motion is not None:
                 write_drive(out, Path(folder), self.motion, self.sample_time)
-            write_json(out / "next.json", self.content())
+            write_json(out / "next.json", self.content(Path(folder)))
             write_page(next_page(self), out, None)
 
         write_folder(Path(folder), fill, force=force)
         return Path(folder)
 
-    def content(self) -> dict[str, Any]:
-        """What next.json has."""
-        shown = self.prediction
+    def content(self, folder: Path | None = None) -> dict[str, Any]:
+        """What next.json has. folder : with the reference."""
+        shown, motion = self.prediction, self.motion
+        separations = () if shown is None else shown.separations
+        settled = [i for i, s in enumerate(separations) if s.gain > HARDLY]
+        found, *others = [answer[0] if len(answer) == 1 else list(answer) for answer in self.answers] or [[]]
         return {
-            "settled": self.settled,
+            "schema": "shake_ros.next/1",
+            "open": not self.settled,
+            "separates": [[found, others[i]] for i in settled],
+            "motion": None
+            if motion is None or shown is None
+            else {
+                **asdict(shown.motion),
+                "reference": None if folder is None else str((folder / "drive.yaml").resolve()),
+                "peak": Envelope(*np.max(np.abs(motion), axis=0).tolist())._asdict(),
+                "sample_time": self.sample_time,
+            },
+            "odds": 1.0 / sum(1.0 / s.odds for s in separations) if separations else None,
+            "cannot": "; ".join(map(str.strip, self.cannot())),
             "rivals": list(self.rivals),
-            "useful": self.useful,
-            "limits": dict(self.limits._asdict()),
-            "motion": None if shown is None else {**asdict(shown.motion), "sample_time": self.sample_time},
-            "expected": {} if shown is None else {s.rival: {"log_odds": s.gain} for s in shown.separations},
-            "expected_with_payload": {s.rival: {"log_odds": s.gain} for s in self.with_payload},
+            "limits": self.limits._asdict(),
+            "expected": _log_odds(separations),
+            "further": {name: _log_odds(made) for name, made in self.further.items()},
         }
 
     def __repr__(self) -> str:
         return "\n".join(self.lines())
+
+
+def _log_odds(separations: Sequence[Separation]) -> dict[str, dict[str, float]]:
+    return {s.rival: {"log_odds": s.gain} for s in separations}
 
 
 def _limits(limits: Envelope) -> str:
@@ -192,6 +226,7 @@ def next_recording(
     limits: Mapping[str, float] | None = None,
     interlock: Interlock | None = None,
     motions: str = "motions",
+    sensors: str = "sensors",
     progress: ProgressOption = True,
 ) -> NextRecording:
     """The motion that tells the models apart which a search has left open, within what the table may do.
@@ -202,7 +237,7 @@ def next_recording(
     limits : largest "position" [m], "velocity" [m/s], "acceleration" [m/s²] of the motion; where not given 80 % of a
         declared table's envelope, or twice what the recordings of an unknown table reached.
     interlock : a name of config/interlock or a file, or limits by cause, which hold in any case.
-    motions : a name of config/experiment or a file: the library.
+    motions, sensors : names of config/experiment or files: the library, and the sensors that the table may lack.
     progress : show it, or a function to call with what is being done and the part done.
 
     Raises
@@ -216,31 +251,31 @@ def next_recording(
         rivals = found.rivals
         bounds, dt = limits_of(found, limits, interlock), found.estimation[0].sample_time
         if not rivals:
-            return NextRecording((), None, bounds, (), dt, found.remaining.above_noise)
-        names = tuple(r.name for r in rivals)
+            return NextRecording((), None, bounds, dt, found.remaining.above_noise)
         designer = Designer.of(
             found.model.declared, of_table(found.closed.search.final.fit), rivals, bounds, found.estimation
         )
         best = next(iter(designer.best(library(motions), bar)), None)
-        made = NextRecording(names, best, bounds, (), dt)
-        if best is None or made.useful:
+        effects = tuple(step.chosen.candidate.effect for step in found.closed.search.steps)
+        answers = effects, *(rival.effects(effects) for rival in rivals)
+        made = NextRecording(tuple(r.name for r in rivals), best, bounds, dt, answers=answers)
+        if best is None or all(s.gain > HARDLY for s in best.separations):
             return made
-        bar("the same with more mass on the table", 0.9)
-        return replace(made, with_payload=heavier(designer, best))
+        bar("the same with further sensors, and with more mass on the table", 0.9)
+        wanted = lacking(further_sensors(sensors), found.estimation[0], found.unused)
+        return replace(made, further=remedies(designer, best, wanted))
 
 
-def heavier(designer: Designer, best: PredictedExcitation) -> tuple[Separation, ...]:
-    """What a motion is expected to do to each rival with MORE_MASS more on the table."""
-
-    def loaded(fit: Fit) -> Fit:
-        base = fit.free.base
-        mass = base.value(PAYLOAD) + MORE_MASS * fit.table.moved_mass
-        return replace(fit, free=FreeParameters(base.with_values({PAYLOAD: mass}), fit.free.free))
-
-    rivals = tuple(replace(r, result=replace(r.result, fit=loaded(r.fit))) for r in designer.rivals)
-    other = replace(designer, final=loaded(designer.final), rivals=rivals)
-    shown = other.predicted(best.motion)
-    return () if shown is None else other.separated(shown)
+def remedies(
+    designer: Designer, best: PredictedExcitation, sensors: Sequence[FurtherSensor]
+) -> dict[str, tuple[Separation, ...]]:
+    """What a motion would do to the rivals that it does not settle, with each sensor more and with MORE_MASS more."""
+    found = designer.with_sensors(best, sensors)
+    heavier = designer.heavier(MORE_MASS)
+    if loaded := heavier.predicted(best.motion):
+        found[f"{100.0 * MORE_MASS:.0f} % more mass on the table"] = heavier.separated(loaded)
+    left = {s.rival for s in best.separations if s.gain <= HARDLY}
+    return {name: tuple(s for s in made if s.rival in left) for name, made in found.items()}
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,12 @@ from closed_loops import bag, command, recording
 from shake_ros import __main__
 from shake_ros.api.model import model
 from shake_ros.api.tune_table import read_uncertainty
+from shake_ros.cli.repair import write_next
 from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.plant.simulation import run
+from shake_ros.core.reference.motion import Envelope
 from shake_ros.data.recordings import write_table_recording
+from shake_ros.experiment_design.next_recording import NextRecording
 from shake_ros.settings import load_table
 
 TIME = np.arange(1500) * 0.001
@@ -250,3 +253,13 @@ def test_unknown_model_and_missing_arguments_end_with_exit_code_2(
         __main__.main(["close_loop", "--learn", str(bags[0]), "--out", str(tmp_path / "out")])
     assert caught.value.code == 2
     assert "--hold" in capsys.readouterr().err
+
+
+def test_the_next_recording_lies_beside_the_report_and_in_it(tmp_path: Path) -> None:
+    (tmp_path / "report.json").write_text('{"steps": []}', encoding="utf-8")
+    folder = write_next(NextRecording((), None, Envelope(0.1, 1.0, 10.0), 0.001), tmp_path)
+    content = json.loads((tmp_path / "next.json").read_text(encoding="utf-8"))
+    assert content["schema"] == "shake_ros.next/1"
+    assert (content["open"], content["motion"], content["cannot"]) == (False, None, "")
+    assert json.loads((tmp_path / "report.json").read_text(encoding="utf-8")) == {"steps": [], "next": content}
+    assert [p.name for p in folder.iterdir()] == ["report.html"]

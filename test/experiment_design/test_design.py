@@ -1,6 +1,8 @@
 """The motion that tells rivals apart, on a declared table whose rivals are known."""
 
 import dataclasses
+import json
+import re
 
 import numpy as np
 import pytest
@@ -11,12 +13,21 @@ from shake_ros.core.discovery.rival_models import RivalModel
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import FULL
+from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.motion import Envelope
 from shake_ros.declared import free_parameters
 from shake_ros.experiment_design.design import ENOUGH, HARDLY, Designer
+from shake_ros.experiment_design.further_sensors import further_sensors, lacking
 from shake_ros.experiment_design.motions import library
+from shake_ros.experiment_design.next_recording import NextRecording, remedies
 
 MOVED = ("friction.viscous", "friction.coulomb_level", "bulk_modulus.modulus")
+SCALED = {  # exponents of a common factor that leaves the motion of a table as it is
+    "body.table_mass": 1.0, "body.specimen_mass": 1.0, "supply.supply_pressure": 1.0, "supply.tank_pressure": 1.0,
+    "valve.flow_coefficient": -0.5, "valve.laminar_pressure": 1.0, "bulk_modulus.modulus": 1.0,
+    "bulk_modulus.reference_pressure": 1.0, "friction.coulomb_level": 1.0, "friction.stribeck_rise": 1.0,
+    "friction.viscous": 1.0, "leakage.internal": -1.0, "leakage.external": -1.0,
+}  # fmt: skip
 FREE = [p for p in free_parameters() if p.name in MOVED]
 LIMITS = Envelope(0.05, 0.4, 6.0)
 
@@ -79,3 +90,82 @@ def test_a_motion_that_any_rival_would_take_beyond_the_limits_is_left_out(table,
     assert fine.predicted(smaller) is not None
     faster = table.with_values({"valve.flow_coefficient": 3.0 * table.value("valve.flow_coefficient")})
     assert dataclasses.replace(fine, rivals=(rival("faster", faster),)).predicted(smaller) is None
+
+
+@pytest.fixture(scope="module")
+def alike(table, small_motion):
+    """A rival that moves in the same way, heavier and on a higher pressure, and a motion of both."""
+    heavier = table.with_values({name: 1.3**power * table.value(name) for name, power in SCALED.items()})
+    designer = Designer.of(FULL, fit_of(table), [rival("heavier", heavier)], LIMITS, small_motion)
+    motion = next(m for m in library() if m.kind == "sine" and m.low == 2.0 and m.part == 0.5)
+    shown = designer.predicted(motion)
+    return designer, dataclasses.replace(shown, separations=designer.separated(shown))
+
+
+def test_what_the_motion_does_not_tell_the_pressure_and_the_force_of_the_rod_do(alike):
+    designer, shown = alike
+    assert shown.separations[0].gain < HARDLY
+    found = remedies(designer, shown, lacking(further_sensors(), designer.like, ()))
+    gains = {name: made[0].gain for name, made in found.items()}
+    assert gains["chamber pressure sensors"] > ENOUGH
+    assert gains["load cell on the rod"] > ENOUGH
+    assert gains["accelerometer on the base"] < HARDLY
+    assert gains["second accelerometer on the table"] < HARDLY
+    noisier = [dataclasses.replace(s, noise=1e4 * s.noise) for s in further_sensors() if s.signal == "rod_force"]
+    assert designer.with_sensors(shown, noisier)["load cell on the rod"][0].gain < HARDLY
+
+
+def test_a_payload_distinguishes_what_moves_in_the_same_way_without_it(alike):
+    designer, shown = alike
+    heavy = designer.heavier(0.3)
+    assert heavy.separated(heavy.predicted(shown.motion))[0].gain > HARDLY > shown.separations[0].gain
+
+
+def test_only_what_the_table_lacks_is_a_further_sensor(small_motion):
+    names = [s.name for s in lacking(further_sensors(), small_motion[0], ("pressure_a", "pressure_b"))]
+    assert "chamber pressure sensors" not in names
+    assert "second accelerometer on the table" in names
+    blind = dataclasses.replace(small_motion[0], acceleration=None)
+    names = [s.name for s in lacking(further_sensors(), blind, ())]
+    assert "accelerometer on the table" in names
+    assert "chamber pressure sensors" in names
+
+
+def test_the_end_states_in_a_sentence_what_would_distinguish_the_rivals(alike):
+    designer, shown = alike
+    sensors = lacking(further_sensors(), designer.like, ())
+    asked = NextRecording(
+        ("heavier",), shown, LIMITS, 0.001, further=remedies(designer, shown, sensors), answers=(("a",), ("a", "b"))
+    )
+    assert asked.motion is None
+    text = "\n".join(asked.lines())
+    assert "no motion within 50 mm, 0.4 m/s and 6 m/s² distinguishes them with the sensors of this table" in text
+    assert re.search(r"^  chamber pressure sensors: heavier \(expected odds over 1 000 000 : 1\)$", text, re.MULTILINE)
+    assert "accelerometer on the base" not in text
+    content = json.loads(json.dumps(asked.content()))
+    assert content["schema"] == "shake_ros.next/1"
+    assert content["open"] and content["motion"] is None and content["separates"] == []
+    assert "chamber pressure sensors" in content["cannot"]
+    assert content["further"]["chamber pressure sensors"]["heavier"]["log_odds"] > ENOUGH
+
+
+def test_what_settles_nothing_more_is_named_too(alike):
+    designer, shown = alike
+    base = [s for s in further_sensors() if s.signal == "base_acceleration"]
+    asked = NextRecording(("heavier",), shown, LIMITS, 0.001, further=designer.with_sensors(shown, base))
+    assert "nor would any of these with the same motion: accelerometer on the base" in list(asked.lines())
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("{a: {signal: pressure, noise: 1}}", "pressure"),
+        ("{a: {signal: rod_force, noise: 0}}", "a: noise: expected a number above 0"),
+        ("{a: {signal: rod_force}}", "noise"),
+    ],
+)
+def test_a_wrong_list_of_sensors_names_what_is_wrong(tmp_path, text, said):
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(ShakeError, match=said):
+        further_sensors(str(path))

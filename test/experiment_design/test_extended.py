@@ -56,7 +56,7 @@ def asked(found, monkeypatch):
     prediction = PredictedExcitation(
         library()[0], np.zeros((10, 3)), found.estimation[0], (Separation("another", 5.0, np.zeros(10)),)
     )
-    made = NextRecording(("another",), prediction, Envelope(0.1, 1.0, 10.0), (), 0.001)
+    made = NextRecording(("another",), prediction, Envelope(0.1, 1.0, 10.0), 0.001)
     monkeypatch.setattr(designs, "next_recording", lambda *_, **__: made)
     return made
 

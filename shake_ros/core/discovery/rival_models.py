@@ -49,6 +49,11 @@ class RivalModel:
         """Its fit, of the table's parameters alone."""
         return of_table(self.result.fit)
 
+    def effects(self, found: Sequence[str]) -> tuple[str, ...]:
+        """The effects that it has, of those of the model found in the order of its steps."""
+        kept = [name for number, name in enumerate(found) if number != self.replaced]
+        return (*kept, *([self.candidate.effect] if self.candidate else []))
+
 
 def problem_of(
     closed: LoopClosure, estimation: Sequence[Record], validation: Sequence[Record], settings: SearchSettings
