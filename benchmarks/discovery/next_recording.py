@@ -3,15 +3,17 @@
     ./shake campaign next_recording --out DIR
 
 Declared tables of hidden_tables.py, which shares nothing with the package; one effect hidden in each; the first
-recording is 10 s of a small quake, 6 s to fit and 4 s for validation. Up to two further recordings are made on the
-hidden table, under its own weak position loop: of the motion that `next_recording` designs, or of one of the same
-library drawn by chance.
+recording is 10 s of a small quake, 6 s to fit and 4 s for validation. From the same first answer, up to two further
+recordings are made on the hidden table, under its own weak position loop: of the motion that `next_recording` designs;
+of the recording of the fixed catalogue that `close_loop` calls the most helpful; of a motion of the library drawn by
+chance.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,62 +24,125 @@ from shake_ros.api.close_loop import Discovery, close_loop
 from shake_ros.api.model import model
 from shake_ros.api.read import Recordings, recording
 from shake_ros.core.discovery.verdict import ESTABLISHED
+from shake_ros.core.identification.experiments import drive
 from shake_ros.experiment_design.motions import library
-from shake_ros.experiment_design.next_recording import NextRecording, decide, next_recording
+from shake_ros.experiment_design.next_recording import NextRecording, decide, limits_of
 
 SEVERITY = 0.2  # relative change of the acceleration by the effect
+SHORTER = 0.4  # part of the hidden tables' excitations by which the effect's strength is found
 MOST = 2  # further recordings
+Choice = Callable[[Discovery, Any], np.ndarray]  # excitation of a further recording, shape (n,)
 
 
-def measure(seed: int, advice: str, minutes: float) -> dict[str, Any]:
-    """One table: the verdict before and after, and what the recordings asked of the table.
+def measure(seed: int, minutes: float) -> dict[str, Any]:
+    """One table: the verdict of its first recording, and what each advice makes of it.
 
-    advice : "designed" or "random". minutes : of each search on one core.
+    minutes : of each search on one core.
     """
     rng = np.random.default_rng([seed, 45])
     listed = [name for name, kind in hidden.HIDDEN.items() if kind.listed]
     effect = str(rng.choice(listed))
-    table = hidden.with_effect(hidden.declared_truth(seed), effect, SEVERITY, hidden.excitations(seed), seed)
+    commands = hidden.excitations(seed, SHORTER)
+    truth = hidden.with_effect(hidden.declared_truth(seed), effect, SEVERITY, commands, seed)
+    first, second = HiddenTable(truth, rng).quake()
+    found = close_loop(model("full"), first, second, minutes=minutes, progress=False)
+    before = verdict(found, effect)
+    series = [designed(found, HiddenTable(truth, np.random.default_rng([seed, 46])), minutes)]
+    for name, choose in (("fixed", fixed), ("random", drawn)):
+        table = HiddenTable(truth, np.random.default_rng([seed, 46]))
+        series.append({"advice": name, **chosen(found, table, effect, minutes, choose)})
+    return {"effect": effect, "before": before, "advices": [s | judged(s.pop("found"), effect, before) for s in series]}
 
-    def played(name: str, excitation: np.ndarray) -> Recordings:
-        made = hidden.record(table, excitation, 1.0, rng)
+
+@dataclass
+class HiddenTable:
+    """A hidden table that records, and what its further recordings have asked of it.
+
+    seconds : of excitation. reached : largest position of each [m].
+    """
+
+    truth: hidden.Truth
+    rng: Any
+    seconds: float = 0.0
+    reached: list[float] = field(default_factory=list)
+
+    def played(self, name: str, excitation: np.ndarray) -> Recordings:
+        """A recording under the table's weak position loop."""
+        made = hidden.record(self.truth, excitation, 1.0, self.rng)
         times = np.arange(len(excitation)) * hidden.SAMPLE
         return recording(name, times, made["command"], made["position"], acceleration=made["acceleration"])
 
-    whole = quake(10.0, rng)
-    split = round(6.0 / hidden.SAMPLE)
-    first, second = played("quake_1", whole[:split]), played("quake_2", whole[split:])
-    found = close_loop(model("full"), first, second, minutes=minutes, progress=False)
-    before = verdict(found, effect)
-    gain = table.flow * np.sqrt(0.5 * (table.supply - table.tank)) / table.area
-    reached = list[tuple[float, float]]()
-
-    def play(asked: NextRecording) -> Recordings:
-        samples = asked.motion if advice == "designed" else drawn(asked, rng)
-        assert samples is not None
-        run = played(f"next_{len(reached)}", samples[:, 1] / gain + hidden.LOOP_GAIN * samples[:, 0])
-        reached.append((len(samples) * hidden.SAMPLE, np.max(np.abs(run[0].position)) / asked.limits.position))
+    def further(self, excitation: np.ndarray) -> Recordings:
+        """One more recording."""
+        run = self.played(f"next_{len(self.reached)}", excitation)
+        self.seconds += len(excitation) * hidden.SAMPLE
+        self.reached.append(float(np.max(np.abs(run[0].position))))
         return run
 
-    began = time.perf_counter()
-    next_recording(found, progress=False)
-    design = time.perf_counter() - began
-    decided = decide(found, play, most=MOST, minutes=minutes, progress=False)
-    after = verdict(decided.found, effect)
-    return {
-        "effect": effect,
-        "before": before,
-        "after": after,
-        "settled": after == "right" if before == "open" else None,
-        "wrong_names": sum(name != effect for name in decided.found.effects.names),
-        "recordings": len(reached),
-        "excitation": sum(seconds for seconds, _ in reached),
-        "violations": sum(part > 1.0 for _, part in reached),
-        "design_seconds": design,
-    }
+    def following(self, motion: np.ndarray) -> np.ndarray:
+        """Excitation under which the table about follows a motion, shape (n, 3) → (n,)."""
+        t = self.truth
+        gain = t.flow * np.sqrt(0.5 * (t.supply - t.tank)) / t.area
+        return np.asarray(motion[:, 1] / gain + hidden.LOOP_GAIN * motion[:, 0])
+
+    def quake(self) -> tuple[Recordings, Recordings]:
+        """The first recording: to fit, and for validation."""
+        whole, split = small_quake(10.0, self.rng), round(6.0 / hidden.SAMPLE)
+        return self.played("quake_1", whole[:split]), self.played("quake_2", whole[split:])
+
+    def asked(self, stroke: float) -> dict[str, Any]:
+        """What its further recordings asked of it; stroke : how far they may go [m]."""
+        violations = sum(place > stroke for place in self.reached)
+        return {"recordings": len(self.reached), "excitation": self.seconds, "violations": violations}
 
 
-def quake(seconds: float, rng: Any) -> np.ndarray:
+def designed(found: Discovery, table: HiddenTable, minutes: float) -> dict[str, Any]:
+    """The recordings that `decide` asks for. waited : longest time from an answer to its next recording [s]."""
+    stroke, waited, answered = limits_of(found).position, [0.0], [time.perf_counter()]
+
+    def play(asked: NextRecording) -> Recordings:
+        assert asked.motion is not None
+        waited.append(time.perf_counter() - answered[-1])
+        return table.further(table.following(asked.motion))
+
+    decided = decide(
+        found, play, most=MOST, minutes=minutes, progress=False, extended=lambda _: answered.append(time.perf_counter())
+    )
+    return {"advice": "designed", "found": decided.found, "design": max(waited), **table.asked(stroke)}
+
+
+def chosen(found: Discovery, table: HiddenTable, effect: str, minutes: float, choose: Choice) -> dict[str, Any]:
+    """Recordings by another advice, as long as something is open."""
+    stroke = limits_of(found).position
+    for _ in range(MOST):
+        if verdict(found, effect) != "open":
+            break
+        found = found.extended(table.further(choose(found, table)), minutes=minutes, progress=False)
+    return {"found": found, **table.asked(stroke)}
+
+
+def fixed(found: Discovery, _: HiddenTable) -> np.ndarray:
+    """The most helpful recording of the catalogue that needs no payload."""
+    assert found.diagnosis is not None
+    best = next(b.candidate for b in found.diagnosis.benefits if not b.candidate.payload)
+    return drive(best, max(len(r.commands) for r in found.estimation), hidden.SAMPLE)
+
+
+def drawn(found: Discovery, table: HiddenTable) -> np.ndarray:
+    """A motion of the library by chance."""
+    motions = library()
+    motion = motions[table.rng.integers(len(motions))]
+    return table.following(motion.samples(limits_of(found), hidden.SAMPLE))
+
+
+def judged(found: Discovery, effect: str, before: str) -> dict[str, Any]:
+    """What became of the first answer. settled : of an open one, whether it is right now; None of others."""
+    after = verdict(found, effect)
+    wrong = after == "wrong" if before == "open" else None
+    return {"before": before, "after": after, "settled": after == "right" if before == "open" else None, "wrong": wrong}
+
+
+def small_quake(seconds: float, rng: Any) -> np.ndarray:
     """Valve command of a small quake, at most 6 % of the full one, shape (n,)."""
     n = round(seconds / hidden.SAMPLE)
     time_ = np.arange(n) * hidden.SAMPLE
@@ -85,14 +150,6 @@ def quake(seconds: float, rng: Any) -> np.ndarray:
     wave = sosfiltfilt(band, rng.standard_normal(n)) * (time_ / 2.5) * np.exp(1.0 - time_ / 2.5)
     wave[n // 2 :] += sosfiltfilt(band, rng.standard_normal(n - n // 2))
     return np.asarray(0.06 * wave / np.max(np.abs(wave)))
-
-
-def drawn(asked: NextRecording, rng: Any) -> np.ndarray:
-    """A motion of the library by chance, as long as the one that was designed."""
-    assert asked.prediction is not None
-    motions = library()
-    motion = dataclasses.replace(motions[rng.integers(len(motions))], seconds=asked.prediction.motion.seconds)
-    return motion.samples(asked.limits, asked.sample_time)
 
 
 def verdict(found: Discovery, effect: str) -> str:

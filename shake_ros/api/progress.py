@@ -31,7 +31,7 @@ ProgressOption = (
 
 TERMINAL = "{desc:<44.44}|{bar:24}| {percentage:3.0f} % {elapsed}"
 LIMITED = "{desc:<41.41}|{bar:10}| {percentage:3.0f} % {elapsed}{postfix}"  # with the minutes that are left
-PARTS = os.environ.get("SHAKE_ROS_PROGRESS") == "parts"  # who follows a process wants every part, in a form to read
+FOLLOWED = os.environ.get("SHAKE_ROS_PROGRESS") == "parts"  # by a process that wants every part, in a form to read
 SO_FAR = "best so far: "  # begins an answer that work has before its end
 NOTEBOOK = "{desc}{bar} {percentage:3.0f} % {elapsed}{postfix}"
 
@@ -81,7 +81,7 @@ class Progress:
             self._bar.set_description_str(f"{self._title}: {text}")
         elif callable(self._shown):
             self._shown(text, whole)
-        elif self._shown and PARTS:
+        elif self._shown and FOLLOWED:
             sys.stderr.write(f"{whole:.4f}\t{self._title}: {text}\n")
             sys.stderr.flush()
         elif self._shown and text != self._text:

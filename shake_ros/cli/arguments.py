@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import shlex
 import signal
 import sys
@@ -14,6 +15,7 @@ from typing import TypedDict
 from shake_ros.api.fitted import check_apart
 from shake_ros.api.live_table import LiveTable
 from shake_ros.api.model import Model, model
+from shake_ros.api.progress import FOLLOWED
 from shake_ros.api.read import Recordings, read
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
@@ -22,6 +24,7 @@ from shake_ros.data.recordings.bag import SUFFIXES
 from shake_ros.data.result_folder import check_folder
 from shake_ros.declared import DEFAULT_TABLE
 from shake_ros.entry_points import ENTRY_POINTS
+from shake_ros.page.jobs import RELEASE
 from shake_ros.report.chart import FORMATS
 
 CHOSEN = ("joint", "publishers", "covariance", "clock")  # kinds of findings on what was read in place of what
@@ -206,6 +209,15 @@ def _interrupted(*_: object) -> None:
 
 
 def released_by(state: str, name: str) -> str:
-    """Who releases the described motion; asked at the terminal where no name is given, empty where nobody is there."""
+    """Who releases the described motion; empty where nobody does or nobody is there.
+
+    Where no name is given it is asked at the terminal; of a process that follows this one, on a line of its own, which
+    it answers on standard input.
+    """
     print(state, flush=True)
-    return name or (input("released by (empty: stop here): ").strip() if sys.stdin.isatty() else "")
+    if name:
+        return name
+    if FOLLOWED:
+        print(f"{RELEASE}\t{json.dumps(state)}", flush=True)
+        return sys.stdin.readline().strip()
+    return input("released by (empty: stop here): ").strip() if sys.stdin.isatty() else ""

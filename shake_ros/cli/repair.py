@@ -272,7 +272,11 @@ def decide_live(answers: list[Discovery], given: argparse.Namespace, arguments: 
     with live(given) as table:
         assert table is not None
 
+        def folder() -> Path:
+            return given.out / "decided" if len(answers) > 1 else given.out
+
         def play(asked: NextRecording) -> Recordings | None:
+            write_next(asked, folder())
             bag = unused(given.out / "recordings")
             state = "\n".join([*asked.lines(), f"{table.words}: the table moves as described"])
             if not released_by(state, given.acknowledge):
@@ -296,13 +300,13 @@ def decide_live(answers: list[Discovery], given: argparse.Namespace, arguments: 
         limits = table.limits()
         decided = decide(answers[0], play, most=given.most, minutes=given.minutes, extended=keep, interlock=limits)
     if decided.last is not None:
-        write_next(decided.last, given.out / "decided" if decided.played else given.out)
+        write_next(decided.last, folder())
         print("\n".join(decided.last.lines()))
 
 
 def write_next(asked: NextRecording, out: Path) -> Path:
     """The motion and its page in the folder `next` of a result, next.json beside report.json, which has it too."""
-    folder, report = asked.write(out / "next"), out / "report.json"
+    folder, report = asked.write(out / "next", force=True), out / "report.json"
     content = (folder / "next.json").replace(out / "next.json").read_text(encoding="utf-8")
     write_json(report, {**json.loads(report.read_text(encoding="utf-8")), "next": json.loads(content)})
     return folder

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
 
-from shake_ros.api.close_loop import close_loop
+from shake_ros.api.close_loop import Discovery, close_loop
 from shake_ros.api.identify import identify
 from shake_ros.api.live_table import LiveTable
 from shake_ros.api.model import Model
@@ -39,10 +39,13 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program
 from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.experiment_design.next_recording import next_recording
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import load_table, save_table
+
+EVIDENCE = "for the evidence"
 
 
 @dataclass(frozen=True, repr=False)
@@ -118,6 +121,7 @@ class Commission:
             {
                 "level": step.level,
                 "loop": step.loop,
+                "purpose": step.purpose,
                 "limits": dict(step.limits),
                 "error": list(step.error) if step.error else None,
                 "held": step.held,
@@ -133,6 +137,14 @@ class Commission:
         return f"{self.frame!r}\n{self.reason or 'complete'}"
 
 
+class _Plan(NamedTuple):
+    """A run to come: its level, the reference (n, 3), and what it is for where it is not a level's first run."""
+
+    level: float
+    motion: Array
+    purpose: str = ""
+
+
 @dataclass
 class _Way:
     """What moves the table, the motion, and what is known of the table so far."""
@@ -142,6 +154,7 @@ class _Way:
     settings: CommissionSettings
     progress: ProgressOption
     runs: list[TableRecording] = field(default_factory=list)
+    found: Discovery | None = None
 
     def motion(self, level: float) -> Array:
         """The reference at a level, faded to rest, (n, 3)."""
@@ -149,15 +162,16 @@ class _Way:
         rows = build_program(self.settings.reference, dt).samples(0, round(self.settings.seconds / dt))
         return level * come_to_rest(rows, dt)
 
-    def play(self, level: float, tuned: TunedTable | None, interlock: Mapping[str, Any]) -> Step:
-        """Run a level under a loop; what lies behind a hold of the interlock does not count."""
+    def play(self, plan: _Plan, tuned: TunedTable | None, interlock: Mapping[str, Any]) -> Step:
+        """Run a motion under a loop; what lies behind a hold of the interlock does not count."""
+        level = plan.level
         name = f"step_{len(self.runs) + 1}_level_{level:g}"
         kind = self.settings.controller if tuned is None else tuned.best.kind
-        made = self.stage.run(self.motion(level), tuned, interlock, name, len(self.runs) + 1)
+        made = self.stage.run(plan.motion, tuned, interlock, name, len(self.runs) + 1)
         self.runs.append(made.recording)
         limits = {cause: float(interlock["causes"][cause]["threshold"]) for cause in self.stage.limited}
         error = None if made.held else tracked(made.recording)
-        return Step(level, kind, limits, interlock, made.recording, error, made.held)
+        return Step(level, kind, limits, interlock, made.recording, error, made.held, purpose=plan.purpose)
 
     def learn(self, level: float) -> tuple[float, TunedTable, tuple[str, ...]]:
         """Model and gains by all runs so far: the model's error on the newest one, the gains, the effects added."""
@@ -166,7 +180,7 @@ class _Way:
         blocks = RecordingProblem(list(fitted.estimation)).blocks()
         known, added = Uncertainty(*known_covariance(fitted.fit.fit, blocks)), tuple[str, ...]()
         if level >= self.settings.search_from and len(self.runs) > 1:
-            found = close_loop(self.declared, [*self.runs[:-2], self.runs[-1]], self.runs[-2], progress=self.progress)
+            found = self.found = self._searched()
             added = tuple(effect.name for effect in found.effects)
             if added:
                 table, known = found.table, found.uncertainty
@@ -174,6 +188,22 @@ class _Way:
         s = self.settings
         tuned = tune_table(table, s.tuning, uncertainty=known, laws=s.laws, progress=self.progress)
         return error, tuned, added
+
+    def _searched(self) -> Discovery:
+        """What the model lacks by all runs; a search that was made goes on with the newest one."""
+        if self.found is not None:
+            return self.found.extended(self.runs[-1], progress=self.progress)
+        return close_loop(self.declared, [*self.runs[:-2], self.runs[-1]], self.runs[-2], progress=self.progress)
+
+    def deciding(self, level: float, limits: Mapping[str, float]) -> _Plan | None:
+        """The motion within the limits of a level that distinguishes what the search left open; None for none."""
+        if self.found is None:
+            return None
+        asked = next_recording(self.found, interlock=limits, progress=self.progress)
+        if asked.motion is None:
+            return None
+        motion = asked.motion_at(self.settings.numbers.sample_time)
+        return _Plan(level, motion, f"to distinguish {', '.join(asked.distinguished)}")
 
 
 def run_chart(name: str, title: str, step: Step) -> Chart:
@@ -216,7 +246,7 @@ def commission_page(found: Commission, command: str = "") -> str:
     for line in lines:
         page.paragraph(line)
     for i, step in enumerate(found.steps):
-        title = f"Step {i + 1}, level {step.level:g}"
+        title = f"Step {i + 1}, level {step.level:g}{', ' if step.purpose else ''}{step.purpose}"
         page.heading(title)
         limits = [(name, f"{value:.4g} {UNITS[name]}") for name, value in step.limits.items()]
         page.table(("limit of the interlock", "holds beyond"), limits)
@@ -279,24 +309,38 @@ def commission(
 
 
 def _climb(way: _Way, release: Callable[[str], bool]) -> tuple[list[Step], str]:
-    """The steps up to the first one that is not released, held or not sound; why, empty where none."""
+    """The steps up to the first one that is not released, held or not sound; why, empty where none.
+
+    Where the search leaves rivals open at the last level, the motion that distinguishes them is a step of its own; one
+    that is not released is left out.
+    """
     s, steps = way.settings, list[Step]()
     tuned, named = None, f"{s.controller}, {s.observer}"
-    for number, level in enumerate((*s.levels, s.levels[-1])):
-        last = number == len(s.levels)
+    waiting = [_Plan(level, way.motion(level)) for level in s.levels]
+    evidence = waiting[-1]._replace(purpose=EVIDENCE)
+    while waiting:
+        plan = waiting.pop(0)
+        level = plan.level
+        deciding = plan.purpose not in ("", EVIDENCE)
         interlock = way.stage.within(interlock_of(s, way.motion(level), s.levels[0] / level))
-        announcement = announced(number, level, way.motion(level), named, interlock, way.stage.limited, last)
+        announcement = announced(len(steps), plan.level, plan.motion, named, interlock, way.stage.limited, plan.purpose)
         if not release(f"{announcement}{way.stage.words}"):
-            return steps, f"level {level:g} was not released"
-        step = way.play(level, tuned, interlock)
+            if not deciding:
+                return steps, f"level {level:g} was not released"
+            waiting = [evidence]
+            continue
+        step = way.play(plan, tuned, interlock)
         steps.append(step)
         if step.held:
             return steps, f"level {level:g}: the interlock held: {step.held}"
-        if last:
+        if plan.purpose == EVIDENCE:
             break
         explained, tuned, added = way.learn(level)
         steps[-1] = replace(step, explained=explained, tuned=tuned, added=added)
         if not tuned.sound:
             return steps, f"after level {level:g} no gains are sound: {'; '.join(tuned.findings)}"
         named = f"{tuned.best.kind} of level {level:g}"
+        if not waiting:
+            asked = None if deciding else way.deciding(level, step.limits)
+            waiting = [evidence] if asked is None else [asked, evidence]
     return steps, ""

@@ -132,6 +132,7 @@ class Step:
     explained : error of the fitted model's acceleration on the newest run [-].
     tuned : observer and gains for the model that was fitted.
     added : effects that close_loop found.
+    purpose : of a run that is not the first one of its level.
     """
 
     level: float
@@ -144,6 +145,7 @@ class Step:
     explained: float | None = None
     tuned: TunedTable | None = None
     added: tuple[str, ...] = ()
+    purpose: str = ""
 
     @property
     def findings(self) -> list[str]:
@@ -207,14 +209,14 @@ def announced(
     loop: str,
     interlock: Mapping[str, Any],
     limited: Sequence[str],
-    last: bool,
+    purpose: str,
 ) -> str:
     """What the operator reads before a run is released."""
     x, v, a = np.max(np.abs(motion), axis=0).tolist()
     limit = {name: float(interlock["causes"][name]["threshold"]) for name in HELD}
     distance = f", or {1e3 * limit['tracking_error']:.1f} mm from the reference" if "tracking_error" in limited else ""
     return (
-        f"step {number + 1}, level {level:g}{', for the evidence' if last else ''}: {1e3 * x:.1f} mm, {v:.3f} m/s, "
+        f"step {number + 1}, level {level:g}{', ' if purpose else ''}{purpose}: {1e3 * x:.1f} mm, {v:.3f} m/s, "
         f"{a:.2f} m/s²; gains: {loop}; the interlock holds beyond {1e3 * limit['position_hard']:.1f} mm, "
         f"{limit['velocity']:.3f} m/s, {limit['acceleration']:.2f} m/s²{distance}"
     )

@@ -65,6 +65,11 @@ class Separation:
     left: Array = field(repr=False)
 
     @property
+    def settles(self) -> bool:
+        """Whether the rival is expected to be told apart."""
+        return self.gain > HARDLY
+
+    @property
     def odds(self) -> float:
         """Expected odds against it, up to 10⁶."""
         return float(min(math.exp(min(self.gain, 20.0)), 1e6))

@@ -19,7 +19,7 @@ from shake_ros.core.quantities import ShakeError, strict_keys
 from shake_ros.core.reference.motion import Envelope, envelope
 from shake_ros.data.reference_file import write_drive
 from shake_ros.data.result_folder import write_folder, write_json
-from shake_ros.experiment_design.design import ENOUGH, HARDLY, Designer, PredictedExcitation, Separation
+from shake_ros.experiment_design.design import ENOUGH, Designer, PredictedExcitation, Separation
 from shake_ros.experiment_design.further_sensors import FurtherSensor, further_sensors, lacking
 from shake_ros.experiment_design.motions import library
 from shake_ros.report.chart import Chart, ChartSeries, Panel
@@ -69,7 +69,12 @@ class NextRecording:
     @property
     def useful(self) -> bool:
         """Whether the motion is expected to tell at least one rival apart."""
-        return self.prediction is not None and any(s.gain > HARDLY for s in self.prediction.separations)
+        return bool(self.distinguished)
+
+    @property
+    def distinguished(self) -> tuple[str, ...]:
+        """The rivals that the motion is expected to tell apart from the model found."""
+        return () if self.prediction is None else tuple(s.rival for s in self.prediction.separations if s.settles)
 
     @property
     def motion(self) -> Array | None:
@@ -91,7 +96,7 @@ class NextRecording:
         if self.prediction is not None and self.useful:
             yield f"the next recording: {self.prediction.motion}"
             for s in self.prediction.separations:
-                if s.gain > HARDLY:
+                if s.settles:
                     yield f"  distinguishes {s.rival}: expected odds {_odds(s.odds)} : 1"
         yield from self.cannot()
 
@@ -107,7 +112,7 @@ class NextRecording:
             yield f"no motion within {_limits(self.limits)} distinguishes them with the sensors of this table"
         else:
             for s in self.prediction.separations:
-                if s.gain <= HARDLY:
+                if not s.settles:
                     yield f"  does not settle {s.rival}: expected odds {s.odds:.1f} : 1"
         if self.helpful:
             yield "what would, with the same motion:"
@@ -119,7 +124,7 @@ class NextRecording:
     @property
     def helpful(self) -> dict[str, tuple[Separation, ...]]:
         """What of `further` settles something, and what it settles; the most first."""
-        found = {name: tuple(s for s in made if s.gain > HARDLY) for name, made in self.further.items()}
+        found = {name: tuple(s for s in made if s.settles) for name, made in self.further.items()}
         order = sorted(found, key=lambda name: -sum(min(s.gain, ENOUGH) for s in found[name]))
         return {name: found[name] for name in order if found[name]}
 
@@ -140,7 +145,7 @@ class NextRecording:
         """What next.json has. folder : with the reference."""
         shown, motion = self.prediction, self.motion
         separations = () if shown is None else shown.separations
-        settled = [i for i, s in enumerate(separations) if s.gain > HARDLY]
+        settled = [i for i, s in enumerate(separations) if s.settles]
         found, *others = [answer[0] if len(answer) == 1 else list(answer) for answer in self.answers] or [[]]
         return {
             "schema": "shake_ros.next/1",
@@ -259,7 +264,7 @@ def next_recording(
         effects = tuple(step.chosen.candidate.effect for step in found.closed.search.steps)
         answers = effects, *(rival.effects(effects) for rival in rivals)
         made = NextRecording(tuple(r.name for r in rivals), best, bounds, dt, answers=answers)
-        if best is None or all(s.gain > HARDLY for s in best.separations):
+        if best is None or all(s.settles for s in best.separations):
             return made
         bar("the same with further sensors, and with more mass on the table", 0.9)
         wanted = lacking(further_sensors(sensors), found.estimation[0], found.unused)
@@ -274,7 +279,7 @@ def remedies(
     heavier = designer.heavier(MORE_MASS)
     if loaded := heavier.predicted(best.motion):
         found[f"{100.0 * MORE_MASS:.0f} % more mass on the table"] = heavier.separated(loaded)
-    left = {s.rival for s in best.separations if s.gain <= HARDLY}
+    left = {s.rival for s in best.separations if not s.settles}
     return {name: tuple(s for s in made if s.rival in left) for name, made in found.items()}
 
 
@@ -345,7 +350,7 @@ def next_page(asked: NextRecording) -> Page:
     shown = asked.prediction
     if shown is not None:
         rows = [
-            (s.rival, f"{s.gain:.1f}", "yes" if s.gain > HARDLY else "no")
+            (s.rival, f"{s.gain:.1f}", "yes" if s.settles else "no")
             for s in sorted(shown.separations, key=lambda s: -s.gain)
         ]
         page.table(("model that is open", "expected gain in log likelihood [nats]", "distinguished"), rows)

@@ -21,7 +21,9 @@ class Answer(NamedTuple):
 
 
 class Desk(Protocol):
-    """The graph as the server sees it; everything may be called from any thread."""
+    """The graph as the server sees it; everything may be called from any thread. namespace : of its nodes."""
+
+    namespace: str
 
     def status(self) -> dict[str, Any]:
         """What changes: nodes, interlock, trips, harmonics, processes, recording."""

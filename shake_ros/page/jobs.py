@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import subprocess
@@ -16,12 +17,13 @@ from typing import Any
 from shake_ros.core.quantities import ShakeError
 
 NICENESS = 15  # the graph goes first
+RELEASE = "release"  # begins a line in which a command asks whether the table may move
 ROOT = Path(__file__).resolve().parents[2]
 
 
 @dataclass
 class Job:
-    """One command. state : running, done, failed, cancelled."""
+    """One command. state : running, done, failed, cancelled. asks : what it wants released, empty for nothing."""
 
     number: int
     arguments: tuple[str, ...]
@@ -31,6 +33,7 @@ class Job:
     state: str = "running"
     doing: str = "starting"
     part: float = 0.0
+    asks: str = ""
     lines: list[str] = field(default_factory=list)
 
     @property
@@ -47,13 +50,20 @@ class Job:
 
     def status(self) -> dict[str, Any]:
         """For the page."""
+        decided = self.out / "decided"  # the answer of the last further recording
+        answer = decided if (decided / "table.yaml").is_file() else self.out
+        design = answer / "next" / "report.html"
         return {
             "number": self.number, "command": self.command, "state": self.state, "doing": self.doing,
             "part": self.part, "left": self.left(), "seconds": (self.ended or time.time()) - self.started,
-            "out": self.out.name, "lines": self.lines[-60:], "kind": self.arguments[0],
-            "report": (self.out / "report.html").is_file(), "table": (self.out / "table.yaml").is_file(),
-            "table_path": str(self.out / "table.yaml"),
+            "lines": self.lines[-60:], "kind": self.arguments[0], "asks": self.asks,
+            "report": self._shown(answer / "report.html"), "next": self._shown(design),
+            "table": (answer / "table.yaml").is_file(), "table_path": str(answer / "table.yaml"),
         }  # fmt: skip
+
+    def _shown(self, page: Path) -> str:
+        """A page of its result as the server has it, empty where there is none."""
+        return str(page.relative_to(self.out.parent)) if page.is_file() else ""
 
 
 class Jobs:
@@ -78,7 +88,7 @@ class Jobs:
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
         self._process = subprocess.Popen(
             ["nice", "-n", str(NICENESS), sys.executable, "-m", "shake_ros", *job.arguments],
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
             env=environment,
         )  # fmt: skip
         self.all.append(job)
@@ -89,16 +99,31 @@ class Jobs:
         assert process.stdout is not None
         for line in process.stdout:
             part, found, text = line.strip().partition("\t")
-            if found:
+            if part == RELEASE:
+                job.asks = json.loads(text)
+            elif found:
                 job.part, job.doing = max(job.part, float(part)), text.partition(": ")[2] or text
             elif line.strip():
                 job.lines.append(line.strip())
         code = process.wait()
-        job.ended = time.time()
+        job.ended, job.asks = time.time(), ""
         if job.state == "running":
             job.state = "done" if code == 0 else "failed"
             job.part = 1.0 if code == 0 else job.part
             job.doing = "done" if code == 0 else (job.lines[-1] if job.lines else f"exit code {code}")
+
+    def release(self, name: str) -> str:
+        """Tell the running job who lets the table move as it asks, empty for nobody; returns what was answered."""
+        job = self.all[-1] if self.all else None
+        if job is None or not job.asks or self._process is None or self._process.stdin is None:
+            raise ShakeError("nothing asks to be released")
+        job.asks = ""
+        try:
+            self._process.stdin.write(f"{name}\n")
+            self._process.stdin.flush()
+        except OSError:
+            raise ShakeError(f"{job.arguments[0]} has ended") from None
+        return f"released by {name}" if name else "not released"
 
     def cancel(self) -> str:
         """End the running job; returns what was ended."""
@@ -108,13 +133,6 @@ class Jobs:
         job.state, job.doing = "cancelled", "cancelled"
         self._process.terminate()
         return f"{job.arguments[0]} cancelled"
-
-    def find(self, out: str) -> Job:
-        """The job by the name of its result folder."""
-        for job in self.all:
-            if job.out.name == out:
-                return job
-        raise ShakeError(f"no result {out!r} of this start")
 
     def close(self) -> None:
         """Nothing outlives the page."""

@@ -43,7 +43,8 @@ RATE, BURST = 60.0, 200  # messages of one page
 FREE = ("stop", "here", "view", "between")  # need no seat; `stop` needs an operator's token all the same
 LONGEST_NOTE = 2000
 GRAPH = ("enable", "reset", "set", "restart", "table", "model")
-KINDS = ("identify", "close_loop")
+KINDS = {"identify": (), "close_loop": ("--tune",), "decide": ("--next", "--live")}  # job → its options
+RELEASED_BY = "the operator at the page"
 
 
 class LivePage:
@@ -187,6 +188,8 @@ class LivePage:
             return await run_in_threadpool(self._start, message)
         if what == "cancel":
             return Answer(True, server.site.jobs.cancel())
+        if what == "release":
+            return Answer(True, server.site.jobs.release(RELEASED_BY if message["released"] is True else ""))
         raise ShakeError(f"{what[:40]!r} is not a known request")
 
     def _start(self, message: dict[str, Any]) -> Answer:
@@ -196,7 +199,7 @@ class LivePage:
         if kind not in KINDS:
             raise ShakeError(f"no job {kind!r}; there are {', '.join(KINDS)}")
         learn, hold = (list(message.get(key) or []) for key in ("learn", "hold"))
-        if not learn or (kind == "close_loop" and not hold):
+        if not learn or (kind != "identify" and not hold):
             raise ShakeError(
                 "mark at least one recording for estimation" + (" and one for validation" * (kind != "identify"))
             )
@@ -205,9 +208,11 @@ class LivePage:
             arguments += ["--hold", *(_shown(site.library.path(name)) for name in hold)]
         if message.get("table"):
             arguments += ["--config", str(message["table"])]
-        if kind == "close_loop":
-            arguments.append("--tune")  # "use this table" gives the loop its gains too
-        job = site.jobs.start(kind, arguments, f"{kind}_{'_'.join(learn)}"[:60])
+        arguments += KINDS[kind]  # --tune: "use this table" gives the loop its gains too
+        if kind == "decide":
+            arguments += ["--namespace", site.desk.namespace]
+        command = "identify" if kind == "identify" else "close_loop"
+        job = site.jobs.start(command, arguments, f"{kind}_{'_'.join(learn)}"[:60])
         return Answer(True, f"started: {job.command}")
 
 
@@ -305,7 +310,7 @@ class Server:
             Route("/api/recordings", self._recordings),
             Route("/api/spectators", self._spectators),
             Route("/api/upload", self._upload, methods=["POST"]),
-            Route("/results/{out}/report.html", self._report),
+            Route("/results/{page:path}/report.html", self._report),
             WebSocketRoute("/live", functools.partial(_with_server, live, self)),
             Mount("/web", StaticFiles(directory=WEB)),
             Mount("/charts", StaticFiles(directory=CHARTS)),
@@ -404,7 +409,8 @@ class Server:
         return JSONResponse({"reference": str(made)} if isinstance(made, Path) else {"columns": str(made)})
 
     async def _report(self, request: Request) -> Response:
-        path = self.site.jobs.folder / checked_name(request.path_params["out"]) / "report.html"
+        folders = map(checked_name, request.path_params["page"].split("/"))
+        path = self.site.jobs.folder.joinpath(*folders, "report.html")
         if not path.is_file():
             raise ShakeError("no report yet")
         content = await run_in_threadpool(path.read_bytes)

@@ -78,7 +78,8 @@ class PageDesk:
         self.runs = RunMeter(store)
         self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._answers: dict[int, Future[Answer]] = {}
-        self._space = frame.node.get_namespace().strip("/")
+        self.namespace = frame.node.get_namespace()
+        self._space = self.namespace.strip("/")
         self._nodes: dict[str, dict[str, Any]] = {}
         self._trips: deque[dict[str, Any]] = deque(maxlen=TRIPS)
         self._thd: dict[str, Any] = {}

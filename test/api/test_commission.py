@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from live_tables import SimulatedLiveTable
@@ -17,8 +18,10 @@ from shake_ros.commissioning.steps import HELD, interlock_of, load_commission
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import ShakeError
+from shake_ros.core.reference.motion import Envelope
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program
+from shake_ros.experiment_design.next_recording import NextRecording
 from shake_ros.settings import config_folder, load_interlock, load_table, load_variant
 
 SOFT = {"bulk_modulus.modulus": 7e8}
@@ -152,15 +155,66 @@ def test_close_loop_seeks_at_the_highest_level_and_the_run_before_decides(
 ) -> None:
     asked: list[tuple[list[str], str]] = []
 
-    class Nothing:
-        effects = ()
-
-    def seek(_: object, estimation: list[TableRecording], validation: TableRecording, **__: object) -> Nothing:
+    def seek(_: object, estimation: list[TableRecording], validation: TableRecording, **__: object) -> Open:
         asked.append(([run.name for run in estimation], validation.name))
-        return Nothing()
+        return Open()
 
+    settled = NextRecording((), None, Envelope(0.1, 1.0, 10.0), 0.001)
     monkeypatch.setattr("shake_ros.commissioning.commission.close_loop", seek)
+    monkeypatch.setattr("shake_ros.commissioning.commission.next_recording", lambda *_, **__: settled)
     given = settings(tmp_path, levels=[0.3, 0.5], search_from=0.5, seconds=2.0)
     found = sr.commission("bergamo", settings=given, progress=False)
     assert found.complete
     assert asked == [(["step_2_level_0.5"], "step_1_level_0.3")]
+
+
+class Open:
+    """A search that leaves a question open until it has the recording of the motion asked for."""
+
+    effects = ()
+
+    def __init__(self) -> None:
+        self.heard: list[TableRecording] = []
+
+    def extended(self, recording: TableRecording, **_: object) -> Open:
+        self.heard.append(recording)
+        return self
+
+
+class Asked:
+    """A quarter of a millimetre at 2 Hz."""
+
+    distinguished = ("backlash instead of soft_zone",)
+    motion = np.outer(np.sin(4.0 * np.pi * 0.001 * np.arange(1000)), [2.5e-4, 3e-3, 4e-2])
+
+    def motion_at(self, _: float) -> np.ndarray:
+        return self.motion
+
+
+@pytest.mark.parametrize("released", [True, False])
+def test_what_the_search_leaves_open_is_a_step_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, released: bool
+) -> None:
+    search, said, within = Open(), list[str](), list[dict[str, float]]()
+
+    def design(_: Open, *, interlock: dict[str, float], **__: object) -> Asked:
+        within.append(interlock)
+        return Asked()
+
+    def release(text: str) -> bool:
+        said.append(text)
+        return released or "to distinguish" not in text
+
+    monkeypatch.setattr("shake_ros.commissioning.commission.close_loop", lambda *_, **__: search)
+    monkeypatch.setattr("shake_ros.commissioning.commission.next_recording", design)
+    given = settings(tmp_path, levels=[0.3, 0.5], search_from=0.5, seconds=2.0)
+    found = sr.commission("bergamo", settings=given, release=release, progress=False)
+    assert found.complete
+    assert "step 3, level 0.5, to distinguish backlash instead of soft_zone: 0.2 mm" in said[2]
+    assert within == [dict(found.steps[1].limits)]
+    purposes = ["", "", *(["to distinguish backlash instead of soft_zone"] if released else []), "for the evidence"]
+    assert [step.purpose for step in found.steps] == purposes
+    assert len(search.heard) == released
+    if released:
+        reference = search.heard[0].reference
+        assert reference is not None and np.allclose(reference[:, 0], Asked.motion[:, 0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import io
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from live_tables import LIMITS, SimulatedLiveTable
 
-from shake_ros.cli import repair
+from shake_ros.cli import arguments, repair
 from shake_ros.iteration.drive import integrate
 from shake_ros.settings import load_table
 
@@ -22,17 +23,32 @@ def motion(sample_time: float) -> np.ndarray:
     return integrate(np.gradient(np.gradient(2e-3 * (t * (0.5 - t) / 0.0625) ** 4, t), t), sample_time)
 
 
+class Answer:
+    """A result that says where it is reported. reported : whether it was yet."""
+
+    reported = False
+
+    def report(self, folder: Path, **_: object) -> Path:
+        self.reported = True
+        return folder
+
+
 class Series:
-    """What `decide` does with the motions that it designs, two of them."""
+    """What `decide` does with the motions that it designs, two of them, each with an answer."""
 
     def __init__(self) -> None:
         self.recordings: list[object] = []
         self.options: dict[str, object] = {}
+        self.designed: list[Path] = []
 
-    def __call__(self, found: object, play, most: int, **options: object) -> SimpleNamespace:
+    def __call__(self, found: object, play, most: int, extended, **options: object) -> SimpleNamespace:
         self.options = options
         asked = SimpleNamespace(lines=lambda: ["the next recording: a pulse"], motion_at=motion)
-        self.recordings = [play(asked) for _ in range(most)]
+        for _ in range(most):
+            self.recordings.append(play(asked))
+            if self.recordings[-1]:
+                extended(answer := Answer())
+                assert answer.reported  # before the table moves again
         return SimpleNamespace(played=(), last=SimpleNamespace(lines=lambda: ["settled"]))
 
 
@@ -43,9 +59,12 @@ def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     def call(acknowledge: str, held_at: float = 0.0) -> tuple[Series, Path]:
         series, table = Series(), SimulatedLiveTable(load_table("bergamo"), tmp_path, held_at)
         monkeypatch.setattr(repair, "decide", series)
+        monkeypatch.setattr(repair, "discovery_lines", lambda *_: ["an effect"])
+        monkeypatch.setattr(repair, "write_next", lambda _, out: series.designed.append(out.relative_to(tmp_path)))
         monkeypatch.setattr(repair, "live", lambda given: contextlib.nullcontext(table))
         given = argparse.Namespace(out=tmp_path / "out", acknowledge=acknowledge, most=2, minutes=None, force=False)
-        repair.decide_live(SimpleNamespace(), given, [])
+        given.figures = None
+        repair.decide_live([Answer()], given, [])
         return series, given.out / "recordings"
 
     return call
@@ -56,6 +75,7 @@ def test_each_released_motion_is_played_and_kept(run, capsys: pytest.CaptureFixt
     assert [r.names for r in series.recordings] == [("next_1",), ("next_2",)]
     assert all((folder / name / "metadata.yaml").is_file() for name in ("next_1", "next_2"))
     assert series.options["interlock"] == LIMITS
+    assert series.designed == [Path("out"), Path("out/decided"), Path("out/decided")]
     output = capsys.readouterr().out
     assert "a pulse" in output and "live, simulated, lock-step" in output and "settled" in output
 
@@ -72,3 +92,14 @@ def test_a_hold_of_the_interlock_ends_the_series_in_one_line(run, capsys: pytest
     assert series.recordings == [None, None]
     assert not folder.exists()
     assert "the interlock held the table: velocity 0.3 beyond 0.2 m/s; the search ends" in capsys.readouterr().err
+
+
+def test_a_process_that_is_followed_asks_it_for_the_release(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(arguments, "FOLLOWED", True)
+    monkeypatch.setattr("sys.stdin", io.StringIO("Anna\n"))
+    assert arguments.released_by("1.5 mm\nat 2 Hz", "") == "Anna"
+    assert capsys.readouterr().out.splitlines()[-1] == 'release\t"1.5 mm\\nat 2 Hz"'
+    assert arguments.released_by("1.5 mm", "") == ""  # nobody is left to answer
+    assert arguments.released_by("1.5 mm", "Bert") == "Bert"

@@ -34,6 +34,8 @@ START = 1_700_000_000_000 * MS
 class QuietDesk:
     """A graph that does what it is asked, and remembers it."""
 
+    namespace = "/shake"
+
     def __init__(self) -> None:
         self.asked: list[tuple[str, dict[str, Any]]] = []
 
@@ -186,6 +188,8 @@ def test_socket_is_refused_without_a_token_or_from_elsewhere(running, role, chan
     [
         "/results/..%2f..%2fsetup.cfg/report.html",
         "/results/%2e%2e/report.html",
+        "/results/a/../../report.html",
+        "/results//etc/report.html",
         "/web/../server.py",
         "/web/..%2fserver.py",
         "/charts/%2e%2e/page.py",
@@ -243,7 +247,7 @@ def test_another_table_says_what_its_columns_could_be_and_how_to_import_it(runni
 def test_spectator_sees_all_and_changes_nothing(running) -> None:
     with running.page("spectator") as socket:
         assert until(socket, lambda m: m["type"] == "status")["role"] == "spectator"
-        for what in ("stop", "enable", "take", "set", "record", "job", "restart"):
+        for what in ("stop", "enable", "take", "set", "record", "job", "restart", "release"):
             assert "spectators" in ask(socket, what, on=True)["text"]
         assert running.request("POST", "/api/upload?name=a.txt", **running.headers("spectator"))[0] == 400
         assert running.request("GET", "/api/spectators", **running.headers("spectator"))[0] == 400
@@ -283,6 +287,34 @@ def test_nonsense_is_answered_or_hung_up_on_and_asks_nothing_of_the_graph(runnin
     assert running.desk.asked == []
     with running.page() as socket:
         assert ask(socket, "stop")["ok"]
+
+
+ASKING = """#!/bin/sh
+printf 'release\\t"1.5 mm at 2 Hz"\\n'
+read name
+echo "moved by ${name:-nobody}"
+"""
+
+
+@pytest.mark.parametrize(("released", "by"), [(True, "the operator at the page"), (False, "nobody")])
+def test_a_job_moves_the_table_only_once_the_operator_has_released_it(running, monkeypatch, released, by) -> None:
+    program = running.server.site.folder / "asking"
+    program.write_text(ASKING, encoding="utf-8")
+    program.chmod(0o755)
+    monkeypatch.setattr("shake_ros.page.jobs.sys.executable", str(program))
+    (running.server.site.library.folder / "quake").mkdir()
+    (running.server.site.library.folder / "other").mkdir()
+    with running.page() as socket:
+        until(socket, lambda m: m.get("role") == "operator")
+        assert ask(socket, "release", released=True)["text"] == "nothing asks to be released"
+        started = ask(socket, "job", kind="decide", learn=["quake"], hold=["other"])
+        assert "--next --live --namespace /shake" in started["text"]
+        asking = until(socket, lambda m: m.get("jobs") and m["jobs"][0]["asks"])["jobs"][0]
+        assert asking["asks"] == "1.5 mm at 2 Hz"
+        assert ask(socket, "release", released=released)["ok"]
+        job = until(socket, lambda m: m.get("jobs") and m["jobs"][0]["state"] == "done")["jobs"][0]
+    assert job["lines"][-1] == f"moved by {by}"
+    assert job["asks"] == ""
 
 
 def flood(socket: Any, text: str, count: int) -> None:

@@ -5,7 +5,7 @@ import { act, choices, refresh as refreshControls, show, toast } from './run.js'
 
 const element = id => document.getElementById(id)
 const marked = { learn: new Set(), hold: new Set() }
-let shown = '', jobsShown = '', entries = [], openReport = '', declared = ''
+let shown = '', jobsShown = '', entries = [], offered = '', declared = ''
 const number = (value, factor = 1) => plain(value == null ? null : value * factor)
 
 async function refresh() {
@@ -20,7 +20,7 @@ async function refresh() {
     return `<tr>${box('learn')}${box('hold')}<td><b>${text(one.name)}</b>${one.note ? `<br><span class="quiet">${text(one.note)}</span>` : ''}</td><td class="n">${number(s.seconds)}</td><td>${text((one.reference || '–').split('/').pop())}</td><td>${text((one.table || '–').split('/').slice(-2).join('/'))}</td><td class="n">${number(s.peak_position, 1e3)}</td><td class="n">${number(s.peak_velocity)}</td><td class="n">${number(s.peak_acceleration)}</td><td class="n">${number(s.error_rms, 1e3)}</td><td>${findings}</td></tr>`
   })
   element('library').innerHTML = `<h2>Recordings</h2><div class="wide"><table><tr><th>estimation</th><th>validation</th><th>name</th><th class="n">s</th><th>played</th><th>table</th><th class="n">peak mm</th><th class="n">m/s</th><th class="n">m/s²</th><th class="n">error rms, mm</th><th>data checks</th></tr>${rows.join('')}</table></div>` + (rows.length ? '' : '<p class="quiet">none yet: under Run, press Record, then Play; Stop recording when the motion has ended</p>') +
-    `<div class="row"><label>declared table <select id="declared"></select></label><button id="identify" data-operator>Identify</button><button id="close-loop" class="go" data-operator>Close the loop</button><span class="quiet">Identify fits the declared model; Close the loop also looks for missing effects. Mark one or more recordings for estimation (with much motion, like <i>demo_excitation</i>) and others for validation (like <i>earthquake</i>).</span></div>`
+    `<div class="row"><label>declared table <select id="declared"></select></label><button id="identify" data-operator>Identify</button><button id="close-loop" class="go" data-operator>Close the loop</button><button id="decide" data-operator>Decide</button><span class="quiet">Identify fits the declared model; Close the loop also looks for missing effects; Decide goes on where models stay open: it designs the motion that distinguishes them, asks before the table moves, records, and searches again. Mark one or more recordings for estimation (with much motion, like <i>demo_excitation</i>) and others for validation (like <i>earthquake</i>).</span></div>`
   declared ||= current.status?.model || 'bergamo'  // as the lab was started, until another is chosen
   const tables = choices.table || [declared]
   element('declared').innerHTML = (tables.includes(declared) ? tables : [declared, ...tables]).map(one => `<option value="${text(one)}"${one === declared ? ' selected' : ''}>${text(one.includes('/') ? one.split('/').slice(-2).join('/') : one)}</option>`).join('')
@@ -35,7 +35,7 @@ async function refresh() {
       }
     }
   })
-  for (const [id, kind] of [['identify', 'identify'], ['close-loop', 'close_loop']]) {
+  for (const [id, kind] of [['identify', 'identify'], ['close-loop', 'close_loop'], ['decide', 'decide']]) {
     element(id).disabled = document.body.dataset.role !== 'operator'
     element(id).onclick = () => act('job', { kind, learn: [...marked.learn], hold: [...marked.hold], table: element('declared').value })
   }
@@ -51,12 +51,14 @@ function jobs(status) {
   element('work').innerHTML = '<h2>Work</h2>' + (status.jobs.length ? '' : '<p class="quiet">nothing has been started</p>') + [...status.jobs].reverse().map(job => `
     <div class="job" data-job="${job.number}" data-state="${job.state}">
     <div class="row"><b>${text(job.kind)}</b> <span>${text(job.state)}</span> <span class="quiet">${Math.round(job.seconds)} s ${span(job.left)}</span>
-    ${job.state === 'running' ? '<button data-cancel>Cancel</button>' : ''}${job.report ? `<button data-report="${text(job.out)}">Report</button>` : ''}</div>
+    ${job.state === 'running' ? '<button data-cancel>Cancel</button>' : ''}${job.report ? `<button data-report="${text(job.report)}">Report</button>` : ''}${job.next ? `<button data-report="${text(job.next)}">Next recording</button>` : ''}</div>
+    ${job.asks ? `<div class="asks" role="alert"><b>The table would move</b><pre>${text(job.asks)}</pre><div class="row"><button class="go" data-release="true" ${operator ? '' : 'disabled'}>Release</button><button data-release="false" ${operator ? '' : 'disabled'}>Stop here</button><span class="quiet">Release plays and records this motion now; Stop here ends with the answer so far</span></div></div>` : ''}
     <progress max="1" value="${job.part}" aria-label="progress"></progress><div class="quiet">${text(job.doing)}</div>
     <code>${text(job.command)}</code>
     ${job.lines.length ? `<details${job.state === 'failed' ? ' open' : ''}><summary>Output</summary><pre>${job.lines.map(text).join('\n')}</pre></details>` : ''}
     ${job.table ? `<div class="row use"><b>Use this table</b> <label><input type="checkbox" data-for="observer" checked> observer</label><label><input type="checkbox" data-for="controller" checked> controller</label>${status.nodes.plant ? '<label><input type="checkbox" data-for="plant"> simulated table (stops it first)</label>' : ''}<button data-use="${text(job.table_path)}" ${operator ? '' : 'disabled'}>Load</button><span class="quiet">then play the same reference again: Runs shows the tracking before and after</span></div>` : ''}</div>`).join('')
   element('work').querySelectorAll('[data-cancel]').forEach(button => { button.onclick = () => act('cancel') })
+  element('work').querySelectorAll('[data-release]').forEach(button => { button.onclick = () => act('release', { released: button.dataset.release === 'true' }) })
   element('work').querySelectorAll('[data-report]').forEach(button => { button.onclick = () => openIt(button.dataset.report) })
   element('work').querySelectorAll('[data-use]').forEach(button => {
     button.onclick = async () => {
@@ -68,16 +70,16 @@ function jobs(status) {
       refreshControls()
     }
   })
-  const done = status.jobs.at(-1)
-  if (done && done.report && done.state === 'done' && openReport === '') openIt(done.out)
-  if (done) show(done.command)
+  const last = status.jobs.at(-1)
+  const wanted = last && (last.asks ? last.next : last.state === 'done' && last.report)
+  if (wanted && wanted !== offered) openIt(offered = wanted)
+  if (last) show(last.command)
 }
 
-function openIt(out) {
-  openReport = out
+function openIt(page) {
   const frame = element('report')
   frame.hidden = false
-  frame.src = `/results/${encodeURIComponent(out)}/report.html`
+  frame.src = `/results/${encodeURI(page)}`
 }
 
 export function opened() { refreshControls().then(refresh) }
