@@ -32,6 +32,7 @@ WANDERS = 0.5  # of the noise, from which the deviation of that polynomial count
 UNMADE = 0.8  # of a filter's delay, below which something makes up for it
 ONE_SIDED = 0.1  # smallest command in parts of the largest, from which its zero is not that of the valve
 LIVE_ZERO = (3.5, 20.5)  # within which a command in 4 to 20 mA stays [mA]
+FARTHEST = 4.0  # travel of a shaking table, which no built one reaches [m]
 FULL_SCALES = (1.0, 10.0, 20.0, 100.0)  # of a command: per unit, volts, milliamperes, per cent
 
 
@@ -174,6 +175,17 @@ def full_scale(records: Sequence[Record]) -> float:
     return next((s for s in FULL_SCALES if largest <= 1.05 * s), largest)
 
 
+def check_travel(records: Sequence[Record]) -> None:
+    """ShakeError where a table travels farther than any does: then its position is in another unit."""
+    for record in records:
+        travel = float(np.ptp(record.position))
+        if travel > FARTHEST:
+            raise ShakeError(
+                f"{record.name}: the position travels {travel:.4g} m, farther than any table: in millimetres? Import it "
+                "again with --position 'COL*0.001', and --acceleration likewise if that is in mm/s²"
+            )
+
+
 def check_zero(records: Sequence[Record]) -> None:
     """ShakeError where no command ever comes near zero: then its zero is not that of the valve.
 
@@ -287,6 +299,7 @@ def prepared(estimation: Sequence[Record], validation: Sequence[Record]) -> Prep
     both = [*estimation, *validation]
     places = unseen_spikes(both)
     both = [thinned(without_spikes(r, at)) for r, at in zip(both, places, strict=True)]
+    check_travel(both)
     check_zero(both)
     scale = full_scale(both)
     scaled = [per_unit(r, scale) for r in both]

@@ -10,7 +10,9 @@ import pytest
 from hidden_table import SAMPLE_TIME, record
 
 from shake_ros.core.identification.data_checks import data_checks
+from shake_ros.core.identification.nuisances import prepared
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.quantities import ShakeError
 
 
 @cache
@@ -26,6 +28,14 @@ def said(*records: Record) -> str:
 
 def test_good_recordings_pass_the_data_checks() -> None:
     assert data_checks([good(1), good(2)]) == []
+
+
+def test_recordings_in_millimetres_are_refused_before_a_fit() -> None:
+    run = good()
+    assert run.acceleration is not None
+    wrong = replace(run, position=1e3 * run.position, acceleration=1e3 * run.acceleration)
+    with pytest.raises(ShakeError, match=r"^run1: the position travels .* m, farther than any table: in millimetres"):
+        prepared([wrong], [good(2)])
 
 
 def sine(frequency: float, rate: float, resolution: float) -> Record:
