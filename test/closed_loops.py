@@ -23,8 +23,6 @@ from shake_ros.api import close_loop as close_loop_verb
 from shake_ros.api.fitted import fit_data
 from shake_ros.api.read import read
 from shake_ros.api.tune_table import tune_table
-from shake_ros.core.discovery import close_loop as closing
-from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.forward_selection import forward_selection
 from shake_ros.core.discovery.problem import ModelStructure, SearchProblem
 from shake_ros.core.discovery.selection import Selection
@@ -34,6 +32,8 @@ from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.data.recordings import write_table_recording
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.search import close_loop as closing
+from shake_ros.search.close_loop import LoopClosure
 from shake_ros.settings import load_search, load_table
 
 SECONDS = 3.0

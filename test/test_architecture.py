@@ -28,6 +28,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("core.identification",),
     ("core.discovery",),
     ("fit",),
+    ("explain",),
     ("search",),
     ("settings", "realtime"),
     ("declared",),

@@ -15,18 +15,12 @@ from shake_ros.api.fitted import LatentForces, prepared_alike, test_records, wit
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Ending, Progress, ProgressOption
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tracking, tune_table
-from shake_ros.core.discovery import close_loop as closing
-from shake_ros.core.discovery.close_loop import LoopClosure
-from shake_ros.core.discovery.continued import continued
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.given_answer import GivenAnswer
 from shake_ros.core.discovery.problem import ModelStructure, unstopped
-from shake_ros.core.discovery.remaining import Remaining
-from shake_ros.core.discovery.rival_models import RivalModel, problem_of, rival_models
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.failures import Failures
 from shake_ros.core.identification.axis_model import position_errors
-from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.experiments import Candidate
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
@@ -38,21 +32,27 @@ from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.data.results import (
+    accounts_json,
     axis_json,
     close_loop_json,
     diagnosis_json,
     failures_json,
     finite,
     innovations_json,
-    predictable_json,
     tracking_json,
     unknown_json,
 )
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
+from shake_ros.explain.dependence import Remaining
+from shake_ros.explain.diagnosis import Diagnosis, diagnose
 from shake_ros.fit.solver import Budget
 from shake_ros.report.result_table import ResultTable
 from shake_ros.report.text import error_table
+from shake_ros.search import close_loop as closing
 from shake_ros.search.answer import answer
+from shake_ros.search.close_loop import LoopClosure
+from shake_ros.search.continued import continued
+from shake_ros.search.rival_models import RivalModel, problem_of, rival_models
 from shake_ros.settings import save_table
 
 if TYPE_CHECKING:
@@ -319,7 +319,7 @@ class Discovery(fitted.FittedResult):
         step, identified = self.failures.step, tuple[Estimate, ...]()
         with step("residuals in report.json"):
             if self.diagnosis:
-                content["remaining"]["predictable"] = predictable_json(self.diagnosis.predictable)
+                content["remaining"]["predictable"] = accounts_json(self.diagnosis.accounts)
                 content["remaining"]["innovations"] = innovations_json(self.diagnosis.innovations)
         with step("what the recordings identify"):
             identified = self.identified_estimates

@@ -17,9 +17,7 @@ from typing import Any
 
 from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
-from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.identification.axis_model import AXIS, forecast_errors
 from shake_ros.core.identification.end_stops import within_stroke
 from shake_ros.core.identification.identified import identified
@@ -34,8 +32,10 @@ from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
+from shake_ros.explain.latent_force import LatentForce
 from shake_ros.report.result_table import ResultTable
 from shake_ros.report.text import force_table, nuisance_table, parameter_table, slow_change_table
+from shake_ros.search.close_loop import LoopClosure
 
 
 class LatentForces(Sequence[LatentForce]):

@@ -13,7 +13,6 @@ from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.discovery import declared_fit
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
-from shake_ros.core.identification.diagnosis import Diagnosis, diagnose
 from shake_ros.core.identification.nuisance_estimates import (
     NuisanceEstimates,
     estimated_null_shifts,
@@ -33,6 +32,7 @@ from shake_ros.data.results import (
     unknown_json,
 )
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
+from shake_ros.explain.diagnosis import Diagnosis, diagnose
 from shake_ros.report.result_table import ResultTable
 from shake_ros.report.text import error_table
 from shake_ros.settings import save_table

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
-from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.loop.linear_loop import LAWS, Margins
 from shake_ros.core.loop.robust import Load, RobustSettings, Search, Uncertainty, neighbours, uncertainty_of
 from shake_ros.core.loop.trials import TrackingBenefit, Trials, TriedLaw, benefit, horizon, try_laws
@@ -31,6 +30,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, 
 from shake_ros.data.reference_file import build_program
 from shake_ros.data.result_folder import refuse_existing, write_json, writing
 from shake_ros.report.result_table import ResultTable, percent
+from shake_ros.search.close_loop import LoopClosure
 from shake_ros.settings import find, load_table, load_variant, read_yaml, save_table
 
 

@@ -10,24 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.closed_form import FunctionForm, LearntFunction
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.second_form import ChangeForm, LearntChange
 from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.failures import Failures
 from shake_ros.core.identification.axis_model import forecast_errors, slow_changes
-from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
-from shake_ros.core.identification.innovations import HORIZONS, RATES, Innovations
 from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.predictability import Predictability
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.trials import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.explain.account import Account
+from shake_ros.explain.diagnosis import Diagnosis
+from shake_ros.explain.latent_force import LatentForce
+from shake_ros.explain.prediction import HORIZONS, RATES, Innovations
+from shake_ros.search.close_loop import LoopClosure
 
 CLOSE_LOOP_SCHEMA = "shake_ros.close_loop/1"
 IDENTIFY_SCHEMA = "shake_ros.identify/1"
@@ -85,37 +85,26 @@ def axis_json(table: TableParameters, records: Sequence[Record]) -> dict[str, An
     return {"slow_changes": changes, "forecast_error": forecast_errors(table, records)}
 
 
-def _judgement_json(judgement: Judgement) -> dict[str, Any]:
-    test, split = judgement.test, judgement.split
-    return {
-        "recording": judgement.name,
-        "held_out": judgement.held_out,
-        "channel": judgement.channel,
-        "white": None if test is None else test.white,
-        "white_p": None if test is None else test.auto_p,
-        "independent": None if test is None else test.independent,
-        "independent_p": None if test is None else test.cross_p,
-        "mean_square": {"linear": split.linear, "nonlinear": split.nonlinear, "noise": split.noise},
-        "noise": judgement.noise,
-        "noise_from": judgement.noise_from,
-    }
-
-
-def predictable_json(parts: Sequence[Predictability]) -> list[dict[str, Any]]:
+def accounts_json(parts: Sequence[Account]) -> list[dict[str, Any]]:
     """Shares of each residual's mean square by what predicts them; null where a means was not at hand."""
     return [
         {
             "recording": p.name,
             "held_out": p.held_out,
             "channel": p.channel,
+            "noise": p.noise,
             "over_noise": p.ratio,
             "least_over_noise": p.least_ratio,
-            "sensor_noise": p.noise,
-            "coherent": p.linear,
+            "sensor_noise": p.noise_share,
+            "coherent": p.coherent,
             "filtered": p.filtered,
             "repeated": p.repeated,
             "different": p.different,
             "unknown": p.unknown,
+            "white": p.shape and p.shape.white,
+            "white_p": p.shape and p.shape.auto_p,
+            "independent": p.shape and p.shape.independent,
+            "independent_p": p.shape and p.shape.cross_p,
         }
         for p in parts
     ]
@@ -134,7 +123,6 @@ def innovations_json(found: Innovations | None) -> dict[str, Any] | None:
         "drawing_helps": found.helps,
         "horizons": list(HORIZONS),
         "over_noise_ahead": {channel: list(values) for channel, values in found.horizons.items()},
-        "equivalent_force": found.force,
         "text": found.text,
     }
 
@@ -144,8 +132,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
     known = diagnosis.identifiability
     rows = [[float(c) if np.isfinite(c) else None for c in row] for row in known.correlation]
     return {
-        "residuals": [_judgement_json(j) for j in diagnosis.judgements],
-        "predictable": predictable_json(diagnosis.predictable),
+        "residuals": accounts_json(diagnosis.accounts),
         "innovations": innovations_json(diagnosis.innovations),
         "correlation": {"names": list(known.names), "matrix": rows},
         "not_identified": [{"weights": c.weights, "deviation": c.deviation} for c in known.left_open],

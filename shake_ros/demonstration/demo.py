@@ -19,7 +19,6 @@ import yaml
 from shake_ros.api.fitted import names_of, with_test
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.cli.arguments import CommandLine, reporting
-from shake_ros.core.discovery.close_loop import LoopClosure, close_loop
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
@@ -30,6 +29,7 @@ from shake_ros.data.results import close_loop_json
 from shake_ros.declared import model_structure
 from shake_ros.measured.models import MeasuredRuns
 from shake_ros.measured.runs import ALL, fit_runs, read_problem
+from shake_ros.search.close_loop import LoopClosure, close_loop
 from shake_ros.settings import find, load_search, load_table, read_yaml, save_table
 
 if TYPE_CHECKING:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.identification.recordings import Record
 from shake_ros.data.recordings import TableRecording
 from shake_ros.measured.models import MeasuredRuns
@@ -21,6 +20,7 @@ from shake_ros.report.result_table import percent
 from shake_ros.report.sections import Track, made_of, parameters_side_by_side, tracking_section
 from shake_ros.report.static_figure import AFTER, BEFORE, MEASURED, new_figure, png, tidy
 from shake_ros.report.text import sentence
+from shake_ros.search.close_loop import LoopClosure
 
 
 def harmonic_axes(axes: Axes, runs: MeasuredRuns, index: int) -> None:

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from shake_ros.core.control.feedforward_pi import FeedforwardPI
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.discovery.problem import side_by_side
-from shake_ros.core.discovery.rival_models import RivalModel
 from shake_ros.core.identification.experiments import PAYLOAD
 from shake_ros.core.identification.fit import Fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -38,6 +37,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.reference.motion import Envelope, envelope
 from shake_ros.experiment_design.further_sensors import FurtherSensor, WithSensors
 from shake_ros.experiment_design.motions import Excitation
+from shake_ros.search.rival_models import RivalModel
 
 Array = NDArray[np.float64]
 ENOUGH = math.log(1000.0)  # gain in log likelihood at which a rival counts as settled [nats]

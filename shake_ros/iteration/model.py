@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.discovery.unlisted_functions import UNLISTED
@@ -31,6 +30,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.declared import model_structure, search_settings
 from shake_ros.iteration.drive import Iteration, converged, error_in_band
+from shake_ros.search import close_loop as closing
 
 Array = NDArray[np.float64]
 EVALUATIONS = 20  # trial points of a fit, at most; it starts near its end after the first run

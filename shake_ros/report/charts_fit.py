@@ -11,11 +11,11 @@ from shake_ros.core.analysis.stretches import energies
 from shake_ros.core.discovery.closed_form import FunctionForm
 from shake_ros.core.discovery.unlisted_functions import ABOVE_NAMES, BELOW_NAMES, NODE_NAMES, PREFIX
 from shake_ros.core.effects.unlisted import CHANGES, NODES, SECONDS
-from shake_ros.core.identification.diagnosis import Judgement
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.explain.account import Account
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 
 LABELS = {
@@ -203,19 +203,18 @@ def second_label(code: int, value: float) -> str:
     return f"{name} {value * SCALES.get(SECONDS[code], 1.0):.3g} {unit.rstrip(']')}"
 
 
-def correlation_chart(judgements: Sequence[Judgement], with_drive: bool) -> Chart:
+def correlation_chart(accounts: Sequence[Account], with_drive: bool) -> Chart:
     """Correlation of every tested residual with its own past, or with the drive; grey: 99 % by chance at one lag."""
     panels = []
-    for j in judgements:
-        if j.test is None:
+    for each in accounts:
+        test = each.shape
+        if test is None:
             continue
-        lags = len(j.test.autocorrelation) - 1
+        lags = len(test.autocorrelation) - 1
         lag = np.arange(-lags if with_drive else 1, lags + 1, dtype=np.float64)
-        value = j.test.cross_correlation if with_drive else j.test.autocorrelation[1:]
-        bound = j.test.cross_bound if with_drive else j.test.auto_bound
-        series = (
-            ChartSeries(f"{j.name} ({'validation' if j.held_out else 'estimation'})", value, "c0", kind="points"),
-        )
+        value = test.cross_correlation if with_drive else test.autocorrelation[1:]
+        bound = test.cross_bound if with_drive else test.auto_bound
+        series = (ChartSeries(each.label, value, "c0", kind="points"),)
         panels.append(Panel("correlation", lag, series, height=100, shaded=(-bound, bound)))
     name, text = ("drive", "the drive") if with_drive else ("past", "its own past")
     caption = f"Correlation of the residual with {text}; grey: 99 % limits of chance, lag by lag"

@@ -10,21 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.analysis.stretches import energies
-from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.failures import RAISING, Failures
-from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.trials import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.explain.diagnosis import Diagnosis
+from shake_ros.explain.latent_force import LatentForce
 from shake_ros.report import charts_fit
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.charts_fit import GROUPS, LABELS, SCALES, SHOWN
@@ -53,6 +52,7 @@ from shake_ros.report.text import (
     verdict_lines,
     why_nothing,
 )
+from shake_ros.search.close_loop import LoopClosure
 
 WHAT = (
     "The force that would have to act on the table for the final model to reproduce the measured motion, smoothed "

@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.identification.diagnosis import Diagnosis, Judgement
 from shake_ros.core.identification.experiments import stated
-from shake_ros.core.identification.innovations import HORIZONS, RATES, Innovations
 from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.predictability import Predictability
-from shake_ros.core.identification.predictability import verdict as predictability_verdict
 from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.trials import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.explain.account import verdict
+from shake_ros.explain.diagnosis import Diagnosis
+from shake_ros.explain.prediction import HORIZONS, RATES, Innovations
 from shake_ros.report import charts_fit
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page, Source
@@ -29,41 +28,10 @@ from shake_ros.report.text import (
     error_table,
     estimate_text,
     nuisance_table,
-    rounded,
     sentence,
     slow_change_table,
     unit_of,
 )
-
-
-def predictable_table(page: Page, parts: Sequence[Predictability]) -> None:
-    """What of each residual is predictable at all, in shares of its mean square."""
-    page.subheading("How much of it is predictable")
-    page.paragraph(sentence(predictability_verdict(parts)))
-    page.paragraph(
-        "Shares of the residual's mean square. The filter may look ahead, uses the command, its magnitude, its sign "
-        "and its signed square, and is evaluated on a recording to which it was not fitted. What differs between "
-        "equal commands, beyond the sensor noise, cannot be predicted from the command: process noise, or an unknown "
-        "initial state.",
-        note=True,
-    )
-    rows = []
-    for p in parts:
-        shares = ["–" if s is None else f"{100.0 * s:.0f} %" for s in (p.linear, p.filtered, p.repeated, p.different)]
-        role = "validation" if p.held_out else "estimation"
-        sizes = f"{p.ratio:.2f} × noise", f"{100.0 * p.noise:.0f} %"
-        rows.append([f"{p.name} ({role})", p.channel, *sizes, *shares, f"{p.least_ratio:.2f} × noise"])
-    heads = (
-        "recording",
-        "residual of",
-        "size",
-        "sensor noise",
-        "coherent",
-        "a filter takes",
-        "repeats",
-        "does not repeat",
-    )
-    page.table((*heads, "at best"), rows)
 
 
 def innovations_table(page: Page, found: Innovations) -> None:
@@ -240,47 +208,31 @@ def errors_section(
     page.table(["recording", "channel", "band", *labels], bands)
 
 
-def verdict(judgement: Judgement) -> tuple[float, str]:
-    """The residual in multiples of the channel's noise, and what it is, in words that do not contradict each other."""
-    test, split = judgement.test, judgement.split
-    total = split.linear + split.nonlinear + split.noise
-    ratio = math.sqrt(total) / max(judgement.noise, 1e-300)
-    if test is None:
-        return ratio, "too short to be tested"
-    if test.white and test.independent:
-        return ratio, "noise: neither its own past nor the command predicts it"
-    by = [text for passed, text in ((test.independent, "the drive"), (test.white, "its own past")) if not passed]
-    return ratio, f"{' and '.join(by)} predict{'s' * (len(by) == 1)} a part of it"
-
-
 def remains_section(page: Page, diagnosis: Diagnosis, text: str = "") -> None:
     """How large the residual is beside the noise, what predicts it, and its correlations."""
     page.heading("What remains")
     if text:
         page.paragraph(sentence(text))
+    page.paragraph(sentence(verdict(diagnosis.accounts)))
     page.paragraph(
-        "First the size, in multiples of the channel's noise; then a test of its shape at 99 % over ±25 lags. The "
-        "test detects traces far below the noise: what matters is the share of the mean square that a linear filter "
-        "of the command explains, and what is left above the noise, which is nonlinear."
+        "Shares of the residual's mean square: what is white noise of the sensor; what a linear filter of the command "
+        "explains; what a filter explains that may look ahead and uses the command's magnitude and sign as well, on a "
+        "recording to which it was not fitted; what repeats and what differs between equal commands. What differs "
+        "beyond the sensor noise cannot be predicted from the command: process noise, or an unknown initial state. "
+        "The test in the last column, at 99 % over ±25 lags, detects traces far below the noise: the shares matter.",
+        note=True,
     )
     rows = []
-    for j in diagnosis.judgements:
-        ratio, remark = verdict(j)
-        total = max(j.split.linear + j.split.nonlinear + j.split.noise, 1e-300)
-        unit = "m/s²" if j.channel == "acceleration" else "m/s"
-        parts = [f"{100.0 * part / total:.0f} %" for part in (j.split.linear, j.split.nonlinear, j.split.noise)]
-        size = f"{rounded(j.noise, 0.01 * j.noise)} {unit}, from the {j.noise_from}"
-        role = "validation" if j.held_out else "estimation"
-        rows.append([f"{j.name} ({role})", j.channel, f"{ratio:.2f} × noise", *parts, remark, size])
-    page.table(
-        ("recording", "residual of", "size", "linear in the command", "nonlinear", "noise", "its shape", "noise is"),
-        rows,
-    )
-    if any(j.test for j in diagnosis.judgements):
-        page.chart(charts_fit.correlation_chart(diagnosis.judgements, True))
-        page.chart(charts_fit.correlation_chart(diagnosis.judgements, False))
-    if diagnosis.predictable:
-        predictable_table(page, diagnosis.predictable)
+    for p in diagnosis.accounts:
+        shares = [p.noise_share, p.coherent, p.filtered, p.repeated, p.different]
+        cells = ["–" if share is None else f"{100.0 * share:.0f} %" for share in shares]
+        sizes = f"{p.ratio:.2f} × noise", *cells, f"{p.least_ratio:.2f} × noise"
+        rows.append([p.label, p.channel, *sizes, p.predicted_by])
+    heads = ("size", "sensor noise", "linear in the command", "a filter explains", "repeats", "differs", "at best")
+    page.table(("recording", "residual of", *heads, "predicted by"), rows)
+    if any(p.shape for p in diagnosis.accounts):
+        page.chart(charts_fit.correlation_chart(diagnosis.accounts, True))
+        page.chart(charts_fit.correlation_chart(diagnosis.accounts, False))
     if diagnosis.innovations:
         innovations_table(page, diagnosis.innovations)
 

@@ -6,21 +6,21 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 
-from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.declared_fit import Errors, FittedModel
-from shake_ros.core.discovery.latent_force import LatentForce
 from shake_ros.core.discovery.second_form import LearntChange
 from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.identification.axis_model import forecast_errors, position_errors, slow_changes
-from shake_ros.core.identification.diagnosis import Diagnosis
 from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.predictability import verdict
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.trials import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.explain.account import verdict
+from shake_ros.explain.diagnosis import Diagnosis
+from shake_ros.explain.latent_force import LatentForce
 from shake_ros.report.result_table import ResultTable, percent
+from shake_ros.search.close_loop import LoopClosure
 
 UNITS: Mapping[str, tuple[float, str]] = {  # SI unit → factor and unit to read
     "Pa": (1e-6, "MPa"),
@@ -290,17 +290,15 @@ def close_loop_lines(result: LoopClosure) -> list[str]:
 
 def predictable_lines(result: LoopClosure, diagnosis: Diagnosis) -> list[str]:
     """What of the residual is predictable at all, in one line; nothing where it is noise."""
-    return [f"predictable: {verdict(diagnosis.predictable)}"] if result.remaining.above_noise else []
+    return [f"predictable: {verdict(diagnosis.accounts)}"] if result.remaining.above_noise else []
 
 
 def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
-    """Residual tests per recording, then what the recordings identify and which one would help."""
-    rows = []
-    for j in diagnosis.judgements:
-        role = "validation" if j.held_out else "estimation"
-        passed = ["yes" if p else "no" for p in (j.test.white, j.test.independent)] if j.test else [None, None]
-        rows.append((j.name, role, *passed, j.split.text))
-    table = ResultTable(("residual of", "data", "white", "independent", "the error is"), rows)
+    """What is left of each recording, then what the recordings identify and which one would help."""
+    rows = [(p.label, p.channel, p.ratio, p.noise_share, p.coherent, p.predicted_by) for p in diagnosis.accounts]
+    names = ("residual of", "channel", "× noise", "sensor noise", "linear in command", "predicted by")
+    shown = {"× noise": "{:.2f}".format, "sensor noise": percent, "linear in command": percent}
+    table = ResultTable(names, rows, shown)
     return [str(table), sentence(diagnosis.identifiability.text), sentence(diagnosis.advice)]
 
 

@@ -17,7 +17,6 @@ import shake_ros as sr
 from shake_ros.api import model as opening
 from shake_ros.api import tune_table
 from shake_ros.cli.repair import discovery_lines
-from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.problem import SearchProblem, linearised
@@ -45,6 +44,7 @@ from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.stages import StartingPoint
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
+from shake_ros.search import close_loop as closing
 from shake_ros.settings import load_search, load_table, read_yaml
 
 STEP, SECONDS = 0.001, 1.2

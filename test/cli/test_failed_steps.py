@@ -15,7 +15,6 @@ from closed_loops import LEAN, bag
 from shake_ros import __main__
 from shake_ros.api import close_loop as verb
 from shake_ros.cli import repair as cli
-from shake_ros.core.discovery import close_loop as closing
 from shake_ros.core.discovery import forward_selection as forward
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.problem import SearchProblem
@@ -23,6 +22,7 @@ from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.declared import effect_candidates, model_structure
 from shake_ros.report import close_loop_page
+from shake_ros.search import close_loop as closing
 from shake_ros.settings import load_table
 
 STEPS: list[tuple[ModuleType, str, str]] = [
@@ -98,7 +98,7 @@ def test_failed_step_is_named_and_the_rest_of_the_report_is_there(
 
 
 def test_number_that_is_none_costs_itself_alone(closed: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verb, "predictable_json", lambda *_: [{"least_over_noise": float("nan")}])
+    monkeypatch.setattr(verb, "accounts_json", lambda *_: [{"least_over_noise": float("nan")}])
     code, said, out = closed()
     assert code == 1
     assert "numbers of report.json" in said[0]

@@ -9,7 +9,6 @@ import pytest
 
 import shake_ros as sr
 from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.rival_models import RivalModel
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import FULL
@@ -20,6 +19,7 @@ from shake_ros.experiment_design.design import ENOUGH, HARDLY, Designer
 from shake_ros.experiment_design.further_sensors import further_sensors, lacking
 from shake_ros.experiment_design.motions import library
 from shake_ros.experiment_design.next_recording import NextRecording, remedies
+from shake_ros.search.rival_models import RivalModel
 
 MOVED = ("friction.viscous", "friction.coulomb_level", "bulk_modulus.modulus")
 SCALED = {  # exponents of a common factor that leaves the motion of a table as it is

@@ -18,10 +18,10 @@ import numpy as np
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.approach import INJECTION, Approach, approached, arrived, predictor_start
+from shake_ros.core.identification.equal_commands import FreeAndPredictor, process_noise
 from shake_ros.core.identification.fit import LOST, Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates
-from shake_ros.core.identification.process_noise import FreeAndPredictor, process_noise
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record, windows
 from shake_ros.core.plant.parameters import TableParameters

@@ -181,8 +181,8 @@ def check_travel(records: Sequence[Record]) -> None:
         travel = float(np.ptp(record.position))
         if travel > FARTHEST:
             raise ShakeError(
-                f"{record.name}: the position travels {travel:.4g} m, farther than any table: in millimetres? Import it "
-                "again with --position 'COL*0.001', and --acceleration likewise if that is in mm/s²"
+                f"{record.name}: the position travels {travel:.4g} m, farther than any table: in millimetres? Import "
+                "it again with --position 'COL*0.001', and --acceleration likewise if that is in mm/s²"
             )
 
 

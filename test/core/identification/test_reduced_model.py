@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.close_loop import close_loop
 from shake_ros.core.discovery.problem import ModelStructure
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
@@ -15,6 +14,7 @@ from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.core.plant.reduced_simulation import run
 from shake_ros.core.quantities import ShakeError
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.search.close_loop import close_loop
 from shake_ros.settings import load_search
 
 DT = 0.005

@@ -11,9 +11,7 @@ from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model, unassessed_model
 from shake_ros.core.discovery.forward_selection import forward_selection, recentred, with_predictor_search
 from shake_ros.core.discovery.given_answer import GivenAnswer, selection_of
-from shake_ros.core.discovery.latent_force import LatentForce, latent_forces
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, unstopped
-from shake_ros.core.discovery.remaining import UNKNOWN, Remaining, remaining
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.verdict import EffectVerdict, with_verdicts
@@ -22,6 +20,8 @@ from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.nuisance_estimates import estimated_null_shifts
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.identification.time_budget import never, within_budget
+from shake_ros.explain.dependence import UNKNOWN, Remaining, remaining
+from shake_ros.explain.latent_force import LatentForce, latent_forces
 
 
 @dataclass(frozen=True)

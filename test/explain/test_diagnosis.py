@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.identification.diagnosis import Diagnosis, Judgement, diagnose
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
+from shake_ros.explain.account import Account
+from shake_ros.explain.diagnosis import Diagnosis, diagnose
 from shake_ros.settings import load_table
 
 TABLE = load_table("bergamo").with_values({"friction.coulomb_level": 400.0})
@@ -36,8 +37,9 @@ def diagnosed(truth: TableParameters, acceleration: bool = True) -> Diagnosis:
     return diagnose(result, learn, hold, ())
 
 
-def judged(truth: TableParameters, acceleration: bool = True) -> tuple[Judgement, ...]:
-    return diagnosed(truth, acceleration).judgements
+def account(truth: TableParameters, acceleration: bool = True) -> tuple[Account, ...]:
+    """Of the channel that is tested, one of each recording."""
+    return tuple(each for each in diagnosed(truth, acceleration).accounts if each.shape)
 
 
 def test_what_no_recording_was_asked_for_is_not_said_to_be_impossible() -> None:
@@ -45,13 +47,13 @@ def test_what_no_recording_was_asked_for_is_not_said_to_be_impossible() -> None:
 
 
 def test_a_model_that_lacks_nothing_leaves_noise_in_every_recording() -> None:
-    first, second = judged(TABLE)
+    first, second = account(TABLE)
     assert (first.name, first.held_out, second.name, second.held_out) == ("run1", False, "run2", True)
-    for j in (first, second):
-        assert j.test is not None
-        assert j.test.independent
-        assert j.split.noise > 0.9 * (j.split.linear + j.split.nonlinear + j.split.noise)
-        assert j.noise == pytest.approx(NOISE, rel=0.1)
+    for each in (first, second):
+        assert each.shape is not None
+        assert each.shape.independent
+        assert each.noise_share > 0.9
+        assert each.noise == pytest.approx(NOISE, rel=0.1)
 
 
 def test_a_table_with_a_soft_zone_leaves_a_residual_that_is_not_noise() -> None:
@@ -62,13 +64,15 @@ def test_a_table_with_a_soft_zone_leaves_a_residual_that_is_not_noise() -> None:
             "effects.soft_zone.sharpness": 8.8e-6,
         }
     )
-    for j in judged(soft):
-        assert j.test is not None
-        assert not j.test.white
-        assert j.split.linear + j.split.nonlinear > j.split.noise
+    for each in account(soft):
+        assert each.shape is not None
+        assert not each.shape.white
+        assert each.noise_share < 0.5
 
 
-def test_without_an_accelerometer_the_velocity_is_judged_at_its_independent_samples() -> None:
-    for j in judged(TABLE, acceleration=False):
-        assert j.channel == "velocity"
-        assert j.sample_time == pytest.approx(0.012, rel=0.1)
+def test_without_an_accelerometer_the_velocity_is_tested_at_its_independent_samples() -> None:
+    for each in account(TABLE, acceleration=False):
+        assert each.channel == "velocity"
+        assert each.shape is not None
+        samples = (2.5758 / each.shape.auto_bound) ** 2  # of 2.5 s, one every 12 ms
+        assert samples == pytest.approx(2500 / 12, rel=0.01)

@@ -4,7 +4,7 @@ A free run carries along what no command tells (process noise), a predictor forg
 plant/integration.py). Where the model is right and nothing but the command drives the table, a predictor only lets
 sensor noise in: each error is held against what sensor noise alone makes of the same run, which a run of the model
 itself with noise added shows. Process noise makes a predictor run err less than that; a model that lacks something does
-so too, so a predictor alone shows no process noise: equal commands do (process_noise.py).
+so too, so a predictor alone shows no process noise: equal commands do (equal_commands.py).
 
 The measured velocity has passed a zero-phase filter and looks some 10 ms ahead: horizons below that are flattered.
 """
@@ -18,11 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.identification.predictability import sensor_noise
+from shake_ros.core.identification.equal_commands import sensor_noise
 from shake_ros.core.identification.recording_problem import BLOCK, RecordingProblem
 from shake_ros.core.identification.recordings import Record, windows
-from shake_ros.core.identification.velocity_filter import derivative, filtered_velocity, low_pass
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.identification.velocity_filter import derivative
 
 Floats = NDArray[np.float64]
 RATES = (0.0, 5.0, 10.0, 20.0, 40.0, 80.0)  # of correction [1/s]; 0: a free run
@@ -32,7 +31,6 @@ OFFSETS = 5  # predictions begin at so many places of the recording, evenly apar
 SECONDS, PIECE = 12.0, 3.0  # of recordings, and of each piece of them, that are predicted [s]
 HELPS = 0.8  # part of the free run's mean square, relative to the noise, from which a predictor helps …
 BEYOND = 3.0  # … where it is beyond so many standard errors
-TRIES = 3  # of the force that explains a residual: friction makes the answer depend on its size
 
 
 @dataclass(frozen=True)
@@ -42,9 +40,7 @@ class Innovations:
     errors, by_noise : rms by channel over the sensor noise at each of RATES, and what sensor noise alone makes of it.
     relative : mean square of all weighted errors at each rate over that of sensor noise alone. best : rate at which
     that is least [1/s]. helps : whether a predictor at it helps beyond chance. horizons : rms by channel over the
-    sensor noise at each of HORIZONS, for runs that were corrected until then. force : random force below the velocity
-    filter's cut-off that would leave as much [N rms]; None where a predictor does not help, or the model takes no
-    force.
+    sensor noise at each of HORIZONS, for runs that were corrected until then.
     """
 
     errors: Mapping[str, tuple[float, ...]]
@@ -53,7 +49,6 @@ class Innovations:
     best: float
     helps: bool
     horizons: Mapping[str, tuple[float, ...]]
-    force: float | None = None
 
     @property
     def text(self) -> str:
@@ -62,15 +57,13 @@ class Innovations:
         if not self.helps:
             return "a predictor is no better than a free run: no sign of process noise"
         gain = math.sqrt(self.relative[0] / self.relative[k])
-        text = (
-            f"a predictor with a gain of {self.best:g} 1/s errs {gain:.1f} times less than a free run, noise excluded"
+        return (
+            f"a predictor with a gain of {self.best:g} 1/s errs {gain:.1f} times less than a free run, noise excluded; "
+            "a missing effect would lead to that, and process noise too: repeated commands distinguish the two"
         )
-        if self.force is not None:
-            text += f"; a random force of {self.force:.3g} N rms would explain the error of the free run"
-        return f"{text}; a missing effect would too; repeated commands distinguish the two"
 
 
-def innovations(problem: RecordingProblem, vector: np.ndarray, table: TableParameters) -> Innovations | None:
+def innovations(problem: RecordingProblem, vector: np.ndarray) -> Innovations | None:
     """Errors of prediction of a table over (pieces of) recordings; None of a model whose runs cannot be corrected."""
     if not problem.model.injects:
         return None
@@ -88,8 +81,7 @@ def innovations(problem: RecordingProblem, vector: np.ndarray, table: TableParam
     errors, by_noise = ({c: _residual_to_noise(e, noise, i) for i, c in enumerate(channels)} for e in (true, alone))
     ahead = _horizons(problem, vector, rate)
     horizons = {c: ahead[i] for i, c in enumerate(channels)}
-    force = equivalent_force(problem, vector, table) if helps else None
-    return Innovations(errors, by_noise, tuple(relative.tolist()), RATES[k], helps, horizons, force)
+    return Innovations(errors, by_noise, tuple(relative.tolist()), RATES[k], helps, horizons)
 
 
 def _signals(record: Record, motion: Floats) -> list[tuple[Floats, float]]:
@@ -175,29 +167,3 @@ def _horizons(problem: RecordingProblem, vector: np.ndarray, rate: float) -> lis
                     near &= record.whole
                     squares[i][k].append(error[near])
     return [tuple(math.sqrt(float(np.mean(np.concatenate(s)))) for s in each) for each in squares if each[0]]
-
-
-def equivalent_force(problem: RecordingProblem, vector: np.ndarray, table: TableParameters) -> float | None:
-    """Random force below the velocity filter's cut-off that makes the velocity err as the free run does [N rms].
-
-    Simulated with such a force, since it meets friction and the oil column; None where a model takes no force.
-    """
-    excess, force = 0.0, 0.0
-    for record in problem.records:
-        left = (record.velocity - problem.simulate(vector[None, :], record)[0][0])[record.start :]
-        excess += max(float(np.var(left)) - sensor_noise(record, "velocity") ** 2, 0.0) / len(problem.records)
-    tried = table.moved_mass * math.sqrt(excess) if problem.model.moved_mass(table) else 0.0
-    for _ in range(TRIES):
-        if tried <= 0.0:
-            return None
-        answer = 0.0
-        for k, record in enumerate(problem.records):
-            white = low_pass(np.random.default_rng([k, 2]).standard_normal(len(record.commands)), record.sample_time)
-            run = problem.model.run_under(table, record, tried * white / np.std(white))
-            if run is None:
-                return None
-            change = filtered_velocity(run[:, 1] - problem.model.run(table, record)[:, 1], record.sample_time)
-            answer += float(np.var(change[record.start :])) / len(problem.records)
-        force = tried * math.sqrt(excess / max(answer, 1e-300))
-        tried = force
-    return force

@@ -11,19 +11,19 @@ import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from shake_ros.core.discovery.close_loop import LoopClosure, concluded
 from shake_ros.core.discovery.decision import decide
 from shake_ros.core.discovery.elimination import eliminate
 from shake_ros.core.discovery.exchange import in_its_place
 from shake_ros.core.discovery.forward_selection import stages
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, Stopped, linearised, unstopped
 from shake_ros.core.discovery.refit import Refit, ranked
-from shake_ros.core.discovery.rival_models import RivalModel
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.time_budget import never, within_budget
+from shake_ros.search.close_loop import LoopClosure, concluded
+from shake_ros.search.rival_models import RivalModel
 
 
 def continued(

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from closed_loops import CASES, command
 
-from shake_ros.core.discovery.close_loop import passed_through
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.discovery.refit import Refit
@@ -17,6 +16,7 @@ from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.declared import effect_candidates
+from shake_ros.search.close_loop import passed_through
 from shake_ros.settings import load_table
 
 

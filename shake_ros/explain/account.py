@@ -1,13 +1,15 @@
-"""What of a residual is predictable at all, shown by three means that do not need a better model.
+"""One account of what a model leaves of each recording: how large it is, what predicts it, and what nothing does.
 
     sensor noise         the white part of the channel, which no model predicts
-    linear               what is coherent with the command: a linear filter would still predict it (residual_tests.py)
+    coherent             what a linear filter of the command would still predict
     filtered             what a filter of the command takes that may look ahead and has not seen the recording
     repeated, different  what the residual repeats where the command repeats, and what it does not: no model that the
                          command drives has the latter, whatever is added to it (process noise)
+    shape                whether its own past, or the command, predicts it at 99 %
 
-The command's feedback from the table is no objection: what a model makes of the recorded command is no longer in the
-residual. What repeats between equal commands may be had by a model; which one, it does not say.
+None of them needs a better model. The command's feedback from the table is no objection: what a model makes of the
+recorded command is no longer in the residual. What repeats between equal commands may be had by a model; which one, it
+does not say.
 """
 
 from __future__ import annotations
@@ -19,13 +21,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.identification.command_filter import Driven, driven, fitted_filter, taken
-from shake_ros.core.identification.noise import white_deviation
+from shake_ros.core.identification.equal_commands import repeated_and_different, repeats, sensor_noise
 from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.repeats import repeated_and_different, repeats
-from shake_ros.core.identification.residual_tests import error_split
-from shake_ros.core.identification.velocity_filter import velocity_noise_gain
+from shake_ros.core.identification.velocity_filter import CUTOFF
+from shake_ros.explain.command_filter import Driven, coherent_mean_square, driven, fitted_filter, taken
+from shake_ros.explain.correlation import LAGS, ResidualTest, residual_test
 
 Floats = NDArray[np.float64]
 CHANNELS = ("velocity", "acceleration")
@@ -38,7 +38,8 @@ class Left:
     """A residual of one channel of one record.
 
     values : measured minus simulated, shape (m,). commands : of the record, shape (n,). start : first sample of the
-    values. noise : standard deviation of the sensor's.
+    values. noise : standard deviation of the sensor's. independent : samples from one independent one to the next;
+    0 where another channel of the record has the tests.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Left:
     start: int
     sample_time: float
     noise: float
+    independent: int = 1
 
     @property
     def driven(self) -> Floats:
@@ -57,34 +59,49 @@ class Left:
 
 
 @dataclass(frozen=True)
-class Predictability:
-    """Shares of the mean square of one channel's residual [-]; None where a means was not at hand.
+class Account:
+    """One channel's residual over a recording: shares of its mean square [-], None where a means was not at hand.
 
-    mean_square : [unit²]. ratio : rms of the residual over the sensor noise [-]. noise : sensor noise.
-    linear, filtered, repeated : predictable by each of three means. different : not predictable by any model of the
-    command, beyond the sensor noise.
+    mean_square : [unit²]. noise : standard deviation of the sensor's [unit]. coherent, filtered, repeated : predictable
+    by each of three means. different : not predictable by any model of the command, beyond the sensor noise.
+    shape : tests of its longest piece, of a channel that has independent noise.
     """
 
     name: str
     held_out: bool
     channel: str
     mean_square: float
-    ratio: float
     noise: float
-    linear: float
+    coherent: float
     filtered: float | None = None
     repeated: float | None = None
     different: float | None = None
+    shape: ResidualTest | None = None
+
+    @property
+    def label(self) -> str:
+        """The recording, and whether it was fitted."""
+        return f"{self.name} ({'validation' if self.held_out else 'estimation'})"
+
+    @property
+    def ratio(self) -> float:
+        """Rms of the residual over the sensor noise [-]."""
+        return math.sqrt(self.mean_square) / max(self.noise, 1e-150)
+
+    @property
+    def noise_share(self) -> float:
+        """The share that is sensor noise."""
+        return min(self.noise**2 / self.mean_square, 1.0)
 
     @property
     def predictable(self) -> float:
         """The largest share that a means shows to be predictable."""
-        return min(max(self.linear, self.filtered or 0.0, self.repeated or 0.0), 1.0 - self.noise)
+        return min(max(self.coherent, self.filtered or 0.0, self.repeated or 0.0), 1.0 - self.noise_share)
 
     @property
     def unknown(self) -> float:
         """The share of which nothing says whether it is predictable; none where equal commands tell it."""
-        return max(1.0 - self.noise - self.predictable - (self.different or 0.0), 0.0)
+        return max(1.0 - self.noise_share - self.predictable - (self.different or 0.0), 0.0)
 
     @property
     def least_ratio(self) -> float:
@@ -94,10 +111,10 @@ class Predictability:
     @property
     def text(self) -> str:
         """A phrase for a report."""
-        parts = [f"{_percent(self.noise)} is sensor noise"]
+        parts = [f"{_percent(self.noise_share)} is sensor noise"]
         if self.filtered is not None:
             parts.append(f"{_percent(self.filtered)} a filter of the command would still predict")
-        parts.append(f"{_percent(self.linear)} is coherent with the command")
+        parts.append(f"{_percent(self.coherent)} is coherent with the command")
         if self.repeated is not None:
             parts.append(self.same_text)
         elif self.unknown >= LEAST_SHARE:
@@ -114,49 +131,65 @@ class Predictability:
             return f"{same} and nothing beyond the sensor noise differs"
         return f"{same} and {_percent(other)} does not, so no model of the command has it"
 
+    @property
+    def predicted_by(self) -> str:
+        """What predicts a part of it, as far as the tests tell: "nothing", "the command", "its past", or both."""
+        if self.shape is None:
+            return "not tested"
+        parts = ((self.shape.independent, "the command"), (self.shape.white, "its past"))
+        return " and ".join(name for passed, name in parts if not passed) or "nothing"
+
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.0f} %"
-
-
-def sensor_noise(record: Record, channel: str) -> float:
-    """Standard deviation of the white noise of a channel, whatever the command repeats.
-
-    What changes from period to period (`Record.velocity_noise`) holds process noise too; here the two are told apart.
-    """
-    if channel == "velocity":
-        return velocity_noise_gain(record.sample_time) * record.position_noise()
-    assert record.acceleration is not None
-    return min(white_deviation(record.acceleration), record.calmest)
 
 
 def residuals_left(problem: RecordingProblem, vector: np.ndarray, held_out: bool) -> list[Left]:
     """The residuals of a table's free runs over all records, channel by channel."""
     found = []
     for record in problem.records:
-        simulated = dict(zip(CHANNELS, problem.simulate(vector[None, :], record), strict=True))
         if len(record.commands) - record.start < SHORTEST:
             continue
-        rests = {"velocity": (record.velocity - simulated["velocity"][0])[record.start :]}
+        velocity, acceleration = problem.simulate(vector[None, :], record)
+        rests = {"velocity": (record.velocity - velocity[0])[record.start :]}
+        apart = max(round(0.5 / (CUTOFF * record.sample_time)), 1)  # the velocity is filtered
+        independent = {"velocity": apart}
         if record.acceleration is not None:
-            rests["acceleration"] = record.acceleration_left(simulated["acceleration"][0])
+            rests["acceleration"] = record.acceleration_left(acceleration[0])
+            independent = {"velocity": 0, "acceleration": 1}
         for channel, left in rests.items():
-            known = record.name, held_out, channel, left, record.commands
-            found.append(Left(*known, record.start, record.sample_time, sensor_noise(record, channel)))
+            known = record.name, held_out, channel, left, record.commands, record.start, record.sample_time
+            found.append(Left(*known, sensor_noise(record, channel), independent[channel]))
     return found
 
 
-def predictability(estimation: Sequence[Left], validation: Sequence[Left]) -> tuple[Predictability, ...]:
+def accounts(estimation: Sequence[Left], validation: Sequence[Left]) -> tuple[Account, ...]:
     """Of each recording and channel; the filter is fitted on estimation data alone, never on what it is judged by."""
-    found: list[Predictability] = []
+    found: list[Account] = []
     for channel in CHANNELS:
         learn = [left for left in estimation if left.channel == channel]
         every = [*learn, *(left for left in validation if left.channel == channel)]
         same = _under_equal_commands(every)
         rows = [driven(left.values, left.commands, left.start, left.sample_time) for left in every]
         filtered = _filtered(every, rows, len(learn))
-        found += [_shares(*each) for each in zip(every, filtered, same, strict=True)]
+        tested = _tested(every)
+        found += [_account(*each) for each in zip(every, filtered, same, tested, strict=True)]
     return tuple(merged(found))
+
+
+def _tested(every: Sequence[Left]) -> list[ResidualTest | None]:
+    """The tests of the longest piece of each recording; None of the others."""
+    longest: dict[tuple[str, bool], int] = {}
+    for k, left in enumerate(every):
+        key = left.name, left.held_out
+        if left.independent and len(left.values) >= 8 * LAGS * left.independent:
+            longest[key] = max((longest.get(key, k), k), key=lambda i: len(every[i].values))
+    return [
+        residual_test(left.values[:: left.independent], left.driven[:: left.independent])
+        if longest.get((left.name, left.held_out)) == k
+        else None
+        for k, left in enumerate(every)
+    ]
 
 
 def _filtered(every: Sequence[Left], rows: Sequence[Driven], learned: int) -> list[float | None]:
@@ -177,30 +210,30 @@ def _under_equal_commands(every: Sequence[Left]) -> list[tuple[float, float] | N
     return [(float(np.mean(k, axis=0)[0]), float(np.mean(k, axis=0)[1])) if k else None for k in known]
 
 
-def _shares(left: Left, filtered: float | None, same: tuple[float, float] | None) -> Predictability:
+def _account(
+    left: Left, filtered: float | None, same: tuple[float, float] | None, shape: ResidualTest | None
+) -> Account:
     square = max(float(np.var(left.values)), 1e-300)
-    noise = min(left.noise**2 / square, 1.0)
-    linear = error_split([left.values], [left.driven], left.sample_time, left.noise).linear / square
+    coherent = min(coherent_mean_square(left.values, left.driven, left.sample_time) / square, 1.0)
     repeated = different = None
     if same is not None:
         there = max(sum(same), 1e-300)  # the mean square of those stretches
         repeated = max(same[0], 0.0) / there
         different = max(min(same[1] / there, 1.0) - min(left.noise**2 / there, 1.0), 0.0)
     taken_share = None if filtered is None else min(filtered / square, 1.0)
-    ratio = math.sqrt(square) / max(left.noise, 1e-300)
-    known = left.name, left.held_out, left.channel, square, ratio, noise, linear
-    return Predictability(*known, taken_share, repeated, different)
+    known = left.name, left.held_out, left.channel, square, left.noise, coherent
+    return Account(*known, taken_share, repeated, different, shape)
 
 
-def merged(parts: Iterable[Predictability]) -> list[Predictability]:
+def merged(parts: Iterable[Account]) -> list[Account]:
     """One of each recording and channel: the shares of its pieces, weighted by their mean squares."""
-    groups: dict[tuple[str, bool, str], list[Predictability]] = {}
+    groups: dict[tuple[str, bool, str], list[Account]] = {}
     for part in parts:
         groups.setdefault((part.name, part.held_out, part.channel), []).append(part)
     return [together(group) for group in groups.values()]
 
 
-def together(group: Sequence[Predictability]) -> Predictability:
+def together(group: Sequence[Account]) -> Account:
     """Several of one channel as one; a share counts where it is known."""
     if len(group) == 1:
         return group[0]
@@ -211,17 +244,17 @@ def together(group: Sequence[Predictability]) -> Predictability:
         shares = np.array([0.0 if v is None else v for v in values])
         return float(shares @ (squares * known) / (squares @ known)) if known.any() else None
 
-    noise = float(np.mean([p.mean_square * p.noise for p in group]))
-    square = float(np.mean(squares))
-    linear = mean([p.linear for p in group])
-    assert linear is not None
-    first = group[0]
-    known = first.name, first.held_out, first.channel, square, math.sqrt(square / max(noise, 1e-300))
-    others = [mean([getattr(p, kind) for p in group]) for kind in ("filtered", "repeated", "different")]
-    return Predictability(*known, min(noise / square, 1.0), linear, *others)
+    noise = math.sqrt(float(np.mean([p.noise_share * p.mean_square for p in group])))
+    coherent = mean([p.coherent for p in group])
+    assert coherent is not None
+    first, shape = group[0], next((p.shape for p in group if p.shape), None)
+    known = first.name, first.held_out, first.channel, float(np.mean(squares)), noise, coherent
+    kinds = ("filtered", "repeated", "different")
+    filtered, repeated, different = (mean([getattr(p, kind) for p in group]) for kind in kinds)
+    return Account(*known, filtered, repeated, different, shape)
 
 
-def verdict(parts: Sequence[Predictability]) -> str:
+def verdict(parts: Sequence[Account]) -> str:
     """A phrase on what is held out, acceleration before velocity, with what equal commands of any recording tell."""
     held = [p for p in parts if p.held_out] or list(parts)
     if not held:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from shake_ros.core.discovery.force_smoother import ForceDynamics, ForceSmoother, Residuals
+from shake_ros.explain.force_smoother import ForceDynamics, ForceSmoother, Residuals
 
 DT = 1e-3
 START = (0.01, 2.0, 3.0)

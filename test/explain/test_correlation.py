@@ -1,4 +1,4 @@
-"""Residual tests hold their level on noise and see what is left; the split of the error on known mixtures."""
+"""Residual tests hold their level on noise and see what is left; coherence tells what a linear system leaves."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from shake_ros.core.identification.residual_tests import error_split, residual_test
 from shake_ros.core.quantities import ShakeError
+from shake_ros.explain.command_filter import coherent_mean_square
+from shake_ros.explain.correlation import residual_test
 
 N = 6000
 DT = 1e-3
@@ -64,29 +65,17 @@ def test_a_residual_that_cannot_be_tested_is_refused(bad):
         residual_test(bad, np.zeros(N))
 
 
-def test_split_of_a_mixture_of_linear_part_and_noise():
+def test_what_a_linear_system_leaves_of_the_input_is_coherent_and_noise_is_not():
     rng = np.random.default_rng(5)
     u = coloured(rng, 20000)
     linear = lfilter([0.0, 0.4, 0.2], [1.0], u)
-    split = error_split([linear + 0.1 * rng.standard_normal(20000)], [u], DT, 0.1)
-    assert split.linear == pytest.approx(np.var(linear), rel=0.1)
-    assert split.nonlinear < 0.05 * split.linear
-    assert split.noise == pytest.approx(0.01, rel=0.1)
+    noise = 0.1 * rng.standard_normal(20000)
+    assert coherent_mean_square(linear + noise, u, DT) == pytest.approx(np.var(linear), rel=0.1)
+    assert coherent_mean_square(noise, u, DT) < 0.05 * np.var(noise)
 
 
 def test_an_even_nonlinearity_is_no_linear_dynamics():
     rng = np.random.default_rng(6)
     u = coloured(rng, 20000)
     bent = u**2 - np.mean(u**2)
-    split = error_split([bent + 0.001 * rng.standard_normal(20000)], [u], DT, 0.001)
-    assert split.nonlinear > 0.85 * np.var(bent)
-    assert split.linear < 0.15 * np.var(bent)
-    assert "nonlinear" in split.text
-
-
-def test_noise_alone_is_noise():
-    rng = np.random.default_rng(7)
-    e = [0.05 * rng.standard_normal(8000) for _ in range(2)]
-    split = error_split(e, [coloured(rng, 8000) for _ in range(2)], DT, 0.05)
-    assert split.noise > 0.95 * 0.05**2
-    assert split.linear < 0.05 * split.noise
+    assert coherent_mean_square(bent + 0.001 * rng.standard_normal(20000), u, DT) < 0.15 * np.var(bent)

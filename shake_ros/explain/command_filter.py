@@ -1,4 +1,4 @@
-"""A filter of the command that may look ahead: what of a residual the command still tells, judged on held-out data.
+"""What of a residual the command still tells: by coherence, and by a filter that may look ahead, on held-out data.
 
     ê(t) = Σ_f Σ_k h_f(k) f(u(t − k T)),   k from − AHEAD to BEHIND,   f(u) = u, |u| u, |u|, sign u
 
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, coherence, sosfiltfilt, welch
 
 Floats = NDArray[np.float64]
 RATE = 125.0  # of the taps [Hz]: the oil column and its second harmonic
@@ -25,6 +25,9 @@ FOLDS = 4  # parts of the recordings, each left out once to choose among them
 FEWEST = 3.0  # samples for each tap; with fewer no filter is fitted
 BLOCK = 0.5  # length of a block by whose scatter a gain is judged [s]
 BEYOND = 3.0  # standard errors from which a gain is one
+SEGMENT = 1.0  # length of a segment of the coherence's spectra [s]
+HANN_OVERLAP = 9.0 / 11.0  # independent segments per half-overlapping Hann segment
+CHANCE = 0.01  # probability by which a coherence is taken for one that is not
 
 
 @dataclass(frozen=True)
@@ -135,3 +138,24 @@ def taken(fitted: CommandFilter, part: Driven) -> float:
     if len(blocks) < 3 or mean <= BEYOND * float(np.std(blocks, ddof=1)) / len(blocks) ** 0.5:
         return 0.0
     return mean
+
+
+def coherent_mean_square(residual: Floats, command: Floats, sample_time: float) -> float:
+    """Mean square of what a linear filter of the command explains, less what chance explains [unit²].
+
+    It is that of the best linear approximation: what an odd nonlinearity has of it counts. Both of shape (n,).
+    """
+    e, u = residual - np.mean(residual), command - np.mean(command)
+    rate = 1.0 / sample_time
+    length = min(round(SEGMENT * rate), len(e) // 8)
+    if length < 4 or not np.any(u) or not np.any(e):
+        return 0.0
+    segments = (2 * len(e) // length - 1) * HANN_OVERLAP
+    frequency, power = welch(e, rate, nperseg=length)
+    _, together = coherence(e, u, rate, nperseg=length)
+    together = np.nan_to_num(together)
+    driven = welch(u, rate, nperseg=length)[1]
+    together = np.where(driven > 1e-8 * driven.max(), together, 0.0)
+    above_chance = np.maximum((segments * together - 1.0) / max(segments - 1.0, 1.0), 0.0)
+    significant = together > 1.0 - CHANCE ** (1.0 / max(segments - 1.0, 1.0))
+    return float(np.sum(np.where(significant, above_chance, 0.0) * power) * (frequency[1] - frequency[0]))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from shake_ros.core.identification.predictability import Left, Predictability, predictability, verdict
-from shake_ros.core.identification.repeats import repeated_and_different, repeats
+from shake_ros.core.identification.equal_commands import repeated_and_different, repeats
+from shake_ros.explain.account import Account, Left, accounts, together, verdict
 
 DT, SECONDS = 2e-3, 24.0
 N = round(SECONDS / DT)
@@ -36,7 +38,7 @@ def told(missing, seed=1):
     rng = np.random.default_rng(seed)
     commands = [command(rng) for _ in range(3)]
     rests = [left(f"r{k}", rng, u, missing(u), held_out=k == 2) for k, u in enumerate(commands)]
-    return predictability(rests[:2], rests[2:])[-1]
+    return accounts(rests[:2], rests[2:])[-1]
 
 
 def linear(u):
@@ -49,8 +51,8 @@ def test_the_share_that_a_linear_system_leaves_is_told_beside_process_noise():
     total = missing + PROCESS + WHITE**2
     found = told(linear)
     assert found.filtered == pytest.approx(missing / total, abs=0.06)
-    assert found.linear == pytest.approx(missing / total, abs=0.06)
-    assert found.noise == pytest.approx(WHITE**2 / total, abs=0.03)
+    assert found.coherent == pytest.approx(missing / total, abs=0.06)
+    assert found.noise_share == pytest.approx(WHITE**2 / total, abs=0.03)
     assert found.unknown == pytest.approx(PROCESS / total, abs=0.08)
     assert found.repeated is None
 
@@ -59,7 +61,7 @@ def test_process_noise_alone_is_not_known_to_be_predictable():
     found = [told(lambda u: 0.0 * u, seed) for seed in range(5)]
     total = PROCESS + WHITE**2
     assert all(f.filtered == 0.0 for f in found)
-    assert all(f.linear < 0.06 for f in found)
+    assert all(f.coherent < 0.06 for f in found)
     assert np.mean([f.unknown for f in found]) == pytest.approx(PROCESS / total, abs=0.05)
 
 
@@ -68,7 +70,7 @@ def test_an_even_function_of_the_command_is_seen_by_the_filter_and_not_by_cohere
     share = 4.0 * (1.0 - 2.0 / np.pi)
     share /= share + PROCESS + WHITE**2
     assert found.filtered == pytest.approx(share, abs=0.08)
-    assert found.linear < 0.1
+    assert found.coherent < 0.1
 
 
 def test_what_equal_commands_do_not_repeat_is_the_process_noise():
@@ -78,7 +80,7 @@ def test_what_equal_commands_do_not_repeat_is_the_process_noise():
     tiled = left("periods", rng, u, np.tile(linear(np.tile(period, 2))[2000:], 10))
     missing = np.var(tiled.values) - PROCESS - WHITE**2
     total = missing + PROCESS + WHITE**2
-    (found,) = predictability([], [tiled])
+    (found,) = accounts([], [tiled])
     assert found.repeated == pytest.approx(missing / total, abs=0.05)
     assert found.different == pytest.approx(PROCESS / total, abs=0.05)
     assert found.filtered is None
@@ -88,7 +90,7 @@ def test_two_recordings_of_one_command_are_found_though_one_begins_later():
     rng = np.random.default_rng(4)
     u = command(rng)
     rests = [left("early", rng, u[:-700], 0.0, held_out=False), left("late", rng, u[700:], 0.0, held_out=False)]
-    found = predictability(rests, [left("other", rng, command(rng), 0.0)])
+    found = accounts(rests, [left("other", rng, command(rng), 0.0)])
     shares = {f.name: f.different for f in found}
     assert shares["other"] is None
     assert shares["early"] == shares["late"] == pytest.approx(PROCESS / (PROCESS + WHITE**2), abs=0.06)
@@ -116,10 +118,34 @@ def test_the_shared_and_the_differing_part_add_up():
 
 
 def test_a_verdict_names_each_share_once():
-    p = Predictability("hold", True, "acceleration", 4.0, 2.0, 0.25, 0.1, 0.3)
+    p = Account("hold", True, "acceleration", 4.0, 1.0, 0.1, 0.3)
     assert verdict([p]) == (
         "of the acceleration's residual of 2.00 × the noise 25 % is sensor noise, 30 % a filter of the command would "
         "still predict, 10 % is coherent with the command, the rest of 45 % is not known to be predictable"
     )
     assert p.least_ratio == pytest.approx(2.0 * np.sqrt(0.7))
     assert verdict([]) == ""
+
+
+def test_the_longest_piece_of_a_recording_is_tested_and_says_what_predicts_it():
+    rng = np.random.default_rng(8)
+    long, short = (
+        Left("hold", True, "acceleration", WHITE * rng.standard_normal(n), command(rng, n), 0, DT, WHITE)
+        for n in (6000, 1000)
+    )
+    (noise,) = accounts([], [short, long])
+    assert noise.predicted_by == "nothing"
+    assert noise.shape.auto_bound == pytest.approx(2.5758 / np.sqrt(6000), rel=1e-4)
+    u = command(rng)
+    (both,) = accounts([], [left("hold", rng, u, linear(u))])
+    assert both.predicted_by == "the command and its past"
+    (untested,) = accounts([], [replace(short, values=short.values[:100])])
+    assert untested.predicted_by == "not tested"
+
+
+def test_shares_of_pieces_weigh_by_their_mean_squares():
+    one, two = (Account("hold", True, "velocity", square, 0.5, share) for square, share in ((1.0, 0.5), (3.0, 0.1)))
+    both = together([one, two])
+    assert both.mean_square == 2.0
+    assert both.coherent == pytest.approx((0.5 + 0.3) / 4.0)
+    assert both.ratio == pytest.approx(np.sqrt(2.0) / 0.5)

@@ -1,21 +1,18 @@
-"""Tests of residuals (chapter 4): white? independent of the input? and what kind of error is left?
+"""Tests of a residual (chapter 4): is it white, and independent of the input?
 
 A model that lacks nothing leaves a residual that no past and no input predicts. Both tests look at ±25 lags and decide
 at 99 %: whiteness by the portmanteau statistic of Ljung and Box, independence by the quadratic form of the
 cross-correlations with their covariance under independence. Sources: L. Ljung, System Identification (1999), 16.6;
-G. Ljung, G. Box, Biometrika 65 (1978). The error is split by the coherence of the residual with the input: what a
-linear filter of the input explains is "unmodelled linear dynamics", what is left above the noise "nonlinear".
+G. Ljung, G. Box, Biometrika 65 (1978).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import toeplitz
-from scipy.signal import coherence, welch
 from scipy.stats import chi2, norm
 
 from shake_ros.core.quantities import ShakeError
@@ -23,8 +20,6 @@ from shake_ros.core.quantities import ShakeError
 Floats = NDArray[np.float64]
 LAGS = 25
 LEVEL = 0.99
-SEGMENT = 1.0  # length of a segment of the spectra [s]
-HANN_OVERLAP = 9.0 / 11.0  # independent segments per half-overlapping Hann segment
 
 
 @dataclass(frozen=True)
@@ -55,22 +50,6 @@ class ResidualTest:
     def independent(self) -> bool:
         """Whether independence from the input stands at 99 %."""
         return self.cross_p > 1.0 - LEVEL
-
-
-@dataclass(frozen=True)
-class ErrorSplit:
-    """Mean squares of a residual [unit²]: unmodelled linear dynamics, nonlinear rest, and noise."""
-
-    linear: float
-    nonlinear: float
-    noise: float
-
-    @property
-    def text(self) -> str:
-        """A sentence for a report."""
-        total = max(self.linear + self.nonlinear + self.noise, 1e-300)
-        shares = [100.0 * part / total for part in (self.linear, self.nonlinear, self.noise)]
-        return "unmodelled linear dynamics {:.0f} %, nonlinear {:.0f} %, noise {:.0f} %".format(*shares)
 
 
 def _series(residual: ArrayLike, excitation: ArrayLike, shortest: int) -> tuple[Floats, Floats]:
@@ -144,50 +123,3 @@ def _quadratic_form(values: Floats, covariance: Floats) -> tuple[float, int]:
     weights, vectors = np.linalg.eigh(covariance)
     kept = weights > 1e-3 * weights.max()
     return float(np.sum((vectors[:, kept].T @ values) ** 2 / weights[kept])), int(kept.sum())
-
-
-def error_split(
-    residuals: Sequence[Floats], excitations: Sequence[Floats], sample_time: float, noise: float
-) -> ErrorSplit:
-    """Split the residuals of several records.
-
-    Parameters
-    ----------
-    residuals, excitations : one array of shape (n,) per record. sample_time : [s].
-    noise : standard deviation of the channel's noise [unit of the residual].
-
-    Returns
-    -------
-    ErrorSplit, the mean over all samples. The linear part is the best linear approximation: what an odd nonlinearity
-    has of it counts there. Correlated noise counts as nonlinear.
-    """
-    linear = square = 0.0
-    count = 0
-    for residual, excitation in zip(residuals, excitations, strict=True):
-        e, u = _series(residual, excitation, 16)
-        linear += len(e) * _linear_mean_square(e, u, sample_time)
-        square += float(e @ e)
-        count += len(e)
-    if count == 0:
-        raise ShakeError("no residual to split")
-    total = square / count
-    explained = min(linear / count, total)
-    rest = total - explained
-    return ErrorSplit(explained, max(rest - noise**2, 0.0), min(noise**2, rest))
-
-
-def _linear_mean_square(e: Floats, u: Floats, sample_time: float) -> float:
-    """Mean square of what a linear filter of u explains of e, from their coherence, less what chance explains."""
-    rate = 1.0 / sample_time
-    length = min(round(SEGMENT * rate), len(e) // 8)
-    if length < 4 or not np.any(u) or not np.any(e):
-        return 0.0
-    segments = (2 * len(e) // length - 1) * HANN_OVERLAP
-    frequency, power = welch(e, rate, nperseg=length)
-    _, together = coherence(e, u, rate, nperseg=length)
-    together = np.nan_to_num(together)
-    driven = welch(u, rate, nperseg=length)[1]
-    together = np.where(driven > 1e-8 * driven.max(), together, 0.0)
-    above_chance = np.maximum((segments * together - 1.0) / max(segments - 1.0, 1.0), 0.0)
-    significant = together > 1.0 - (1.0 - LEVEL) ** (1.0 / max(segments - 1.0, 1.0))
-    return float(np.sum(np.where(significant, above_chance, 0.0) * power) * (frequency[1] - frequency[0]))

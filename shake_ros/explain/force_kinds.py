@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.discovery.remaining import band_share, explained_share
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.valve.simplified import backlash
+from shake_ros.explain.dependence import band_share, explained_share
 
 Array = NDArray[np.float64]
 SAMPLES = 4  # independent ones that each group needs

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.close_loop import LoopClosure
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.elimination import without
 from shake_ros.core.discovery.exchange import in_its_place, rivals
@@ -23,6 +22,7 @@ from shake_ros.core.discovery.verdict import ESTABLISHED, ONE_OF_THESE, EffectVe
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import of_table
+from shake_ros.search.close_loop import LoopClosure
 
 MOST = 4  # rivals that are kept, those that explain the recordings best
 

@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from benchmarks.discovery import hidden_tables as hidden
+from shake_ros.core.identification.equal_commands import FreeAndPredictor, process_noise, samples_for_one
 from shake_ros.core.identification.models import MODELS
-from shake_ros.core.identification.process_noise import FreeAndPredictor, process_noise, samples_for_one
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import model_structure

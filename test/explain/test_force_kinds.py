@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.force_kinds import ForceKinds, degrees_of_freedom, judged_kinds, near_reversal
+from shake_ros.explain.force_kinds import ForceKinds, degrees_of_freedom, judged_kinds, near_reversal
 from shake_ros.settings import load_search
 
 DT = 1e-3
