@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import pytest
 
-CORE = Path(__file__).resolve().parent.parent / "shake_ros" / "core"
+PACKAGE = Path(__file__).resolve().parent.parent / "shake_ros"
+CORE = PACKAGE / "core"
 LIST = CORE / "EQUATIONS.md"
 BRACKET = re.compile(r"(?<!\w)\(([2-6]\.\d{1,2}(?:\s*[–,]\s*[2-6]\.\d{1,2})*)\)")  # (2.5), (5.48, 5.49), (6.33–6.37)
 BETWEEN = re.compile(r"([2-6])\.(\d{1,2})\)?\s*–\s*\(?\1\.(\d{1,2})")  # (3.19)–(3.22) or 6.33–6.37
@@ -52,9 +53,10 @@ def rows() -> list[Row]:
 
 
 def functions() -> dict[str, Function]:
-    """All functions and methods of core by file:function."""
+    """All functions and methods of core, and of files of other rooms that the list names, by file:function."""
     result = {}
-    for path in sorted(CORE.rglob("*.py")):
+    named = {PACKAGE / place.split(":")[0] for row in rows() for place in row.places}
+    for path in sorted({*CORE.rglob("*.py"), *filter(Path.exists, named)}):
         source = path.read_text(encoding="utf-8")
         tree = ast.parse(source)
         tokens = tokenize.generate_tokens(io.StringIO(source).readline)
@@ -63,7 +65,7 @@ def functions() -> dict[str, Function]:
         for name, node in defined(tree):
             lines = range(node.lineno, (node.end_lineno or node.lineno) + 1)
             text = "\n".join([ast.get_docstring(node) or "", *(comments.get(line, "") for line in lines)])
-            place = f"{path.relative_to(CORE).as_posix()}:{name}"
+            place = f"{path.relative_to(CORE if path.is_relative_to(CORE) else PACKAGE).as_posix()}:{name}"
             result[place] = Function(place, numbers(text), of_file)
     return result
 

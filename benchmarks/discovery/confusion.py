@@ -20,7 +20,7 @@ from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.fitted import names_of
 from shake_ros.api.progress import Ending, Progress
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.identification.end_stops import within_stroke
+from shake_ros.core.identification.data_checks import within_stroke
 from shake_ros.core.identification.recordings import Record
 from shake_ros.data.results import close_loop_json
 from shake_ros.declared import effect_candidates, model_structure

@@ -19,7 +19,7 @@ from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.axis_model import AXIS, forecast_errors
-from shake_ros.core.identification.end_stops import within_stroke
+from shake_ros.core.identification.data_checks import within_stroke
 from shake_ros.core.identification.identified import identified
 from shake_ros.core.identification.late_command import earlier
 from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates, estimated_null_shifts

@@ -11,8 +11,7 @@ import numpy as np
 from shake_ros.api.read import Recordings
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.identification.axis_model import AXIS
-from shake_ros.core.identification.contradictions import contradictions
-from shake_ros.core.identification.end_stops import within_stroke
+from shake_ros.core.identification.data_checks import contradictions, within_stroke
 from shake_ros.core.identification.late_command import in_time
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.nuisances import Prepared, prepared

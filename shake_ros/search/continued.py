@@ -12,8 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from shake_ros.core.discovery.decision import decide
-from shake_ros.core.discovery.elimination import eliminate
-from shake_ros.core.discovery.exchange import in_its_place
+from shake_ros.core.discovery.elimination import eliminate, in_its_place
 from shake_ros.core.discovery.forward_selection import stages
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, Stopped, linearised, unstopped
 from shake_ros.core.discovery.refit import Refit, ranked

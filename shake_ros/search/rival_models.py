@@ -13,8 +13,7 @@ from functools import cached_property
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep
-from shake_ros.core.discovery.elimination import without
-from shake_ros.core.discovery.exchange import in_its_place, rivals
+from shake_ros.core.discovery.elimination import in_its_place, rivals, without
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, side_by_side
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.search_settings import SearchSettings

@@ -16,10 +16,8 @@ from shake_ros.api.fitted import Data, fit_data
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.network import Training, radial_basis, train
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, Record, relative_error
-from shake_ros.core.identification.schedule import WINDOW, pieces, run_scheduled, window_fits
 from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
@@ -31,6 +29,8 @@ from shake_ros.report.page import Page
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.report.sections import made_of
 from shake_ros.settings import find, load_table, read_yaml
+from shake_ros.thesis.network import Training, radial_basis, train
+from shake_ros.thesis.window_fits import WINDOW, pieces, run_scheduled, window_fits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

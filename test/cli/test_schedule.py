@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from shake_ros.__main__ import main
-from shake_ros.core.identification.schedule import pieces
 from shake_ros.settings import load_table
 from shake_ros.thesis.schedule import read_settings, simulated
+from shake_ros.thesis.window_fits import pieces
 
 
 @pytest.mark.parametrize(

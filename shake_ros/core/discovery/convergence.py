@@ -1,6 +1,11 @@
 """Convergence before a decision: the best refit, its rivals, and the model without any of them.
 
 A fit that has stopped early would make any effect look useful whose refit merely goes on with the rest.
+
+Some declared parameters are freed late, only once they explain much of what a model leaves above the noise. How dry
+friction passes through rest (the transition velocity) shows at every reversal, but weakly. Free from the start, it
+would bend to whatever else the model lacks; kept for ever, it would leave a residual that other effects explain in its
+place. So it is freed when its own share of the residual stands out.
 """
 
 from __future__ import annotations
@@ -9,10 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
 from shake_ros.core.discovery.refit import Refit, continued
-from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.discovery.screening import score_test
+from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 
 
 def converge(problem: SearchProblem, current: ScoredFit, refits: tuple[Refit, ...]) -> tuple[list[Refit], list[Refit]]:
@@ -101,3 +106,35 @@ def reconverged(problem: SearchProblem, current: ScoredFit, best: Refit) -> Scor
 def refined(problem: SearchProblem, refits: list[Refit]) -> list[Refit]:
     """Converged refits with late parameters freed as well, where these explain much of what a refit leaves."""
     return list(side_by_side(lambda r: replace(r, result=with_late_parameters(problem, r.result)), refits))
+
+
+def promise(problem: SearchProblem, current: ScoredFit, parameter: FreeParameter) -> float:
+    """Fall of the estimation cost that freeing a parameter promises, everything else adjusting to first order."""
+    settings, result = problem.settings, current.fit
+    vectors = np.repeat(result.free.vectors(result.x), len(settings.late_multiples), axis=0)
+    column = list(result.free.base.fields).index(parameter.name)
+    vectors[:, column] = np.clip(vectors[:, column] * settings.late_multiples, parameter.low, parameter.high)
+    moved = np.nan_to_num(problem.estimation.residuals(vectors), nan=1e3, posinf=1e3, neginf=-1e3)
+    r, largest = result.residuals, settings.largest_multiple
+    return max(score_test(r, result.jacobian, m - r, True, largest)[0] for m in moved) * current.estimation_cost
+
+
+def with_late_parameters(problem: SearchProblem, current: ScoredFit) -> ScoredFit:
+    """The fit with late parameters freed as well, each where it takes much of what stands above the noise; else as is.
+
+    The cost on the validation data must fall too.
+    """
+    settings = problem.settings
+    for parameter in problem.late:
+        above = current.estimation_cost - problem.estimation.noise_cost()
+        if above <= 0.0 or parameter.name in current.fit.free.names:
+            continue
+        if promise(problem, current, parameter) < settings.late_promise * above:
+            continue
+        free = current.fit.free.extended([parameter])
+        start = np.append(current.fit.x, free.start()[-1])
+        tried = problem.fitted(free, start, settings.converging_evaluations, settings.converged, near=True)
+        helps = current.estimation_cost - tried.estimation_cost > settings.late_gain * above
+        if helps and tried.validation_cost < current.validation_cost:
+            current = tried
+    return current

@@ -14,18 +14,16 @@ from dataclasses import replace
 
 from shake_ros.core.discovery.answers import found_by_now, promising, without_name
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.convergence import converge, reconverged, refined
+from shake_ros.core.discovery.convergence import converge, reconverged, refined, with_late_parameters
 from shake_ros.core.discovery.decision import ForwardStep, decide, improves
 from shake_ros.core.discovery.elimination import eliminate
-from shake_ros.core.discovery.joint_steps import joint_steps
-from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, Stopped, linearised
 from shake_ros.core.discovery.refined_nodes import refined_function
 from shake_ros.core.discovery.refit import Refit, ranked, refit, rounds
 from shake_ros.core.discovery.screening import Screening, screen
 from shake_ros.core.discovery.second_quantities import function_of_two, with_second_quantity
 from shake_ros.core.discovery.selection import Selection
-from shake_ros.core.discovery.shown_effects import shown_steps
+from shake_ros.core.discovery.shown_effects import joint_steps, shown_steps
 from shake_ros.core.discovery.unlisted_functions import (
     UNLISTED,
     FunctionSearch,

@@ -26,8 +26,7 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, distinguishable, improves
-from shake_ros.core.discovery.elimination import without
-from shake_ros.core.discovery.exchange import in_its_place, rivals
+from shake_ros.core.discovery.elimination import in_its_place, rivals, without
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.time_budget import time_is_over

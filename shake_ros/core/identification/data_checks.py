@@ -1,17 +1,31 @@
-"""Data checks before a fit: wrong units and signs, swapped signals, two tables, too little motion.
+"""Checks before a fit: units, signs, swapped signals, two tables, too little motion, end stops, the data sheet.
 
-Each finding is a line with the numbers behind it. Nothing is changed: whoever recorded knows what it is.
+Each finding is a line with the numbers behind it. Nothing is changed, for whoever recorded knows what it is, but for
+stretches in which a table stands at its end stop or strikes it: no model foresees such an impact, and one in a held-out
+recording outweighs everything that a model gets right. Where the stroke is known they are left out, and what follows is
+a recording of its own, since nothing tells the pressures after an impact.
+
+Velocity gain and hydraulic frequency follow from the declared numbers in closed form, and from the recordings by the
+linear table nearest to their response. A missing effect moves them by tens of per cent; a wrong area, volume or mass by
+factors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from shake_ros.core.analysis.stretches import stretches
+from shake_ros.core.identification.identified import velocity_gain
+from shake_ros.core.identification.linear_table import linear_table, slow_gain
 from shake_ros.core.identification.nuisances import slow
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import FEWEST, between_sensors, compared, turned
+from shake_ros.core.identification.recordings import SHORTEST, Record
+from shake_ros.core.identification.sensor_pair import ALIKE, FEWEST, SensorPair, between_sensors, compared, turned
+from shake_ros.core.plant.linearisation import oil_column_frequency
+from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.quantities import ShakeError
 
 GRAVITY = 9.80665  # [m/s²]
 PROMPT = 5.0  # a filter or lag of the accelerometer hardly acts up to here [Hz]
@@ -29,6 +43,11 @@ TWICE = 1.6  # factor between the velocity gains of two recordings from which th
 SHORT = 12.0  # of all recordings together: two of 5 s, one of them for validation, are less [s]
 SLOWLY = 150.0  # rate below which sampling hides what the sensors do, and effects of theirs are named wrongly [Hz]
 ONE_LINE = 0.95  # share of the command's power within 5 % of its strongest frequency that makes it a sine
+GAIN, FREQUENCY = 1.5, 1.6  # factors beyond which no usual effect explains the difference
+WITHIN = 1.3  # factor by which the recordings must be seen beyond a hydraulic frequency that counts
+GAIN_FROM = ("valve.flow_coefficient", "body.piston_area", "supply.supply_pressure")
+FREQUENCY_FROM = ("bulk_modulus.modulus", "body.cylinder_volume", "body.table_mass", "body.piston_area")
+NEAR = 0.002  # part of the stroke by which a zero of the position may be wrong
 
 
 def data_checks(records: Sequence[Record]) -> list[str]:
@@ -126,3 +145,77 @@ def _strongest(record: Record) -> tuple[float, float]:
     peak = float(frequency[np.argmax(power)])
     near = np.abs(frequency - peak) <= max(0.05 * peak, 2.5 * frequency[1])
     return float(power[near].sum() / max(power.sum(), 1e-300)), peak
+
+
+def contradictions(
+    table: TableParameters,
+    records: Sequence[Record],
+    unknown: Collection[str] = (),
+    sensors: SensorPair = ALIKE,
+) -> list[str]:
+    """A line for each quantity in which declared numbers and recordings are far apart.
+
+    Parameters
+    ----------
+    records : commands per unit. unknown : numbers of the table that are not declared; what follows from one of them
+    cannot contradict anything. sensors : what position and acceleration tell of each other.
+    """
+    try:
+        measured = linear_table(records, sensors)
+    except ShakeError:  # what cannot be told apart cannot contradict
+        return []
+    gain = measured.gain if sensors.position_lag else slow_gain(records)  # such a lag takes off what is slow as well
+    pairs = (
+        ("velocity per command", "m/s", GAIN_FROM, velocity_gain(table), gain, GAIN),
+        (
+            "hydraulic frequency",
+            "Hz",
+            FREQUENCY_FROM,
+            oil_column_frequency(table) / (2.0 * math.pi),
+            measured.omega / (2.0 * math.pi),
+            FREQUENCY,
+        ),
+    )
+    found = []
+    for name, unit, origin, declared, seen, most in pairs[: 2 if WITHIN * measured.omega < measured.seen_to else 1]:
+        if any(number in unknown for number in origin) or max(declared / seen, seen / declared) < most:
+            continue
+        numbers = ", ".join(f"{number} = {table.value(number):g}" for number in origin)
+        found.append(
+            f"{name}: declared {declared:.3g} {unit} (from {numbers}), the recordings show {seen:.3g} {unit}: "
+            "is one of these numbers wrong?"
+        )
+    return found
+
+
+def within_stroke(records: Sequence[Record], stroke: float) -> tuple[list[Record], tuple[str, ...]]:
+    """The parts of recordings between the end stops, and a line on each recording that meets one.
+
+    Parameters
+    ----------
+    stroke : full [m]; positions count from its middle.
+
+    Raises
+    ------
+    ShakeError : nothing of a recording lies between the stops.
+    """
+    found, said = list[Record](), dict[str, float]()
+    names = dict.fromkeys(r.name for r in records)
+    for record in records:
+        at = np.abs(record.position) >= (0.5 - NEAR) * stroke
+        if not at.any():
+            found.append(record)
+            continue
+        said[record.name] = max(said.get(record.name, 0.0), float(np.max(np.abs(record.position))))
+        found += [record.part(s) for s in stretches(~at) if (s.stop - s.start) * record.sample_time >= SHORTEST]
+    lines = []
+    for name, farthest in said.items():
+        used, whole = (sum(len(r.commands) * r.sample_time for r in rs if r.name == name) for rs in (found, records))
+        lines.append(
+            f"{name}: the position reaches {1e3 * farthest:.1f} mm, the end stop of a stroke of {1e3 * stroke:.0f} mm; "
+            f"split there; {used:.1f} of {whole:.1f} s are used"
+        )
+    if lost := [name for name in names if not any(r.name == name for r in found)]:
+        line = next(line for line in lines if line.startswith(f"{lost[0]}: "))
+        raise ShakeError(f"{line}: is the stroke (body.stroke), or the zero of the position, right?")
+    return found, tuple(lines)

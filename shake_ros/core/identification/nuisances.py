@@ -58,7 +58,7 @@ class Prepared:
     full_scale : of the recorded command, which counts as 1 from here on. sensors : what position and acceleration tell
     of each other at first; the recordings' `delay` has been taken out but that of a filter with their `cutoff`.
     ahead : time by which commands that were recorded late have been moved (late_command.py) [s]. stops : a line on each
-    recording that meets an end stop (end_stops.py).
+    recording that meets an end stop (data_checks.py).
     """
 
     estimation: list[Record]

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery import joint_steps as module
-from shake_ros.core.discovery.joint_steps import ALSO, HIGH_RATIO, joint_steps
+from shake_ros.core.discovery import shown_effects as module
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+from shake_ros.core.discovery.shown_effects import ALSO, HIGH_RATIO, joint_steps
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.declared import model_structure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.identification.end_stops import within_stroke
+from shake_ros.core.identification.data_checks import within_stroke
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import butter, lsim, sosfilt
 
-from shake_ros.core.identification.contradictions import contradictions
+from shake_ros.core.identification.data_checks import contradictions
 from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.linear_table import linear_table, response

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
-from shake_ros.core.identification.network import Network
 from shake_ros.core.identification.recordings import FULL, Record
-from shake_ros.core.identification.schedule import (
+from shake_ros.settings import load_table
+from shake_ros.thesis.network import Network
+from shake_ros.thesis.window_fits import (
     HOP,
     WINDOW,
     dominant,
     run_scheduled,
     schedule_of,
 )
-from shake_ros.settings import load_table
 
 SMALL = (6, 6)  # hidden neurons
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.identification import network as of_network
-from shake_ros.core.identification.network import HIDDEN, Split, first_network, radial_basis, train
 from shake_ros.core.quantities import ShakeError
+from shake_ros.thesis import network as of_network
+from shake_ros.thesis.network import HIDDEN, Split, first_network, radial_basis, train
 
 SMALL = (6, 6)
 DRAW = np.random.default_rng(3)

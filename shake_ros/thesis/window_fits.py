@@ -15,7 +15,6 @@ import numpy as np
 from shake_ros.core.compiled import njit
 from shake_ros.core.identification.fit import Problem, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.network import Network
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
@@ -23,6 +22,7 @@ from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_
 from shake_ros.core.plant.parameters import records
 from shake_ros.core.plant.simulation import SMOOTH, initial_state
 from shake_ros.core.plant.states import VELOCITY
+from shake_ros.thesis.network import Network
 
 WINDOW = 2.0  # length of the transform's window [s]
 HOP = 0.1  # from one window to the next [s]
