@@ -30,7 +30,7 @@ PUBLIC = {  # name → module
     "figures": "shake_ros.thesis.figures",
     "Following": "shake_ros.twin.follow",
     "follow": "shake_ros.twin.follow",
-    "frequency_response": "shake_ros.api.frequency_response",
+    "frequency_response": "shake_ros.api.signals",
     "Identification": "shake_ros.api.identify",
     "identify": "shake_ros.api.identify",
     "import_csv": "shake_ros.api.import_csv",
@@ -42,7 +42,7 @@ PUBLIC = {  # name → module
     "measured_runs": "shake_ros.measured.runs",
     "Model": "shake_ros.api.model",
     "model": "shake_ros.api.model",
-    "multisine_split": "shake_ros.api.multisine_split",
+    "multisine_split": "shake_ros.api.signals",
     "Qualification": "shake_ros.qualification.result",
     "certified": "shake_ros.qualification.result",
     "NextRecording": "shake_ros.experiment_design.next_recording",
@@ -70,7 +70,7 @@ PUBLIC = {  # name → module
     "SimulatedTable": "shake_ros.iteration.table",
     "TableFile": "shake_ros.api.table",
     "table": "shake_ros.api.table",
-    "thd": "shake_ros.api.thd",
+    "thd": "shake_ros.api.signals",
     "TunedController": "shake_ros.api.tune",
     "TunedTable": "shake_ros.api.tune_table",
     "tune": "shake_ros.api.tune",
@@ -82,14 +82,12 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.close_loop import close_loop as close_loop
     from shake_ros.api.compare import Comparison as Comparison
     from shake_ros.api.compare import compare as compare
-    from shake_ros.api.frequency_response import frequency_response as frequency_response
     from shake_ros.api.identify import Identification as Identification
     from shake_ros.api.identify import identify as identify
     from shake_ros.api.import_csv import import_csv as import_csv
     from shake_ros.api.import_csv import import_proposal as import_proposal
     from shake_ros.api.model import Model as Model
     from shake_ros.api.model import model as model
-    from shake_ros.api.multisine_split import multisine_split as multisine_split
     from shake_ros.api.read import Recordings as Recordings
     from shake_ros.api.read import read as read
     from shake_ros.api.read import recording as recording
@@ -100,11 +98,13 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.api.response_spectrum import ResponseSpectrum as ResponseSpectrum
     from shake_ros.api.response_spectrum import acceleration_spectra as acceleration_spectra
     from shake_ros.api.response_spectrum import response_spectrum as response_spectrum
+    from shake_ros.api.signals import frequency_response as frequency_response
+    from shake_ros.api.signals import multisine_split as multisine_split
+    from shake_ros.api.signals import thd as thd
     from shake_ros.api.simulate import Simulation as Simulation
     from shake_ros.api.simulate import simulate as simulate
     from shake_ros.api.table import TableFile as TableFile
     from shake_ros.api.table import table as table
-    from shake_ros.api.thd import thd as thd
     from shake_ros.api.tune import TunedController as TunedController
     from shake_ros.api.tune import tune as tune
     from shake_ros.api.tune_table import TunedTable as TunedTable

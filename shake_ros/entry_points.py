@@ -50,7 +50,7 @@ ENTRY_POINTS: dict[str, Entry] = {
     "foxglove": Entry("shake_ros.ros.foxglove_node", "a thinned copy of the topics for Foxglove, on this machine"),
     "ros2": Entry("shake_ros.ros.ros2", "topic list, echo, hz; param list, get, set, dump; service list, call"),
     "target_emulator": Entry(
-        "shake_ros.cli.target_emulator", "a target computer without ROS: the table behind the bridge's datagrams"
+        "shake_ros.bridge.emulator", "a target computer without ROS: the table behind the bridge's datagrams"
     ),
     "demo": Entry(
         "shake_ros.demonstration.demo:demo_command",

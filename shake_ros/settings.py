@@ -111,15 +111,18 @@ def value_of(text: str, where: str) -> Any:
 def find(kind: str, name: str) -> Path:
     """Path of configuration `name` of a kind (table, controller, observer, reference): a known name or a file.
 
-    Raises UnknownName, listing the known names, where it is neither.
+    config/<kind>/<name>.yaml; the `default` of a kind that has a single one is config/<kind>.yaml. Raises UnknownName,
+    listing the known names, where it is neither.
     """
     if name.endswith((".yaml", ".yml")) or "/" in name:
         return Path(name).expanduser()
-    folder = config_folder() / kind
-    path = folder / f"{name}.yaml"
-    if not path.is_file():
-        raise unknown_name(kind, name, (p.stem for p in folder.glob("*.yaml")))
-    return path
+    folder = config_folder()
+    known = {path.stem: path for path in (folder / kind).glob("*.yaml")}
+    if (single := folder / f"{kind}.yaml").is_file():
+        known["default"] = single
+    if name not in known:
+        raise unknown_name(kind, name, known)
+    return known[name]
 
 
 def load_variant(kind: str, name: str, family: Mapping[str, type[P]]) -> tuple[str, P]:

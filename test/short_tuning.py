@@ -9,7 +9,7 @@ from shake_ros.settings import config_folder
 
 def short_tuning(folder: Path, tables: int) -> str:
     """Path of the default settings of `tune` with so many neighbours, in `folder`."""
-    text = (config_folder() / "robust_tuning" / "default.yaml").read_text(encoding="utf-8")
+    text = (config_folder() / "robust_tuning.yaml").read_text(encoding="utf-8")
     assert "tables: 8 " in text
     path = folder / "short_tuning.yaml"
     path.write_text(text.replace("tables: 8 ", f"tables: {tables} "), encoding="utf-8")

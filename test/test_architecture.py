@@ -18,8 +18,8 @@ PACKAGE = ROOT / "shake_ros"
 
 # From the bottom up. A module may import from its own group (one folder or file) and from any lower layer.
 LAYERS: tuple[tuple[str, ...], ...] = (
-    ("core.quantities", "core.compiled", "core.processors", "core.failures", "entry_points"),
-    ("core.packing", "core.dispatch"),
+    ("core.quantities", "core.compiled", "core.failures", "entry_points"),
+    ("core.packing",),
     ("core.fluid", "core.bulk_modulus", "core.friction", "core.valve"),
     ("core.effects",),
     ("core.plant",),

@@ -2,7 +2,7 @@
 
 THD of the true acceleration by `core.analysis.thd` in windows of 4 s, orders to 25 and, in the last one, to 100, with
 the fundamental's amplitude over the wanted one. Position with 8 µm of noise and 16 bits over 300 mm, accelerometer with
-noise, commands one sample late; config/harmonic_cancellation/default.yaml, switched on from the start. Tables: the one
+noise, commands one sample late; config/harmonic_cancellation.yaml, switched on from the start. Tables: the one
 fitted to the runs measured on the real table (`bergamo_measured`, which distorts the sine about as that one does) with
 three loads; the declared one with the thesis's soft zone; the declared one with soft zone, dead band and more friction.
 --save writes benchmarks/control/harmonic_cancellation.txt.

@@ -32,8 +32,7 @@ from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.data.reference_file import build_program
 from shake_ros.declared import effect_candidates, free_parameters
-from shake_ros.iteration.drive import Iteration, iterate
-from shake_ros.iteration.model import iterate_model, refit
+from shake_ros.iteration.drive import Iteration, iterate, iterate_model, refit
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 SAMPLE_TIME, LATE, RUNS = 0.001, 1, 3

@@ -94,7 +94,7 @@ def run(
 
 
 def settings() -> LoadTracking:
-    """config/load/default.yaml."""
+    """config/load.yaml."""
     path = find("load", "default")
     return LoadTracking.from_mapping(read_yaml(path), str(path))
 

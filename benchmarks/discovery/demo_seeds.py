@@ -17,7 +17,7 @@ from shake_ros.settings import find, read_yaml
 
 def rows(seeds: int) -> list[dict[str, Any]]:
     """Each hidden effect so many times, every time on another table."""
-    effects = sorted(read_yaml(find("demo", "demo"))["hidden"])
+    effects = sorted(read_yaml(find("demo", "default"))["hidden"])
     return [{"effect": effect, "seed": k} for k, effect in enumerate(effects * seeds, 1)]
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.qualification.identified import CASES
 from shake_ros.core.analysis.response_spectrum import response_spectrum
-from shake_ros.iteration.drive import integrate
+from shake_ros.core.reference.baseline import states_from_rest
 from shake_ros.qualification.asked import load_required, load_rules, load_settings
 from shake_ros.qualification.motion import MotionParameters, aimed, matched, random_phases, rough
 from shake_ros.qualification.required import GRAVITY, RequiredSpectrum
@@ -57,7 +57,7 @@ def line(name: str, motion: Array, seconds: float, required: RequiredSpectrum, p
     target = np.exp(np.interp(np.log(f), np.log(at), np.log(levels)))
     found = response_spectrum(motion, STEP, f, required.damping, band_limited=True)
     ratio = np.abs(found.acceleration) / target
-    position = 1e3 * integrate(motion, STEP)[:, 0]
+    position = 1e3 * states_from_rest(motion, STEP)[:, 0]
     return (
         f"{name:10s} spectrum missed {100.0 * np.sqrt(np.mean(np.log(ratio) ** 2)):5.1f} %, {ratio.min():.3f} to "
         f"{ratio.max():.3f}; {np.max(np.abs(motion)):.2f} m/s², {np.max(np.abs(position)):6.1f} mm at most, "

@@ -1,4 +1,4 @@
-"""Every file of config/, one page per folder."""
+"""Every file of config/, one page per folder, and one of the kinds that have a single file."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ def first_comment(path: Path) -> str:
 
 def page(folder: Path) -> str:
     """The folder's files, each as it stands."""
-    text = [f"# `config/{folder.name}`", ""]
+    text = [f"# `{folder.relative_to(CONFIG.parent)}`", ""]
     for path in sorted(folder.glob("*.yaml")):
         text += [f"## `{path.stem}`", ""]
-        text += [f"```{{literalinclude}} ../../../../config/{folder.name}/{path.name}", ":language: yaml", "```", ""]
+        text += [f"```{{literalinclude}} ../../../../{path.relative_to(CONFIG.parent)}", ":language: yaml", "```", ""]
     return "\n".join(text)
 
 
 def pages() -> dict[str, str]:
     """One page per folder, and their list."""
-    folders = sorted(path for path in CONFIG.iterdir() if path.is_dir())
+    folders = [CONFIG, *sorted(path for path in CONFIG.iterdir() if path.is_dir())]
     rows = ["| folder | files |", "|---|---|"]
     for folder in folders:
         names = ", ".join(f"`{path.stem}`" for path in sorted(folder.glob("*.yaml")))

@@ -292,8 +292,8 @@ class Discovery(fitted.FittedResult):
 
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, before and after; the first one validated."""
+        from shake_ros.report.chart import static_figure
         from shake_ros.report.charts_fit import free_runs, history_chart
-        from shake_ros.report.static_figure import static_figure
 
         record = fitted.chosen_record([*self.validation, *self.estimation, *self.test], recording)
         tables = self.closed.baseline.table, self.table

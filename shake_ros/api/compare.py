@@ -104,8 +104,8 @@ class Comparison:
 
     def plot(self) -> Figure:
         """Errors of each controller over the case that is drawn."""
+        from shake_ros.report.chart import static_figure
         from shake_ros.report.comparison_page import error_chart
-        from shake_ros.report.static_figure import static_figure
 
         return static_figure(error_chart(self.runs, self.drawn))
 

@@ -82,8 +82,8 @@ class Identification(fitted.FittedResult):
 
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, as declared, as fitted; the first one validated."""
+        from shake_ros.report.chart import static_figure
         from shake_ros.report.charts_fit import free_runs, history_chart
-        from shake_ros.report.static_figure import static_figure
 
         record = fitted.chosen_record([*self.validation, *self.estimation], recording)
         runs = free_runs(record, self.start, self.table, self.model.declared)

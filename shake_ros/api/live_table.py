@@ -26,8 +26,8 @@ from shake_ros.core.observer.law import ObserverParameters
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import DELAY, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError
-from shake_ros.data.played_motion import played
 from shake_ros.data.recordings import TableRecording, read_table_recording
+from shake_ros.data.reference_file import played
 from shake_ros.settings import load_variant, save_table
 
 OWN = "own"  # in place of the name of a controller or an observer

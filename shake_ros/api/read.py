@@ -131,7 +131,7 @@ class Recordings(Sequence[TableRecording]):
 
     def plot(self) -> Figure:
         """Command, position and acceleration over time, a column for each recording."""
-        from shake_ros.report.static_figure import recordings_figure
+        from shake_ros.report.chart import recordings_figure
 
         return recordings_figure(self._recordings)
 

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from shake_ros.api.response_spectrum import ResponseSpectrum, response_spectrum
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
-from shake_ros.core.reference import earthquake
 from shake_ros.core.reference.baseline import integrate
-from shake_ros.core.reference.earthquake import EarthquakeParameters, Fitted
 from shake_ros.core.reference.motion import EarthquakeRecord, envelope
-from shake_ros.core.reference.shaping import Shaping
+from shake_ros.core.reference.program import Shaping
+from shake_ros.core.reference.recorded import EarthquakeParameters, Fitted
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.reference_file import load_reference
@@ -43,7 +42,7 @@ READ = (("acceleration", "m/s²", 1.0), ("velocity", "mm/s", 1e3), ("displacemen
 
 @dataclass(frozen=True)
 class ScaleParameters(Parameters):
-    """Content of config/record_scale/default.yaml."""
+    """Content of config/record_scale.yaml."""
 
     position_share: float = quantity("-", "usable share of half the stroke", low=0.01, high=1.0)
     velocity_share: float = quantity("-", "usable share of the largest velocity", low=0.01, high=1.0)
@@ -90,8 +89,8 @@ class ScaledRecord:
 
     def plot(self) -> Figure:
         """Histories of the record and of the motion for the table."""
+        from shake_ros.report.chart import static_figure
         from shake_ros.report.signal_pages import record_chart
-        from shake_ros.report.static_figure import static_figure
 
         return static_figure(record_chart("motion", self._curves()))
 
@@ -312,7 +311,7 @@ def record_scale(
     read = read_accelerogram(path, channel=channel, unit=unit)
     parameters = base.replace(record=str(path))
     try:
-        fitted = earthquake.fit(parameters, EarthquakeRecord(read.time, read.acceleration))
+        fitted = parameters.fit(EarthquakeRecord(read.time, read.acceleration))
     except ShakeError as error:
         raise ShakeError(f"{path}: {error}") from None
     if scale != FILL and fitted.limited_by and not fit:

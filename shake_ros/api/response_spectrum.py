@@ -60,8 +60,8 @@ class ResponseSpectrum:
 
     def plot(self) -> Figure:
         """Absolute acceleration and relative displacement over the period."""
+        from shake_ros.report.chart import static_figure
         from shake_ros.report.signal_pages import spectrum_chart
-        from shake_ros.report.static_figure import static_figure
 
         spectra = {self.name: (self.periods, self.displacement, self.acceleration)}
         return static_figure(spectrum_chart("spectrum", spectra, self.damping))
@@ -105,7 +105,7 @@ class AccelerationSpectra:
 
     def plot(self) -> Figure:
         """Acceleration over the frequency, a curve a damping."""
-        from shake_ros.report.static_figure import COLOURS, new_figure, tidy
+        from shake_ros.report.chart import COLOURS, new_figure, tidy
 
         figure = new_figure(8.0, 4.5)
         axes = figure.subplots()

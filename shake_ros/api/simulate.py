@@ -13,7 +13,7 @@ import numpy.typing as npt
 from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
 from shake_ros.api.response_spectrum import ResponseSpectrum, response_spectrum
-from shake_ros.api.thd import Distortion, thd
+from shake_ros.api.signals import Distortion, thd
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import normalised_error
 from shake_ros.core.control.law import LawParameters
@@ -119,7 +119,7 @@ class Simulation:
 
     def plot(self) -> Figure:
         """Command, position and acceleration over time, and the reference where there is one."""
-        from shake_ros.report.static_figure import recordings_figure
+        from shake_ros.report.chart import recordings_figure
 
         return recordings_figure([self.recording])
 

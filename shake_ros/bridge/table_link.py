@@ -25,7 +25,7 @@ from shake_ros.bridge.ends import Host
 from shake_ros.bridge.wire import key_for
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
 from shake_ros.core.safety.causes import NUMBERS
-from shake_ros.core.safety.rates import LastSecond
+from shake_ros.realtime import LastSecond
 
 UNITS = {
     "position": "m",

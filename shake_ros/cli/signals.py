@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from shake_ros.api.frequency_response import INPUTS, OUTPUTS, WINDOW, frequency_response
-from shake_ros.api.multisine_split import UNITS as CHANNELS
-from shake_ros.api.multisine_split import multisine_split
 from shake_ros.api.record_scale import YAML, ScaledRecord, accelerogram, band_of, record_scale, treatment
 from shake_ros.api.response_spectrum import DAMPING, HIGH, LOW, PER_OCTAVE, acceleration_spectra
-from shake_ros.api.thd import thd
+from shake_ros.api.signals import INPUTS, OUTPUTS, WINDOW, frequency_response, multisine_split, thd
+from shake_ros.api.signals import UNITS as CHANNELS
 from shake_ros.cli.arguments import CommandLine, Reporting, reporting, source
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.accelerograms.accelerogram import UNITS

@@ -15,8 +15,8 @@ from shake_ros.api.tune_table import TunedTable
 from shake_ros.commissioning.steps import HELD, CommissionSettings, watched
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.played_motion import played
 from shake_ros.data.recordings import TableRecording, read_table_recording
+from shake_ros.data.reference_file import played
 from shake_ros.settings import find
 
 Array = NDArray[np.float64]

@@ -1,23 +1,28 @@
-"""References as files: config/reference/*.yaml and the record it names, and a drive written as such a pair."""
+"""References as files: config/reference/*.yaml and the record it names; a drive as such a pair, and where it played.
+
+A table that keeps real time may lose single samples of a drive; few of them are put in by straight lines and counted,
+more are an error. The reference on the graph, which has stamps of its own in real time, shows where the drive begins.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from shake_ros.core.quantities import Parameters, ShakeError, member_from
+from shake_ros.core.analysis.stretches import stretches
+from shake_ros.core.quantities import ShakeError, member_from
 from shake_ros.core.reference import REFERENCES
 from shake_ros.core.reference.baseline import end_at_rest
-from shake_ros.core.reference.drive import DriveParameters
-from shake_ros.core.reference.earthquake import EarthquakeParameters
-from shake_ros.core.reference.motion import EarthquakeRecord
-from shake_ros.core.reference.program import Program
-from shake_ros.core.reference.shaping import Shaping
+from shake_ros.core.reference.motion import EarthquakeRecord, ReferenceParameters
+from shake_ros.core.reference.program import Program, Shaping
+from shake_ros.core.reference.recorded import RecordedParameters
 from shake_ros.data.accelerograms import read_accelerogram
+from shake_ros.data.recordings import TableRecording
 from shake_ros.data.result_folder import writing
 from shake_ros.settings import find, read_yaml
 
@@ -26,7 +31,7 @@ class Reference(NamedTuple):
     """A reference as configured: its kind, its parameters and the shaping."""
 
     kind: str
-    parameters: Parameters
+    parameters: ReferenceParameters
     shaping: Shaping
 
 
@@ -44,9 +49,9 @@ def load_reference(name: str) -> Reference:
     return Reference(kind, parameters, Shaping.from_mapping(shaping, f"{path}: shaping"))
 
 
-def read_record(parameters: Parameters) -> EarthquakeRecord | None:
+def read_record(parameters: ReferenceParameters) -> EarthquakeRecord | None:
     """The accelerogram that the parameters name; None where they name none."""
-    if not isinstance(parameters, EarthquakeParameters | DriveParameters) or not parameters.record:
+    if not isinstance(parameters, RecordedParameters) or not parameters.record:
         return None
     found = read_accelerogram(Path(parameters.record).expanduser(), channel=parameters.channel, unit=parameters.unit)
     return EarthquakeRecord(found.time, found.acceleration)
@@ -83,3 +88,105 @@ def write_drive(folder: Path, final: Path, drive: NDArray[np.float64], sample_ti
         np.savetxt(folder / "drive.csv", np.column_stack([time, acceleration]), fmt=("%.6f", "%.12e"), delimiter=",")
         (folder / NAME).write_text(text, encoding="utf-8")
     return final / NAME
+
+
+Array = NDArray[np.float64]
+LINES = ("pressure_a", "pressure_b", "pressure_supply", "reference", "estimate", "truth")
+MOST_MISSING = 0.01  # share of the samples that straight lines may put in
+LONGEST_MISSING = 10  # of them in a row
+SAME = 1e-9  # of a motion's power, within which two places fit as well
+OTHER = 0.05  # rms of the velocity that was played beside the drive's, from which it is another motion
+
+
+class Played(NamedTuple):
+    """The samples of a drive, from its first one on, and how many of them straight lines put in."""
+
+    recording: TableRecording
+    missing: int
+
+
+def played(recording: TableRecording, drive: Array, sample_time: float, name: str) -> Played:
+    """The run of a drive (n, 3) [m], [m/s], [m/s²] in a recording.
+
+    Raises
+    ------
+    ShakeError : no accelerometer or reference, another sampling rate, another motion, too many samples missing.
+    """
+    r = recording
+    if r.acceleration is None or r.reference is None:
+        raise ShakeError(f"{name}: no topic {'imu' if r.acceleration is None else 'reference'}")
+    if abs(r.sample_time - sample_time) > 0.01 * sample_time:
+        raise ShakeError(f"{name}: a sample every {r.sample_time:g} s, the motion has one every {sample_time:g} s")
+    place = np.rint(r.time / sample_time).astype(np.int64)
+    reference = _spread(r.reference, place)
+    first = _begin(np.nan_to_num(reference[:, 2]), drive[:, 2])
+    if first < 0 or first + len(drive) > len(reference):
+        raise ShakeError(f"{name}: {len(reference)} samples of the graph do not contain the {len(drive)} of the motion")
+    rows = slice(first, first + len(drive))
+    missing = ~np.isfinite(_spread(r.acceleration, place)[rows] + _spread(r.position, place)[rows])
+    count, longest = int(missing.sum()), _longest(missing)
+    if count > MOST_MISSING * len(drive) or longest > LONGEST_MISSING:
+        raise ShakeError(f"{name}: {count} of {len(drive)} samples are missing, {longest} in a row: not evaluated")
+    off = reference[rows, 1] - drive[:, 1]
+    known = np.isfinite(off)
+    if not known.any() or np.sqrt(np.mean(off[known] ** 2)) > OTHER * np.std(drive[:, 1]):
+        raise ShakeError(f"{name}: the motion that was played is not the one requested")
+    return Played(_whole(r, place, rows, sample_time, name), count)
+
+
+def _spread(values: Array, place: NDArray[np.int64]) -> Array:
+    """The values at their places of an even row, NaN between."""
+    row = np.full((int(place[-1]) + 1, *values.shape[1:]), np.nan)
+    row[place] = values
+    return row
+
+
+def _begin(found: Array, wanted: Array) -> int:
+    """Where one signal lies within another: the last of the places at which they differ least.
+
+    The last, since what a recorder gets at its start may hold the run before of the same motion.
+    """
+    from scipy.signal import correlate
+
+    if len(found) < len(wanted):
+        return -1
+    power = np.concatenate([[0.0], np.cumsum(found**2)])
+    window = power[len(wanted) :] - power[: -len(wanted)]
+    off = window - 2.0 * correlate(found, wanted, mode="valid", method="fft")
+    near = off <= np.min(off) + SAME * float(np.sum(wanted**2))
+    return int(np.flatnonzero(near)[-1])
+
+
+def _longest(missing: NDArray[np.bool_]) -> int:
+    """Most true values in a row."""
+    return max((span.stop - span.start for span in stretches(missing)), default=0)
+
+
+def _whole(r: TableRecording, place: NDArray[np.int64], rows: slice, sample_time: float, name: str) -> TableRecording:
+    """The samples of these rows without a gap: lines between measured ones, the command held."""
+    time = np.arange(rows.stop - rows.start) * sample_time
+
+    def line(values: Array) -> Array:
+        spread = _spread(values, place)[rows].reshape(len(time), -1)
+        for column in spread.T:
+            known = np.isfinite(column)
+            if known.any():
+                column[~known] = np.interp(time[~known], time[known], column[known])
+        return spread.reshape(len(time), *values.shape[1:])
+
+    command = _spread(r.valve_command, place)[: rows.stop]
+    newest = np.maximum.accumulate(np.where(np.isfinite(command), np.arange(len(command)), 0))
+    held = np.nan_to_num(command[newest])[rows]
+    assert r.acceleration is not None
+    others: dict[str, Any] = {one: line(getattr(r, one)) for one in LINES if getattr(r, one) is not None}
+    return replace(
+        r,
+        name=name,
+        time=time,
+        sample_time=sample_time,
+        valve_command=held,
+        position=line(r.position),
+        acceleration=line(r.acceleration),
+        segments=(slice(0, len(time)),),
+        **others,
+    )

@@ -157,7 +157,7 @@ def demo(
     folder = Path(out)
     check_output(folder)
     started = time.monotonic()
-    settings = read_yaml(find("demo", "demo"))
+    settings = read_yaml(find("demo", "default"))
     table = hide(settings, seed, hidden)
 
     def fill(work: Path) -> None:

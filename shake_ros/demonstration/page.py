@@ -13,12 +13,12 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.data.recordings import TableRecording
 from shake_ros.measured.models import MeasuredRuns
 from shake_ros.measured.page import harmonics_chart
+from shake_ros.report.chart import AFTER, BEFORE, MEASURED, new_figure, png, tidy
 from shake_ros.report.charts_fit import fastest_segment, free_runs
 from shake_ros.report.close_loop_page import MODELS, model_sections, step_text
 from shake_ros.report.page import Bar, Page
 from shake_ros.report.result_table import percent
 from shake_ros.report.sections import Track, made_of, parameters_side_by_side, tracking_section
-from shake_ros.report.static_figure import AFTER, BEFORE, MEASURED, new_figure, png, tidy
 from shake_ros.report.text import sentence
 from shake_ros.search.close_loop import LoopClosure
 

@@ -20,9 +20,8 @@ from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program, write_drive
 from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.declared import effect_candidates, free_parameters
-from shake_ros.iteration.drive import Iteration, Run, drive_from_best, error_in_band, verdict
+from shake_ros.iteration.drive import Iteration, Run, drive_from_best, error_in_band, iterate_model, refit, verdict
 from shake_ros.iteration.drive import iterate as corrected
-from shake_ros.iteration.model import iterate_model, refit
 from shake_ros.iteration.table import SimulatedTable
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page
@@ -135,7 +134,7 @@ class Iterated:
 
     def lacking(self, progress: ProgressOption = True) -> str:
         """Which effect the model of the runs lacks, in a sentence, as `close_loop` finds it in them."""
-        from shake_ros.iteration.model import lacking
+        from shake_ros.iteration.drive import lacking
 
         if self.first_model is None:
             return "no model of the table is given, so what it lacks cannot be looked for"
@@ -153,7 +152,7 @@ class Iterated:
 
     def plot(self) -> Figure:
         """Errors of the runs in their order."""
-        from shake_ros.report.static_figure import static_figure
+        from shake_ros.report.chart import static_figure
 
         return static_figure(self._charts()[0])
 

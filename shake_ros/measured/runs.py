@@ -137,7 +137,7 @@ class MeasuredComparison:
     def plot(self) -> Figure:
         """Measured and simulated harmonics of every run."""
         from shake_ros.measured.page import harmonics_chart, shown
-        from shake_ros.report.static_figure import static_figure
+        from shake_ros.report.chart import static_figure
 
         models = [(m.name, m.account.amplitudes, colour) for m, colour in shown(self.comparison)]
         return static_figure(harmonics_chart(self.comparison.problem, models))

@@ -15,9 +15,8 @@ from matplotlib.ticker import NullFormatter, ScalarFormatter
 from numpy.typing import NDArray
 
 from shake_ros.qualification.assessment import SpectrumAssessment
-from shake_ros.report.chart import Chart, ChartSeries, Panel
+from shake_ros.report.chart import AFTER, BEFORE, COLOURS, GREY, Chart, ChartSeries, Panel, new_figure, tidy
 from shake_ros.report.page import Page
-from shake_ros.report.static_figure import AFTER, BEFORE, COLOURS, GREY, new_figure, tidy
 
 Array = NDArray[np.float64]
 BAND = 0.9, 1.3  # of the RRS, drawn as the tolerance band

@@ -25,9 +25,8 @@ from numpy.typing import NDArray
 from shake_ros.core.analysis.response_spectrum import resampled, response_spectrum
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
-from shake_ros.core.reference.baseline import end_at_rest, filtered
+from shake_ros.core.reference.baseline import end_at_rest, filtered, states_from_rest
 from shake_ros.core.reference.motion import envelope, smooth_step
-from shake_ros.iteration.drive import integrate
 from shake_ros.qualification.required import RequiredSpectrum
 
 Array = NDArray[np.float64]
@@ -286,7 +285,7 @@ def synthesise(
         starts = [random_phases(required, parameters, step, 1000 * seed + k) for k in range(parameters.seeds)]
     rows = [rough(start, step, required, parameters) for start in starts]
     used = [
-        (max(1.0, *demand(integrate(row, step), table, parameters)), float(np.max(np.abs(row)))) for row in rows
+        (max(1.0, *demand(states_from_rest(row, step), table, parameters)), float(np.max(np.abs(row)))) for row in rows
     ]  # those that fit first, of them the one of the lowest peak
     best = matched(rows[used.index(min(used))], step, required, parameters)
     return fine(best, factor, sample_time)

@@ -19,17 +19,25 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
+from shake_ros.core.reference.baseline import states_from_rest
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.recordings import TableRecording
-from shake_ros.iteration.drive import integrate
 from shake_ros.iteration.iterate import Learn
-from shake_ros.qualification.asked import Asked, QualificationSettings, asked_of, makes_loop, released
+from shake_ros.qualification.asked import (
+    Asked,
+    QualificationSettings,
+    Test,
+    Tested,
+    asked_of,
+    iterate_test,
+    makes_loop,
+    released,
+)
 from shake_ros.qualification.motion import Demand, demand, refusal, synthesise
 from shake_ros.qualification.required import RequiredSpectrum
 from shake_ros.qualification.resonance import ResonanceSearch, search_motion
 from shake_ros.qualification.result import Qualification, searched_in
-from shake_ros.qualification.run import Test, Tested, iterate_test
 
 Array = NDArray[np.float64]
 
@@ -189,7 +197,7 @@ def made_motion(test: Test, seed: int, record: str | Path | Accelerogram | None 
     """The first drive of a test, (n, 3); ShakeError where it does not fit the table."""
     start = _record(record, test.sample_time)
     acceleration = synthesise(test.required, test.table, test.motion, test.sample_time, seed, start)
-    motion = integrate(acceleration, test.sample_time)
+    motion = states_from_rest(acceleration, test.sample_time)
     why = refusal(motion, test.table, test.motion)
     if why:
         raise ShakeError(f"{test.required.name}: {why}")

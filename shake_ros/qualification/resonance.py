@@ -27,9 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.quantities import Parameters, choice, quantity
-from shake_ros.core.reference.baseline import end_at_rest, filtered
+from shake_ros.core.reference.baseline import end_at_rest, filtered, states_from_rest
 from shake_ros.core.reference.motion import smooth_step
-from shake_ros.iteration.drive import integrate
 from shake_ros.qualification.motion import REST
 
 Array = NDArray[np.float64]
@@ -88,7 +87,7 @@ def search_motion(parameters: SearchParameters, time_step: float, seed: int) -> 
         wave = random(low, high, p.duration + 2.0 * REST, time_step, seed)
     place = np.arange(wave.size) * time_step
     wave = p.level * wave * smooth_step(np.minimum(place, place[::-1]) / REST)[0]
-    return integrate(
+    return states_from_rest(
         end_at_rest(filtered(np.pad(wave, round(REST / time_step)), time_step, low, 0.0), time_step), time_step
     )
 

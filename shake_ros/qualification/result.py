@@ -12,11 +12,10 @@ import numpy as np
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
 from shake_ros.data.result_folder import write_folder, write_json, writing
-from shake_ros.qualification.asked import assessment_json, checksums, required_json
+from shake_ros.qualification.asked import Tested, assessment_json, checksums, missed, required_json
 from shake_ros.qualification.assessment import Rules, SpectrumAssessment, assess, measured_motion
 from shake_ros.qualification.required import RequiredSpectrum
 from shake_ros.qualification.resonance import Resonance, ResonanceSearch, SearchBand, Shift
-from shake_ros.qualification.run import Tested, missed
 from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:

@@ -13,10 +13,9 @@ from shake_ros.core.analysis.frequency_response import COHERENT, FrequencyRespon
 from shake_ros.core.analysis.multisine_split import MultisineSplit
 from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.reference.baseline import integrate
-from shake_ros.report.chart import Chart, ChartSeries, Panel
+from shake_ros.report.chart import COLOURS, GREY, Chart, ChartSeries, Panel, new_figure, tidy
 from shake_ros.report.page import Made, Page
 from shake_ros.report.result_table import ResultTable
-from shake_ros.report.static_figure import COLOURS, GREY, new_figure, tidy
 
 Array = NDArray[np.float64]
 QUANTITIES = (("acceleration [m/s²]", 1.0), ("velocity [mm/s]", 1e3), ("displacement [mm]", 1e3))

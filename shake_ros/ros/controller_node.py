@@ -26,7 +26,7 @@ from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, Values
 from shake_ros.ros.diagnostics import ERROR, OK, WARN
 from shake_ros.ros.frame import Behaviour, Frame
-from shake_ros.ros.lab_watch import TABLES
+from shake_ros.ros.graph_client import TABLES, reports_in
 from shake_ros.ros.live_law import LiveLaw, Sets, variants
 from shake_ros.settings import find, load_table, read_yaml
 
@@ -265,10 +265,9 @@ class ControllerNode(Behaviour):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """Whether the interlock of this graph's table lets commands pass."""
-        for status in message.status:
-            node, _, part = status.name.partition(": ")
-            if part in TABLES and node.rpartition("/")[0] == self._space:
-                self._rests = any(one.key == "passes" and one.value == "False" for one in status.values)
+        for report in reports_in(message, self._space):
+            if report.part in TABLES:
+                self._rests = report.values.get("passes") == "False"
 
     def _step_when_complete(self, stamp: int) -> None:
         """In lock-step: the command of a sample whose reference, estimate and acceleration (if needed) have come."""

@@ -28,11 +28,10 @@ from types import TracebackType
 from typing import IO, Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.entry_points import NODES
+from shake_ros.ros.graph_client import GraphClient
 from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, REFERENCE, TOPICS
 from shake_ros.ros.loop import TAKEN_DOWN, NodeLoop, build_node, ros_context, stopped_by_signals
 
@@ -252,17 +251,14 @@ class Graph:
             wanted.difference_update(status.name.partition(":")[0] for status in message.status)
 
         with ros_context([], domain_id=self.domain_id) as context:
-            probe = Node("graph_probe", context=context, start_parameter_services=False)
-            probe.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, heard, DIAGNOSTICS.qos(self.lockstep))
-            executor = SingleThreadedExecutor(context=context)
-            executor.add_node(probe)
+            probe = GraphClient(context, "graph_probe")
+            probe.node.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, heard, DIAGNOSTICS.qos(self.lockstep))
             while wanted:
                 self.check()
                 if time.monotonic() > deadline:
                     raise GraphError(f"not started after {timeout:g} s: {', '.join(sorted(wanted))}")
-                executor.spin_once(timeout_sec=POLL)
-            executor.shutdown()
-            probe.destroy_node()
+                probe.look(POLL)
+            probe.close()
 
     def wait(self, timeout: float, leader: str = LEADER) -> None:
         """Return when `leader` has ended, which must be with exit code 0 and before any other."""

@@ -17,8 +17,8 @@ from shake_ros.core.plant.parameters import SensorParameters
 from shake_ros.core.quantities import Parameters, ShakeError, choice
 from shake_ros.core.safety.causes import CAUSES, INDICATE, InterlockParameters
 from shake_ros.core.safety.interlock import Interlock, Trip
-from shake_ros.core.safety.rates import LastSecond
 from shake_ros.core.safety.stages import RUN, STAGES
+from shake_ros.realtime import LastSecond
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import ERROR, OK, WARN
 from shake_ros.ros.frame import Frame, Reader

@@ -14,12 +14,11 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from shake_ros.core.processors import processors
 from shake_ros.core.quantities import ShakeError
 from shake_ros.page.desk import Exchange
 from shake_ros.ros.graph import Graph, NodeSpec, awaited, command
+from shake_ros.ros.graph_client import LabWatch
 from shake_ros.ros.interface import NAMESPACE
-from shake_ros.ros.lab_watch import LabWatch
 from shake_ros.ros.loop import ros_context
 from shake_ros.ros.supervisor import LabStart, Supervisor
 
@@ -196,7 +195,7 @@ def main(arguments: Sequence[str]) -> int:
     """Run the laboratory; returns the exit code."""
     given = parser().parse_args(list(arguments))
     prepare(given)
-    if warning := crowded(given, processors()):
+    if warning := crowded(given, len(os.sched_getaffinity(0))):
         print(f"lab: warning: {warning}", file=sys.stderr, flush=True)
     domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
     with tempfile.TemporaryDirectory(prefix="shake_ros-lab-") as folder, ros_context([], domain_id=domain) as context:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,8 +21,6 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from numpy.typing import NDArray
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
@@ -31,14 +29,13 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.stages import OFF, RUN, STAGES
 from shake_ros.data.reference_file import write_drive
 from shake_ros.ros.conversions import SECOND
-from shake_ros.ros.diagnostics import ERROR, LEVELS
+from shake_ros.ros.diagnostics import ERROR
 from shake_ros.ros.frame import FIRST_STAMP
 from shake_ros.ros.graph import Graph, GraphError, NodeSpec
+from shake_ros.ros.graph_client import TABLES, GraphClient, reports_in
 from shake_ros.ros.interface import DIAGNOSTICS, ENABLE, NAMESPACE, VALVE_COMMAND
-from shake_ros.ros.lab_watch import TABLES
 from shake_ros.ros.loop import ros_context
 
-POLL = 0.05  # [s]
 ANSWER = 120.0  # a node that compiles what it is given answers within [s]
 SILENT = 15.0  # a node that has not reported for so long is lost [s]
 
@@ -54,7 +51,7 @@ class NodeReport:
     count: int = 0
 
 
-class LiveGraph:
+class LiveGraph(GraphClient):
     """A node of one's own beside the graph of a namespace.
 
     Attributes
@@ -65,38 +62,22 @@ class LiveGraph:
     """
 
     def __init__(self, context: Context, namespace: str) -> None:
-        self.node = Node(
-            "_shake_live", namespace=namespace, context=context, start_parameter_services=False, enable_rosout=False
-        )
+        super().__init__(context, "_shake_live", namespace)
         self.reports: dict[str, NodeReport] = {}
         self.nodes: dict[str, NodeReport] = {}
         self.trips: list[str] = []
-        self._executor = SingleThreadedExecutor(context=context)
-        self._executor.add_node(self.node)
         self._clients: dict[str, AsyncParameterClient] = {}
-        self._space = self.node.get_namespace().strip("/")
         self._enable: Any = self.node.create_client(ENABLE.type, ENABLE.name)
         self.node.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, self._on_report, DIAGNOSTICS.qos(False))
 
     def _on_report(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            node, _, part = status.name.partition(": ")
-            if node.rpartition("/")[0] != self._space:
-                continue
+        for node, part, level, text, values in reports_in(message, self.space):
             if part == "interlock":
-                self.trips += [status.message] if LEVELS.index(status.level) == ERROR else []
+                self.trips += [text] if level == ERROR else []
             elif part != "fault":
                 report = self.reports[part] = self.nodes.setdefault(node, NodeReport(node))
-                report.message = status.message
-                report.values = {one.key: one.value for one in status.values}
+                report.message, report.values = text, values
                 report.heard, report.count = time.monotonic(), report.count + 1
-
-    def until(self, found: Callable[[], Any], timeout: float) -> Any:
-        """What `found` finds as soon as it is something; what it finds after `timeout` [s] else."""
-        deadline = time.monotonic() + timeout
-        while not (result := found()) and time.monotonic() < deadline:
-            self._executor.spin_once(timeout_sec=POLL)
-        return result
 
     def report(self, executable: str) -> NodeReport:
         """The newest report of a node, waited for if the last one is old; ShakeError where it is silent."""
@@ -118,23 +99,23 @@ class LiveGraph:
 
     def get(self, executable: str, *names: str) -> list[Any]:
         """Values of parameters of a node."""
-        result = self._answer(self._client(executable).get_parameters(list(names)), executable)
+        result = self.answer(self._client(executable).get_parameters(list(names)), executable, ANSWER)
         return [parameter_value_to_python(value) for value in result.values]
 
     def get_names(self, executable: str) -> list[str]:
         """Names of the parameters of a node."""
-        return list(self._answer(self._client(executable).list_parameters(), executable).result.names)
+        return list(self.answer(self._client(executable).list_parameters(), executable, ANSWER).result.names)
 
     def set(self, executable: str, values: Mapping[str, Any]) -> None:
         """Set parameters of a node, all or none; ShakeError with the reason where it refuses."""
         wanted = [Parameter(name, value=value) for name, value in values.items()]
-        result = self._answer(self._client(executable).set_parameters_atomically(wanted), executable).result
+        result = self.answer(self._client(executable).set_parameters_atomically(wanted), executable, ANSWER).result
         if not result.successful:
             raise ShakeError(f"{self.reports[executable].node}: {result.reason or 'refused'}")
 
     def enable(self, on: bool) -> None:
         """Ask the table to start or to stop in order; ShakeError where it refuses."""
-        answer = self._answer(self._enable.call_async(ENABLE.type.Request(data=on)), "enable")
+        answer = self.answer(self._enable.call_async(ENABLE.type.Request(data=on)), "enable", ANSWER)
         if not answer.success:
             raise ShakeError(f"the table refuses: {answer.message}")
 
@@ -144,16 +125,6 @@ class LiveGraph:
         if not self.until(client.services_are_ready, SILENT):
             raise ShakeError(f"{name}: its parameters cannot be reached")
         return client
-
-    def _answer(self, future: Any, of: str) -> Any:
-        if not self.until(future.done, ANSWER):
-            raise ShakeError(f"{of}: no answer within {ANSWER:g} s")
-        return future.result()
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self._executor.shutdown()
-        self.node.destroy_node()
 
 
 Array = NDArray[np.float64]

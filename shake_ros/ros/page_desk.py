@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Float64MultiArray
 
 from shake_ros.core.quantities import ShakeError
@@ -25,7 +25,7 @@ from shake_ros.page.twin import TwinHistory, TwinStatus
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import LEVELS
 from shake_ros.ros.frame import Frame
-from shake_ros.ros.lab_watch import TABLES
+from shake_ros.ros.graph_client import TABLES, reports_in, values_of
 from shake_ros.ros.node_help import RemoteParameters
 from shake_ros.settings import find, load_table, read_yaml
 
@@ -65,10 +65,6 @@ def periodic(thd: dict[str, Any]) -> bool:
     return float(thd["thd_percent"]) < LARGEST_THD and amplitude > TONE * noise
 
 
-def _values(status: DiagnosticStatus) -> dict[str, str]:
-    return {one.key: one.value for one in status.values}
-
-
 class PageDesk:
     """See `shake_ros.page.desk.Desk`."""
 
@@ -105,34 +101,29 @@ class PageDesk:
     # in the node's thread
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            node, _, part = status.name.partition(": ")
-            space, _, name = node.rpartition("/")
-            if space != self._space:
-                continue
-            values = _values(status)
+        for node, part, level, text, values in reports_in(message, self._space):
             if part == "interlock":
-                self._trips.append({"at": time.time(), "text": status.message, **values})
+                self._trips.append({"at": time.time(), "text": text, **values})
                 continue
             if part == "fault":
-                self._trips.append({"at": time.time(), "text": f"fault on purpose: {status.message}", "cause": "fault"})
+                self._trips.append({"at": time.time(), "text": f"fault on purpose: {text}", "cause": "fault"})
                 continue
+            name = node.rpartition("/")[2]
             if name not in self._nodes or time.monotonic() - self._nodes[name]["heard"] > SILENT:
                 self.remote.know(name)
-            level = LEVELS.index(status.level)
             self._nodes[name] = {
-                "level": level, "message": status.message, "heard": time.monotonic(), "values": values, "part": part,
+                "level": level, "message": text, "heard": time.monotonic(), "values": values, "part": part,
             }  # fmt: skip
 
     def _on_thd(self, message: DiagnosticArray) -> None:
-        self._thd = {**_values(message.status[0]), "heard": time.monotonic()}
+        self._thd = {**values_of(message.status[0]), "heard": time.monotonic()}
 
     def _on_harmonics(self, message: Float64MultiArray) -> None:
         self._harmonics = np.asarray(message.data).reshape(-1, 4).tolist()
 
     def _on_twin(self, message: DiagnosticArray) -> None:
         statuses = [
-            TwinStatus(one.name.removeprefix("twin "), LEVELS.index(one.level), one.message, _values(one))
+            TwinStatus(one.name.removeprefix("twin "), LEVELS.index(one.level), one.message, values_of(one))
             for one in message.status
         ]
         self._twin.add(message.header.stamp.sec + message.header.stamp.nanosec * 1e-9, statuses)

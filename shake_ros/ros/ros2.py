@@ -18,13 +18,12 @@ from typing import Any
 
 import yaml
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.parameter import Parameter, get_parameter_value, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
 
 from shake_ros.core.quantities import ShakeError
+from shake_ros.ros.graph_client import GraphClient
 from shake_ros.ros.loop import ros_context
 from shake_ros.ros.recorded_topics import interface_class, matching
 
@@ -37,51 +36,28 @@ KINDS = {1: "Boolean value is:", 2: "Integer value is:", 3: "Double value is:", 
 HIDDEN = "_"  # how names of what is not for people begin
 
 
-class Console:
+class Console(GraphClient):
     """A node of one's own, to look and ask."""
 
     def __init__(self, context: Context) -> None:
-        self.node = Node("_shake_ros2", context=context, start_parameter_services=False, enable_rosout=False)
-        self._executor = SingleThreadedExecutor(context=context)
-        self._executor.add_node(self.node)
-
-    def close(self) -> None:
-        """Leave the graph; an executor that outlives its context complains when it is collected."""
-        self._executor.shutdown()
-        self.node.destroy_node()
-
-    def spin(self, seconds: float) -> None:
-        self._executor.spin_once(timeout_sec=seconds)
-
-    def until(self, found: Callable[[], Any], timeout: float = TIMEOUT) -> Any:
-        """What `found` finds, as soon as it is something; else what it finds at the end."""
-        deadline = time.monotonic() + timeout
-        while not (result := found()) and time.monotonic() < deadline:
-            self.spin(0.05)
-        return result
+        super().__init__(context, "_shake_ros2")
 
     def gathered(self, look: Callable[[], list[Any]]) -> list[Any]:
         """All that there is, sorted: until for DISCOVERY nothing has been added, with twice the time for the first."""
         found, changed, first = sorted(look()), time.monotonic(), True
         while time.monotonic() - changed < DISCOVERY * (2.0 if first else 1.0):
-            self.spin(0.05)
+            self.look()
             if (now := sorted(look())) != found:
                 found, changed, first = now, time.monotonic(), False
         return found
 
-    def answer(self, future: Any, of: str) -> Any:
-        """The result of a call."""
-        if not self.until(future.done):
-            raise ShakeError(f"no answer from {of} within {TIMEOUT:g} s")
-        return future.result()
-
     def parameters(self, name: str) -> AsyncParameterClient:
         """Client of the parameters of a node, by its name with or without the first slash."""
         full = f"/{name.lstrip('/')}"
-        if not self.until(lambda: full in nodes(self)):
+        if not self.until(lambda: full in nodes(self), TIMEOUT):
             raise ShakeError("Node not found")
         client = AsyncParameterClient(self.node, full)
-        if not self.until(client.services_are_ready):
+        if not self.until(client.services_are_ready, TIMEOUT):
             raise ShakeError(f"Wait for service timed out waiting for parameter services for node {full}")
         return client
 
@@ -130,7 +106,7 @@ def topic_list(console: Console, given: argparse.Namespace) -> int:
 def _topic(console: Console, name: str) -> tuple[str, Any, QoSProfile]:
     """Full name, class and a profile that all its writers can serve."""
     full = f"/{name.lstrip('/')}"
-    found = console.until(lambda: dict(console.node.get_topic_names_and_types()).get(full))
+    found = console.until(lambda: dict(console.node.get_topic_names_and_types()).get(full), TIMEOUT)
     if not found:
         raise ShakeError(f"topic [{full}] does not appear to be published yet")
     kind = interface_class(found[0])
@@ -156,7 +132,7 @@ def topic_echo(console: Console, given: argparse.Namespace) -> int:
 
     console.node.create_subscription(kind, full, arrived, profile)
     while not (given.once and heard):
-        console.spin(0.1)
+        console.look(0.1)
     return 0
 
 
@@ -167,7 +143,7 @@ def topic_hz(console: Console, given: argparse.Namespace) -> int:
     console.node.create_subscription(kind, full, lambda _: times.append(time.monotonic()), profile, raw=True)
     reported, count = time.monotonic(), 0
     while given.reports == 0 or count < given.reports:
-        console.spin(0.01)
+        console.look(0.01)
         if time.monotonic() - reported < REPORT or len(times) < 2:
             continue
         reported, count = time.monotonic(), count + 1
@@ -192,13 +168,13 @@ def param_list(console: Console, given: argparse.Namespace) -> int:
 
 
 def _names(console: Console, node: str) -> list[str]:
-    return sorted(console.answer(console.parameters(node).list_parameters(), node).result.names)
+    return sorted(console.answer(console.parameters(node).list_parameters(), node, TIMEOUT).result.names)
 
 
 def param_get(console: Console, given: argparse.Namespace) -> int:
     """The value of a parameter."""
     client = console.parameters(given.node_name)
-    value = console.answer(client.get_parameters([given.parameter_name]), given.node_name).values
+    value = console.answer(client.get_parameters([given.parameter_name]), given.node_name, TIMEOUT).values
     if not value or not value[0].type:
         raise ShakeError("Parameter not set.")
     kind, plain = KINDS.get(value[0].type, "Values are:"), parameter_value_to_python(value[0])
@@ -210,7 +186,9 @@ def param_set(console: Console, given: argparse.Namespace) -> int:
     """Change a parameter; its value is read as YAML."""
     client = console.parameters(given.node_name)
     value = parameter_value_to_python(get_parameter_value(given.value))
-    result = console.answer(client.set_parameters([Parameter(given.parameter_name, value=value)]), given.node_name)
+    result = console.answer(
+        client.set_parameters([Parameter(given.parameter_name, value=value)]), given.node_name, TIMEOUT
+    )
     done, reason = result.results[0].successful, result.results[0].reason
     text = "Set parameter successful" if done else "Setting parameter failed"
     print(f"{text}: {reason}" if reason else text, file=sys.stdout if done else sys.stderr)
@@ -220,7 +198,7 @@ def param_set(console: Console, given: argparse.Namespace) -> int:
 def param_dump(console: Console, given: argparse.Namespace) -> int:
     """All parameters of a node as a file that it can be started with."""
     names = _names(console, given.node_name)
-    values = console.answer(console.parameters(given.node_name).get_parameters(names), given.node_name).values
+    values = console.answer(console.parameters(given.node_name).get_parameters(names), given.node_name, TIMEOUT).values
     found: dict[str, Any] = {}
     for name, value in zip(names, values, strict=True):
         *folders, leaf = name.split(".")
@@ -249,10 +227,10 @@ def service_call(console: Console, given: argparse.Namespace) -> int:
     client: Any = console.node.create_client(kind, f"/{given.service_name.lstrip('/')}")
     if not client.service_is_ready():
         print("waiting for service to become available...", flush=True)
-    if not console.until(client.service_is_ready):
+    if not console.until(client.service_is_ready, TIMEOUT):
         raise ShakeError(f"service {given.service_name} is not there")
     print(f"requester: making request: {request!r}\n")
-    print(f"response:\n{console.answer(client.call_async(request), given.service_name)!r}\n")
+    print(f"response:\n{console.answer(client.call_async(request), given.service_name, TIMEOUT)!r}\n")
     return 0
 
 

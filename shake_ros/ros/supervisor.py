@@ -23,8 +23,8 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.causes import TIMED
 from shake_ros.page.desk import Exchange
 from shake_ros.ros.graph import LAST, Graph, NodeSpec
+from shake_ros.ros.graph_client import TABLES, LabWatch
 from shake_ros.ros.interface import ENABLE, RESET
-from shake_ros.ros.lab_watch import TABLES, LabWatch
 
 GENERATOR = "reference_generator"
 

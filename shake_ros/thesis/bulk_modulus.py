@@ -35,7 +35,7 @@ from shake_ros.measured.runs import PRINTED, printed_tables
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.settings import find, load_table, read_yaml
 from shake_ros.thesis.charts import motions
-from shake_ros.thesis.experiment import Claim, ExperimentReport, Rows, recorded, sine, words
+from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, recorded, sine, words
 
 STEPS = 400  # of each side of the cycle, by the midpoint rule
 

@@ -14,7 +14,7 @@ from shake_ros.core.loop.metrics import Metrics, Outcome, mean, over
 from shake_ros.report.chart import Chart
 from shake_ros.report.comparison_page import amplitudes, error_chart, number, response_chart, spectrum_chart
 from shake_ros.settings import find, read_yaml
-from shake_ros.thesis.experiment import Claim, ExperimentReport, Rows
+from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows
 
 LAWS = ("feedforward PI", "sliding mode", "super-twisting")
 LOOPS = ("thesis's loop", "linear observer", "tuned gains")

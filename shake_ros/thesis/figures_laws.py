@@ -9,13 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from shake_ros.core.bulk_modulus import BULK_MODULI, BulkModulusLaw
-from shake_ros.core.bulk_modulus.selected import moduli
-from shake_ros.core.friction import FRICTIONS
+from shake_ros.core.bulk_modulus import BULK_MODULI, BulkModulusLaw, moduli
+from shake_ros.core.friction import FRICTIONS, steady_force
 from shake_ros.core.friction.response import break_away_force, pulled_block, under_motion
-from shake_ros.core.friction.selected import steady_force
 from shake_ros.core.packing import record
-from shake_ros.report.static_figure import COLOURS, new_figure, tidy
+from shake_ros.report.chart import COLOURS, new_figure, tidy
 from shake_ros.settings import find, load_variant, read_yaml
 
 WITH_AIR = {

@@ -17,7 +17,7 @@ from shake_ros.core.quantities import Parameters
 from shake_ros.core.valve import VALVES
 from shake_ros.core.valve.ports import steady_force
 from shake_ros.core.valve.response import linear_response, valve_response
-from shake_ros.report.static_figure import BEFORE, COLOURS, GREY, name_decades, new_figure, tidy
+from shake_ros.report.chart import BEFORE, COLOURS, GREY, name_decades, new_figure, tidy
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 from shake_ros.thesis.charts import HIGHEST_HARMONIC, LOWEST_SHOWN, ROWS, SHOWN_PERIODS, ParameterStudy, value_label
 

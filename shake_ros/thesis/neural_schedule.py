@@ -9,7 +9,7 @@ from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
 from shake_ros.report.result_table import percent
 from shake_ros.settings import find, read_yaml
-from shake_ros.thesis.experiment import Claim, ExperimentReport, Rows
+from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows
 from shake_ros.thesis.schedule import (
     ScheduleComparison,
     better_than_one_set,

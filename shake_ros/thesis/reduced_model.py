@@ -23,7 +23,7 @@ from shake_ros.declared import free_parameters
 from shake_ros.report.chart import Chart
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 from shake_ros.thesis.charts import motions, over_frequency
-from shake_ros.thesis.experiment import Claim, ExperimentReport, Rows, difference, inputs, recorded, sine, words
+from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, difference, inputs, recorded, sine, words
 
 KEYS = (
     "plant", "printed", "fitted_to", "sample_time", "seconds", "frequencies", "amplitude", "shown",

@@ -363,7 +363,7 @@ class ScheduleComparison:
 
     def plot(self, recording: int = 0) -> Figure:
         """Running error of the acceleration of all models over a recording, by its number."""
-        from shake_ros.report.static_figure import static_figure
+        from shake_ros.report.chart import static_figure
 
         chosen = self.compared[recording]
         return static_figure(running_chart(chosen.record, chosen.runs, self.change if recording == 0 else None))

@@ -20,7 +20,7 @@ from shake_ros.data.result_folder import refuse_existing, writing
 from shake_ros.report.chart import Chart
 from shake_ros.settings import find, load_table, read_yaml
 from shake_ros.thesis.charts import ParameterStudy, study_motion, study_of, study_spectrum
-from shake_ros.thesis.experiment import Claim, ExperimentReport, Rows
+from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -29,7 +29,7 @@ SOFT = {"bulk_modulus.modulus": 7e8}
 
 def settings(folder: Path, **changes: object) -> str:
     """The default way, shortened."""
-    content = yaml.safe_load((config_folder() / "commission" / "default.yaml").read_text(encoding="utf-8"))
+    content = yaml.safe_load((config_folder() / "commission.yaml").read_text(encoding="utf-8"))
     content |= {"seconds": 4.0, "levels": [0.5], "laws": ["three_variable"], "search_from": 2.0}
     content["tuning"] = short_tuning(folder, 2)
     numbers = content["numbers"] | {k: v for k, v in changes.items() if k in content["numbers"]}

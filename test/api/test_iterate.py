@@ -11,10 +11,10 @@ import pytest
 from shake_ros.api.read import recording
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
+from shake_ros.core.reference.baseline import states_from_rest
 from shake_ros.data.reference_file import build_program
-from shake_ros.iteration.drive import integrate
+from shake_ros.iteration.drive import lacking
 from shake_ros.iteration.iterate import Iterated, iterate, iterate_simulated
-from shake_ros.iteration.model import lacking
 from shake_ros.iteration.table import SimulatedTable
 from shake_ros.settings import load_search
 
@@ -23,7 +23,7 @@ FIXED = ("model_soft_zone", "super_twisting_model")
 
 def test_written_drive_is_the_reference_that_is_played(tmp_path: Path) -> None:
     drive = np.array(build_program("earthquake_rock", 0.001).states)
-    drive = integrate(1.1 * drive[:, 2], 0.001)
+    drive = states_from_rest(1.1 * drive[:, 2], 0.001)
     out = Iterated(("run",), (0.5,), 0.001, drive).report(tmp_path / "out")
     played = build_program(str(out / "drive.yaml"), 0.001).states
     assert len(played) == len(drive)

@@ -13,14 +13,14 @@ import pytest
 from live_tables import LIMITS, SimulatedLiveTable
 
 from shake_ros.cli import arguments, repair
-from shake_ros.iteration.drive import integrate
+from shake_ros.core.reference.baseline import states_from_rest
 from shake_ros.settings import load_table
 
 
 def motion(sample_time: float) -> np.ndarray:
     """Half a second that begins and ends at rest, (n, 3)."""
     t = np.arange(0.0, 0.5, sample_time)
-    return integrate(np.gradient(np.gradient(2e-3 * (t * (0.5 - t) / 0.0625) ** 4, t), t), sample_time)
+    return states_from_rest(np.gradient(np.gradient(2e-3 * (t * (0.5 - t) / 0.0625) ** 4, t), t), sample_time)
 
 
 class Answer:

@@ -24,7 +24,7 @@ from shake_ros.measured import runs
 from shake_ros.measured.models import MeasuredRuns
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
-SETTINGS = read_yaml(find("demo", "demo"))
+SETTINGS = read_yaml(find("demo", "default"))
 TIME = np.arange(3000) * 0.001
 
 

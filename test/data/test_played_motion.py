@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.played_motion import played
+from shake_ros.core.reference.baseline import states_from_rest
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
-from shake_ros.iteration.drive import integrate
+from shake_ros.data.reference_file import played
 
 DT, REST = 0.001, 400
 
@@ -21,7 +21,7 @@ def drive(seed: int = 0) -> np.ndarray:
     bump = 30.0 * t**2 * (1.0 - t) ** 2
     phase = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, 3)
     position = 1e-3 * bump**2 * sum(np.sin(2 * np.pi * f * t + p) for f, p in zip((4.0, 7.0, 11.0), phase, strict=True))
-    return integrate(np.gradient(np.gradient(position, t), t), DT)
+    return states_from_rest(np.gradient(np.gradient(position, t), t), DT)
 
 
 def recording(motion: np.ndarray, folder, lost: np.ndarray | None = None, late: float = 0.0) -> TableRecording:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from shake_ros.core.control import harmonic_cancellation
 from shake_ros.core.packing import numbers
 from shake_ros.core.quantities import ShakeError
+from shake_ros.core.reference.baseline import states_from_rest
 from shake_ros.iteration import drive as iteration
 from shake_ros.settings import find, read_yaml
 
@@ -29,7 +30,7 @@ def burst() -> NDArray[np.float64]:
     frequency = np.fft.rfftfreq(N, DT)
     spectrum = iteration.band(frequency, 1.0, 12.0) * np.exp(2j * math.pi * rng.random(frequency.size))
     signal = np.fft.irfft(spectrum, N) * np.hanning(N)
-    return iteration.at_rest_in_the_end(signal / np.std(signal), DT)
+    return iteration.faded_to_rest(signal / np.std(signal), DT)
 
 
 def linear_table(drive: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -41,7 +42,7 @@ def linear_table(drive: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def test_iteration_inverts_a_linear_table_and_stops() -> None:
     wanted = burst()
-    first = iteration.integrate(wanted, DT)
+    first = states_from_rest(wanted, DT)
     p = settings(good_enough=0.03)
     references, errors, reason = iteration.iterate(wanted, first, lambda r, _: linear_table(r[:, 2]), DT, p)
     assert errors[0] > 0.5
@@ -55,7 +56,7 @@ def test_iteration_stops_where_the_error_does_not_fall() -> None:
     wanted = burst()
     rng = np.random.default_rng(1)
     noise = [rng.normal(size=N) for _ in range(20)]
-    first = iteration.integrate(wanted, DT)
+    first = states_from_rest(wanted, DT)
     _, errors, reason = iteration.iterate(wanted, first, lambda _r, k: noise[k], DT, settings(runs=20))
     assert reason == "no longer falls"
     assert len(errors) < 8
@@ -84,7 +85,7 @@ def test_noise_of_the_accelerometer_does_not_move_the_next_drive_aside() -> None
     wanted = np.pad(burst(), 2000)  # a ramp from end to end of the noise's 0.05 m/s² would reach decimetres
     noise = 0.05 * np.random.RandomState(5).standard_normal(len(wanted))
     drive, _ = iteration.next_drive(wanted, [iteration.Run(wanted, wanted + noise)], DT, settings())
-    assert np.max(np.abs(drive[:, 0] - iteration.integrate(wanted, DT)[:, 0])) < 0.002
+    assert np.max(np.abs(drive[:, 0] - states_from_rest(wanted, DT)[:, 0])) < 0.002
 
 
 def test_noise_where_the_drive_has_no_power_does_not_stop_the_learning() -> None:

@@ -15,8 +15,7 @@ from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.declared import effect_candidates, free_parameters
-from shake_ros.iteration.drive import Iteration
-from shake_ros.iteration.model import iterate_model, refit, starts
+from shake_ros.iteration.drive import Iteration, iterate_model, refit, starts
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 DT = 0.001

@@ -6,22 +6,23 @@ import numpy as np
 import pytest
 
 from shake_ros.core.quantities import ShakeError
+from shake_ros.core.reference.baseline import states_from_rest
 from shake_ros.data.reference_file import build_program, write_drive
-from shake_ros.iteration.drive import at_rest_in_the_end, integrate
+from shake_ros.iteration.drive import faded_to_rest
 
 DT = 0.001
 
 
 def test_reference_of_a_written_drive_is_the_drive(tmp_path) -> None:
     noise = np.random.default_rng(3).standard_normal(2000)
-    drive = integrate(at_rest_in_the_end(noise, DT), DT)
+    drive = states_from_rest(faded_to_rest(noise, DT), DT)
     path = write_drive(tmp_path, tmp_path, drive, DT)
     states = np.asarray(build_program(str(path), DT).states)
     np.testing.assert_allclose(states[:2000], drive, atol=1e-9)
 
 
 def test_record_that_does_not_end_at_rest_is_no_drive(tmp_path) -> None:
-    path = write_drive(tmp_path, tmp_path, integrate(np.ones(1000), DT), DT)
+    path = write_drive(tmp_path, tmp_path, states_from_rest(np.ones(1000), DT), DT)
     time = np.arange(1000) * DT
     np.savetxt(tmp_path / "drive.csv", np.column_stack([time, np.ones(1000)]), delimiter=",")
     with pytest.raises(ShakeError, match=r"1e\+02 % of its displacement is left at its end"):
@@ -29,8 +30,8 @@ def test_record_that_does_not_end_at_rest_is_no_drive(tmp_path) -> None:
 
 
 def test_drive_that_was_recorded_is_written_so_that_it_ends_at_rest(tmp_path) -> None:
-    noise = at_rest_in_the_end(np.random.default_rng(3).standard_normal(2000), DT)
-    drive = integrate(noise + 1e-3, DT)
+    noise = faded_to_rest(np.random.default_rng(3).standard_normal(2000), DT)
+    drive = states_from_rest(noise + 1e-3, DT)
     states = np.asarray(build_program(str(write_drive(tmp_path, tmp_path, drive, DT)), DT).states)
     assert np.max(np.abs(states[-1])) < 1e-9 < abs(drive[-1, 0])
     assert np.max(np.abs(states[:2000, 2] - drive[:, 2])) < 5e-3

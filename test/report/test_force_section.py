@@ -18,9 +18,9 @@ from shake_ros.core.identification.recordings import FULL, DeclaredModel
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.explain.force_kinds import ForceKinds
 from shake_ros.explain.latent_force import LatentForce
+from shake_ros.report.chart import static_figure
 from shake_ros.report.close_loop_page import against_chart, force_chart, force_section
 from shake_ros.report.page import Page
-from shake_ros.report.static_figure import static_figure
 from shake_ros.report.text import force_text, largest_force
 
 NOON = datetime(2026, 1, 2, 12, 0, tzinfo=timezone.utc)

@@ -20,11 +20,10 @@ from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.report import charts_fit, text
-from shake_ros.report.chart import Chart, ChartSeries, Panel, packed
+from shake_ros.report.chart import Chart, ChartSeries, Panel, packed, save_figures, static_figure
 from shake_ros.report.close_loop_page import close_loop_page, found_section, step_text
 from shake_ros.report.page import LARGEST, Bar, Made, Page, Source
 from shake_ros.report.sections import hydraulic_table
-from shake_ros.report.static_figure import save_figures, static_figure
 from shake_ros.report.text import estimate_text, unit_of
 
 NOON = datetime(2026, 1, 2, 12, 0, tzinfo=timezone.utc)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rclpy.task import Future
 
-from shake_ros.ros.lab_watch import LabWatch
+from shake_ros.ros.graph_client import LabWatch
 from shake_ros.ros.loop import ros_context
 from shake_ros.ros.supervisor import LabStart
 

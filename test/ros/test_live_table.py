@@ -11,7 +11,7 @@ from shake_ros.api.live_table import InterlockHeldError, LiveLaboratory, write_l
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import ShakeError
-from shake_ros.iteration.drive import integrate
+from shake_ros.core.reference.baseline import states_from_rest
 from shake_ros.ros.interface import VALVE_COMMAND
 from shake_ros.ros.live_table import live_table
 from shake_ros.settings import load_table, load_variant
@@ -23,7 +23,7 @@ def drive(size: float = 2e-3) -> np.ndarray:
     """Half a second that begins and ends at rest, (n, 3)."""
     t = np.linspace(0.0, 0.5, 501)
     position = size * (t * (0.5 - t) / 0.0625) ** 4
-    return integrate(np.gradient(np.gradient(position, t), t), DT)
+    return states_from_rest(np.gradient(np.gradient(position, t), t), DT)
 
 
 def refused(capsys: pytest.CaptureFixture[str], tmp_path) -> str:

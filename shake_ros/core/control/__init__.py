@@ -4,7 +4,7 @@ One file per law: a frozen `Parameters` class with its number and the length of 
 `feedforward(p, reference)` and `step(state, p, reference, estimate, feedforward, dt)`; `p` is the record of the
 parameters by name. The feedforward is an argument of `step`, so that any law also runs under that of a virtual table
 (`virtual_table`). To add one: write the file with the next number, add its row here, write
-config/controller/<name>.yaml; `selected`, `runner` and the contract tests take it from this table.
+config/controller/<name>.yaml; `runner` and the contract tests take it from this table.
 """
 
 from shake_ros.core.control.differential_pressure import DifferentialPressure

@@ -19,8 +19,7 @@ from shake_ros.core.compiled import njit
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.law import LawParameters, against_direction, saturate, with_direction
 from shake_ros.core.control.virtual_table import VirtualTable
-from shake_ros.core.dispatch import dispatch
-from shake_ros.core.packing import records
+from shake_ros.core.packing import dispatch, records
 from shake_ros.core.plant.parameters import TableParameters, delayed_by
 from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
 

@@ -1,6 +1,6 @@
 """What every friction law has: a number of its own by which compiled code knows it, and parameters of one vocabulary.
 
-A law is written in three quantities that the plant puts together with the friction effects, see `selected.py`:
+A law is written in three quantities that the plant puts together with the friction effects, see `__init__.py`:
 
     F = level · s + F_micro + f_v(v) v
 
@@ -26,3 +26,13 @@ class FrictionLaw(Parameters):
 
     code: ClassVar[int]
     has_memory: ClassVar[bool] = False  # a continuous state beside the contact's: film, lagged speed
+
+
+NONE = 1
+
+
+@dataclass(frozen=True)
+class NoFriction(FrictionLaw):
+    """No parameters."""
+
+    code: ClassVar[int] = NONE

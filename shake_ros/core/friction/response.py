@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.friction import armstrong
-from shake_ros.core.friction.selected import (
+from shake_ros.core.friction import (
+    armstrong,
     contact_deflection,
     contact_level,
     curve_direction,

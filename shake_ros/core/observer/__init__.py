@@ -4,7 +4,7 @@ One file per observer: a frozen `ObserverParameters` class with its number, what
 state that continues from an estimate, and a compiled `observe(state, p, model, measured, command, dt, work, estimate)`,
 which changes the state in place; `p` is the record of the parameters by name, `model` that of the table which some of
 them carry. To add one: write the file with the next number, add its row here, write config/observer/<name>.yaml;
-`selected`, `runner` and the contract tests take it from this table.
+`runner` and the contract tests take it from this table.
 """
 
 from shake_ros.core.observer.fused import FusedObserver

@@ -26,11 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.dispatch import dispatch, kernel_of, written
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.carried import work
 from shake_ros.core.observer.law import SENSORS, ObserverParameters
-from shake_ros.core.packing import layout, records
+from shake_ros.core.packing import dispatch, kernel_of, layout, records, written
 from shake_ros.core.plant.parameters import DELAY, FULL_LAYOUT, NAMES, TableParameters, delayed_by
 from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
 

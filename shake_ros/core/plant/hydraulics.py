@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 
+from shake_ros.core.bulk_modulus import modulus
 from shake_ros.core.bulk_modulus.constant import CODE as CONSTANT
 from shake_ros.core.bulk_modulus.ifas import mixture
-from shake_ros.core.bulk_modulus.selected import modulus
 from shake_ros.core.compiled import inlined_kernel, kernel
 from shake_ros.core.effects.hydraulics import exchanged, lightness, stiffness, thickness, warmer
 from shake_ros.core.effects.hydraulics import factor as soft_zone_factor

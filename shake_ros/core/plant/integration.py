@@ -26,9 +26,9 @@ import numpy as np
 
 from shake_ros.core.compiled import kernel, njit
 from shake_ros.core.effects.friction import deflection
+from shake_ros.core.friction import is_dynamic
 from shake_ros.core.friction.armstrong import CODE as ARMSTRONG
 from shake_ros.core.friction.armstrong import dwelt
-from shake_ros.core.friction.selected import is_dynamic
 from shake_ros.core.plant.dormand_prince import PACE, PATH, STAGE, STAGES, dormand_prince, spool_path, workspace
 from shake_ros.core.plant.hydraulics import chamber_pressure
 from shake_ros.core.plant.right_hand_side import (

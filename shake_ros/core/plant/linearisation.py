@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eig
 from scipy.optimize import root
 
-from shake_ros.core.bulk_modulus.selected import moduli
+from shake_ros.core.bulk_modulus import moduli
 from shake_ros.core.bulk_modulus.stiffness import natural_frequency
 from shake_ros.core.effects.structure import has_backlash
 from shake_ros.core.plant.cylinder import Sides, oil_spring, rest_pressures

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shake_ros.core.bulk_modulus.selected import moduli
+from shake_ros.core.bulk_modulus import moduli
 from shake_ros.core.compiled import njit
 from shake_ros.core.plant.cylinder import (
     Sides,

@@ -20,7 +20,7 @@ from shake_ros.core.effects.unlisted import (
     is_of_time,
 )
 from shake_ros.core.effects.unlisted import value as unlisted
-from shake_ros.core.friction.selected import (
+from shake_ros.core.friction import (
     contact_deflection,
     contact_level,
     curve_direction,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -28,7 +29,6 @@ from shake_ros.core.plant.states import (
     STEP_SIZE,
     VALVE,
 )
-from shake_ros.core.processors import processors
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.valve.detailed import CODE as DETAILED
 from shake_ros.core.valve.detailed import VALVE_STATES, valve_at_rest
@@ -157,7 +157,8 @@ def use_threads(most: float) -> None:
 
 def workers() -> int:
     """Number of threads for batches: the cores this process may use, or fewer as `use_threads` says."""
-    return int(min(processors(), _most["threads"]))
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return int(min(cores, _most["threads"]))
 
 
 def run_batch(

@@ -1,51 +1,32 @@
-"""References: what the table is asked to do. One file per kind, listed in the tables below.
+"""References: what the table is asked to do; motions in closed form, periodic excitations, accelerations from a file.
 
-To add one: a file with a frozen `Parameters` class and a function `motion(parameters, sample_time, record) →
-Motion`, a line in each of the two tables, a config/reference/*.yaml, and it is under test.
+To add one: a frozen `ReferenceParameters` class with its `motion`, in the file of its kind, a row in the table below, a
+config/reference/*.yaml, and it is under test.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
-from shake_ros.core.quantities import Parameters
-from shake_ros.core.reference import (
-    drive,
-    earthquake,
-    multisine,
-    none,
-    pulse,
-    random_binary,
-    sine,
-    sine_beat,
-    step,
-    sweep,
+from shake_ros.core.reference.motion import ReferenceParameters
+from shake_ros.core.reference.periodic import MultisineParameters, RandomBinaryParameters
+from shake_ros.core.reference.recorded import DriveParameters, EarthquakeParameters
+from shake_ros.core.reference.waves import (
+    NoneParameters,
+    PulseParameters,
+    SineBeatParameters,
+    SineParameters,
+    StepParameters,
+    SweepParameters,
 )
-from shake_ros.core.reference.motion import Motion
 
-REFERENCES: dict[str, type[Parameters]] = {
-    "sine": sine.SineParameters,
-    "sine_beat": sine_beat.SineBeatParameters,
-    "multisine": multisine.MultisineParameters,
-    "sweep": sweep.SweepParameters,
-    "pulse": pulse.PulseParameters,
-    "random_binary": random_binary.RandomBinaryParameters,
-    "step": step.StepParameters,
-    "earthquake": earthquake.EarthquakeParameters,
-    "drive": drive.DriveParameters,
-    "none": none.NoneParameters,
-}
-
-MOTIONS: dict[str, Callable[[Any, float, Any], Motion]] = {
-    "sine": sine.motion,
-    "sine_beat": sine_beat.motion,
-    "multisine": multisine.motion,
-    "sweep": sweep.motion,
-    "pulse": pulse.motion,
-    "random_binary": random_binary.motion,
-    "step": step.motion,
-    "earthquake": earthquake.motion,
-    "drive": drive.motion,
-    "none": none.motion,
+REFERENCES: dict[str, type[ReferenceParameters]] = {
+    "sine": SineParameters,
+    "sine_beat": SineBeatParameters,
+    "multisine": MultisineParameters,
+    "sweep": SweepParameters,
+    "pulse": PulseParameters,
+    "random_binary": RandomBinaryParameters,
+    "step": StepParameters,
+    "earthquake": EarthquakeParameters,
+    "drive": DriveParameters,
+    "none": NoneParameters,
 }

@@ -34,6 +34,12 @@ def integrate(acceleration: Array, time_step: float) -> tuple[Array, Array]:
     return velocity, displacement
 
 
+def states_from_rest(acceleration: Array, time_step: float) -> Array:
+    """(n, 3) displacement, velocity, acceleration from rest, as `integrate` has them."""
+    velocity, displacement = integrate(acceleration, time_step)
+    return np.column_stack([displacement, velocity, acceleration])
+
+
 def _tapered(acceleration: Array) -> Array:
     """The record less its mean, its ends under half a cosine."""
     centred = acceleration - np.mean(acceleration)

@@ -5,6 +5,8 @@ What a table can do at most: stroke, velocity at full valve opening, acceleratio
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.plant.cylinder import pressure_left, steady_speeds
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError
+from shake_ros.core.quantities import Parameters, ShakeError
 
 Array = NDArray[np.float64]
 
@@ -36,6 +38,15 @@ class Motion(NamedTuple):
 
     states: Array
     notes: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class ReferenceParameters(Parameters):
+    """Base of the references."""
+
+    @abstractmethod
+    def motion(self, sample_time: float) -> Motion:
+        """Its samples every `sample_time` [s]; what is played from a file takes the record as well."""
 
 
 def sample_times(duration: float, sample_time: float) -> Array:

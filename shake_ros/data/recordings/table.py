@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import checks
+from shake_ros.data.recordings import align
 from shake_ros.data.recordings.align import Grid, hold, matched
 from shake_ros.data.recordings.bag import Bag, Finding
 from shake_ros.data.recordings.cdr import Floats, Integers
@@ -259,8 +259,8 @@ def _assemble(bag: Bag, raw: dict[str, Series], acting: Acting, partial: bool = 
             main["imu"] = values[:, 0]
         elif values is not None:
             others[name] = values if values.shape[1] > 1 else values[:, 0]
-    checks.not_a_number(main, topics, grid, findings)
-    checks.sizes(main | {n: v for n, v in others.items() if v is not None}, topics, grid, findings)
+    align.not_a_number(main, topics, grid, findings)
+    align.sizes(main | {n: v for n, v in others.items() if v is not None}, topics, grid, findings)
     acts = acting.usable(ordered["joint_states"].received, grid, topics["valve_command"], findings, partial)
     segments = _segments(grid, list(main.values()), acts)
     if not segments and not partial:

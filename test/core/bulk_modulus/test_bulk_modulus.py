@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from shake_ros.core.bulk_modulus import BULK_MODULI, BulkModulusLaw, ifas, nykanen, stiffness
-from shake_ros.core.bulk_modulus.selected import moduli
+from shake_ros.core.bulk_modulus import BULK_MODULI, BulkModulusLaw, ifas, moduli, nykanen, stiffness
 from shake_ros.core.effects.hydraulics import factor as soft_zone
 from shake_ros.settings import config_folder, load_variant
 

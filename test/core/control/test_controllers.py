@@ -10,8 +10,7 @@ import pytest
 
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import HEAD, Controller, switch
-from shake_ros.core.dispatch import kernel_of
-from shake_ros.core.packing import records
+from shake_ros.core.packing import kernel_of, records
 from shake_ros.core.plant import reduced
 from shake_ros.core.quantities import OutOfBounds, ShakeError, UnknownName
 from shake_ros.settings import config_folder, load_table, load_variant

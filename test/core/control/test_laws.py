@@ -13,10 +13,9 @@ from shake_ros.core.control import CONTROLLERS, minimal_control_synthesis, pid, 
 from shake_ros.core.control import law as input_filter
 from shake_ros.core.control import super_twisting_implicit as implicit
 from shake_ros.core.control.runner import HEAD, Controller, feedforward_law, step_law
-from shake_ros.core.dispatch import kernel_of
-from shake_ros.core.packing import numbers, records
+from shake_ros.core.packing import kernel_of, numbers, records
 from shake_ros.core.plant import reduced
-from shake_ros.core.reference import shaping as reference_filter
+from shake_ros.core.reference import program as reference_filter
 from shake_ros.settings import load_variant
 
 DT = 0.001

@@ -7,9 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from shake_ros.core.friction import FRICTIONS
+from shake_ros.core.friction import FRICTIONS, steady_force
 from shake_ros.core.friction.response import under_motion
-from shake_ros.core.friction.selected import steady_force
 from shake_ros.core.packing import field_value, name_of, record, union_fields
 from shake_ros.settings import load_variant
 

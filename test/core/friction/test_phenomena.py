@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.friction import FRICTIONS
+from shake_ros.core.friction import FRICTIONS, steady_force
 from shake_ros.core.friction.response import break_away_force, pulled_block, under_motion
-from shake_ros.core.friction.selected import steady_force
 from shake_ros.core.packing import record
 from shake_ros.settings import load_variant
 

@@ -7,7 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from shake_ros.core.friction import FRICTIONS, armstrong, coulomb_viscous_static, marton_lantos, modified_lugre
+from shake_ros.core.friction import (
+    FRICTIONS,
+    armstrong,
+    coulomb_viscous_static,
+    marton_lantos,
+    modified_lugre,
+    steady_force,
+)
 from shake_ros.core.friction.armstrong import Armstrong
 from shake_ros.core.friction.bo_pavelescu import BoPavelescu
 from shake_ros.core.friction.coulomb_viscous_static import CoulombViscousStatic
@@ -15,7 +22,6 @@ from shake_ros.core.friction.hess_soom import HessSoom
 from shake_ros.core.friction.marton_lantos import MartonLantos
 from shake_ros.core.friction.modified_lugre import ModifiedLuGre
 from shake_ros.core.friction.response import at_rest, step, under_motion
-from shake_ros.core.friction.selected import steady_force
 from shake_ros.core.friction.tustin import Tustin
 from shake_ros.core.packing import record
 from shake_ros.settings import load_variant

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shake_ros.core.dispatch import kernel_of
 from shake_ros.core.observer import OBSERVERS, linear, runner
 from shake_ros.core.observer.runner import ABSENT, Observer
-from shake_ros.core.packing import records
+from shake_ros.core.packing import kernel_of, records
 from shake_ros.core.plant import reduced
 from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import ShakeError, UnknownName

@@ -7,17 +7,9 @@ import pytest
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.baseline import correct_baseline, filtered, integrate, resample
-from shake_ros.core.reference.earthquake import (
-    EarthquakeParameters,
-    accelerogram,
-    envelope,
-    fit,
-    ground_filter,
-    motion,
-    synthetic_record,
-)
 from shake_ros.core.reference.motion import EarthquakeRecord
 from shake_ros.core.reference.motion import envelope as table_envelope
+from shake_ros.core.reference.recorded import EarthquakeParameters, accelerogram, envelope, ground_filter
 from shake_ros.data.reference_file import build_program, load_reference
 from shake_ros.settings import load_table
 
@@ -141,20 +133,20 @@ def test_record_is_scaled_until_each_limit_holds(
     parameters: EarthquakeParameters, record: EarthquakeRecord, limit: str, value: float, column: int
 ) -> None:
     free = parameters.replace(position_limit=10.0, velocity_limit=100.0, acceleration_limit=1000.0, scale=3.0)
-    states, notes = motion(free.replace(**{limit: value}), 0.01, record)
+    states, notes = free.replace(**{limit: value}).motion(0.01, record)
     assert np.max(np.abs(states[:, column])) == pytest.approx(value)
     assert notes["limited_by"] == limit
     assert notes["factor"] < 3.0
-    assert motion(free, 0.01, record).notes == pytest.approx(
+    assert free.motion(0.01, record).notes == pytest.approx(
         {"factor": 3.0, "limited_by": "", "time_scale": 1.0, "source": "synthetic, seed 5"}
     )
 
 
 def test_half_the_time_scale_needs_a_quarter_of_the_displacement(parameters: EarthquakeParameters) -> None:
     free = parameters.replace(position_limit=10.0, velocity_limit=100.0, acceleration_limit=1000.0, low_pass=0.0)
-    record = synthetic_record(parameters)
-    slow = fit(free.replace(high_pass=0.5, pad_time=2.0), record)
-    fast = fit(free.replace(high_pass=1.0, pad_time=1.0, time_scale=0.5), record)
+    record = parameters.synthetic_record()
+    slow = free.replace(high_pass=0.5, pad_time=2.0).fit(record)
+    fast = free.replace(high_pass=1.0, pad_time=1.0, time_scale=0.5).fit(record)
     assert np.allclose(slow.acceleration, fast.acceleration, atol=1e-9)
     displacements = [np.max(np.abs(integrate(f.acceleration, f.time_step)[1])) for f in (slow, fast)]
     assert displacements[1] == pytest.approx(0.25 * displacements[0])
@@ -164,13 +156,13 @@ def test_records_that_cannot_be_used_are_refused(parameters: EarthquakeParameter
     bad = record.acceleration.copy()
     bad[7] = np.nan
     with pytest.raises(ShakeError, match="not finite"):
-        fit(parameters, EarthquakeRecord(record.time, bad))
+        parameters.fit(EarthquakeRecord(record.time, bad))
     with pytest.raises(ShakeError, match="not uniform"):
-        fit(parameters, EarthquakeRecord(record.time**2, record.acceleration))
+        parameters.fit(EarthquakeRecord(record.time**2, record.acceleration))
     with pytest.raises(ShakeError, match="at least 8 samples"):
-        fit(parameters, EarthquakeRecord(record.time[:3], record.acceleration[:3]))
+        parameters.fit(EarthquakeRecord(record.time[:3], record.acceleration[:3]))
     with pytest.raises(ShakeError, match="was named but not given"):
-        motion(parameters.replace(record="a.csv"), 0.001)
+        parameters.replace(record="a.csv").motion(0.001)
 
 
 def test_envelope_of_the_table_is_that_of_its_catalogue() -> None:

@@ -7,12 +7,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference import multisine, pulse, sine_beat, sweep
-from shake_ros.core.reference import shaping as reference_filter
+from shake_ros.core.reference import program as reference_filter
 from shake_ros.core.reference.motion import smooth_step
-from shake_ros.core.reference.shaping import window
+from shake_ros.core.reference.periodic import ORDER, MultisineParameters, RandomBinaryParameters, binary_period
+from shake_ros.core.reference.program import window
+from shake_ros.core.reference.waves import PulseParameters, SineBeatParameters, SweepParameters
 
-MULTISINE = multisine.MultisineParameters(
+MULTISINE = MultisineParameters(
     period=4.0,
     periods=2,
     start_frequency=0.5,
@@ -26,7 +27,7 @@ MULTISINE = multisine.MultisineParameters(
     peak_velocity=0.25,
     peak_acceleration=3.0,
 )
-SWEEP = sweep.SweepParameters(
+SWEEP = SweepParameters(
     spacing="log",
     start_frequency=0.5,
     end_frequency=20.0,
@@ -99,7 +100,7 @@ def test_window_is_one_between_start_and_stop() -> None:
 
 
 def test_multisine_is_flat_on_its_lines_and_empty_elsewhere() -> None:
-    states, notes = multisine.motion(MULTISINE, 0.001)
+    states, notes = MULTISINE.motion(0.001)
     count = notes["period_samples"]
     assert count == 4000
     found = lines(states[:, 1], count)
@@ -112,31 +113,31 @@ def test_multisine_is_flat_on_its_lines_and_empty_elsewhere() -> None:
 
 @pytest.mark.parametrize("spectrum", ["position", "velocity", "acceleration"])
 def test_multisine_levels_are_those_of_the_named_signal(spectrum: str) -> None:
-    states, notes = multisine.motion(MULTISINE.replace(spectrum=spectrum, levels="1:1 10:0.1"), 0.001)
-    found = lines(states[:, multisine.ORDER[spectrum]], notes["period_samples"])
+    states, notes = MULTISINE.replace(spectrum=spectrum, levels="1:1 10:0.1").motion(0.001)
+    found = lines(states[:, ORDER[spectrum]], notes["period_samples"])
     expected = np.interp(np.log(np.arange(5, 41, 2) / 4.0), np.log([1.0, 10.0]), [1.0, 0.1])
     assert np.allclose(found[5:41:2] / found[3], expected, rtol=1e-9)
 
 
 def test_multisine_repeats_exactly_and_meets_its_limits() -> None:
-    states, _ = multisine.motion(MULTISINE, 0.001)
+    states, _ = MULTISINE.motion(0.001)
     assert np.array_equal(states[:4000], states[4000:8000])
     ratios = np.max(np.abs(states), axis=0) / (0.05, 0.25, 3.0)
     assert np.max(ratios) == pytest.approx(1.0)
 
 
 def test_multisine_leaves_one_odd_line_of_four_empty() -> None:
-    states, notes = multisine.motion(MULTISINE.replace(grid="odd_random"), 0.001)
+    states, notes = MULTISINE.replace(grid="odd_random").motion(0.001)
     found = lines(states[:, 1], notes["period_samples"])[3:41:2] > 1e-9
     assert notes["lines"] == np.count_nonzero(found) == 15
     assert all(np.count_nonzero(found[i : i + 4]) == 3 for i in range(0, 16, 4))
 
 
 def test_multisine_seed_changes_phases_and_draws_lower_the_crest_factor() -> None:
-    one, many = (multisine.motion(MULTISINE.replace(draws=n), 0.001).notes["crest_factor"] for n in (1, 200))
+    one, many = (MULTISINE.replace(draws=n).motion(0.001).notes["crest_factor"] for n in (1, 200))
     assert many < one
-    other = multisine.motion(MULTISINE.replace(seed=4), 0.001).states
-    assert not np.allclose(other, multisine.motion(MULTISINE, 0.001).states)
+    other = MULTISINE.replace(seed=4).motion(0.001).states
+    assert not np.allclose(other, MULTISINE.motion(0.001).states)
 
 
 @pytest.mark.parametrize(
@@ -153,13 +154,13 @@ def test_multisine_seed_changes_phases_and_draws_lower_the_crest_factor() -> Non
 )
 def test_multisine_that_cannot_be_made_says_why(changes: dict[str, object], message: str) -> None:
     with pytest.raises(ShakeError, match=message):
-        multisine.motion(MULTISINE.replace(**changes), 0.0025 if "end_frequency" in changes else 0.001)
+        MULTISINE.replace(**changes).motion(0.0025 if "end_frequency" in changes else 0.001)
 
 
 @pytest.mark.parametrize("spacing", ["log", "linear"])
 def test_sweep_crosses_zero_at_the_frequencies_it_promises(spacing: str) -> None:
     parameters = SWEEP.replace(spacing=spacing)
-    states, _ = sweep.motion(parameters, 0.0005)
+    states, _ = parameters.motion(0.0005)
     time = np.arange(len(states)) * 0.0005
     crossing = time[np.flatnonzero(np.diff(np.signbit(states[:, 0])))]
     middle, half = 0.5 * (crossing[1:] + crossing[:-1]), np.diff(crossing)
@@ -169,7 +170,7 @@ def test_sweep_crosses_zero_at_the_frequencies_it_promises(spacing: str) -> None
 
 
 def test_sweep_is_set_by_position_then_velocity_then_acceleration() -> None:
-    states, _ = sweep.motion(SWEEP, 0.001)
+    states, _ = SWEEP.motion(0.001)
     largest = np.max(np.abs(states), axis=0)
     assert np.all(largest < (0.0501, 0.2505, 3.005))
     assert np.all(largest > (0.045, 0.20, 2.95))
@@ -177,15 +178,15 @@ def test_sweep_is_set_by_position_then_velocity_then_acceleration() -> None:
 
 
 def test_sweep_down_is_as_good_as_up() -> None:
-    states, _ = sweep.motion(SWEEP.replace(start_frequency=20.0, end_frequency=0.5), 0.001)
+    states, _ = SWEEP.replace(start_frequency=20.0, end_frequency=0.5).motion(0.001)
     assert np.all(np.max(np.abs(states), axis=0) < (0.0501, 0.2505, 3.01))
 
 
-BEATS = sine_beat.SineBeatParameters(frequencies="2 5", amplitude=1.5, cycles=5, beats=2, pause=2.0)
+BEATS = SineBeatParameters(frequencies="2 5", amplitude=1.5, cycles=5, beats=2, pause=2.0)
 
 
 def test_beats_swell_to_their_amplitude_and_end_where_they_began() -> None:
-    states, _ = sine_beat.motion(BEATS, 0.001)
+    states, _ = BEATS.motion(0.001)
     assert len(states) == 1 + 2 * 4500 + 2 * 3000  # 5 cycles of 2 Hz and of 5 Hz, each with its pause
     assert np.max(np.abs(states[:, 2])) == pytest.approx(1.5, rel=0.02)
     for end in (4500, 9000, 12000, 15000):
@@ -200,15 +201,45 @@ def test_beats_swell_to_their_amplitude_and_end_where_they_began() -> None:
 )
 def test_beats_that_cannot_be_made_say_why(frequencies: str, said: str) -> None:
     with pytest.raises(ShakeError, match=said):
-        sine_beat.motion(BEATS.replace(frequencies=frequencies), 0.001)
+        BEATS.replace(frequencies=frequencies).motion(0.001)
 
 
 def test_pulses_alternate_and_return_to_zero() -> None:
-    parameters = pulse.PulseParameters(
+    parameters = PulseParameters(
         amplitude=0.02, delay=0.5, rise_time=0.2, hold_time=0.3, rest_time=0.3, repetitions=3, alternating=True
     )
-    states, _ = pulse.motion(parameters, 0.001)
+    states, _ = parameters.motion(0.001)
     assert len(states) == 3501
     assert states[[850, 1850, 2850], 0] == pytest.approx([0.02, -0.02, 0.02])
     assert states[[0, 499, 1350, 2350, 3500], 0] == pytest.approx(np.zeros(5))
     assert np.max(np.abs(states[:, 1])) == pytest.approx(0.02 * 1.875 / 0.2, rel=1e-4)
+
+
+BINARY = RandomBinaryParameters(amplitude=0.01, bits=5, chip=0.2, rise_time=0.1, periods=2)
+
+
+@pytest.mark.parametrize("bits", [2, 5, 9])
+def test_a_binary_period_is_correlated_with_itself_at_no_lag_alone(bits: int) -> None:
+    period = binary_period(bits)
+    count = 2**bits - 1
+    assert len(period) == count
+    correlation = np.fft.irfft(np.abs(np.fft.rfft(period)) ** 2, count) / count
+    np.testing.assert_allclose(correlation, np.where(np.arange(count) == 0, 1.0, -1.0 / count), atol=1e-9)
+
+
+def test_a_binary_signal_stands_at_its_two_positions_and_begins_and_ends_in_the_middle_at_rest() -> None:
+    states = BINARY.motion(1e-3).states
+    stands = states[150 : 150 + 200 * 62 : 200, 0]  # late in every chip
+    np.testing.assert_allclose(stands, 0.01 * np.tile(binary_period(5), 2), atol=1e-12)
+    np.testing.assert_allclose(states[[0, -1]], 0.0, atol=1e-12)
+
+
+def test_velocity_and_acceleration_of_a_binary_signal_are_the_derivatives_of_its_position() -> None:
+    x, v, a = BINARY.motion(1e-4).states.T
+    assert np.max(np.abs(np.gradient(x, 1e-4) - v)) < 2e-3 * np.max(np.abs(v))
+    assert np.max(np.abs(np.gradient(v, 1e-4) - a)) < 2e-2 * np.max(np.abs(a))
+
+
+def test_a_ramp_longer_than_a_chip_is_refused() -> None:
+    with pytest.raises(ShakeError, match="longer than a chip"):
+        BINARY.replace(rise_time=0.3).motion(1e-3)

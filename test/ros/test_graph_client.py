@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from shake_ros.ros.lab_watch import LabWatch
+from shake_ros.ros.graph_client import LabWatch
 from shake_ros.ros.loop import ros_context
 
 TIMEOUT = 0.3  # [s]
@@ -48,7 +48,7 @@ def watch(ros_domain) -> Any:
 
 
 def test_stop_in_lockstep_is_waited_for_as_long_as_the_table_goes_on(watch, monkeypatch) -> None:
-    monkeypatch.setattr("shake_ros.ros.lab_watch.SLOW", TIMEOUT)
+    monkeypatch.setattr("shake_ros.ros.graph_client.SLOW", TIMEOUT)
     table, said = SlowTable(watch, samples=20), []
     assert watch.stop_in_order(TIMEOUT, lambda: said.append("slow"))
     assert table.taken == 20

@@ -1,28 +1,104 @@
-"""What `lab` sees and asks of its graph over ROS: who reports, at which stage the table is, an orderly stop."""
+"""What looks at a graph and asks it, beside its nodes; and how `lab` does: who reports, the stage, an orderly stop."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.stages import OFF, STAGES
 from shake_ros.ros.diagnostics import ERROR, LEVELS, NO_ANSWER
 from shake_ros.ros.exclusive_writer import ExclusiveWriter
 from shake_ros.ros.interface import DIAGNOSTICS, ENABLE, ESTIMATE, JOINT_STATES, REFERENCE, VALVE_COMMAND
 
 TABLES = ("plant", "hardware_bridge")
+POLL = 0.05  # [s]
 SLOW = 5.0  # an orderly stop that takes longer is explained [s]
 LOOP_TOPICS = (JOINT_STATES, REFERENCE, ESTIMATE, VALVE_COMMAND)
 
 
-class LabWatch:
-    """A node of one's own beside the graph.
+class Report(NamedTuple):
+    """What /diagnostics says of a node or of a part of it.
+
+    node : full name, without the first slash.
+    part : its executable; "interlock" or "fault" for what has just happened.
+    level, text : of the message.
+    values : by key.
+    """
+
+    node: str
+    part: str
+    level: int
+    text: str
+    values: dict[str, str]
+
+
+def values_of(status: DiagnosticStatus) -> dict[str, str]:
+    """What a program reads of a status, by key."""
+    return {one.key: one.value for one in status.values}
+
+
+def reports_in(message: DiagnosticArray, space: str) -> Iterator[Report]:
+    """The reports of the nodes of a namespace, which is given without its first slash."""
+    for status in message.status:
+        node, _, part = status.name.partition(": ")
+        if node.rpartition("/")[0] == space:
+            yield Report(node, part, LEVELS.index(status.level), status.message, values_of(status))
+
+
+class GraphClient:
+    """A node of one's own beside a graph, with an executor that works when it is asked to.
+
+    Parameters
+    ----------
+    name : of the node.
+    namespace : of the graph; the root where not given.
+
+    Attributes
+    ----------
+    node : of rclpy.
+    space : its namespace without the first slash.
+    """
+
+    def __init__(self, context: Context, name: str, namespace: str | None = None) -> None:
+        self.node = Node(
+            name, namespace=namespace, context=context, start_parameter_services=False, enable_rosout=False
+        )
+        self.space = self.node.get_namespace().strip("/")
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self.node)
+
+    def look(self, timeout: float = POLL) -> None:
+        """Serve one callback, waiting for it for at most `timeout` [s]."""
+        self._executor.spin_once(timeout_sec=timeout)
+
+    def until(self, found: Callable[[], Any], timeout: float) -> Any:
+        """What `found` finds as soon as it is something; what it finds after `timeout` [s] else."""
+        deadline = time.monotonic() + timeout
+        while not (result := found()) and time.monotonic() < deadline:
+            self.look()
+        return result
+
+    def answer(self, future: Any, of: str, timeout: float) -> Any:
+        """The result of a call; ShakeError where none comes within `timeout` [s]."""
+        if not self.until(future.done, timeout):
+            raise ShakeError(f"no answer from {of} within {timeout:g} s")
+        return future.result()
+
+    def close(self) -> None:
+        """Leave the graph; an executor that outlives its context complains when it is collected."""
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+
+class LabWatch(GraphClient):
+    """The eyes of `lab`.
 
     Attributes
     ----------
@@ -36,30 +112,24 @@ class LabWatch:
     """
 
     def __init__(self, context: Context, namespace: str, lockstep: bool) -> None:
-        self.node = Node("_shake_lab", namespace=namespace, context=context, start_parameter_services=False)
+        super().__init__(context, "_shake_lab", namespace)
         self.heard: set[str] = set()
         self.stage = self.cycles = self.missing = ""
         self.tripped: set[str] = set()
         self.acts = False
         self.trips: list[str] = []
         self._gain = ""
-        self._executor = SingleThreadedExecutor(context=context)
-        self._executor.add_node(self.node)
         self.node.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, self._report, DIAGNOSTICS.qos(lockstep))
         self._enable: Any = self.node.create_client(ENABLE.type, ENABLE.name)
-        self._space = self.node.get_namespace().strip("/")
 
     def _report(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            node, _, part = status.name.partition(": ")
-            if not node.startswith(f"{self._space}/"):
-                continue
-            self.heard.add(node.rpartition("/")[2])
-            if part == "interlock" and LEVELS.index(status.level) == ERROR:
-                self.trips.append(status.message)
-            if part in TABLES:
-                values = {one.key: one.value for one in status.values}
-                self.missing = status.message if status.message.startswith(NO_ANSWER) else ""
+        for report in reports_in(message, self.space):
+            self.heard.add(report.node.rpartition("/")[2])
+            if report.part == "interlock" and report.level == ERROR:
+                self.trips.append(report.text)
+            if report.part in TABLES:
+                values = report.values
+                self.missing = report.text if report.text.startswith(NO_ANSWER) else ""
                 self.stage, self.cycles = values.get("stage", self.stage), values.get("cycles", self.cycles)
                 self.tripped = {one.partition(":")[0] for one in values.get("trips", "").split()}
                 gain, self._gain = self._gain, values.get("span", "")
@@ -69,7 +139,7 @@ class LabWatch:
         """Serve what comes for so long."""
         end = time.monotonic() + seconds
         while True:
-            self._executor.spin_once(timeout_sec=max(0.0, end - time.monotonic()))
+            self.look(max(0.0, end - time.monotonic()))
             if time.monotonic() >= end:
                 return
 
@@ -95,15 +165,10 @@ class LabWatch:
             if not asked and self._enable.service_is_ready():
                 self._enable.call_async(ENABLE.type.Request(data=False))
                 asked = True
-            self.spin(0.05)
+            self.spin(POLL)
             if slowly and self.cycles != cycles:
                 since, cycles = time.monotonic(), self.cycles
                 if not reported and since - begun > SLOW:
                     reported = True
                     slowly()
         return self.stage in ("", STAGES[OFF])
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self._executor.shutdown()
-        self.node.destroy_node()

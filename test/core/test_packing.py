@@ -14,11 +14,20 @@ import pytest
 from shake_ros.core.bulk_modulus import BULK_MODULI
 from shake_ros.core.compiled import njit
 from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.dispatch import dispatch, having, kernel_of
 from shake_ros.core.friction import FRICTIONS
 from shake_ros.core.friction.law import FIRST_DYNAMIC, FrictionLaw
 from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.packing import field_value, layout, numbers, record, records, union_fields
+from shake_ros.core.packing import (
+    dispatch,
+    field_value,
+    having,
+    kernel_of,
+    layout,
+    numbers,
+    record,
+    records,
+    union_fields,
+)
 from shake_ros.core.quantities import Parameters, choice, quantity
 
 ROOT = Path(__file__).resolve().parents[2]
