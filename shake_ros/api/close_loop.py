@@ -37,7 +37,6 @@ from shake_ros.data.results import (
     close_loop_json,
     diagnosis_json,
     failures_json,
-    finite,
     innovations_json,
     tracking_json,
     unknown_json,
@@ -353,7 +352,7 @@ class Discovery(fitted.FittedResult):
                 write_page(page, out, figures)
             with step("numbers of report.json"):
                 json.dumps(content, allow_nan=False)
-            write_json(out / "report.json", finite({**content, "failed": failures_json(self.failures)}))
+            write_json(out / "report.json", {**content, "failed": failures_json(self.failures)})
 
         write_folder(Path(folder), fill, force=force)
         return Path(folder)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from shake_ros.api.loops import Combination, Course, Setup, combinations, load_s
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.compiled import Loop, run_batch
-from shake_ros.core.loop.metrics import MEANINGS, UNITS, Metrics, Outcome, Summary, judge, summarise
+from shake_ros.core.loop.metrics import MEANINGS, UNITS, Outcome, Summary, judge, summarise
 from shake_ros.core.quantities import unknown_name
 from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.report.comparison_page import HEAD, load_rows, summary_rows, trouble
@@ -26,12 +25,6 @@ if TYPE_CHECKING:
 SCHEMA = "shake_ros.compare/1"
 
 
-def metrics_json(metrics: Metrics) -> dict[str, float | bool | None]:
-    """Figures by name; null for what a run does not have."""
-    values = dataclasses.asdict(metrics)
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()}
-
-
 def _outcome_json(outcome: Outcome) -> dict[str, Any]:
     table = {"perturbed_table": outcome.table} if outcome.table >= 0 else {}
     return {
@@ -39,12 +32,12 @@ def _outcome_json(outcome: Outcome) -> dict[str, Any]:
         "reference": outcome.reference,
         "load": outcome.load,
         **table,
-        **metrics_json(outcome.metrics),
+        **dataclasses.asdict(outcome.metrics),
     }
 
 
 def _summary_json(summary: Summary) -> dict[str, Any]:
-    found = {name: metrics_json(getattr(summary, name)) for name in ("mean", "worst", "perturbed_worst")}
+    found = {name: dataclasses.asdict(getattr(summary, name)) for name in ("mean", "worst", "perturbed_worst")}
     for figures in found.values():
         for name in ("end_stop", "unstable"):
             del figures[name]

@@ -58,11 +58,6 @@ FULL = 0.97  # command, and share of the stroke, that a smaller reference should
 SCALES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
 
 
-def finite(value: float) -> float | None:
-    """A number as JSON can hold it."""
-    return float(value) if math.isfinite(value) else None
-
-
 @dataclass(frozen=True, repr=False)
 class TunedTable:
     """A table with the observer and the controller for it.
@@ -154,22 +149,22 @@ class TunedTable:
                 "added_damping": law.design.damping,
                 "observer_jerk": law.design.observer.jerk_noise,
                 "slowed": law.slowed,
-                "ringing_over_allowed": finite(law.rings),
+                "ringing_over_allowed": law.rings,
                 "tables": [
                     {
-                        "errors": [finite(e) for e in t.errors],
-                        "ringing": finite(t.ringing),
-                        "at_rest": finite(t.still),
+                        "errors": t.errors,
+                        "ringing": t.ringing,
+                        "at_rest": t.still,
                         "at_limit": t.at_limit,
                         "stroke": t.largest,
-                        "jump": finite(t.jump),
+                        "jump": t.jump,
                     }
                     for t in law.trials
                 ],
             }
             for law in self.laws
         ]
-        margins = {name: finite(value) for name, value in dataclasses.asdict(self.margins).items() if name != "stable"}
+        margins = {name: value for name, value in dataclasses.asdict(self.margins).items() if name != "stable"}
         return {
             "schema": "shake_ros.tune/1",
             "recommended": self.best.kind,

@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 from shake_ros.campaigns.engine import Engine
 from shake_ros.core.plant.simulation import use_threads
 from shake_ros.core.quantities import ShakeError, shown
+from shake_ros.data.result_folder import as_json
 from shake_ros.settings import config_folder
 
 PACKAGE = Path(__file__).resolve().parent.parent
@@ -282,26 +283,7 @@ def _one(call: Callable[..., Any], task: Task) -> TaskOutcome:
     clock, processor = time.perf_counter(), time.process_time()
     figures, failed = None, None
     try:
-        figures = json.dumps(plain(call(**task.given)), allow_nan=False, sort_keys=True)
+        figures = json.dumps(as_json(call(**task.given)), sort_keys=True)
     except (Exception, SystemExit) as error:  # a row that says so, and the others go on
         failed = f"{type(error).__name__}: {error}"
     return TaskOutcome(task, figures, failed, time.perf_counter() - clock, time.process_time() - processor, where)
-
-
-def plain(value: Any) -> Any:
-    """A result as JSON has it: numbers of numpy as Python's, tuples as lists, what is not finite as None.
-
-    >>> plain({"error": float("inf"), "names": ("a", "b")})
-    {'error': None, 'names': ['a', 'b']}
-    """
-    if isinstance(value, Mapping):
-        return {str(key): plain(content) for key, content in value.items()}
-    if isinstance(value, tuple | list):
-        return [plain(content) for content in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    raise TypeError(f"a {type(value).__name__} cannot be written as a figure")

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import functools
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from shake_ros.api.compare import metrics_json
 from shake_ros.api.identify import identify
 from shake_ros.api.loops import Combination, Course, Setup, combinations, load_setup
 from shake_ros.api.model import model
@@ -41,7 +41,7 @@ def rows(settings: str = "default") -> list[dict[str, Any]]:
 
 
 def loop(settings: str, entry: str, reference: str, load: float, table: int) -> dict[str, Any]:
-    """The figures of one closed loop; None for what it does not have.
+    """The figures of one closed loop; not finite where it has none.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def loop(settings: str, entry: str, reference: str, load: float, table: int) -> 
     (metrics,) = run_batch(
         [run], lambda _, made: judge(made, course.part, run.controller.parameters.limit, run.table.body.stroke)
     )
-    return metrics_json(metrics)
+    return asdict(metrics)
 
 
 def _loop(setup: Setup, entry: Combination, course: Course, load: float, table: int, settings: str) -> Any:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -79,6 +80,21 @@ def _exchange(workshop: Path, out: Path) -> None:
         shutil.rmtree(attic, ignore_errors=True)
 
 
+def as_json(content: Any) -> Any:
+    """Content of a JSON file: numbers of numpy as Python's, tuples as lists, null for each number that is none.
+
+    >>> as_json({"error": float("nan"), "names": ("a", "b")})
+    {'error': None, 'names': ['a', 'b']}
+    """
+    if isinstance(content, Mapping):
+        return {str(key): as_json(value) for key, value in content.items()}
+    if isinstance(content, tuple | list):
+        return [as_json(value) for value in content]
+    if hasattr(content, "tolist"):
+        return as_json(content.tolist())
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON with NaN refused, readable by people."""
-    path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    """Write `as_json`, readable by people."""
+    path.write_text(json.dumps(as_json(content), indent=1) + "\n", encoding="utf-8")

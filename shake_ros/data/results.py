@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import zip_longest
 from typing import Any
@@ -148,19 +148,6 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
 def failures_json(failures: Failures) -> list[dict[str, Any]]:
     """The steps that failed, each with its error and where that came from."""
     return [{"step": f.step, "error": f.cause, "trace": list(f.trace)} for f in failures]
-
-
-def finite(content: Any) -> Any:
-    """Content of a JSON file with null for each number that is none.
-
-    >>> finite({"error": [float("nan"), 0.5]})
-    {'error': [None, 0.5]}
-    """
-    if isinstance(content, Mapping):
-        return {key: finite(value) for key, value in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [finite(value) for value in content]
-    return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
 def _refit_json(refit: Refit) -> dict[str, Any]:
@@ -313,11 +300,6 @@ def close_loop_json(
 
 def tracking_json(benefit: TrackingBenefit) -> dict[str, Any]:
     """`tracking.json`: errors and ringing of each run, null where it was lost; the margins of tuned gains."""
-
-    def known(values: Mapping[str, float]) -> dict[str, float | None]:
-        return {name: value if math.isfinite(value) else None for name, value in values.items()}
-
-    margins = {} if benefit.margins is None else {"margins": known(asdict(benefit.margins))}
-    errors = {when: known(values) for when, values in benefit.errors().items()}
-    stability = {"ringing": known(benefit.ringing), "warnings": benefit.warnings()}
-    return {"reference": benefit.reference, **errors, **stability, **margins}
+    margins = {} if benefit.margins is None else {"margins": asdict(benefit.margins)}
+    stability = {"ringing": benefit.ringing, "warnings": benefit.warnings()}
+    return {"reference": benefit.reference, **benefit.errors(), **stability, **margins}

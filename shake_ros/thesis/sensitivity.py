@@ -5,7 +5,6 @@ The experiment of 6.3.4 does so on the constant modulus of table 6.8 and on tabl
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.data.result_folder import refuse_existing, writing
+from shake_ros.data.result_folder import refuse_existing, write_json, writing
 from shake_ros.report.chart import Chart
 from shake_ros.settings import find, load_table, read_yaml
 from shake_ros.thesis.charts import ParameterStudy, study_motion, study_of, study_spectrum
@@ -82,8 +81,7 @@ class Sensitivity:
             folder.mkdir(parents=True, exist_ok=True)
             for number, figure in self.plot().items():
                 figure.savefig(folder / f"figure_{number}.png", dpi=130)
-            text = json.dumps(self.summary(), indent=1) + "\n"
-            (folder / "sensitivity.json").write_text(text, encoding="utf-8")
+            write_json(folder / "sensitivity.json", self.summary())
 
     def __repr__(self) -> str:
         lines = ["spread of the motion between the least and the greatest value, relative to its size"]

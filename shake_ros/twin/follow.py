@@ -16,7 +16,6 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.result_folder import write_folder, write_json
-from shake_ros.data.results import finite
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import load_table, save_table
 from shake_ros.twin.followed import TwinSettings, load_twin
@@ -101,7 +100,7 @@ class Following:
             save_table(
                 out / "table.yaml", self.table, f"As followed over {', '.join(r.name for r in self.recordings)}."
             )
-            write_json(out / "report.json", finite(self.content()))
+            write_json(out / "report.json", self.content())
             write_page(follow_page(self, command), out, figures)
 
         write_folder(Path(folder), fill, force=force)
