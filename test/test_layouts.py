@@ -16,8 +16,7 @@ pytest.importorskip("rclpy")
 from shake_ros.data.recordings import write_table_recording
 from shake_ros.data.recordings.bag import Bag
 from shake_ros.ros import interface
-from shake_ros.ros.interface import NAMESPACE
-from shake_ros.ros.recorded_topics import interface_class
+from shake_ros.ros.interface import NAMESPACE, interface_class
 
 FOLDER = Path(__file__).resolve().parent.parent / "config" / "layouts"
 JOINTS = {

@@ -20,7 +20,16 @@ from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program, write_drive
 from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.declared import effect_candidates, free_parameters
-from shake_ros.iteration.drive import Iteration, Run, drive_from_best, error_in_band, iterate_model, refit, verdict
+from shake_ros.iteration.drive import (
+    Iteration,
+    Run,
+    drive_from_best,
+    error_in_band,
+    iterate_model,
+    lacking,
+    refit,
+    verdict,
+)
 from shake_ros.iteration.drive import iterate as corrected
 from shake_ros.iteration.table import SimulatedTable
 from shake_ros.report.chart import Chart, ChartSeries, Panel
@@ -32,8 +41,6 @@ Array = NDArray[np.float64]
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from shake_ros.report.chart import Chart
 
 
 def error_chart(runs: Sequence[str], curves: Sequence[tuple[str, Sequence[float], str]]) -> Chart:
@@ -134,8 +141,6 @@ class Iterated:
 
     def lacking(self, progress: ProgressOption = True) -> str:
         """Which effect the model of the runs lacks, in a sentence, as `close_loop` finds it in them."""
-        from shake_ros.iteration.drive import lacking
-
         if self.first_model is None:
             return "no model of the table is given, so what it lacks cannot be looked for"
         return lacking(self.first_model, self.records, progress=progress)
@@ -157,7 +162,6 @@ class Iterated:
         return static_figure(self._charts()[0])
 
     def _charts(self) -> list[Chart]:
-
         curves = [("measured, within the band", self.missed, "c0")]
         if self.simulated is None:
             return [error_chart(self.runs, curves)]

@@ -27,7 +27,7 @@ from shake_ros.ros.conversions import SECOND, Values
 from shake_ros.ros.diagnostics import ERROR, OK, WARN
 from shake_ros.ros.frame import Behaviour, Frame
 from shake_ros.ros.graph_client import TABLES, reports_in
-from shake_ros.ros.live_law import LiveLaw, Sets, variants
+from shake_ros.ros.parameters import LiveLaw, Sets, variants
 from shake_ros.settings import find, load_table, read_yaml
 
 
@@ -215,7 +215,9 @@ class ControllerNode(Behaviour):
         super().__init__(frame)
         self._own = frame.settings(ControllerNodeParameters)
         own = self._own.value
-        self._law = LiveLaw(frame, "controller", self._own, variants("controller", CONTROLLERS), self._make, live=False)
+        self._law = LiveLaw(
+            frame.parameters, "controller", self._own, variants("controller", CONTROLLERS), self._make, live=False
+        )
         self._controller = self._law.take()[0]
         self._state: Any = self._controller.initial_state()
         self._u = 0.0

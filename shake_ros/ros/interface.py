@@ -5,6 +5,7 @@ All names but `/clock` and `/diagnostics` are relative; the nodes' default names
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -150,3 +151,26 @@ ENABLE = Service("enable", SetBool)
 STOP = Service("stop", Trigger)
 RESET = Service("reset", Trigger)
 SERVICES: dict[str, Service] = {service.name: service for service in (ENABLE, STOP, RESET)}
+
+
+def interface_class(name: str) -> Any:
+    """The class of a type such as sensor_msgs/msg/Imu or std_srvs/srv/Trigger; None where its package is missing.
+
+    >>> interface_class("std_srvs/srv/Trigger").__name__, interface_class("nowhere/msg/Thing")
+    ('Trigger', None)
+    """
+    package, *folder, kind = name.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.{folder[0] if folder else 'msg'}"), kind)
+    except (ImportError, AttributeError, ValueError):
+        return None
+
+
+def matching(offered: list[QoSProfile]) -> QoSProfile:
+    """A profile that every writer of a topic can serve."""
+    profile = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE)
+    if any(one.reliability != ReliabilityPolicy.RELIABLE for one in offered):
+        profile.reliability = ReliabilityPolicy.BEST_EFFORT
+    if all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in offered):
+        profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
+    return profile

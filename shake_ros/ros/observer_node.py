@@ -23,7 +23,7 @@ from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import Behaviour, Frame
-from shake_ros.ros.live_law import LiveLaw, Sets, variants
+from shake_ros.ros.parameters import LiveLaw, Sets, variants
 from shake_ros.settings import load_table
 
 TOPICS = dict(zip(SENSORS, (interface.IMU, interface.PRESSURE_A, interface.PRESSURE_B), strict=True))
@@ -159,7 +159,7 @@ class ObserverNode(Behaviour):
     def __init__(self, frame: Frame) -> None:
         super().__init__(frame)
         own = frame.settings(ObserverNodeParameters)
-        self._law = LiveLaw(frame, "observer", own, variants("observer", OBSERVERS), self._make, live=True)
+        self._law = LiveLaw(frame.parameters, "observer", own, variants("observer", OBSERVERS), self._make, live=True)
         self._observer = self._law.take()[0]
         self._state: Any = None
         self._estimate: Any = None

@@ -16,7 +16,7 @@ from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK
 from shake_ros.ros.frame import AGAIN, BLOCKED, DELIVERY, SHARED, Behaviour, Frame
-from shake_ros.ros.recorded_topics import interface_class
+from shake_ros.ros.interface import interface_class
 
 LONGEST_SLEEP = 0.1  # a pause looks for a stop this often [s]
 

@@ -12,7 +12,7 @@ from shake_ros.data.reference_file import Reference, load_reference, make_progra
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import OK
 from shake_ros.ros.frame import Behaviour, Frame
-from shake_ros.ros.live_law import LiveLaw, Sets
+from shake_ros.ros.parameters import LiveLaw, Sets
 
 AT_REST = "rest"
 SAME = 1e-7  # [m], [m/s], [m/s²] that need no fading
@@ -43,7 +43,7 @@ class ReferenceGenerator(Behaviour):
         super().__init__(frame)
         self.ticks = not frame.lockstep
         self._own = frame.settings(ReferenceNodeParameters)
-        self._law = LiveLaw(frame, "reference", self._own, load_sets, self._make, live=True)
+        self._law = LiveLaw(frame.parameters, "reference", self._own, load_sets, self._make, live=True)
         self._delay = round(self._own.value.start_delay / frame.sample_time)
         self._k = -self._delay
         self._begin = 0  # sample at which the program began

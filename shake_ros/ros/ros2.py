@@ -24,8 +24,8 @@ from rclpy.qos import QoSProfile
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.ros.graph_client import GraphClient
+from shake_ros.ros.interface import interface_class, matching
 from shake_ros.ros.loop import ros_context
-from shake_ros.ros.recorded_topics import interface_class, matching
 
 DISCOVERY = 1.0  # names are gathered for so long [s]
 TIMEOUT = 5.0  # for what must be there [s]
