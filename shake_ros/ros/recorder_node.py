@@ -1,7 +1,7 @@
 """Node `recorder`: every message as it came, into a rosbag2 folder that survives a kill.
 
-Callbacks only append bytes to a queue; one thread writes, so that no callback waits for a disk. In lock-step the time of
-receipt is the newest stamp, so that two runs give the same recording; in real time it is the wall clock.
+Callbacks only append bytes to a queue; one thread writes, so that none of them waits for a disk. In lock-step the time
+of receipt is the newest stamp, so that two runs give the same recording; in real time it is the wall clock.
 `recorder --recover PATH` makes a killed recording whole, without ROS running.
 """
 
