@@ -239,9 +239,15 @@ def test_folder_below_a_file_is_one_clear_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_json_holds_no_nan(tmp_path: Path, value: float) -> None:
-    with pytest.raises(ValueError, match="not JSON compliant"):
-        write_folder(tmp_path / "out", lambda folder: write_json(folder / "report.json", {"error": value}))
+def test_json_holds_null_for_a_number_that_is_none(tmp_path: Path, value: float) -> None:
+    write_json(tmp_path / "report.json", {"error": value, "errors": (1.0, value)})
+    read = json.loads((tmp_path / "report.json").read_text(), parse_constant=pytest.fail)
+    assert read == {"error": None, "errors": [1.0, None]}
+
+
+def test_result_that_json_cannot_hold_leaves_no_folder(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="not JSON serializable"):
+        write_folder(tmp_path / "out", lambda folder: write_json(folder / "report.json", {"error": object()}))
     assert names(tmp_path) == []
 
 
