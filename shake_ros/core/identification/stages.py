@@ -39,7 +39,6 @@ SLOW_PIECES, SLOW_PIECE = 9.0, 3.0  # the same of what a way from slow to fast m
 GUESSES = 2  # that are fitted
 SHAKEN_GUESSES = 6  # the same where noise in the table hides its ringing, which leaves more than one way to explain it
 EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
-ROUND = 5  # evaluations after which the better half of several fits goes on
 ROUGH = 5e-3  # tolerance where it ends far from the noise, and of the predictor runs before
 SAME = 0.99  # part of the cost of predictor runs from which a second guess leads nowhere else
 HIGH_RATIO = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
@@ -185,7 +184,8 @@ def _first_fit(
         # free runs alone: one that the sensors correct would follow what shakes the table beside the command
         few = RecordingProblem(windows(data.estimation, PIECE, PIECE), model)
         starts = [FreeParameters(guess, moved) for guess in guesses[:SHAKEN_GUESSES]]
-        best = _finished(pieces, _best_by_halving(few, starts))
+        begun = [fit(few, f, f.start(), evaluations=EVALUATIONS, tolerance=TOLERANCE) for f in starts]
+        best = _finished(pieces, min(begun, key=attrgetter("cost")))
     if (behind := better_filter(pieces, best)) is not None:
         data = data.with_nuisances(NuisanceEstimates(behind))
         pieces = _pieces(model, data)
@@ -383,15 +383,6 @@ def _best_of(pieces: RecordingProblem, free: Sequence[FreeParameter], guesses: S
         least = min(least, way.predictor_cost)
     assert best is not None
     return best if leaves_much(pieces, best) else _finished(pieces, best)
-
-
-def _best_by_halving(few: RecordingProblem, starts: Sequence[FreeParameters]) -> Fit:
-    """The best of fits from several starts, the better half of which goes on after each round."""
-    fits = [fit(few, f, f.start(), evaluations=ROUND, tolerance=TOLERANCE) for f in starts]
-    while len(fits) > 1:
-        better = sorted(fits, key=attrgetter("cost"))[: len(fits) // 2]
-        fits = [fit(few, f.free, f.x, evaluations=ROUND, tolerance=TOLERANCE) for f in better]
-    return fits[0]
 
 
 def _finished(pieces: RecordingProblem, found: Fit) -> Fit:
