@@ -20,11 +20,13 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.api.close_loop import Discovery, close_loop
+from shake_ros.api.close_loop import close_loop
+from shake_ros.api.discovery import Discovery
 from shake_ros.api.model import model
 from shake_ros.api.read import Recordings, recording
 from shake_ros.core.discovery.verdict import ESTABLISHED
-from shake_ros.core.identification.experiments import drive
+from shake_ros.core.identification.experiments import benefits, drive
+from shake_ros.declared import recordings_to_make
 from shake_ros.experiment_design.motions import library
 from shake_ros.experiment_design.next_recording import NextRecording, decide, limits_of
 
@@ -124,7 +126,8 @@ def chosen(found: Discovery, table: HiddenTable, effect: str, minutes: float, ch
 def fixed(found: Discovery, _: HiddenTable) -> np.ndarray:
     """The most helpful recording of the catalogue that needs no payload."""
     assert found.diagnosis is not None
-    best = next(b.candidate for b in found.diagnosis.benefits if not b.candidate.payload)
+    candidates = [c for c in recordings_to_make() if not c.payload]
+    best = benefits(found.final.fit, found.diagnosis.identifiability, found.estimation, candidates)[0].candidate
     return drive(best, max(len(r.commands) for r in found.estimation), hidden.SAMPLE)
 
 

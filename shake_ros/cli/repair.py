@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from shake_ros.api.close_loop import SEARCHES, Discovery, close_loop
+from shake_ros.api.close_loop import SEARCHES, close_loop
+from shake_ros.api.discovery import Discovery
 from shake_ros.api.identify import METHODS, identify
 from shake_ros.api.import_csv import OF_SECOND, SIGNALS, import_csv, import_proposal
 from shake_ros.api.live_table import InterlockHeldError

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.api.close_loop import Discovery
+from shake_ros.api.discovery import Discovery
 from shake_ros.api.fitted import Data
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.identification.uncertainty import of_table
@@ -116,7 +116,7 @@ class NextRecording:
                     yield f"  does not settle {s.rival}: expected odds {s.odds:.1f} : 1"
         if self.helpful:
             yield "what would, with the same motion:"
-        elif self.further:
+        elif any(self.further.values()):
             yield f"nor would any of these with the same motion: {', '.join(self.further)}"
         for name, settled in self.helpful.items():
             yield f"  {name}: {', '.join(f'{s.rival} (expected odds {_odds(s.odds)} : 1)' for s in settled)}"

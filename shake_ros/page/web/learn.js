@@ -50,7 +50,7 @@ function jobs(status) {
   const operator = status.role === 'operator'
   element('work').innerHTML = '<h2>Work</h2>' + (status.jobs.length ? '' : '<p class="quiet">nothing has been started</p>') + [...status.jobs].reverse().map(job => `
     <div class="job" data-job="${job.number}" data-state="${job.state}">
-    <div class="row"><b>${text(job.kind)}</b> <span>${text(job.state)}</span> <span class="quiet">${Math.round(job.seconds)} s ${span(job.left)}</span>
+    <div class="row"><b>${text(job.kind)}</b> <span>${job.asks ? 'waits for your release' : text(job.state)}</span> <span class="quiet">${Math.round(job.seconds)} s ${job.asks ? '' : span(job.left)}</span>
     ${job.state === 'running' ? '<button data-cancel>Cancel</button>' : ''}${job.report ? `<button data-report="${text(job.report)}">Report</button>` : ''}${job.next ? `<button data-report="${text(job.next)}">Next recording</button>` : ''}</div>
     ${job.asks ? `<div class="asks" role="alert"><b>The table would move</b><pre>${text(job.asks)}</pre><div class="row"><button class="go" data-release="true" ${operator ? '' : 'disabled'}>Release</button><button data-release="false" ${operator ? '' : 'disabled'}>Stop here</button><span class="quiet">Release plays and records this motion now; Stop here ends with the answer so far</span></div></div>` : ''}
     <progress max="1" value="${job.part}" aria-label="progress"></progress><div class="quiet">${text(job.doing)}</div>
