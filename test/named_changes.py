@@ -35,7 +35,7 @@ def twin_window(
     """Two seconds."""
     state = "paused" if note else "watching"
     value, deviation = np.array([1e-11]), np.array([1e-12])
-    return TwinWindow("", 4.0, start, start + 2 * SECOND, state, note, value, deviation, 1.0, motion, found)
+    return TwinWindow("", 4.0, start, start + 2 * SECOND, state, note, value, deviation, deviation, 1.0, motion, found)
 
 
 def idle_twin(context: Any) -> Any:

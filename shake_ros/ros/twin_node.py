@@ -149,8 +149,7 @@ class TwinNode(Behaviour):
             silent = stopped(item)
             if silent != self._silent[item.name]:
                 self._silent[item.name] = silent
-                words = f"paused: nothing on {item.name} for {SILENT:g} s" if silent else f"{item.name} is back"
-                self.frame.say(WARN if silent else OK, words)
+                self.frame.say(*((WARN, paused(nothing_on(item.name))) if silent else (OK, f"{item.name} is back")))
 
     def _made(self) -> Twin:
         """The twin; its fits take seconds to import, in which samples wait."""
@@ -187,7 +186,7 @@ class TwinNode(Behaviour):
         """One window: its line where it pauses or goes on, its status, its prediction."""
         if window.note != self._note:
             self._note = window.note
-            self.frame.say(*((WARN, f"paused: {window.note}") if window.note else (OK, "going on")))
+            self.frame.say(*((WARN, paused(window.note)) if window.note else (OK, "going on")))
         if window.change is not None:
             self._changed(window.change)
         self._send(window)
@@ -215,13 +214,13 @@ class TwinNode(Behaviour):
     def _pause(self) -> str:
         """Why the twin pauses now; empty where it does not."""
         silent = ", ".join(item.name for item in self._inputs if stopped(item))
-        return f"nothing on {silent} for {SILENT:g} s" if silent else self._note
+        return nothing_on(silent) if silent else self._note
 
     def _light(self, pause: str) -> tuple[int, str]:
         """Level and words of what has been found, and of what the twin is doing. pause : why it does nothing."""
         state = self._state
         level = max([WARN if pause or state == "naming" else OK, *(level for level, *_ in self._changes)])
-        words = [f"paused: {pause}"] * bool(pause) + [text for _, text, _ in self._changes[-1:]]
+        words = [paused(pause)] * bool(pause) + [text for _, text, _ in self._changes[-1:]]
         return level, "; ".join(words if words and state != "naming" else [*words, WORDS.get(state, state)])
 
     def _send(self, window: TwinWindow) -> None:
@@ -246,6 +245,16 @@ class TwinNode(Behaviour):
     def _status(self, name: str, level: int, text: str, values: Mapping[str, object]) -> DiagnosticStatus:
         hardware = self.frame.node.get_fully_qualified_name().lstrip("/")
         return status_of(f"twin {name}", hardware, level, text, values)
+
+
+def nothing_on(topics: str) -> str:
+    """Why the twin pauses where topics have stopped."""
+    return f"nothing on {topics} for {SILENT:g} s"
+
+
+def paused(why: str) -> str:
+    """That the twin pauses."""
+    return f"paused: {why}"
 
 
 build = TwinNode

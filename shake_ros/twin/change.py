@@ -1,8 +1,8 @@
 """Has a followed parameter changed, and since when? A generalised likelihood ratio over windows, in information form.
 
-Let x̂ with covariance P be what was known before the last m windows, Q what the parameters wander meanwhile and from
-motion to motion, H and h the information of these windows. Their score s = h − H x̂ has, where nothing changed, the
-covariance V = H + H (P + Q) H; a change of one parameter by δ moves its mean by H e δ. So
+Let x̂ with covariance P be what was known before the last m windows, Q what the parameters wander meanwhile, H and h the
+information of these windows. Their score s = h − H x̂ has, where nothing changed, the covariance V = H + H (P + Q) H; a
+change of one parameter by δ moves its mean by H e δ. So
 
     z = eᵀ H V⁻¹ s / √(eᵀ H V⁻¹ H e)
 
@@ -33,6 +33,21 @@ class KnownState:
 
     mean: np.ndarray
     covariance: np.ndarray
+
+
+def pooled(first: KnownState, windows: list[WindowEvidence], inflation: float) -> KnownState:
+    """What is known after windows, from what was known before them."""
+    precision = np.linalg.inv(first.covariance)
+    information = precision + sum(w.information for w in windows) / inflation
+    vector = precision @ first.mean + sum(w.vector for w in windows) / inflation
+    covariance = np.linalg.inv(information)
+    return KnownState(covariance @ vector, covariance)
+
+
+def conditional(covariance: np.ndarray, count: int) -> np.ndarray:
+    """Covariance of the first parameters where the others are known, shape (count, count)."""
+    found: np.ndarray = np.linalg.inv(np.linalg.inv(covariance)[:count, :count])
+    return found
 
 
 @dataclass(frozen=True)
@@ -92,22 +107,23 @@ def growth(windows: Sequence[WindowEvidence], normal: tuple[float, float]) -> fl
 def alarm(
     history: Sequence[tuple[KnownState, WindowEvidence]],
     walk: np.ndarray,
-    spread: np.ndarray,
     inflation: float,
     normal: tuple[float, float],
     limit: float,
+    count: int,
 ) -> Alarm | None:
     """The change that the windows show most clearly, if any.
 
     Parameters
     ----------
     history : windows with what was known before each, the newest last. walk : variance gained in a window, shape (p,).
-    spread : variance from motion to motion, shape (p,). normal : as in `growth`. limit : from `threshold`.
+    normal : as in `growth`. limit : from `threshold`.
+    count : of the first parameters, that may change.
     """
     best: Alarm | None = None
     for lag in (m for m in LAGS if m <= len(history)):
         windows = [w for _, w in history[-lag:]]
-        z = scores(history[-lag][0], lag * walk + spread, windows, inflation)
+        z = scores(history[-lag][0], lag * walk, windows, inflation)[:count]
         parameter = int(np.argmax(np.abs(z)))
         found = Alarm(lag, parameter, float(z[parameter]))
         if (grown := growth(windows, normal)) > abs(found.score):
@@ -124,12 +140,13 @@ def windows_since(
 
     Parameters
     ----------
-    wide : variance within which the changed parameters lie, shape (p,).
+    wide : standard deviation within which the changed parameters lie, shape (p,).
     """
+    p = len(wide)
     gains = []
     for m in range(1, min(len(history), 2 * found.windows) + 1):
         known = history[-m][0]
-        information = sum((w.information for _, w in history[-m:]), np.zeros((len(wide),) * 2)) / inflation
-        score = sum((w.vector for _, w in history[-m:]), np.zeros(len(wide))) / inflation - information @ known.mean
-        gains.append(0.5 * float(score @ np.linalg.solve(information + np.diag(1.0 / wide), score)))
+        information = sum(w.information for _, w in history[-m:]) / inflation
+        score = (sum(w.vector for _, w in history[-m:]) / inflation - information @ known.mean)[:p]
+        gains.append(0.5 * float(score @ np.linalg.solve(information[:p, :p] + np.diag(wide**-2.0), score)))
     return int(np.argmax(gains)) + 1

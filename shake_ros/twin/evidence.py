@@ -7,22 +7,59 @@ last estimated, its whitened innovations r and their Jacobian J give the log lik
 
 and windows add up: of any stretch of time H and h are the sums. A window is linearised again where its estimate lies
 far from where it was linearised.
+
+Held gains would break a symmetry: where mass, pressures, stiffness and friction grow together, every motion stays the
+same, but corrections of the pressure and of the random force would act less, and the fit would take its scale of forces
+from the noise. So these two gains grow with the moved mass.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.states import VELOCITY
+from shake_ros.core.plant.parameters import FULL_LAYOUT
+from shake_ros.core.plant.prediction import FORCE
+from shake_ros.core.plant.states import PRESSURE_A, VELOCITY
 from shake_ros.fit.model import FreeModel
-from shake_ros.fit.prediction import Levels, Predictor
+from shake_ros.fit.prediction import FilteredSegment, Levels, Predictor
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import jacobian
 
 FAR, ROUNDS = 0.1, 3  # of a unit, from which a window is linearised again; so many times at most
+MASS = "effects.payload_error.mass"
+FORCES = {  # power of the scale of all forces with which each number grows, where every motion stays the same
+    **dict.fromkeys(("supply.supply_pressure", "bulk_modulus.modulus", "friction.coulomb_level"), 1.0),
+    **dict.fromkeys(("friction.stribeck_rise", "friction.viscous", "effects.specimen_resonance.mass"), 1.0),
+    **{"valve.flow_coefficient": -0.5, "leakage.internal": -1.0, "leakage.external": -1.0},
+}
+MOVED_MASS = [FULL_LAYOUT.index[n] for n in ("body.table_mass", "body.specimen_mass", MASS)]
+
+
+class ScaledPredictor(Predictor):
+    """A predictor whose held gains of pressure and force grow with the moved mass."""
+
+    mass = 1.0
+
+    def filtered(self, vector: np.ndarray) -> ScaledPredictor:
+        """The same with the gains of a parameter vector, shape (WIDTH,)."""
+        return self._of(super().filtered(vector), float(np.sum(vector[MOVED_MASS])))
+
+    def part(self, seconds: float) -> ScaledPredictor:
+        """Some of its segments, as of `Predictor`."""
+        return self._of(super().part(seconds), self.mass)
+
+    def _of(self, other: Predictor, mass: float) -> ScaledPredictor:
+        made = ScaledPredictor(other.segments, other.levels)
+        made.runs, made.mass = other.runs, mass
+        return made
+
+    def _run(self, vectors: np.ndarray, run: FilteredSegment, i: int) -> np.ndarray:
+        force = np.isin(run.codes, (PRESSURE_A, FORCE))[:, None]
+        grown = float(np.sum(vectors[i, MOVED_MASS])) / self.mass
+        return super()._run(vectors, replace(run, gains=np.where(force, grown, 1.0) * run.gains), i)
 
 
 @dataclass(frozen=True)
@@ -48,7 +85,12 @@ class WindowEvidence:
 
 
 def evidence(
-    model: FreeModel, record: Record, levels: Levels, precision: np.ndarray, loudness: float = 0.0
+    model: FreeModel,
+    record: Record,
+    levels: Levels,
+    precision: np.ndarray,
+    loudness: float = 0.0,
+    rounds: int = ROUNDS,
 ) -> WindowEvidence:
     """The evidence of a window.
 
@@ -57,15 +99,16 @@ def evidence(
     model : followed parameters at their last estimate. levels : of noise.
     precision : inverse covariance of that estimate, which holds what the window leaves open, shape (p, p).
     loudness : of the motion at which the model's errors were measured; a calmer one shows them larger beside its own
-        force, and counts less [m/s²].
+        force, and counts less [m/s²]. rounds : linearisations at most.
     """
     segment = Segment.of(record)
-    start = Predictor([segment], levels)
+    start = ScaledPredictor([segment], levels)
     x, motion = model.x, np.zeros((0, 5))
-    for k in range(ROUNDS):
+    for k in range(rounds):
         prediction = start.filtered(model.vectors(x)[0])
         motion = _motion(prediction) if k == 0 else motion
         r, j = jacobian(prediction, model, x)
+        j = scale_free(j, model, x)
         information = j.T @ j
         step = -np.linalg.solve(information + precision, j.T @ r + precision @ (x - model.x))
         left = r + j @ step
@@ -76,6 +119,22 @@ def evidence(
     weight = min(1.0, (segment.loudness / loudness) ** 2) if loudness else 1.0
     vector = information @ here - j.T @ r
     return WindowEvidence(record, weight * information, weight * vector, square, prediction.count, motion)
+
+
+def scale_free(j: np.ndarray, model: FreeModel, x: np.ndarray) -> np.ndarray:
+    """A Jacobian at x, shape (N, p), whose differences show nothing of the scale of all forces.
+
+    No motion shows it. Where every number that it moves is free, the error of the differences is taken off the mass.
+    """
+    vector = model.vectors(x)[0]
+    moved = {n for n in FORCES if vector[FULL_LAYOUT.index[n]] > 0.0}
+    if not moved <= set(model.names) or MASS not in model.names:
+        return j
+    way, mass = x * [FORCES.get(n, 0.0) for n in model.names], model.names.index(MASS)
+    way[mass] = float(np.sum(vector[MOVED_MASS])) / model.scale[mass]
+    free = j.copy()
+    free[:, mass] -= j @ way / way[mass]
+    return free
 
 
 def _motion(prediction: Predictor) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What the twin follows: slow parameters of a found table, how far each may wander, and how the twin tests them."""
+"""What the twin knows of a found table before it moves: how far each number may be off and wander; how it tests."""
 
 from __future__ import annotations
 
@@ -11,20 +11,19 @@ import numpy as np
 from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys
-from shake_ros.declared import effect_candidates, free_parameters, sized
-from shake_ros.fit.model import SENSOR_DELAY, FreeModel, start_of
+from shake_ros.declared import effect_candidates, free_parameters, late_parameters, sized
+from shake_ros.fit.model import SENSOR_FILTER, FreeModel, start_of
 from shake_ros.settings import find, read_yaml
 
 SUPPLY = FreeParameter("supply.supply_pressure", 1e6, 1e6, 1e8, "Pa")
-SHAPES = ("frequency", "damping")  # of an effect, followed where the table has it
 
 
 @dataclass(frozen=True)
 class FollowedWander(Parameters):
-    """How far a parameter goes without a fault, in parts of its value or of its scale, whichever is larger."""
+    """How far a parameter is without a fault, in parts of its value or of its scale, whichever is larger."""
 
-    walk: float = quantity("-", "standard deviation of its change within an hour", low=0.0, high=100.0)
-    model: float = quantity("-", "standard deviation of its estimate from motion to motion", low=0.0, high=100.0)
+    file: float = quantity("-", "standard deviation of its number in a found table's file", low=0.0, high=100.0)
+    walk: float = quantity("-", "standard deviation of its change within an hour; 0: it is held", low=0.0, high=100.0)
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ def load_twin(name: str = "default") -> TwinSettings:
     path = find("twin", name)
     own = [f.name for f in fields(TwinTest)]
     content = dict(strict_keys(read_yaml(path), [*own, "parameters"], str(path), [*own, "parameters"], kind="key"))
-    known = [*FULL_LAYOUT.names, SENSOR_DELAY.name]
+    known = [*FULL_LAYOUT.names, SENSOR_FILTER.name]
     given: Mapping[str, Any] = strict_keys(content.pop("parameters"), known, f"{path}: parameters")
     test = TwinTest.from_mapping(content, str(path))
     wander = {n: FollowedWander.from_mapping(c, f"{path}: {n}") for n, c in given.items()}
@@ -65,15 +64,17 @@ class Followed:
 
     Attributes
     ----------
-    model : its free parameters are those followed, in units of what `unit_of` says.
-    sizes : of a change of each that matters, shape (p,) [units].
-    walk : standard deviation of each within an hour, shape (p,) [units]. spread : from motion to motion, (p,) [units].
+    model : with what the reference shows free, in units of what `unit_of` says: the p followed parameters, then those
+        that are held from then on.
+    sizes : of a change of each followed one that matters, shape (p,) [units].
+    walk : standard deviation of each followed one within an hour, shape (p,) [units].
+    file : standard deviation of every one in the table's file [units].
     """
 
     model: FreeModel
     sizes: np.ndarray
     walk: np.ndarray
-    spread: np.ndarray
+    file: np.ndarray
 
 
 def followed(table: TableParameters, settings: TwinSettings) -> Followed:
@@ -83,29 +84,37 @@ def followed(table: TableParameters, settings: TwinSettings) -> Followed:
     ------
     ShakeError : the table has none of the parameters.
     """
-    known = {p.name: p for p in (*free_parameters(), SUPPLY, SENSOR_DELAY)}
+    known = {
+        n: FreeParameter(n, 0.0, *(f.metadata[k] for k in ("low", "high", "unit")))
+        for n, f in FULL_LAYOUT.fields.items()
+    }
+    known |= {p.name: p for p in (*free_parameters(), *late_parameters(), SUPPLY, SENSOR_FILTER)}
     candidates = sized(effect_candidates(), table)
     known |= {c.strength.name: c.strength for c in candidates}
-    for effect in candidates:
-        if effect.effect in table.effects:
-            known |= {p.name: p for p in effect.free if p.name.rpartition(".")[2] in SHAPES}
-    own = {name: p for name, p in known.items() if name in settings.parameters and _is_there(table, name)}
-    if not own:
+    known |= {p.name: p for c in candidates for p in c.free[1:] if c.effect in table.effects}
+    given = settings.parameters
+    own = {n: known[n] for n in given if _is_there(table, known[n], given[n].walk > 0.0)}
+    order = sorted(own, key=lambda n: given[n].walk == 0.0)
+    walk = np.array([given[n].walk for n in order])
+    if not np.any(walk):
         raise ShakeError("the table has none of the parameters that the twin follows")
-    free = [_in_units(own[name], table) for name in settings.parameters if name in own]
-    wander = [settings.parameters[p.name] for p in free]
-    sizes = np.array([own[p.name].scale / p.scale for p in free])
-    return Followed(
-        start_of(table, free), sizes, *(np.array([getattr(w, n) for w in wander]) for n in ("walk", "model"))
-    )
+    free = [_in_units(own[n], table) for n in order]
+    p = int(np.count_nonzero(walk))
+    sizes = np.array([own[f.name].scale / f.scale for f in free[:p]])
+    return Followed(start_of(table, free), sizes, walk[:p], np.array([given[n].file for n in order]))
 
 
-def _is_there(table: TableParameters, name: str) -> bool:
-    section, _, rest = name.partition(".")
-    return section in ("effects", "sensor") or rest in {f.name for f in fields(table.sections[section])}
+def _is_there(table: TableParameters, p: FreeParameter, walks: bool) -> bool:
+    """Whether a table has a parameter; one that is held counts only where it is more than nothing."""
+    section, _, rest = p.name.partition(".")
+    if p.name == SENSOR_FILTER.name:
+        return True
+    if section != "effects" and rest not in {f.name for f in fields(table.sections[section])}:
+        return False
+    return p.scale > 0.0 if walks else table.value(p.name) > 0.0
 
 
 def _in_units(p: FreeParameter, table: TableParameters) -> FreeParameter:
     """The parameter with its value as its scale, where that is larger than the scale, and room to move."""
-    value = 0.0 if p.name == SENSOR_DELAY.name else table.value(p.name)
+    value = 0.0 if p.name == SENSOR_FILTER.name else table.value(p.name)
     return FreeParameter(p.name, max(abs(value), p.scale), min(p.low, value), max(p.high, value), p.unit)

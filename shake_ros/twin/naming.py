@@ -29,15 +29,16 @@ import numpy as np
 
 from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.identification.recordings import FULL, Record
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.identification.sensor_filter import SensorFilter
 from shake_ros.declared import effect_candidates, sized
-from shake_ros.fit.model import SENSOR, TABLE, FreeModel, TriedEffect
-from shake_ros.fit.prediction import Levels, Predictor
+from shake_ros.fit.model import SENSOR, SENSOR_FILTER, TABLE, FreeModel, TriedEffect
+from shake_ros.fit.prediction import Levels
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import Budget, PredictorFit, descend, jacobian, prior_residuals
 from shake_ros.search.candidates import functions, listed
 from shake_ros.search.loop import PRIOR
 from shake_ros.search.proposal import MULTIPLES, SHIFT, EffectSet, Linearised, evaluate, linearised
+from shake_ros.twin.evidence import ScaledPredictor
 
 REFITTED = 6  # hypotheses that are refitted
 STEPS, CONVERGED = 30, 0.1  # Jacobians of a refit at most; fall of the cost at which it has converged [nats]
@@ -155,7 +156,7 @@ class Naming:
         self._share = len(self.since) / max(len(self.before), 1)
 
     def _fitted(self, records: Sequence[Record]) -> PredictorFit:
-        start = Predictor([Segment.of(r) for r in records], self.levels)
+        start = ScaledPredictor([Segment.of(r) for r in records], self.levels)
         prediction = start.filtered(self.model.vectors(self.model.x)[0])
         return PredictorFit(self.model, prediction, prediction.log_likelihood())
 
@@ -171,20 +172,18 @@ class Naming:
         explained = bool(best.evidence > 0.0 and best.square < normal_square)
         rivals = tuple(h for h in found[1:] if self._rivals(h, best))
         place = best.place if explained else self._place_of_unlisted(best)
-        vectors = [m.vectors(m.x)[:, :TABLE] for m in (self.model, best.model)]
+        vectors = [m.vectors(m.x) for m in (self.model, best.model)]
         errors = free_run_errors(np.vstack(vectors), self.since)
         known = free_run_errors(vectors[0], self.before)[0] if self.before else math.nan
         return Named(best, rivals, place, explained, (float(known), float(errors[0]), float(errors[1])))
 
     def _screened(self) -> list[tuple[TriedEffect, EffectSet]]:
         """The best hypotheses by their linear gain since the change less that before it, the best first."""
-        every = {i: self._moved(i) for i in range(len(self.model.x))}
-        sensors = {i: m for i, m in every.items() if m.strength.name in SENSOR}  # of no table: their slope is tried
+        moved = [self._moved(i) for i in range(len(self.model.x))]
         taken = {*self.model.table.effects, *(n.split(".")[1] for n in self.model.names if n.startswith("effects."))}
-        moved = [m for i, m in every.items() if i not in sensors]
         tried = [*moved, *(listed(c) for c in self.candidates if c.effect not in taken)]
-        lin = linearised(self.fitted, tried, sensors)
-        had = linearised(self.past, tried, sensors) if self.past else None
+        lin = linearised(self.fitted, tried)
+        had = linearised(self.past, tried) if self.past else None
         found = dict[str, tuple[float, TriedEffect, EffectSet]]()
         for m, trial in enumerate(lin.trials):
             gain, parts = evaluate(lin, [m])
@@ -215,9 +214,9 @@ class Naming:
                     found.append(replace(model, priors={**model.priors, **self._shapes(effect)}))
                     continue
                 i = self.model.names.index(name)
-                tried = trial.directions[0][name] / effect.strength.scale
                 moved = x.copy()
-                moved[i] = self.model.x[i] + part * parts[0] * (tried if name in SENSOR else tried - self.model.x[i])
+                tried = trial.directions[0][name] / effect.strength.scale - self.model.x[i]
+                moved[i] = self.model.x[i] + part * parts[0] * tried
                 free = (self.model.value(name), FREE * effect.strength.scale)
                 found.append(replace(self.model, priors={**self.model.priors, name: free}).at(moved))
         rows = np.vstack([m.vectors(m.x) for m in found])
@@ -316,17 +315,19 @@ def _single(lin: Linearised, m: int, gain: float, parts: np.ndarray) -> EffectSe
 
 
 def free_run_errors(vectors: np.ndarray, records: Sequence[Record]) -> np.ndarray:
-    """Relative error of the acceleration of free runs over records, for rows of parameters, shape (m,) [-]."""
+    """Relative error of the acceleration of free runs over records, for rows of parameters, shape (m,) [-].
+
+    Parameters
+    ----------
+    vectors : shape (m, WIDTH); without what the sensors add, (m, TABLE).
+    """
     left, size = np.zeros(len(vectors)), 0.0
     for r in records:
         if r.acceleration is None:
             continue
-        _, simulated = FULL.simulate(vectors, r)
-        left += np.sum(r.acceleration_left(simulated) ** 2, axis=1)
+        for i, v in enumerate(vectors):
+            lag = float(v[SENSOR[SENSOR_FILTER.name]]) if len(v) > TABLE else 0.0
+            late = SensorFilter(lag, lag).applied(r)
+            left[i] += np.sum(late.acceleration_left(FULL.simulate(v[None, :TABLE], late)[1]) ** 2)
         size += float(np.sum(np.where(r.whole, r.acceleration, 0.0)[r.start :] ** 2))
     return np.sqrt(left / size) if size else np.full(len(vectors), math.nan)
-
-
-def changed_table(best: Hypothesis) -> TableParameters:
-    """The table with what changed."""
-    return best.model.found_table() if best.parameter not in SENSOR else best.model.table

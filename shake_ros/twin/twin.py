@@ -1,9 +1,10 @@
 """The twin: samples of a running table in, windows with parameters and intervals out, and changes with their names.
 
 It begins with a reference: some seconds of motion that show the levels of noise, how far the table is from its file,
-and how much estimates scatter where nothing changes. From then on each window corrects the followed parameters (a
-prior that wanders slowly, so that what the motion does not excite keeps its value while its interval grows) and is
-tested for a change. A change is named once enough motion has passed, and becomes part of the model.
+and how much estimates scatter where nothing changes. From then on each window corrects the followed parameters (a prior
+that wanders slowly, so that what the motion does not excite keeps its value while its interval grows) and is tested
+for a change. Numbers that do not wander are estimated with them: they widen the interval of a value, and not that of
+its change. A change is named once enough motion has passed, and becomes part of the model.
 
 The same samples give the same numbers, from a recording or from a graph in lock-step.
 """
@@ -11,36 +12,41 @@ The same samples give the same numbers, from a recording or from a graph in lock
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
 
 from shake_ros.core.analysis.stretches import stretches
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError
-from shake_ros.fit.model import TABLE, FreeModel
-from shake_ros.fit.prediction import Levels, Predictor, tuned
+from shake_ros.fit.model import FreeModel
+from shake_ros.fit.prediction import Levels
 from shake_ros.fit.segment import SETTLE, Segment
-from shake_ros.twin.change import HOUR, SQUARE_SPREAD, Alarm, KnownState, alarm, threshold, windows_since
+from shake_ros.twin.change import (
+    HOUR,
+    SQUARE_SPREAD,
+    Alarm,
+    KnownState,
+    alarm,
+    conditional,
+    pooled,
+    threshold,
+    windows_since,
+)
 from shake_ros.twin.evidence import WindowEvidence, evidence
 from shake_ros.twin.followed import Followed, TwinSettings, followed
-from shake_ros.twin.naming import ESTABLISHED, Named, Naming, changed_table, free_run_errors
+from shake_ros.twin.naming import ESTABLISHED, Named, Naming, free_run_errors
+from shake_ros.twin.reference import fitted_to, held, scatter
 
 LEARNING, WATCHING, NAMING, PAUSED = "learning", "watching", "naming", "paused"
-START = 10.0  # times what an estimate varies from motion to motion: as far as a table may be off its file
 MOVING = 20.0  # position noise and …
 FELT = 4.0  # … acceleration noise, of which motion has so many times as much
-TUNED = 4  # windows of the reference that show the levels of noise
-LEVELS = ("force", "acceleration", "position", "memory")
-HELD = {"null": 1e-6, "null_drift": 1e-6, "bias": 1e-6, "bias_drift": 1e-7}  # offsets, which are followed instead
 FOREIGN = 0.6  # relative error of the acceleration in free runs, from which a table's file is that of another table
-FAR = 100.0  # times what an estimate varies from motion to motion, within which a changed parameter lies
+FAR = 10.0  # times the size of a change that matters, within which a changed parameter lies
 FROZEN = 0.2  # for which a sensor stands still to the last digit while the table moves [s]
 KEPT = 160  # windows
-MOST_INFLATED = 1e3  # variance of the innovations over what the levels of noise say
 MOST_NAMED = 5  # windows from which a change is named
 NO_MOTION = np.zeros((0, 5))
 INTERVAL = 1.645  # standard deviations to each side of a 90 % interval
@@ -72,8 +78,8 @@ class TwinWindow:
     recording : that it is of. at : of its first sample behind that of the recording [s].
     start, stamp : of its first sample and behind its last one [ns].
     state : learning, watching, naming or paused. note : why it pauses; else empty.
-    values, deviations : of the followed parameters, shape (p,), in their units; for one motion, from which to the next
-        an estimate differs because no model is exact.
+    values, deviations : of the followed parameters, shape (p,), in their units.
+    moved : standard deviation of their change since the reference, shape (p,).
     square : mean square of the whitened innovations, NaN while nothing is known [-].
     motion : predicted and measured from the first sample on, shape (n, 5) or (0, 5), as in WindowEvidence.
     change : that was named with it.
@@ -87,6 +93,7 @@ class TwinWindow:
     note: str
     values: np.ndarray
     deviations: np.ndarray
+    moved: np.ndarray
     square: float
     motion: np.ndarray
     change: Change | None = None
@@ -99,7 +106,8 @@ class TwinWindow:
 
 @dataclass(frozen=True)
 class _Normal:
-    """What the reference has shown: levels of noise, inflation of the variance, log mean square and its deviation."""
+    """What the reference has shown: levels of noise, inflation of the variance, log mean square and its deviation,
+    error of free runs, loudness, the table."""
 
     levels: Levels
     inflation: float
@@ -126,8 +134,9 @@ class Twin:
             raise ShakeError(f"the twin follows tables of the model full, not of {table.layout.name}")
         self.settings, self.sample_time = settings, sample_time
         self.followed: Followed = followed(table, settings)
-        p = len(self.followed.walk)
-        self._known = KnownState(self.followed.model.x, np.diag((START * self.followed.spread) ** 2))
+        self._count = p = len(self.followed.walk)
+        self._walk = np.concatenate([self.followed.walk, np.zeros(len(self.followed.model.x) - p)])
+        self._known = KnownState(self.followed.model.x, np.diag(self.followed.file**2))
         self._model: FreeModel = self.followed.model
         self._window = round(settings.test.window / sample_time)
         self._lead = round(SETTLE / sample_time)
@@ -142,12 +151,12 @@ class Twin:
     @property
     def names(self) -> tuple[str, ...]:
         """Dotted names of the followed parameters."""
-        return self._model.names
+        return self._model.names[: self._count]
 
     @property
     def units(self) -> tuple[str, ...]:
         """Their units."""
-        return tuple(p.unit for p in self._model.free)
+        return tuple(p.unit for p in self._model.free[: self._count])
 
     @property
     def table(self) -> TableParameters:
@@ -235,7 +244,9 @@ class Twin:
         return LEARNING if self._normal is None else NAMING if self._alarm else WATCHING
 
     def _grow(self, nanoseconds: int) -> None:
-        gained = self.followed.walk**2 * max(nanoseconds, 0) * 1e-9 / HOUR
+        if self._normal is None:
+            return
+        gained = self._walk**2 * max(nanoseconds, 0) * 1e-9 / HOUR
         self._known = KnownState(self._known.mean, self._known.covariance + np.diag(gained))
 
     def _reported(
@@ -248,10 +259,15 @@ class Twin:
         motion: np.ndarray,
         change: Change | None = None,
     ) -> TwinWindow:
-        deviations = np.sqrt(np.diag(self._known.covariance) + self.followed.spread**2) * self._model.scale
-        values = self._known.mean * self._model.scale
+        p, covariance = self._count, self._known.covariance
+        scale, values = self._model.scale[:p], self._known.mean[:p] * self._model.scale[:p]
+        deviations = np.sqrt(np.diag(covariance)[:p]) * scale
+        moved = np.sqrt(np.diag(conditional(covariance, p))) * scale
         at = (start - self._origin) * 1e-9
-        return TwinWindow(self._recording, at, start, stop, state, note, values, deviations, square, motion, change)
+        return TwinWindow(
+            *(self._recording, at, start, stop, state, note, values, deviations, moved),
+            *(square, motion, change),
+        )
 
     def _with(self, record: Record, start: int, stop: int) -> TwinWindow:
         """A window of motion."""
@@ -261,57 +277,51 @@ class Twin:
             if len(self._waiting) * self.settings.test.window >= self.settings.test.reference:
                 self._learn()
             return self._reported(start, stop, self._state, "", math.nan, NO_MOTION)
-        spread = np.diag(self.followed.spread**2)
-        model = self._model.at(self._known.mean)
-        seen = evidence(
-            model, record, self._normal.levels, np.linalg.inv(self._known.covariance + spread), self._normal.loudness
-        )
+        seen = self._evidence(record, self._normal.levels, self._normal.loudness)
         self._history = [*self._history[-KEPT:], (self._known, seen, start, (start - self._origin) * 1e-9)]
         change = self._tested(stop)
         if change is None:
-            self._known = corrected(self._known, seen, self._normal.inflation, self.followed.spread)
+            self._known = pooled(self._known, [seen], self._normal.inflation)
         return self._reported(start, stop, self._state, "", seen.square, seen.motion, change)
+
+    def _evidence(self, record: Record, levels: Levels, loudness: float) -> WindowEvidence:
+        """The evidence of a window, in which each followed parameter may move by what matters."""
+        wide = np.concatenate([self.followed.sizes, np.zeros(len(self._model.x) - self._count)])
+        room = np.linalg.inv(self._known.covariance + np.diag(wide**2))
+        return evidence(self._model.at(self._known.mean), record, levels, room, loudness)
 
     def _learn(self) -> None:
         """What is normal, from the windows of the reference."""
         records = [r for r, _ in self._waiting]
-        segments = [Segment.of(r) for r in records]
-        loudness = float(np.median([s.loudness for s in segments]))
-        model = self._model
-        few = segments[:: max(len(segments) // TUNED, 1)]
-        levels = tuned(Predictor(few, Levels(force=0.05, memory=0.1, **HELD)), model.vectors(model.x)[0], LEVELS).levels
-        levels = replace(levels, least_force=levels.force * loudness)
+        loudness = float(np.median([Segment.of(r).loudness for r in records]))
         first = self._known
-        for _ in range(2):
-            model = model.at(self._known.mean)
-            found = [evidence(model, r, levels, np.linalg.inv(first.covariance), loudness) for r in records]
-            self._known = pooled(first, found, 1.0)
-        inflation = _inflation(self._known.mean, found, self.followed.spread**2)
-        self._known = pooled(first, [shared(w, inflation, self.followed.spread) for w in found], 1.0)
-        logs = np.log([w.square for w in found])
-        at = model.at(self._known.mean)
-        error = float(free_run_errors(at.vectors(at.x)[:, :TABLE], records)[0])
+        model, levels, known = fitted_to(records, self._model, first.covariance)
+        error = float(free_run_errors(model.vectors(model.x), records)[0])
         if error > FOREIGN:
             self._waiting = []
             raise ShakeError(
                 f"the table's file leaves {100.0 * error:.0f} % of the acceleration unexplained: "
                 "it is that of another table, or was not found by close_loop"
             )
-        self._normal = _Normal(
-            levels, inflation, (float(np.mean(logs)), float(np.std(logs))), error, loudness, at.found_table()
-        )
-        self._model, self._waiting = at, []
+        self._model, self._known = model, KnownState(model.x, known.covariance)
+        found = [self._evidence(r, levels, loudness) for r in records]
+        inflation = scatter(found)
+        self._known = pooled(first, found, inflation)
+        logs = np.log([w.square for w in found])
+        square = (float(np.mean(logs)), float(np.std(logs)))
+        self._normal = _Normal(levels, inflation, square, error, loudness, model.found_table())
+        self._waiting = []
 
     def _tested(self, stop: int) -> Change | None:
         """The change that is named with this window, if any."""
         assert self._normal is not None
-        walk = self.followed.walk**2 * self.settings.test.window / HOUR
+        walk = self._walk**2 * self.settings.test.window / HOUR
         past = [(known, w) for known, w, *_ in self._history]
         known = (self._normal.inflation, self._normal.square)
         if self._alarm is None:
-            found = alarm(past, walk, self.followed.spread**2, *known, self._limit)
+            found = alarm(past, walk, *known, self._limit, self._count)
             if found and found.parameter >= 0:
-                found = replace(found, windows=windows_since(past, found, known[0], (FAR * self.followed.spread) ** 2))
+                found = replace(found, windows=windows_since(past, found, known[0], FAR * self.followed.sizes))
             self._alarm = (found, stop) if found else None
         else:
             found, noticed = self._alarm
@@ -326,10 +336,10 @@ class Twin:
         known, first, since, at = self._history[-m]
         records = [w.record for _, w, *_ in self._history[-m:]][1 if m > 1 else 0 :]
         before = [w.record for _, w, *_ in self._history[:-m]]
-        wander = m * self.followed.walk**2 * self.settings.test.window / HOUR + self.followed.spread**2
+        wander = m * self.followed.walk**2 * self.settings.test.window / HOUR
         naming = Naming(
-            self._model.at(known.mean),
-            known.covariance + np.diag(wander),
+            held(self._model.at(known.mean), self._count),
+            conditional(known.covariance, self._count) + np.diag(wander),
             self.followed.sizes,
             normal.levels,
             normal.inflation,
@@ -344,61 +354,17 @@ class Twin:
     def _take(self, named: Named, before: TableParameters) -> None:
         """Go on with the changed model; what is not established leaves the table as it was before."""
         assert self._normal is not None
-        kept, p = named.kept, len(self._model.x)
+        kept, p = named.kept, self._count
         if named.verdict != ESTABLISHED and not (named.explained and kept.followed):
             self._left = self._left or before
-        self._model = replace(self._model.at(kept.model.x[:p]), table=changed_table(kept))
-        self._known = KnownState(self._model.x, kept.covariance[:p, :p] + np.diag(self.followed.spread**2))
+        covariance = self._known.covariance.copy()
+        covariance[:p, :p] += kept.covariance[:p, :p] - conditional(covariance, p)  # of those that are held, as before
+        x = np.concatenate([kept.model.x[:p], self._known.mean[p:]])
+        self._model = replace(self._model.at(x), table=kept.model.found_table())
+        self._known = KnownState(self._model.x, covariance)
         grown = max(math.log(kept.square), self._normal.square[0])
         self._normal = replace(self._normal, square=(grown, self._normal.square[1]))
         self._history, self._alarm = [], None
-
-
-def pooled(first: KnownState, windows: list[WindowEvidence], inflation: float) -> KnownState:
-    """What is known after windows, from what was known before them."""
-    precision = np.linalg.inv(first.covariance)
-    information = precision + sum(w.information for w in windows) / inflation
-    vector = precision @ first.mean + sum(w.vector for w in windows) / inflation
-    covariance = np.linalg.inv(information)
-    return KnownState(covariance @ vector, covariance)
-
-
-def shared(window: WindowEvidence, inflation: float, spread: np.ndarray) -> WindowEvidence:
-    """The evidence of a window whose parameters differ from those of all motions by a random `spread`, shape (p,)."""
-    keep = np.linalg.inv(np.eye(len(spread)) + window.information / inflation * spread**2)
-    information = keep @ window.information / inflation
-    return replace(window, information=0.5 * (information + information.T), vector=keep @ window.vector / inflation)
-
-
-def corrected(known: KnownState, window: WindowEvidence, inflation: float, spread: np.ndarray) -> KnownState:
-    """What is known after one window."""
-    return pooled(known, [shared(window, inflation, spread)], 1.0)
-
-
-def _inflation(mean: np.ndarray, windows: Sequence[WindowEvidence], spread: np.ndarray) -> float:
-    """Variance of the innovations by which windows scatter about a mean, beside what the motions' differences add.
-
-    It is the mean square of the innovations at least. Their score has the covariance f H + H S H, with f sought.
-
-    Parameters
-    ----------
-    spread : variance from motion to motion, shape (p,) [units].
-    """
-
-    def excess(log_f: float) -> float:
-        found = 0.0
-        for w in windows:
-            score = w.vector - w.information @ mean
-            variance = math.exp(log_f) * w.information + w.information @ (spread[:, None] * w.information)
-            scale = np.sqrt(np.maximum(np.diag(variance), 1e-12))
-            inner = variance / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
-            found += float(score / scale @ np.linalg.solve(inner, score / scale))
-        return found / (len(windows) * len(mean)) - 1.0
-
-    least, most = math.log(float(np.mean([w.square for w in windows]))), math.log(MOST_INFLATED)
-    if excess(least) <= 0.0 or least >= most:
-        return math.exp(least)
-    return math.exp(brentq(excess, least, most)) if excess(most) < 0.0 else MOST_INFLATED
 
 
 def moves(record: Record) -> bool:

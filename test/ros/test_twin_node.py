@@ -55,7 +55,7 @@ def number(status: DiagnosticStatus, key: str) -> float:
 
 def test_a_recording_that_is_played_gives_the_numbers_of_follow_and_the_twin_ends_with_it(ros_domain, tmp_path) -> None:
     bag, settings, table = played(tmp_path / "run"), tmp_path / "twin.yaml", tmp_path / "table.yaml"
-    kinds = "bulk_modulus.modulus: {walk: 0.1, model: 0.012}, valve.flow_coefficient: {walk: 0.01, model: 0.006}"
+    kinds = "bulk_modulus.modulus: {file: 0.1, walk: 0.1}, valve.flow_coefficient: {file: 0.05, walk: 0.01}"
     settings.write_text(SETTINGS % kinds, encoding="utf-8")
     save_table(table, TABLE, "of a test")
     found = follow(sr.read(bag), str(table), settings=str(settings), progress=False)

@@ -8,7 +8,7 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.twin.change import KnownState, alarm, threshold, windows_since
 from shake_ros.twin.evidence import WindowEvidence
 
-P, WALK, SPREAD = 3, np.zeros(3), np.full(3, 1e-6)
+P, WALK = 3, np.full(3, 1e-6)
 NORMAL = (0.0, 0.1)
 NONE = Record("none", 1e-3, np.zeros(64), np.zeros(64))
 
@@ -27,7 +27,7 @@ def windows(count: int, jump: np.ndarray, since: int, seed: int) -> list[tuple[K
 
 
 def alarms(history: list[tuple[KnownState, WindowEvidence]], limit: float) -> list[int]:
-    return [k for k in range(1, len(history) + 1) if alarm(history[:k], WALK, SPREAD, 1.0, NORMAL, limit)]
+    return [k for k in range(1, len(history) + 1) if alarm(history[:k], WALK, 1.0, NORMAL, limit, P)]
 
 
 def test_a_table_without_change_raises_no_more_alarms_than_were_allowed() -> None:
@@ -40,15 +40,15 @@ def test_a_jump_is_noticed_at_once_and_its_instant_is_found() -> None:
     history = windows(24, np.array([0.0, 1.5, 0.0]), 20, 1)
     limit = threshold(0.01, 2.0, P + 1)
     assert alarms(history, limit)[0] == 21
-    found = alarm(history, WALK, SPREAD, 1.0, NORMAL, limit)
+    found = alarm(history, WALK, 1.0, NORMAL, limit, P)
     assert found is not None
     assert found.parameter == 1
-    assert windows_since(history, found, 1.0, np.full(P, 100.0)) == 4
+    assert windows_since(history, found, 1.0, np.full(P, 10.0)) == 4
 
 
 def test_what_no_parameter_explains_is_noticed_by_the_innovations() -> None:
     history = windows(10, np.zeros(P), 10, 2)
     grown = [(k, WindowEvidence(NONE, w.information, w.vector, 4.0, 40, w.motion)) for k, w in history]
-    found = alarm(grown, WALK, SPREAD, 1.0, NORMAL, threshold(0.01, 2.0, P + 1))
+    found = alarm(grown, WALK, 1.0, NORMAL, threshold(0.01, 2.0, P + 1), P)
     assert found is not None
     assert found.parameter == -1

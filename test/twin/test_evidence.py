@@ -1,0 +1,54 @@
+"""What a window says of the scale of all forces, which no motion shows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.discovery import hidden_tables as hidden
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.plant.parameters import FULL_LAYOUT
+from shake_ros.fit.model import start_of
+from shake_ros.fit.prediction import Levels, Predictor
+from shake_ros.fit.segment import Segment
+from shake_ros.settings import load_table
+from shake_ros.twin.evidence import FORCES, MASS, MOVED_MASS, ScaledPredictor, scale_free
+from shake_ros.twin.followed import followed, load_twin
+from shake_ros.twin.reference import HELD
+
+TRUTH = hidden.declared_truth(71)
+TABLE = load_table("bergamo").with_values({name: getattr(TRUTH, field) for name, field in hidden.DECLARED.items()})
+OTHERS = ("supply.tank_pressure", "bulk_modulus.reference_pressure", "valve.laminar_pressure")
+
+
+def segment() -> Segment:
+    rng = np.random.default_rng(1)
+    made = hidden.record(TRUTH, hidden.multisine(1.5, 1, 0.5, 8.0, 0.2, rng), 1.0, rng, 20)
+    return Segment.of(Record("run", hidden.SAMPLE, made["command"], made["position"], made["acceleration"]))
+
+
+def larger(vector: np.ndarray, factor: float) -> np.ndarray:
+    """The same table with all its forces larger."""
+    found = vector.copy()
+    for name, power in (FORCES | dict.fromkeys(OTHERS, 1.0)).items():
+        found[FULL_LAYOUT.index[name]] *= factor**power
+    found[FULL_LAYOUT.index[MASS]] += (factor - 1.0) * np.sum(vector[MOVED_MASS])
+    return found
+
+
+def test_innovations_stay_the_same_where_all_forces_grow_together() -> None:
+    vector = start_of(TABLE, []).vectors(np.zeros(0))[0]
+    rows = np.array([vector, larger(vector, 1.2)])
+    levels = Levels(force=0.05, memory=0.03, **HELD)
+    own, scaled = ScaledPredictor([segment()], levels).filtered(vector).residuals(rows)
+    assert scaled == pytest.approx(own, abs=1e-2)
+    plain, moved = Predictor([segment()], levels).filtered(vector).residuals(rows)
+    assert np.max(np.abs(moved - plain)) > 0.1
+
+
+def test_a_jacobian_shows_nothing_of_the_scale_of_forces() -> None:
+    model = followed(TABLE, load_twin()).model
+    shown = scale_free(np.random.default_rng(2).normal(size=(50, len(model.x))), model, model.x)
+    way = model.x * [FORCES.get(n, 0.0) for n in model.names]
+    way[model.names.index(MASS)] = TABLE.moved_mass / model.scale[model.names.index(MASS)]
+    assert shown @ way == pytest.approx(np.zeros(50), abs=1e-9)
