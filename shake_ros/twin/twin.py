@@ -348,18 +348,21 @@ class Twin:
         )
         usual = math.exp(normal.square[0] + 3.0 * math.hypot(normal.square[1], SQUARE_SPREAD))
         named = naming.named(usual)
-        self._take(named, self._model.at(known.mean).found_table())
+        self._take(named, known)
         return Change(first.record.name, at, since, noticed, found.score, named)
 
-    def _take(self, named: Named, before: TableParameters) -> None:
-        """Go on with the changed model; what is not established leaves the table as it was before."""
+    def _take(self, named: Named, known: KnownState) -> None:
+        """Go on with the changed model; what is not established leaves the table as it was before.
+
+        known : before the change.
+        """
         assert self._normal is not None
         kept, p = named.kept, self._count
         if named.verdict != ESTABLISHED and not (named.explained and kept.followed):
-            self._left = self._left or before
-        covariance = self._known.covariance.copy()
+            self._left = self._left or self._model.at(known.mean).found_table()
+        covariance = known.covariance.copy()
         covariance[:p, :p] += kept.covariance[:p, :p] - conditional(covariance, p)  # of those that are held, as before
-        x = np.concatenate([kept.model.x[:p], self._known.mean[p:]])
+        x = np.concatenate([kept.model.x[:p], known.mean[p:]])
         self._model = replace(self._model.at(x), table=kept.model.found_table())
         self._known = KnownState(self._model.x, covariance)
         grown = max(math.log(kept.square), self._normal.square[0])
