@@ -146,7 +146,8 @@ def windows_since(
     gains = []
     for m in range(1, min(len(history), 2 * found.windows) + 1):
         known = history[-m][0]
-        information = sum(w.information for _, w in history[-m:]) / inflation
-        score = (sum(w.vector for _, w in history[-m:]) / inflation - information @ known.mean)[:p]
+        information = np.sum([w.information for _, w in history[-m:]], axis=0) / inflation
+        vector = np.sum([w.vector for _, w in history[-m:]], axis=0) / inflation
+        score = (vector - information @ known.mean)[:p]
         gains.append(0.5 * float(score @ np.linalg.solve(information[:p, :p] + np.diag(wide**-2.0), score)))
     return int(np.argmax(gains)) + 1

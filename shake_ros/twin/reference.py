@@ -65,7 +65,7 @@ class _Steady(Segment):
 def noise_levels(few: Sequence[Segment], model: FreeModel, begin: Levels) -> Levels:
     """The levels of noise of a model; its random force is the same in all motions, or in proportion to them."""
     vector, usual = model.vectors(model.x)[0], float(np.median([s.loudness for s in few]))
-    steady = [_Steady(*(getattr(s, f.name) for f in fields(s)), usual) for s in few]
+    steady = [_Steady(**{f.name: getattr(s, f.name) for f in fields(s)}, usual=usual) for s in few]
     begin = replace(begin, force=max(begin.force, begin.least_force / usual), least_force=0.0)
     own, same = (tuned(Predictor(s, begin), vector, LEVELS) for s in (few, steady))
     least = same.levels.force * usual
