@@ -219,6 +219,7 @@ def remains_section(page: Page, diagnosis: Diagnosis, text: str = "") -> None:
         "explains; what a filter explains that may look ahead and uses the command's magnitude and sign as well, on a "
         "recording to which it was not fitted; what repeats and what differs between equal commands. What differs "
         "beyond the sensor noise cannot be predicted from the command: process noise, or an unknown initial state. "
+        "At best is what a model of the command would be left with, in multiples of the noise. "
         "The test in the last column, at 99 % over ±25 lags, detects traces far below the noise: the shares matter.",
         note=True,
     )
@@ -226,9 +227,8 @@ def remains_section(page: Page, diagnosis: Diagnosis, text: str = "") -> None:
     for p in diagnosis.accounts:
         shares = [p.noise_share, p.coherent, p.filtered, p.repeated, p.different]
         cells = ["–" if share is None else f"{100.0 * share:.0f} %" for share in shares]
-        sizes = f"{p.ratio:.2f} × noise", *cells, f"{p.least_ratio:.2f} × noise"
-        rows.append([p.label, p.channel, *sizes, p.predicted_by])
-    heads = ("size", "sensor noise", "linear in the command", "a filter explains", "repeats", "differs", "at best")
+        rows.append([p.label, p.channel, f"{p.ratio:.2f}", *cells, f"{p.least_ratio:.2f}", p.predicted_by])
+    heads = ("× noise", "sensor noise", "linear in the command", "a filter explains", "repeats", "differs", "at best")
     page.table(("recording", "residual of", *heads, "predicted by"), rows)
     if any(p.shape for p in diagnosis.accounts):
         page.chart(charts_fit.correlation_chart(diagnosis.accounts, True))
