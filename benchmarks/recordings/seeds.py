@@ -14,7 +14,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from benchmarks.recordings.raw import JOINT_STATE, STORE, joint_state
 from shake_ros.data.recordings import write_table_recording
-from shake_ros.settings import config_folder
+from shake_ros.settings import find
 
 SAMPLES = 12
 ZEROS = 50_000_000  # bytes that pack into two kilobytes
@@ -93,7 +93,7 @@ def configurations() -> list[Files]:
         "emulator": "default",
         "node": "common",
     }
-    return [{kind: (config_folder() / kind / f"{name}.yaml").read_bytes()} for kind, name in kinds.items()]
+    return [{kind: find(kind, name).read_bytes()} for kind, name in kinds.items()]
 
 
 def recordings(folder: Path) -> list[Files]:

@@ -7,18 +7,18 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from shake_ros.core.quantities import unknown_name
 from shake_ros.data.recordings import TableRecording
+
+if TYPE_CHECKING:  # loaded where a figure is drawn: it takes longer than all else
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.floating[Any]]
 FORMATS = ("pdf", "svg", "png")  # of static copies
@@ -196,6 +196,8 @@ COLOUR = {
 
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure of a size [inch]."""
+    from matplotlib.figure import Figure
+
     return Figure(figsize=(width, height), layout="constrained")
 
 
@@ -213,6 +215,8 @@ def tidy(axes: Axes, x: str, y: str, title: str = "") -> None:
 
 def name_decades(axis: Axis) -> None:
     """1, 2 and 5 of each decade on a logarithmic axis, as plain numbers."""
+    from matplotlib.ticker import NullFormatter
+
     low, high = axis.get_view_interval()
     marks = [m * 10.0**k for k in range(-9, 10) for m in (1.0, 2.0, 5.0) if low <= m * 10.0**k <= high]
     axis.set_minor_formatter(NullFormatter())
@@ -277,6 +281,8 @@ def save_figures(charts: Sequence[Chart], folder: Path, kind: str) -> None:
     ShakeError
         A format that is none of these.
     """
+    from matplotlib import rc_context
+
     if kind not in FORMATS:
         raise unknown_name("format", kind, FORMATS, "--figures")
     folder.mkdir(parents=True, exist_ok=True)

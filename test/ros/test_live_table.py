@@ -57,7 +57,7 @@ def test_drive_is_played_on_an_enabled_table_alone_and_recorded_whole(ros_domain
                 )
             )  # fmt: skip
             table.carry(*write_loop(tmp_path / "loop", load_table("bergamo"), observer, controller))
-            assert table.loop == "feedforward_pi, model"
+            assert table.graph.until(lambda: table.loop == "feedforward_pi, model", 5.0)
             table.limit({"velocity": 0.025})
             with pytest.raises(InterlockHeldError, match=r"the interlock held the table: velocity") as held:
                 table.play(drive(8e-3), "run_2")
