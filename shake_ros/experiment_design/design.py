@@ -66,7 +66,7 @@ class Separation:
 
     @property
     def settles(self) -> bool:
-        """Whether the rival is expected to be told apart."""
+        """Whether the rival is expected to be distinguished."""
         return self.gain > HARDLY
 
     @property

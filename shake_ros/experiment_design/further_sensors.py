@@ -21,7 +21,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import CORRECTION_RATE, MODEL_FLOOR, Record
-from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity, velocity_noise_gain
+from shake_ros.core.identification.velocity_filter import filtered_velocity, independent_part, velocity_noise_gain
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.plant.simulation import COLUMNS, SMOOTH, initial_state, run_batch
 from shake_ros.core.plant.states import CLOCK, VELOCITY
@@ -212,7 +212,7 @@ class WithSensors:
         sensor, dt, parts = self.sensors[number], self.record.sample_time, []
         displaced = sensor.signal == "displacement"  # compared as its filtered derivative, like the position
         noise = sensor.noise * (velocity_noise_gain(dt) if displaced else 1.0)
-        independent = min(2.0 * CUTOFF * dt, 1.0) if displaced else 1.0
+        independent = independent_part(dt) if displaced else 1.0
         for values, shown in zip(self._signal(sensor, motion), self._shown[number], strict=True):
             weight = math.sqrt(independent) / math.hypot(noise, MODEL_FLOOR * float(np.std(shown)))
             free = [np.ones(len(shown))]

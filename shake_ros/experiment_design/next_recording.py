@@ -68,12 +68,12 @@ class NextRecording:
 
     @property
     def useful(self) -> bool:
-        """Whether the motion is expected to tell at least one rival apart."""
+        """Whether the motion is expected to distinguish at least one rival."""
         return bool(self.distinguished)
 
     @property
     def distinguished(self) -> tuple[str, ...]:
-        """The rivals that the motion is expected to tell apart from the model found."""
+        """The rivals that the motion is expected to distinguish from the model found."""
         return () if self.prediction is None else tuple(s.rival for s in self.prediction.separations if s.settles)
 
     @property

@@ -9,7 +9,7 @@
 
 None of them needs a better model. The command's feedback from the table is no objection: what a model makes of the
 recorded command is no longer in the residual. What repeats between equal commands may be had by a model; which one, it
-does not say.
+does not show.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.identification.equal_commands import repeated_and_different, repeats, sensor_noise
 from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.velocity_filter import CUTOFF
+from shake_ros.core.identification.velocity_filter import samples_apart
 from shake_ros.explain.command_filter import Driven, coherent_mean_square, driven, fitted_filter, taken
 from shake_ros.explain.correlation import LAGS, ResidualTest, residual_test
 
@@ -133,7 +133,7 @@ class Account:
 
     @property
     def predicted_by(self) -> str:
-        """What predicts a part of it, as far as the tests tell: "nothing", "the command", "its past", or both."""
+        """What predicts a part of it, as far as the tests show: "nothing", "the command", "its past", or both."""
         if self.shape is None:
             return "not tested"
         parts = ((self.shape.independent, "the command"), (self.shape.white, "its past"))
@@ -152,8 +152,7 @@ def residuals_left(problem: RecordingProblem, vector: np.ndarray, held_out: bool
             continue
         velocity, acceleration = problem.simulate(vector[None, :], record)
         rests = {"velocity": (record.velocity - velocity[0])[record.start :]}
-        apart = max(round(0.5 / (CUTOFF * record.sample_time)), 1)  # the velocity is filtered
-        independent = {"velocity": apart}
+        independent = {"velocity": samples_apart(record.sample_time)}
         if record.acceleration is not None:
             rests["acceleration"] = record.acceleration_left(acceleration[0])
             independent = {"velocity": 0, "acceleration": 1}

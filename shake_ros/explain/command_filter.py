@@ -1,4 +1,4 @@
-"""What of a residual the command still tells: by coherence, and by a filter that may look ahead, on held-out data.
+"""What of a residual the command still predicts: by coherence, and by a filter that looks ahead, on validation data.
 
     ê(t) = Σ_f Σ_k h_f(k) f(u(t − k T)),   k from − AHEAD to BEHIND,   f(u) = u, |u| u, |u|, sign u
 

@@ -1,4 +1,4 @@
-"""What a fit leaves and what its recordings tell: accounts of the residuals, identifiability, what would help."""
+"""What a fit leaves and what its recordings show: accounts of the residuals, identifiability, what would help."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from shake_ros.explain.prediction import Innovations, innovations
 class Diagnosis:
     """Accounts of the residuals of all recordings, identifiability, and what each candidate recording would add.
 
-    innovations : errors of predictor runs on held-out data. asked : whether any recording was asked what it would add.
+    innovations : errors of predictor runs on validation data.
+    asked : whether any recording was asked what it would add.
     """
 
     accounts: tuple[Account, ...]

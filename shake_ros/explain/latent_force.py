@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from shake_ros.core.discovery.problem import SearchProblem, side_by_side
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
-from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity
+from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity, samples_apart
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.explain.force_kinds import ForceKinds, band_factor, beside_band, judged_kinds
 from shake_ros.explain.force_smoother import ForceSmoother, Residuals, Smoothed, force_dynamics, moving_mass
@@ -143,7 +143,7 @@ class _Passes:
         self.model, self.table, self.record = model, table, record
         self.mass = moving_mass(table, model.moved_mass(table))
         self.noise = record.deviations()
-        self.stride = max(1, round(1.0 / (2.0 * CUTOFF * record.sample_time)))
+        self.stride = samples_apart(record.sample_time)
         self.start: tuple[float, float, float] | None = None
 
     def smoothed(self, run: Array, applied: Array, intensity: float | None = None) -> _Pass | None:

@@ -31,9 +31,15 @@ from shake_ros.fit.solver import jacobian
 FAR, ROUNDS = 0.1, 3  # of a unit, from which a window is linearised again; so many times at most
 MASS = "effects.payload_error.mass"
 FORCES = {  # power of the scale of all forces with which each number grows, where every motion stays the same
-    **dict.fromkeys(("supply.supply_pressure", "bulk_modulus.modulus", "friction.coulomb_level"), 1.0),
-    **dict.fromkeys(("friction.stribeck_rise", "friction.viscous", "effects.specimen_resonance.mass"), 1.0),
-    **{"valve.flow_coefficient": -0.5, "leakage.internal": -1.0, "leakage.external": -1.0},
+    "supply.supply_pressure": 1.0,
+    "bulk_modulus.modulus": 1.0,
+    "friction.coulomb_level": 1.0,
+    "friction.stribeck_rise": 1.0,
+    "friction.viscous": 1.0,
+    "effects.specimen_resonance.mass": 1.0,
+    "valve.flow_coefficient": -0.5,
+    "leakage.internal": -1.0,
+    "leakage.external": -1.0,
 }
 MOVED_MASS = [FULL_LAYOUT.index[n] for n in ("body.table_mass", "body.specimen_mass", MASS)]
 

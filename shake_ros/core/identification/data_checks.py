@@ -1,9 +1,9 @@
 """Checks before a fit: units, signs, swapped signals, two tables, too little motion, end stops, the data sheet.
 
 Each finding is a line with the numbers behind it. Nothing is changed, for whoever recorded knows what it is, but for
-stretches in which a table stands at its end stop or strikes it: no model foresees such an impact, and one in a held-out
-recording outweighs everything that a model gets right. Where the stroke is known they are left out, and what follows is
-a recording of its own, since nothing tells the pressures after an impact.
+stretches in which a table stands at its end stop or strikes it: no model foresees such an impact, and one in validation
+data outweighs everything that a model gets right. Where the stroke is known they are left out, and what follows is
+a recording of its own, since nothing shows the pressures after an impact.
 
 Velocity gain and hydraulic frequency follow from the declared numbers in closed form, and from the recordings by the
 linear table nearest to their response. A missing effect moves them by tens of per cent; a wrong area, volume or mass by
@@ -158,11 +158,11 @@ def contradictions(
     Parameters
     ----------
     records : commands per unit. unknown : numbers of the table that are not declared; what follows from one of them
-    cannot contradict anything. sensors : what position and acceleration tell of each other.
+    cannot contradict anything. sensors : what position and acceleration show of each other.
     """
     try:
         measured = linear_table(records, sensors)
-    except ShakeError:  # what cannot be told apart cannot contradict
+    except ShakeError:  # what cannot be distinguished cannot contradict
         return []
     gain = measured.gain if sensors.position_lag else slow_gain(records)  # such a lag takes off what is slow as well
     pairs = (

@@ -32,7 +32,7 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.velocity_filter import velocity_noise_gain
 
 Floats = NDArray[np.float64]
-SHORTEST = 1.0  # stretch of an equal command that tells something [s]
+SHORTEST = 1.0  # stretch of an equal command that shows something [s]
 ALIKE = 0.15  # change relative to the command up to which it is equal: a residual is without what the model makes of it
 MOST = 30  # recordings that are compared with each other: of more, each is compared with itself alone
 LEAST_OVERLAP = 0.5  # of the shorter of two recordings, below which stretches are alike by chance
@@ -102,7 +102,7 @@ def repeated_and_different(a: Floats, b: Floats) -> tuple[float, float]:
 def sensor_noise(record: Record, channel: str) -> float:
     """Standard deviation of the white noise of a channel, whatever the command repeats.
 
-    What changes from period to period (`Record.velocity_noise`) holds process noise too; here the two are told apart.
+    What changes from period to period (`Record.velocity_noise`) holds process noise too; here the two are apart.
     """
     if channel == "velocity":
         return velocity_noise_gain(record.sample_time) * record.position_noise()

@@ -15,7 +15,7 @@ import numpy as np
 
 from shake_ros.core.identification.fit import LOST
 from shake_ros.core.identification.recordings import FULL, MODEL_FLOOR, DeclaredModel, Record, relative_error
-from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity, low_pass
+from shake_ros.core.identification.velocity_filter import filtered_velocity, independent_part, low_pass
 from shake_ros.core.plant.simulation import workers
 
 BLOCK = 0.5  # length of a block of time for standard errors [s], shorter where the recordings would give less than
@@ -43,7 +43,7 @@ class RecordingProblem:
         self.acceleration_weights = []
         self.position_weights = []
         for r in records:
-            independent = min(2.0 * CUTOFF * r.sample_time * r.every, 1.0)
+            independent = independent_part(r.sample_time, r.every)
             velocity, acceleration = r.deviations()
             self.velocity_weights.append(np.sqrt(independent) / velocity)
             self.acceleration_weights.append(1.0 / acceleration if acceleration else 0.0)

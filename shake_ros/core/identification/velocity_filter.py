@@ -43,6 +43,16 @@ def derivative(position: np.ndarray, sample_time: float) -> np.ndarray:
     return low_pass(slope, sample_time)[beyond : beyond + len(position)]
 
 
+def independent_part(sample_time: float, every: float = 1.0) -> float:
+    """Part of a filtered velocity's samples that are independent, where one of `every` is taken [-]."""
+    return min(2.0 * CUTOFF * sample_time * every, 1.0)
+
+
+def samples_apart(sample_time: float) -> int:
+    """Samples of a filtered velocity from one independent one to the next."""
+    return max(round(1.0 / (2.0 * CUTOFF * sample_time)), 1)
+
+
 @functools.cache
 def velocity_noise_gain(sample_time: float) -> float:
     """Standard deviation of the filtered velocity per standard deviation of white noise on the position [1/s]."""
