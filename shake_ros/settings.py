@@ -142,9 +142,11 @@ def load_variant(kind: str, name: str, family: Mapping[str, type[P]]) -> tuple[s
     return member, parameters
 
 
-def load_table(name: str) -> TableParameters:
-    """The table of config/table/<name>.yaml, or of a YAML file given by path."""
-    path = find("table", name)
+def load_table(given: str | Path | TableParameters) -> TableParameters:
+    """The table of config/table/<name>.yaml, or of a YAML file given by path; a table as it is."""
+    if isinstance(given, TableParameters):
+        return given
+    path = find("table", str(given))
     return table_of(read_yaml(path), str(path))
 
 

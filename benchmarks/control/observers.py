@@ -31,14 +31,14 @@ from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.closed_loop import normalised_error, simulate_closed_loop
+from shake_ros.core.control.closed_loop import normalised_error
 from shake_ros.core.control.runner import Controller
+from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.linear import kalman_gain
 from shake_ros.core.observer.robust_exact_differentiator import GAINS, worst_case
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.table import Table
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.program import Program
 from shake_ros.data.reference_file import build_program, load_reference, make_program
@@ -103,7 +103,7 @@ def record_run(name: str, program: Program, load: float, effects: Mapping[str, f
     kind, parameters = load_variant("controller", "super_twisting_tuned", CONTROLLERS)
     law = Controller(kind, parameters, SAMPLE_TIME, table)
     samples = min(program.length, LONGEST)
-    loop = simulate_closed_loop(Table(table, SAMPLE_TIME, seed=3), None, law, program, samples)
+    loop, _ = simulate(Loop(table, None, law, program.samples(0, samples), seed=3))
     return Run(name, load, table, loop.truth, np.ascontiguousarray(loop.measured[:, 0]), loop.command)
 
 

@@ -1,9 +1,8 @@
 """Memory of identification: python -m benchmarks.identification.memory [--seconds 60] [--hour 3600]
 
 Two processes of their own, so that each one's peak (resource.getrusage) is its own: `identify` on three recordings of
---seconds at 1 kHz, and a recording of --hour read in pieces of a minute (iterate_table_recording). Beside each stand
-the peak of a process that only imports the package and, for the long one, what its samples alone would take whole.
-Targets: below 2 GiB; a peak that does not grow with the length of the recording.
+--seconds at 1 kHz, and recordings of a tenth of --hour and of --hour read. Beside each are the peak of a process that
+only imports the package and, for the recordings, the size of the samples alone. Target: below 2 GiB.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ import numpy as np
 from shake_ros.core.discovery.declared_fit import identify
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.simulation import run
-from shake_ros.data.recordings import iterate_table_recording, write_table_recording
+from shake_ros.data.recordings import read_table_recording, write_table_recording
 from shake_ros.declared import model_structure
 from shake_ros.settings import load_search, load_table
 
@@ -52,13 +51,10 @@ def fit_three(seconds: float) -> str:
     return f"identify, three recordings of {seconds:g} s at 1 kHz"
 
 
-def read_pieces(path: Path) -> str:
-    """A recording read in pieces."""
-    samples = pieces = 0
-    for piece in iterate_table_recording(path):
-        samples += len(piece)
-        pieces += 1
-    return f"{samples} samples read in {pieces} pieces (whole: {samples * COLUMNS * 8 / 2**20:.0f} MiB of numbers)"
+def read(path: Path) -> str:
+    """A recording read."""
+    samples = len(read_table_recording(path))
+    return f"{samples} samples read ({samples * COLUMNS * 8 / 2**20:.0f} MiB of numbers)"
 
 
 def peak() -> float:
@@ -90,7 +86,7 @@ def main() -> None:
     if given.part:
         start = time.perf_counter()
         parts = {"nothing": lambda: "imports alone", "fit": lambda: fit_three(given.seconds)}
-        said = read_pieces(given.path) if given.part == "read" else parts[given.part]()
+        said = read(given.path) if given.part == "read" else parts[given.part]()
         print(f"peak {peak():7.0f} MiB  {time.perf_counter() - start:7.1f} s  {said}")
         return
     in_a_process("--part", "nothing")

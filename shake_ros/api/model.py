@@ -167,7 +167,7 @@ def model(
     if kind not in MODELS:
         raise unknown_name("model", kind, (*MODELS, UNKNOWN))
     declared = MODELS[kind]
-    changes = {declared.layout.full_name(key, "set"): float(value) for key, value in (set or {}).items()}
+    changes = declared.layout.changes(set)
     notes: tuple[str, ...] = ()
     if table is None or isinstance(table, str | Path):
         config = None if table is None else str(table)
@@ -187,7 +187,7 @@ def _unknown(table: str | Path | TableParameters | None, changes: Mapping[str, f
         raise ShakeError(f"the model {UNKNOWN} takes a file with what is known, not a table")
     declared = unknown_model(UNKNOWN if table is None else str(table))
     assert declared.table is not None
-    exact = {declared.layout.full_name(key, "set"): float(value) for key, value in changes.items()}
+    exact = declared.layout.changes(changes)
     declared = UnknownModel(
         declared.table.with_values(exact),
         tuple(name for name in declared.unknown if name not in exact),

@@ -290,7 +290,7 @@ def record_scale(
     where = find("record_scale", "default")
     settings = ScaleParameters.from_mapping(read_yaml(where), str(where))
     base, shaping = treatment()
-    bounds = envelope(load_table(table) if isinstance(table, str) else table)
+    bounds = envelope(load_table(table))
     changes: dict[str, float | int | str] = {
         "position_limit": settings.position_share * bounds.position,
         "velocity_limit": settings.velocity_share * bounds.velocity,

@@ -294,10 +294,10 @@ def commission(
     (False, 'level 0.1 was not released')
     """
     s = load_commission(settings)
-    declared = table if isinstance(table, TableParameters) else load_table(str(table))
+    declared = load_table(table)
     if declared.layout is not FULL_LAYOUT:
         raise ShakeError(f"commission needs a table with a valve and hydraulics, not one of {declared.layout.name}")
-    changes = {FULL_LAYOUT.full_name(name, "set"): float(value) for name, value in (set or {}).items()}
+    changes = FULL_LAYOUT.changes(set)
     known = model or model_of("full", declared)
     if live is None:
         stage: CommissionStage = SimulatedStage(declared.with_values(changes), s, delay)

@@ -242,7 +242,7 @@ def iterate(
     made = [_run(recording, len(target), sample_time) for recording in found]
     missed = tuple(error_in_band(target, run.achieved, sample_time, parameters) for run in made)
     wrong = _growth(missed, parameters)
-    carried = load_table(model) if isinstance(model, str) else model
+    carried = None if model is None else load_table(model)
     known: dict[str, Any] = {"wrong": wrong, "first_model": carried, "records": tuple(found.records()) if wrong else ()}
     if before is not None:
         fitted = learn(before, found[-1:].records())
@@ -277,7 +277,7 @@ def iterate_simulated(
     """
     parameters = load_iteration(settings) if runs is None else load_iteration(settings).replace(runs=runs)
     played = SimulatedTable(table) if isinstance(table, str) else table
-    carried = load_table(model) if isinstance(model, str) else model or played.declared
+    carried = load_table(model or played.declared)
     learn, before = learning(carried, refit)
     first = np.array(build_program(str(wanted), played.sample_time).states)
     played.begin(first, parameters)
@@ -353,8 +353,7 @@ def learning(
         if effect not in known:
             raise unknown_name("effect", effect, known, "--refit")
     chosen = [known[effect] for effect in effects]
-    before = load_table(model) if isinstance(model, str) else model
-    return lambda table, records: refit(table, free, chosen, records), before
+    return lambda table, records: refit(table, free, chosen, records), load_table(model)
 
 
 def _run(recording: TableRecording, samples: int, sample_time: float) -> Run:

@@ -115,14 +115,12 @@ class SimulatedTable:
     @property
     def declared(self) -> TableParameters:
         """The table as its configuration declares it, the first model where none is given."""
-        return load_table(self.table) if isinstance(self.table, str) else self.table
+        return load_table(self.table)
 
     @property
     def plant(self) -> TableParameters:
         """The table as it is, with its changes."""
-        return self.declared.with_values(
-            {FULL_LAYOUT.full_name(name, "set"): float(value) for name, value in self.changes.items()}
-        )
+        return self.declared.with_values(FULL_LAYOUT.changes(self.changes))
 
     @cached_property
     def own(self) -> OwnLoop:

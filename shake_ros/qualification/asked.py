@@ -298,9 +298,9 @@ def asked_of(
         (required, rules or "ieee_344") if isinstance(required, RequiredSpectrum) else load_required(str(required))
     )
     code, wanted = load_rules(rules or own), wanted.scaled(scale)
-    declared = table if isinstance(table, TableParameters) else load_table(str(table))
-    plant = declared.with_values({FULL_LAYOUT.full_name(k, "set"): float(v) for k, v in (set or {}).items()})
-    carried = declared if model is None else model if isinstance(model, TableParameters) else load_table(str(model))
+    declared = load_table(table)
+    plant = declared.with_values(FULL_LAYOUT.changes(set))
+    carried = declared if model is None else load_table(model)
     step = chosen.loop.sample_time
     check_sampling(wanted, step)
     learn, _ = learning(carried, refit)

@@ -242,20 +242,3 @@ def _time(a: Array, h: float, required: RequiredSpectrum, rules: Rules) -> list[
 
 def _empty(power: Array) -> str:
     return f"largest over smallest {float(power.max() / max(power.min(), 1e-300)):.3g}"
-
-
-def coherence(first: Array, second: Array, time_step: float, low: float, high: float) -> tuple[float, float]:
-    """Largest correlation over all delays within 1 s, and largest coherence within a band, of two axes [-].
-
-    Asked for where axes are tested together; the coherence is averaged over segments of 4 s that overlap by half.
-    """
-    from scipy.signal import coherence as of_scipy
-
-    a, b = first - np.mean(first), second - np.mean(second)
-    size = 1 << (a.size + b.size).bit_length()
-    cross = np.fft.irfft(np.fft.rfft(a, size) * np.conj(np.fft.rfft(b, size)), size)
-    reach = round(1.0 / time_step)
-    near = np.concatenate([cross[: reach + 1], cross[-reach:]])
-    correlation = float(np.max(np.abs(near)) / np.sqrt(np.sum(a**2) * np.sum(b**2)))
-    f, found = of_scipy(a, b, 1.0 / time_step, nperseg=min(a.size, round(4.0 / time_step)))
-    return correlation, float(np.max(found[(f >= low) & (f <= high)]))

@@ -12,9 +12,10 @@ import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from stepped_loop import simulate_closed_loop
 
 from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.closed_loop import ClosedLoop, simulate_closed_loop
+from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer

@@ -14,11 +14,14 @@ import time
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from stepped_loop import simulate_closed_loop
 
 from benchmarks.realtime.listener import SAMPLED, Listener
 from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.closed_loop import ClosedLoop, simulate_closed_loop
+from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer

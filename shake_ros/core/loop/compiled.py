@@ -1,8 +1,8 @@
 """Plant, sensors, observer, controller and reference as one compiled function; many loops side by side on all cores.
 
-The same semantics and the same numbers as `control.closed_loop.simulate_closed_loop`, which steps the objects of the
-nodes, and so as the graph in lock-step. The virtual table of a model feedforward does not see the real table; it
-runs along the reference once and serves every law (`VirtualTable.follow`).
+The same semantics and the same numbers as the graph in lock-step: measurement k, estimate k from it and command k − 1,
+command k from estimate k and reference k, then the plant advances under command k. The virtual table of a model
+feedforward does not see the real table; it runs along the reference once and serves every law (`VirtualTable.follow`).
 """
 
 from __future__ import annotations

@@ -179,14 +179,17 @@ class TableLayout:
         rows = np.ascontiguousarray(np.atleast_2d(vectors), dtype=np.float64)
         return rows.view(self.record).reshape(len(rows)).view(np.recarray)
 
-    def full_name(self, key: str, where: str) -> str:
-        """The dotted name of a number that is given by it or by its last part alone (`specimen_mass`)."""
+    def changes(self, given: Mapping[str, float] | None) -> dict[str, float]:
+        """Values by dotted name, each given by it or by its last part alone (`specimen_mass`), as --set does."""
+        return {self._full_name(key): float(value) for key, value in (given or {}).items()}
+
+    def _full_name(self, key: str) -> str:
         matches = [name for name in self.names if key in (name, name.rpartition(".")[2])]
         if key in matches or len(matches) == 1:
             return key if key in matches else matches[0]
         if matches:
-            raise ShakeError(f"{where}: {key}: could be {', '.join(matches)}")
-        raise unknown_name("parameter", key, self.names, where)
+            raise ShakeError(f"set: {key}: could be {', '.join(matches)}")
+        raise unknown_name("parameter", key, self.names, "set")
 
     def table(self, content: Any, where: str) -> TableParameters:
         """Build from the content of a YAML file; errors name the file and the section."""

@@ -17,7 +17,6 @@ from shake_ros.data.accelerograms.volumes import comments
 SMC_TEXT, INTEGERS, REALS = 11, 48, 50
 SMC_ACCELERATION = ("0", "1", "2")
 """First character of line 1: raw, uncorrected or corrected acceleration (3 and up are other quantities)."""
-UNDEFINED = 1.6e38
 KNET = re.compile(
     r"(Sampling Freq\(Hz\)|Scale Factor|Dir\.|Duration Time\(s\)|Max\. Acc\. \(gal\)|Station Code|Memo\.)\s*(.*)"
 )

@@ -2,7 +2,7 @@
 
 from shake_ros.data.recordings.bag import Finding
 from shake_ros.data.recordings.publishers import Take
-from shake_ros.data.recordings.table import Provenance, TableRecording, iterate_table_recording, read_table_recording
+from shake_ros.data.recordings.table import Provenance, TableRecording, read_table_recording
 from shake_ros.data.recordings.table_writer import write_table_recording
 from shake_ros.data.recordings.writer import BagWriter, recover
 
@@ -12,7 +12,6 @@ __all__ = [
     "Provenance",
     "TableRecording",
     "Take",
-    "iterate_table_recording",
     "read_table_recording",
     "recover",
     "write_table_recording",

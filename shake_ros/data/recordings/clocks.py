@@ -214,16 +214,14 @@ class Acting:
         at = np.searchsorted(np.array(self._received), received, side="right") - 1
         return np.array(self._acts)[np.maximum(at, 0)]
 
-    def usable(
-        self, received: Integers, grid: Grid, topic: str, findings: list[Finding], partial: bool = False
-    ) -> npt.NDArray[np.bool_]:
-        """The samples on which commands acted; all of a whole recording that has none. What is left out is reported."""
+    def usable(self, received: Integers, grid: Grid, topic: str, findings: list[Finding]) -> npt.NDArray[np.bool_]:
+        """The samples on which commands acted; all of a recording that has none. What is left out is reported."""
         acts = without_brief(self.samples(received), round(BRIEF / grid.sample_time))
         idle = int(np.sum(~acts))
         if not idle:
             return acts
         what = "commands did not act in full (pressure off, a hold, or a master gain below 1)"
-        if idle == len(acts) and not partial:
+        if idle == len(acts):
             findings.append(Finding("idle", topic, idle, f"{what} on any sample", 0.0))
             return np.ones(len(acts), dtype=bool)
         first = grid.seconds(int(np.argmin(acts)))

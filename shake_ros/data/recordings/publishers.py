@@ -99,18 +99,18 @@ def _of_the_joint(
     collector: Collector, series: Series, choice: Choice, path: object, findings: list[Finding]
 ) -> Series:
     sources = collector.sources
-    collector.joint = _joint(collector, series, choice, path, findings)
-    own = [k for k, source in enumerate(sources) if collector.joint in (source.joints or ("",))]
+    own_joint = _joint(collector, series, choice, path, findings)
+    own = [k for k, source in enumerate(sources) if own_joint in (source.joints or ("",))]
     kept = np.isin(series.sources, own) | (series.sources < 0)
     there = [sources[k].joints or ("",) for k in np.unique(series.sources[series.sources >= 0]).tolist()]
-    if others := sorted({joint for joints in there for joint in joints} - {collector.joint}):
+    if others := sorted({joint for joints in there for joint in joints} - {own_joint}):
         count = int(np.sum(~kept))
         listed = ", ".join(joint or "one without a name" for joint in others)
         text = f"other joints are left out: {listed} ({count} messages have only these)"
         findings.append(Finding("joint", series.topic, count, text))
     empty = [k for k in own if not sources[k].numbers]
     if len(empty) < len(own) and (none := np.isin(series.sources, empty)).any():
-        text = f"{int(none.sum())} messages name joint '{collector.joint}' without a number; they are left out"
+        text = f"{int(none.sum())} messages name joint '{own_joint}' without a number; they are left out"
         findings.append(Finding("absent", series.topic, int(none.sum()), text))
         kept &= ~none
     return series[kept]
@@ -118,16 +118,11 @@ def _of_the_joint(
 
 def _joint(collector: Collector, series: Series, choice: Choice, path: object, findings: list[Finding]) -> str:
     """The joint to read: the one chosen or the table's; its only one where the topic does not have that."""
-    name, wanted = collector.signal.name, choice.joint or collector.signal.joint
+    name, wanted = collector.signal.name, collector.joint
     every = {joint for source in collector.sources for joint in source.joints}
-    if wanted in every and collector.joint != wanted:
-        raise ShakeError(
-            f"{path}: topic '{series.topic}' has joint '{wanted}' only later, '{collector.joint}' before; choose one, "
-            f"as in --take {name}={wanted}"
-        )
     counts = Counter(collector.sources[k].joints or ("",) for k in series.sources[series.sources >= 0].tolist())
-    if wanted in every or collector.joint != wanted or not counts:
-        return collector.joint
+    if wanted in every or not counts:
+        return wanted
     often = [joints for joints, count in counts.items() if count >= FEWEST] or list(counts)  # the rest is damage
     found = sorted({joint for joints in often for joint in joints})
     if choice.joint or len(found) > 1:

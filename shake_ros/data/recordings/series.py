@@ -170,10 +170,9 @@ class Collector:
         self._messages, self._received = [], []
 
     def take(self) -> Series:
-        """All samples so far; the collector is empty afterwards."""
+        """All samples so far."""
         self._decode()
-        parts, self._parts = self._parts, []
-        return Series.joined(parts)
+        return Series.joined(self._parts)
 
 
 def with_acceleration(series: Series, findings: list[Finding]) -> Series:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from shake_ros.data.recordings.bag import Bag, Finding
 from shake_ros.data.recordings.cdr import Floats, Integers
 from shake_ros.data.recordings.clocks import TOPIC as DIAGNOSTICS
 from shake_ros.data.recordings.clocks import TYPE as DIAGNOSTICS_TYPE
-from shake_ros.data.recordings.clocks import Acting, ClockShift, shifts
+from shake_ros.data.recordings.clocks import Acting, shifts
 from shake_ros.data.recordings.publishers import Choice, Take, choices, of_the_table
 from shake_ros.data.recordings.series import (
     SIGNALS,
@@ -32,7 +31,6 @@ from shake_ros.data.recordings.series import (
 
 REQUIRED = ("joint_states", "valve_command")
 SHORTEST_SEGMENT = 2
-SETTLE = 1.0  # seconds of receipt that messages of different topics may lie apart when a recording is read in pieces
 
 
 @dataclass(frozen=True)
@@ -149,100 +147,43 @@ def read_table_recording(path: Path | str, take: Take | None = None) -> TableRec
         one line with path, topic and reason, where the recording cannot be used.
     """
     with Bag(path) as bag:
-        reading = _Reading(bag, choices(take))
-        for message in bag.messages(list(reading.topics)):
-            reading.topics[message.topic].add(message)
-        return _assemble(bag, reading.taken(), reading.acting)
-
-
-def iterate_table_recording(
-    path: Path | str, seconds: float = 60.0, take: Take | None = None
-) -> Iterator[TableRecording]:
-    """Read a long recording in pieces of about `seconds` of receipt, with bounded memory.
-
-    Every piece stands by itself: its own time base, segments (perhaps none) and findings; `provenance.start_stamp`
-    places it. The command that acts at the start of a piece is carried over from the one before. A span without
-    positions or commands gives no piece. Raises ShakeError where topics are missing, as `read_table_recording` does.
-    """
-    with Bag(path) as bag:
-        reading = _Reading(bag, choices(take))
-        begin: int | None = None
-        for message in bag.messages(list(reading.topics)):
-            begin = message.received if begin is None else begin
-            reading.topics[message.topic].add(message)
-            if message.received - begin > (seconds + SETTLE) * 1e9:
-                begin = max(begin + int(seconds * 1e9), message.received - int((seconds + SETTLE) * 1e9))
-                piece = _cut(reading, begin)
-                if _usable(piece):
-                    yield _assemble(bag, piece, reading.acting, partial=True)
-                    bag.findings.clear()
-        piece = reading.taken()
-        if _usable(piece):
-            yield _assemble(bag, piece, reading.acting, partial=True)
-
-
-class _Reading:
-    """The topics of a recording while their messages come in: what takes them, and what was chosen of them."""
-
-    def __init__(self, bag: Bag, chosen: dict[str, Choice]) -> None:
-        self.bag, self.chosen, self.acting = bag, chosen, Acting()
-        self.collectors: dict[str, Collector] = {}
-        self.waiting: dict[str, Series] = {}
-        self._clocks: dict[str, ClockShift] | None = None
-        for name in (*REQUIRED, *(name for name in SIGNALS if name not in REQUIRED)):
-            choice = chosen.get(name, Choice())
-            topic = choose_topic(bag, SIGNALS[name], name in REQUIRED, choice.topic)
-            if topic is not None:
-                self.collectors[name] = Collector(SIGNALS[name], topic.name, choice.joint)
-        self.topics: dict[str, Collector | Acting] = {c.topic: c for c in self.collectors.values()}
+        chosen, acting = choices(take), Acting()
+        collectors = _collectors(bag, chosen)
+        topics: dict[str, Collector | Acting] = {c.topic: c for c in collectors.values()}
         for topic in bag.topics.values():
             named = topic.name.rsplit("/", 1)[-1] == DIAGNOSTICS and not topic.refusal
             if named and same_type(topic.type, DIAGNOSTICS_TYPE):
-                self.topics[topic.name] = self.acting
-
-    def taken(self) -> dict[str, Series]:
-        """What came in: the table's own samples, on the clock of the positions; behind those put back."""
-        new, findings = {}, self.bag.findings
-        for name, collector in self.collectors.items():
-            series = collector.take()
-            if name == "imu":
-                series = with_acceleration(series, findings)
-            choice = self.chosen.get(name, Choice())
-            new[name] = of_the_table(collector, series, choice, self.bag.path, findings)
-        if self._clocks is None:
-            self._clocks = shifts(new, findings)
-        for name, shift in self._clocks.items():
-            new[name] = replace(new[name], stamps=shift.taken_off(new[name].stamps))
-        waiting, self.waiting = self.waiting, {}
-        return {name: Series.joined([waiting[name], s]) if name in waiting else s for name, s in new.items()}
+                topics[topic.name] = acting
+        for message in bag.messages(list(topics)):
+            topics[message.topic].add(message)
+        return _assemble(bag, _taken(bag, collectors, chosen), acting)
 
 
-def _cut(reading: _Reading, limit: int) -> dict[str, Series]:
-    """What was stamped before the first position received after `limit` [ns]; the rest, and one command, stay."""
-    taken = reading.taken()
-    position = taken["joint_states"]
-    stamped = position[position.stamps > 0]
-    later = stamped.received >= limit
-    boundary = int(stamped.stamps[later].min()) if later.any() else np.iinfo(np.int64).max
-    again = later.any() and not later.all() and boundary < int(stamped.stamps[~later].max()) - SETTLE * 1e9
-    before = {}
-    for name, series in taken.items():
-        early = series.received < limit if again else series.stamps < boundary
-        before[name] = series[early]
-        kept = ~early
-        if name == "valve_command" and early.any():
-            kept = kept.copy()
-            kept[int(np.flatnonzero(early)[-1])] = True
-        reading.waiting[name] = series[kept]
-    return before
+def _collectors(bag: Bag, chosen: dict[str, Choice]) -> dict[str, Collector]:
+    """What takes the messages of each signal that the recording holds; the required ones first."""
+    collectors = {}
+    for name in (*REQUIRED, *(name for name in SIGNALS if name not in REQUIRED)):
+        choice = chosen.get(name, Choice())
+        topic = choose_topic(bag, SIGNALS[name], name in REQUIRED, choice.topic)
+        if topic is not None:
+            collectors[name] = Collector(SIGNALS[name], topic.name, choice.joint)
+    return collectors
 
 
-def _usable(piece: dict[str, Series]) -> bool:
-    positions, commands = (piece[name].stamps for name in REQUIRED)
-    return np.unique(positions[positions > 0]).size > 1 and bool((commands > 0).any())
+def _taken(bag: Bag, collectors: dict[str, Collector], chosen: dict[str, Choice]) -> dict[str, Series]:
+    """What came in: the table's own samples, on the clock of the positions."""
+    new = {}
+    for name, collector in collectors.items():
+        series = collector.take()
+        if name == "imu":
+            series = with_acceleration(series, bag.findings)
+        new[name] = of_the_table(collector, series, chosen.get(name, Choice()), bag.path, bag.findings)
+    for name, shift in shifts(new, bag.findings).items():
+        new[name] = replace(new[name], stamps=shift.taken_off(new[name].stamps))
+    return new
 
 
-def _assemble(bag: Bag, raw: dict[str, Series], acting: Acting, partial: bool = False) -> TableRecording:
+def _assemble(bag: Bag, raw: dict[str, Series], acting: Acting) -> TableRecording:
     findings: list[Finding] = []
     ordered, grid = _ordered(bag, raw, findings)
     topics = {name: series.topic for name, series in ordered.items()}
@@ -261,9 +202,9 @@ def _assemble(bag: Bag, raw: dict[str, Series], acting: Acting, partial: bool = 
             others[name] = values if values.shape[1] > 1 else values[:, 0]
     align.not_a_number(main, topics, grid, findings)
     align.sizes(main | {n: v for n, v in others.items() if v is not None}, topics, grid, findings)
-    acts = acting.usable(ordered["joint_states"].received, grid, topics["valve_command"], findings, partial)
+    acts = acting.usable(ordered["joint_states"].received, grid, topics["valve_command"], findings)
     segments = _segments(grid, list(main.values()), acts)
-    if not segments and not partial:
+    if not segments:
         text = "; ".join(str(finding) for finding in findings[:3])
         raise ShakeError(f"{bag.path}: no segment in which command and position are both known ({text})")
     return TableRecording(

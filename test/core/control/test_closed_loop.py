@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from stepped_loop import simulate_closed_loop
 
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import (
     ClosedLoop,
     command_travel,
     normalised_cost,
-    simulate_closed_loop,
     tracking_cost,
     tune,
 )

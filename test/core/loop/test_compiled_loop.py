@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from stepped_loop import simulate_closed_loop
 
 from shake_ros.core.control import CONTROLLERS, harmonic_cancellation
-from shake_ros.core.control.closed_loop import ClosedLoop, simulate_closed_loop
+from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, run_batch, simulate
 from shake_ros.core.observer import OBSERVERS

@@ -116,8 +116,8 @@ def test_a_section_that_a_layout_lacks_is_no_attribute() -> None:
 
 
 def test_a_name_may_be_given_by_its_last_part_where_that_is_unique() -> None:
-    assert FULL_LAYOUT.full_name("specimen_mass", "set") == "body.specimen_mass"
+    assert FULL_LAYOUT.changes({"specimen_mass": 200}) == {"body.specimen_mass": 200.0}
     with pytest.raises(ShakeError, match="set: stiffness: could be"):
-        FULL_LAYOUT.full_name("stiffness", "set")
+        FULL_LAYOUT.changes({"stiffness": 1.0})
     with pytest.raises(UnknownName, match=r"set: unknown parameter 'specimen_mas'.*body\.specimen_mass"):
-        FULL_LAYOUT.full_name("specimen_mas", "set")
+        FULL_LAYOUT.changes({"specimen_mas": 1.0})

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from stepped_loop import simulate_closed_loop
 
 from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.closed_loop import simulate_closed_loop
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.runner import Observer

@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.fit_records import fit_records
-from shake_ros.data.recordings import TableRecording, iterate_table_recording, read_table_recording
+from shake_ros.data.recordings import TableRecording, read_table_recording
 from shake_ros.data.recordings.clocks import said
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
@@ -62,14 +62,6 @@ def test_what_was_recorded_before_commands_act_and_in_a_hold_is_left_out(make: C
     assert told.startswith("/shake/valve_command: commands did not act in full") and "1500 of 3000 samples" in told
     (record,) = fit_records(found)
     np.testing.assert_array_equal(record.position, found.position[1000:2500])
-
-
-def test_pieces_of_a_long_recording_go_by_the_reports_of_the_pieces_before(make: Callable[..., Path]) -> None:
-    source = make("source")
-    path = with_reports(source, source.with_name("run"), [(0.0005, says(True)), (0.3995, says(False))])
-    lengths = [sum(s.stop - s.start for s in piece.segments) for piece in iterate_table_recording(path, seconds=0.5)]
-    assert len(lengths) > 1
-    assert sum(lengths) == 400
 
 
 def test_a_recording_in_which_no_command_acts_is_read_but_not_fitted(make: Callable[..., Path]) -> None:

@@ -16,7 +16,6 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import (
     BagWriter,
     TableRecording,
-    iterate_table_recording,
     read_table_recording,
     write_table_recording,
 )
@@ -274,24 +273,6 @@ def test_paths_that_are_no_recording_are_refused(tmp_path):
         read_table_recording(tmp_path / "nowhere")
     with pytest.raises(ShakeError, match="not a recording"):
         read_table_recording(tmp_path)
-
-
-def test_a_long_recording_is_read_in_pieces_that_join_without_loss(make, arrays):
-    pieces = list(iterate_table_recording(make(), seconds=0.5))
-    assert len(pieces) > 2
-    assert all(piece.findings == () and piece.segments == (slice(0, len(piece)),) for piece in pieces)
-    for name in ("valve_command", "position", "acceleration"):
-        assert np.array_equal(np.concatenate([getattr(piece, name) for piece in pieces]), arrays[name])
-    starts = [piece.provenance.start_stamp for piece in pieces]
-    assert starts == sorted(starts)
-
-
-def test_a_slow_command_carries_over_into_the_next_piece(make, tmp_path):
-    slow = rewrite(make(), tmp_path / "slow", lambda t, i, d: [d] if t != "valve_command" or i % 7 == 0 else [])
-    whole = read_table_recording(slow)
-    pieces = list(iterate_table_recording(slow, seconds=0.4))
-    assert len(pieces) > 2
-    assert np.array_equal(np.concatenate([piece.valve_command for piece in pieces]), whole.valve_command)
 
 
 def test_the_write_ahead_log_of_a_killed_sqlite_recorder_is_part_of_the_recording(make, tmp_path):

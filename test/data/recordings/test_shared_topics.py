@@ -13,7 +13,7 @@ import pytest
 
 import shake_ros as sr
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import BagWriter, TableRecording, iterate_table_recording, read_table_recording
+from shake_ros.data.recordings import BagWriter, TableRecording, read_table_recording
 from shake_ros.data.recordings.cdr import typestore
 
 JOINT, IMU = "sensor_msgs/msg/JointState", "sensor_msgs/msg/Imu"
@@ -337,14 +337,6 @@ def test_two_sensors_on_one_topic_are_refused_unless_one_is_chosen(bag: Writes) 
         with pytest.raises(ShakeError, match=r"topic '/imu' has 2 publishers: 1: .* choose one, as in --take imu=1"):
             read_table_recording(path)
         np.testing.assert_array_equal(sr.read(path, take={"imu": 1})[0].acceleration, FELT)
-
-
-def test_pieces_of_a_recording_are_read_as_the_whole(bag: Writes) -> None:
-    path = bag(table, OTHERS["another joint at the same stamps"], on_clock(felt, 0.2), on_clock(command, BOOT))
-    pieces = list(iterate_table_recording(path, 1.0))
-    assert len(pieces) > 1
-    for name, whole in (("position", POSITION), ("valve_command", COMMAND), ("acceleration", FELT)):
-        np.testing.assert_array_equal(np.concatenate([getattr(piece, name) for piece in pieces]), whole)
 
 
 @pytest.mark.parametrize(
