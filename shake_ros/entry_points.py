@@ -39,22 +39,22 @@ ENTRY_POINTS: dict[str, Entry] = {
     "observer": Entry("shake_ros.ros.observer_node", "estimates velocity and acceleration from the position"),
     "controller": Entry("shake_ros.ros.controller_node", "follows the reference with the valve command"),
     "thd_analyzer": Entry("shake_ros.ros.thd_node", "live harmonics of the acceleration and their distortion"),
-    "twin": Entry("shake_ros.ros.twin_node", "follows a found table beside the running one; says what changed"),
+    "twin": Entry("shake_ros.ros.twin_node", "follows a found table beside the running one; reports what changed"),
     "recorder": Entry("shake_ros.ros.recorder_node", "records topics into a rosbag2 recording; --recover PATH"),
     "player": Entry("shake_ros.ros.player_node", "plays a recording with its recorded timing"),
     "faults": Entry(
-        "shake_ros.ros.faults_node", "between two nodes: delays, drops, doubles, freezes, falsifies samples"
+        "shake_ros.ros.faults_node", "between two nodes: delays, drops, repeats, freezes or falsifies samples"
     ),
     "page": Entry("shake_ros.ros.page_node", "the live page: curves, controls, recordings, in a browser"),
-    "lab": Entry("shake_ros.ros.lab", "all nodes and the live page with one command; Ctrl-C ends them in order"),
+    "lab": Entry("shake_ros.ros.lab", "start all nodes and the live page; Ctrl-C stops them in order"),
     "foxglove": Entry("shake_ros.ros.foxglove_node", "a thinned copy of the topics for Foxglove, on this machine"),
     "ros2": Entry("shake_ros.ros.ros2", "topic list, echo, hz; param list, get, set, dump; service list, call"),
     "target_emulator": Entry(
-        "shake_ros.bridge.emulator", "a target computer without ROS: the table behind the bridge's datagrams"
+        "shake_ros.bridge.emulator", "emulate a target computer without ROS: the table behind the bridge's datagrams"
     ),
     "demo": Entry(
         "shake_ros.demonstration.demo:demo_command",
-        "the main job end to end: recordings, missing effect, better tracking",
+        "run the main job end to end: recordings, missing effect, better tracking",
     ),
     "identify": Entry("shake_ros.cli.repair:identify_command", "fit the declared model to recordings"),
     "close_loop": Entry(
@@ -62,13 +62,15 @@ ENTRY_POINTS: dict[str, Entry] = {
         "find what the declared model lacks, add it, compare before and after",
     ),
     "follow": Entry(
-        "shake_ros.cli.repair:follow_command", "follow a found table over recordings: what changed, and since when"
+        "shake_ros.cli.repair:follow_command", "follow a found table over recordings: what changed, and when"
     ),
     "table": Entry(
-        "shake_ros.cli.repair:table_command", "a table's configuration from nameplates, with its assumptions"
+        "shake_ros.cli.repair:table_command",
+        "write a table's configuration from its nameplates, with the assumptions made",
     ),
     "schedule": Entry(
-        "shake_ros.thesis.commands:schedule_command", "parameters by a neural network (thesis 6.3.5) beside the effect"
+        "shake_ros.thesis.commands:schedule_command",
+        "compare a neural network's parameters (thesis 6.3.5) with an effect",
     ),
     "import_csv": Entry(
         "shake_ros.cli.repair:import_csv_command", "convert a laboratory's table of columns into a recording"
@@ -79,45 +81,48 @@ ENTRY_POINTS: dict[str, Entry] = {
     ),
     "sensitivity": Entry(
         "shake_ros.thesis.commands:sensitivity_command",
-        "sensitivity of the motion to single parameters (figures 6.19–6.24)",
+        "compute the motion's sensitivity to single parameters (figures 6.19–6.24)",
     ),
     "reproduce": Entry(
         "shake_ros.thesis.commands:reproduce_command", "run chapter 6 of the thesis again, claim by claim"
     ),
     "frequency_response": Entry(
-        "shake_ros.cli.signals:frequency_response_command", "gain, delay and coherence in a recording, plotted"
+        "shake_ros.cli.signals:frequency_response_command",
+        "estimate gain, delay and coherence in a recording, and plot them",
     ),
     "tune": Entry(
         "shake_ros.cli.control:tune_command",
-        "gains of a controller over loads and perturbed tables, as a new configuration",
+        "tune a controller over loads and perturbed tables; writes a configuration",
     ),
     "commission": Entry(
         "shake_ros.cli.laboratory:commission_command", "bring a new table into service: run, fit, make gains, go higher"
     ),
     "compare": Entry(
         "shake_ros.cli.control:compare_command",
-        "the controllers side by side on references, loads and perturbed tables",
+        "compare the controllers on references, loads and perturbed tables",
     ),
     "campaign": Entry(
         "shake_ros.cli.control:campaign_command",
-        "a study of many fits, here or on a cluster; it can be resumed",
+        "run a study of many fits, here or on a cluster; it can be resumed",
     ),
-    "thd": Entry("shake_ros.cli.signals:thd_command", "harmonic table of a recording"),
-    "spectrum": Entry("shake_ros.cli.signals:spectrum_command", "response spectra of recordings, at several dampings"),
+    "thd": Entry("shake_ros.cli.signals:thd_command", "compute the harmonics of a recording"),
+    "spectrum": Entry(
+        "shake_ros.cli.signals:spectrum_command", "compute response spectra of recordings, at several damping ratios"
+    ),
     "multisine_split": Entry(
         "shake_ros.cli.signals:multisine_split_command",
-        "linear, even and odd parts and noise of a multi-sine's response",
+        "split a multi-sine's response into linear, even and odd parts and noise",
     ),
     "measured_runs": Entry(
         "shake_ros.thesis.commands:measured_runs_command",
-        "the real table's harmonics (tables 6.1, 6.2) against printed and fitted models",
+        "compare the real table's harmonics (tables 6.1, 6.2) with printed and fitted models",
     ),
     "iterate": Entry(
-        "shake_ros.cli.laboratory:iterate_command", "the drive of the next run from the error of the last one"
+        "shake_ros.cli.laboratory:iterate_command", "compute the next run's drive from the error of the last one"
     ),
     "qualify": Entry(
         "shake_ros.cli.laboratory:qualify_command",
-        "a required response spectrum becomes a motion, a test, a certificate",
+        "test a specimen against a required response spectrum, with a certificate",
     ),
     "record_scale": Entry(
         "shake_ros.cli.signals:record_scale_command", "read, correct and scale an accelerogram into the envelope"

@@ -60,7 +60,7 @@ class CommandLine(argparse.ArgumentParser):
 
     def add_figures(self) -> None:
         """The option --figures."""
-        self.add_argument("--figures", choices=FORMATS, help="write the report's charts as files as well, for a paper")
+        self.add_argument("--figures", choices=FORMATS, help="also write the report's charts as files")
 
     def add_take(self) -> None:
         """The option --take."""
@@ -69,8 +69,8 @@ class CommandLine(argparse.ArgumentParser):
             action="append",
             default=[],
             metavar="SIGNAL=WHAT",
-            help="of several, read this topic (/…), joint (name) or publisher (number): joint_states=x_axis; "
-            "repeatable",
+            help="where a recording has several of a signal, the one to read: a topic (/…), the name of a joint or the "
+            "number of a publisher, as joint_states=x_axis; repeatable",
         )
 
     def add_set(self, text: str, metavar: str = "KEY=VALUE") -> None:
@@ -84,8 +84,10 @@ class CommandLine(argparse.ArgumentParser):
 
     def add_live(self) -> None:
         """The options --live and --namespace."""
-        self.add_argument("--live", action="store_true", help="on the table of the running graph, enabled")
-        self.add_argument("--namespace", default="/shake", metavar="NS", help="of that graph (default: /shake)")
+        self.add_argument("--live", action="store_true", help="move the table of the running graph, which is enabled")
+        self.add_argument(
+            "--namespace", default="/shake", metavar="NS", help="with --live: namespace of the graph (default: /shake)"
+        )
 
 
 def reporting(name: str, given: argparse.Namespace, arguments: Sequence[str]) -> Reporting:

@@ -47,8 +47,8 @@ def tune_parser() -> CommandLine:
     p.add_argument(
         "--settings", default="default", metavar="NAME", help="config/tune/NAME.yaml (config/robust_tuning) or a file"
     )
-    p.add_argument("--laws", nargs="+", metavar="LAW", help=f"with --table: those tried, of {', '.join(LAWS)}")
-    p.add_argument("--loads", type=float, nargs="+", metavar="KG", help="specimens")
+    p.add_argument("--laws", nargs="+", metavar="LAW", help=f"with --table: laws to try, of {', '.join(LAWS)}")
+    p.add_argument("--loads", type=float, nargs="+", metavar="KG", help="masses of the specimen")
     p.add_argument("--references", nargs="+", metavar="NAME", help="config/reference/NAME.yaml or files")
     p.add_argument("--observer", metavar="NAME", help="config/observer/NAME.yaml or a file")
     p.add_argument(
@@ -127,14 +127,16 @@ def campaign_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     p = CommandLine("campaign", CAMPAIGN_METHOD)
     p.add_argument("study", metavar="STUDY", help="config/studies/STUDY.yaml or a file")
-    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the rows; of an earlier start too")
+    p.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder of the rows; an existing one is continued"
+    )
     p.add_set("values of the study to replace, in YAML", "NAME=VALUE")
     p.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one for each core)")
     p.add_argument(
         "--engine", metavar="ADDRESS", help="a Dask scheduler: tls://HOST:PORT, or tcp://HOST:PORT on this machine"
     )
-    p.add_argument("--minutes", type=float, metavar="M", help="begin no further row after so long; 0: only the report")
-    p.add_argument("--retry", action="store_true", help="run the rows again that failed")
+    p.add_argument("--minutes", type=float, metavar="M", help="begin no row after M minutes; 0: only the report")
+    p.add_argument("--retry", action="store_true", help="run failed rows again")
     p.add_argument("--compare", type=Path, metavar="OTHER", help="folder of an older campaign of the same study")
     p.add_figures()
     given = p.parse_args(arguments)

@@ -208,21 +208,21 @@ def close_loop_command(arguments: Sequence[str]) -> int:
         "--search",
         choices=SEARCHES,
         default=SEARCHES[0],
-        help="forward: one effect after the other, by free runs; sets: several at once, by prediction errors",
+        help="forward: one effect after another, by free runs (default); sets: several at once, by prediction errors",
     )
     command.add_argument(
         "--next",
         action="store_true",
-        help="design the recording that settles what is open: DIR/next gets it as a reference, with a page",
+        help="design a motion that decides between the remaining answers; DIR/next gets it as a reference, with a page",
     )
     command.add_argument(
-        "--interlock", metavar="NAME", help="of --next: its limits hold for the motion (config/interlock or a file)"
+        "--interlock", metavar="NAME", help="with --next: the motion keeps its limits (config/interlock or a file)"
     )
     command.add_live()
     command.add_argument(
-        "--most", type=int, default=2, metavar="N", help="of --live: at most N recordings are made (default: 2)"
+        "--most", type=int, default=2, metavar="N", help="with --live: make at most N recordings (default: 2)"
     )
-    command.add_argument("--acknowledge", default="", metavar="NAME", help="of --live: who releases every motion")
+    command.add_argument("--acknowledge", default="", metavar="NAME", help="with --live: who releases every motion")
     given = command.parse_args(arguments)
     if given.interlock and not given.next:
         raise ShakeError("--interlock: is for --next")

@@ -29,8 +29,8 @@ def thd_command(arguments: Sequence[str]) -> int:
     p.add_take()
     p.add_argument("--frequency", type=float, help="fundamental [Hz] (default: found)")
     p.add_argument("--harmonics", type=int, metavar="N", help="orders to fit and to print (default: all, 15 printed)")
-    p.add_argument("--start", type=float, metavar="T", help="from this time of the recording on [s]")
-    p.add_argument("--stop", type=float, metavar="T", help="up to this time of the recording [s]")
+    p.add_argument("--start", type=float, metavar="T", help="start of the segment that is used [s]")
+    p.add_argument("--stop", type=float, metavar="T", help="end of the segment that is used [s]")
     given = p.parse_args(arguments)
     found = [thd(source(bag, given), given.frequency, given.harmonics, given.start, given.stop) for bag in given.bags]
     print("\n\n".join(map(repr, found)))
@@ -48,13 +48,19 @@ def spectrum_command(arguments: Sequence[str]) -> int:
     p.add_argument("bags", nargs="+", metavar="BAG", type=Path)
     p.add_take()
     p.add_argument("--channel", type=int, default=0, help="component of an accelerogram that has several, from 1")
-    p.add_argument("--damping", type=float, nargs="+", default=list(DAMPING), metavar="XI", help="(default: 0.05)")
+    p.add_argument(
+        "--damping", type=float, nargs="+", default=list(DAMPING), metavar="XI", help="damping ratios (default: 0.05)"
+    )
     p.add_argument("--low", type=float, default=LOW, metavar="HZ", help=f"lowest frequency (default: {LOW:g})")
     p.add_argument(
         "--high", type=float, metavar="HZ", help=f"highest (default: {HIGH:g}, or 0.45 of the sampling rate if lower)"
     )
     p.add_argument(
-        "--per-octave", type=int, default=PER_OCTAVE, metavar="N", help=f"frequencies (default: {PER_OCTAVE})"
+        "--per-octave",
+        type=int,
+        default=PER_OCTAVE,
+        metavar="N",
+        help=f"frequencies in each octave (default: {PER_OCTAVE})",
     )
     p.add_argument("--subtract-mean", action="store_true", help="subtract the mean first (a sensor's offset)")
     p.add_argument(
@@ -147,7 +153,7 @@ def record_scale_parser() -> CommandLine:
     p.add_argument("--velocity", type=float, help="largest velocity [m/s] (default: from the table)")
     p.add_argument("--acceleration", type=float, help="largest acceleration [m/s²] (default: from the table)")
     p.add_argument("--channel", type=int, default=0, help="channel of a file that has several, from 1")
-    p.add_argument("--unit", default="", choices=("", *UNITS), help="unit of a file that names none")
+    p.add_argument("--unit", default="", choices=("", *UNITS), help="unit of a file that does not name one")
     p.add_argument("--scale", default="1", help="factor on the acceleration, or 'fill' = as large as the table allows")
     p.add_argument(
         "--fit",
@@ -163,7 +169,7 @@ def record_scale_parser() -> CommandLine:
         help="FILE.csv (time, acceleration, velocity, position) or FILE.yaml (for reference_generator); with several "
         "FILEs a folder of .csv",
     )
-    p.add_argument("--force", action="store_true", help="overwrite")
+    p.add_argument("--force", action="store_true", help="replace existing files")
     p.add_figures()
     return p
 
