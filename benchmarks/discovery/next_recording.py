@@ -2,8 +2,9 @@
 
     ./shake campaign next_recording --out DIR
 
-Declared tables of hidden_tables.py, which shares nothing with the package; one effect hidden in each; the first
-recording is 10 s of a small quake, 6 s to fit and 4 s for validation. From the same first answer, up to two further
+Declared tables of hidden_tables.py, which shares nothing with the package; the first recording is 10 s of a small
+quake, 6 s to fit and 4 s for validation; one effect is hidden in each table, so strong that it changes the acceleration
+of this recording by SEVERITY where it can. From the same first answer, up to two further
 recordings are made on the hidden table, under its own weak position loop: of the motion that `next_recording` designs;
 of the recording of the fixed catalogue that `close_loop` calls the most helpful; of a motion of the library drawn by
 chance.
@@ -30,8 +31,7 @@ from shake_ros.declared import recordings_to_make
 from shake_ros.experiment_design.motions import library
 from shake_ros.experiment_design.next_recording import NextRecording, decide, limits_of
 
-SEVERITY = 0.2  # relative change of the acceleration by the effect
-SHORTER = 0.4  # part of the hidden tables' excitations by which the effect's strength is found
+SEVERITY = 0.2  # relative change of the acceleration of the first recording by the effect
 MOST = 2  # further recordings
 Choice = Callable[[Discovery, Any], np.ndarray]  # excitation of a further recording, shape (n,)
 
@@ -44,9 +44,11 @@ def measure(seed: int, minutes: float) -> dict[str, Any]:
     rng = np.random.default_rng([seed, 45])
     listed = [name for name, kind in hidden.HIDDEN.items() if kind.listed]
     effect = str(rng.choice(listed))
-    commands = hidden.excitations(seed, SHORTER)
-    truth = hidden.with_effect(hidden.declared_truth(seed), effect, SEVERITY, commands, seed)
-    first, second = HiddenTable(truth, rng).quake()
+    quake = small_quake(10.0, rng)
+    felt = dict.fromkeys(("learn_ladder", "learn_multisine"), quake)
+    truth = hidden.with_effect(hidden.declared_truth(seed), effect, SEVERITY, felt, seed)
+    table, split = HiddenTable(truth, rng), round(6.0 / hidden.SAMPLE)
+    first, second = table.played("quake_1", quake[:split]), table.played("quake_2", quake[split:])
     found = close_loop(model("full"), first, second, minutes=minutes, progress=False)
     before = verdict(found, effect)
     series = [designed(found, HiddenTable(truth, np.random.default_rng([seed, 46])), minutes)]
@@ -86,11 +88,6 @@ class HiddenTable:
         t = self.truth
         gain = t.flow * np.sqrt(0.5 * (t.supply - t.tank)) / t.area
         return np.asarray(motion[:, 1] / gain + hidden.LOOP_GAIN * motion[:, 0])
-
-    def quake(self) -> tuple[Recordings, Recordings]:
-        """The first recording: to fit, and for validation."""
-        whole, split = small_quake(10.0, self.rng), round(6.0 / hidden.SAMPLE)
-        return self.played("quake_1", whole[:split]), self.played("quake_2", whole[split:])
 
     def asked(self, stroke: float) -> dict[str, Any]:
         """What its further recordings asked of it; stroke : how far they may go [m]."""

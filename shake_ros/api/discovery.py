@@ -17,6 +17,7 @@ from shake_ros.api.model import Model
 from shake_ros.api.progress import Ending, Progress, ProgressOption
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tracking, tune_table
 from shake_ros.core.discovery.declared_fit import FittedModel
+from shake_ros.core.discovery.verdict import ESTABLISHED
 from shake_ros.core.failures import Failures
 from shake_ros.core.identification.axis_model import position_errors
 from shake_ros.core.identification.experiments import Candidate
@@ -146,6 +147,12 @@ class Discovery(fitted.FittedResult):
     def latent_force(self) -> LatentForces:
         """The force that would have to act beside the final model, as a history with its band, by recording."""
         return LatentForces(self.closed.forces)
+
+    @property
+    def open(self) -> bool:
+        """Whether a verdict is not established, or a residual stands above the noise."""
+        undecided = any(v.state != ESTABLISHED for v in self.closed.verdicts)
+        return undecided or bool(self.closed.candidates) or self.remaining.above_noise
 
     @cached_property
     def rivals(self) -> tuple[RivalModel, ...]:

@@ -47,6 +47,7 @@ from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import load_table, save_table
 
 EVIDENCE = "for the evidence"
+SHOWING = "to show what the model lacks"
 
 
 @dataclass(frozen=True, repr=False)
@@ -204,7 +205,9 @@ class _Way:
         if asked.motion is None:
             return None
         motion = asked.motion_at(self.settings.numbers.sample_time)
-        return _Plan(level, motion, f"to distinguish {', '.join(asked.distinguished)}")
+        return _Plan(
+            level, motion, f"to distinguish {', '.join(asked.distinguished)}" if asked.distinguished else SHOWING
+        )
 
 
 def run_chart(name: str, title: str, step: Step) -> Chart:

@@ -7,9 +7,15 @@ expected gain in log likelihood over the rival is half of the squares that are l
     E = ½ min_δ (‖d − J δ‖² + ‖J₀ δ‖²) / w,
 
 all residuals weighted by the noise; w is the widening of the rival's variances on the recordings at hand, by which
-residuals that are correlated, or above the sensor noise, count less. A table that sticks and breaks away answers the
-least change of a parameter with another motion, which no linear δ follows. So the model found itself, its parameters
-moved within their own uncertainty, is held against itself in the same way: what a motion gains over that counts.
+residuals that are correlated, or above the sensor noise, count less. Rivals are the answers that a search has left open
+and, where it has left anything open, every effect that the model found lacks, as strong as the recordings leave
+possible: a motion that distinguishes these shows what no recording has shown. What is gained over a rival counts up to
+the odds that settle it. What is gained over an absent effect weakens what remains possible, so its logarithm counts,
+with the odds of 1 : 10 of an effect of that strength, as a mean over the effects.
+
+A table that sticks and breaks away answers the least change of a parameter with another motion, which no linear δ
+follows. So the model found itself, its parameters moved within their own uncertainty, is held against itself in the
+same way: what a motion gains over that counts.
 Source: A. Atkinson, V. Fedorov, The design of experiments for discriminating between two rival models, Biometrika 62
 (1975) 57; with the information J₀ᵀJ₀ that is there already.
 """
@@ -25,7 +31,8 @@ from numpy.typing import NDArray
 
 from shake_ros.core.control.feedforward_pi import FeedforwardPI
 from shake_ros.core.control.runner import Controller
-from shake_ros.core.discovery.problem import side_by_side
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.problem import linearised, side_by_side
 from shake_ros.core.identification.experiments import PAYLOAD
 from shake_ros.core.identification.fit import Fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -35,18 +42,21 @@ from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.reference.motion import Envelope, envelope
+from shake_ros.experiment_design.absent_effects import HARDLY, strongest_possible
 from shake_ros.experiment_design.further_sensors import FurtherSensor, WithSensors
 from shake_ros.experiment_design.motions import Excitation
 from shake_ros.search.rival_models import RivalModel
 
 Array = NDArray[np.float64]
 ENOUGH = math.log(1000.0)  # gain in log likelihood at which a rival counts as settled [nats]
-HARDLY = math.log(10.0)  # below it a motion does not tell a rival apart [nats]
+ODDS = math.exp(-HARDLY)  # of an absent effect that is as strong as the recordings leave possible
+HALVED = math.log(4.0)  # growth of the information on a strength that halves its deviation, on a logarithmic scale
 OVERHEAD = 4.0  # of a run beside its motion, in seconds of excitation: many short runs are no gain
 FOLLOWED = 12.0  # bandwidth of the plain loop by which a motion is predicted [rad/s]
 COMMAND = 0.9  # largest valve command that a motion may need [-]
 NOTHING = np.zeros(0)
-CLOSE = 12  # motions whose evidence is worked out with refitted rivals: those of the largest difference
+CLOSE = 6  # motions whose evidence is worked out with each rival's own Jacobian
+BOTH = math.sqrt(2.0)  # of weighted residuals: the second half of a motion tells as much as the first
 
 
 @dataclass(frozen=True)
@@ -57,7 +67,7 @@ class Separation:
     ----------
     rival : its name.
     gain : expected gain in log likelihood of the model found over it [nats].
-    left : acceleration that its refit leaves unexplained, shape (n,) [m/s²].
+    left : acceleration that its refit leaves unexplained in the first half of the motion, shape (n,) [m/s²].
     """
 
     rival: str
@@ -83,20 +93,46 @@ class PredictedExcitation:
     ----------
     motion : asked for.
     samples : of the reference, shape (n, 3).
-    record : what its sensors would show.
-    separations : of each rival.
+    record : what its sensors would show of the first half, which the second mirrors.
+    separations : of each rival that a search has left open.
+    absent : of each effect that the model found lacks.
     """
 
     motion: Excitation
     samples: Array
     record: Record
     separations: tuple[Separation, ...] = ()
+    absent: tuple[Separation, ...] = ()
 
     @property
     def rate(self) -> float:
-        """Rivals that it settles per second, those that it settles in part counted in part [1/s]."""
-        settled = sum(min(max(s.gain, 0.0) / ENOUGH, 1.0) for s in self.separations)
-        return settled / (self.motion.seconds + OVERHEAD)
+        """What it settles per second: 1 for a rival, ODDS for all absent effects if their strengths halve [1/s]."""
+        rivals = sum(min(s.gain / ENOUGH, 1.0) for s in self.separations)
+        absent = sum(math.log1p(s.gain / HARDLY) for s in self.absent) / (HALVED * max(len(self.absent), 1))
+        return (rivals + ODDS * absent) / (self.motion.seconds + OVERHEAD)
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An answer beside the model found.
+
+    Attributes
+    ----------
+    name : of it.
+    fit : that explains the recordings at hand as well as it can.
+    information : of its parameters from these recordings, per unit of x, shape (p, p).
+    wide : widening of its variances.
+    """
+
+    name: str
+    fit: Fit
+    information: Array = field(repr=False)
+    wide: float
+
+    @classmethod
+    def of(cls, name: str, there: Fit, problem: RecordingProblem) -> Rival:
+        """With what the recordings at hand say of a fit that has its residuals and Jacobian there."""
+        return cls(name, there, there.jacobian.T @ there.jacobian, widening(there, problem.blocks()))
 
 
 @dataclass(frozen=True)
@@ -105,61 +141,77 @@ class Designer:
 
     Attributes
     ----------
-    model : of all rivals. final : fit of the model found. rivals : of it. limits : of position, velocity, acceleration.
-    like : a recording whose noise the next one will have. moved : the model found with its parameters a standard
-    deviation away, to either side, as rivals of itself. known : information of each rival from the recordings at
-    hand, per unit of x, and its widening; itself : the same of the model found.
+    model : of all rivals.
+    found : the model found.
+    rivals : that a search has left open.
+    absent : the model found with each effect that it lacks.
+    limits : of position, velocity and acceleration.
+    like : a recording whose noise the next one will have.
+    moved : the model found with its parameters a standard deviation away, to either side, as rivals of itself.
     """
 
     model: DeclaredModel
-    final: Fit
-    rivals: tuple[RivalModel, ...]
+    found: Rival
+    rivals: tuple[Rival, ...]
+    absent: tuple[Rival, ...]
     limits: Envelope
     like: Record
-    moved: tuple[Fit, ...]
-    known: tuple[tuple[Array, float], ...]
-    itself: tuple[Array, float]
+    moved: tuple[Rival, ...]
 
     @classmethod
     def of(
-        cls, model: DeclaredModel, final: Fit, rivals: Sequence[RivalModel], limits: Envelope, records: Sequence[Record]
+        cls,
+        model: DeclaredModel,
+        final: Fit,
+        rivals: Sequence[RivalModel],
+        limits: Envelope,
+        records: Sequence[Record],
+        lacking: Sequence[CandidateEffect] = (),
     ) -> Designer:
-        """With what the recordings at hand say of each rival."""
+        """With what the recordings at hand say of each rival. lacking : effects that the model found lacks."""
         problem = RecordingProblem(list(records), model)
-
-        def informed(fit: Fit) -> tuple[Array, float]:
-            r = problem.residuals(fit.vector[None, :])[0]
-            there = Fit(fit.free, fit.x, r, jacobian(problem, fit.free, fit.x, r), 0.5 * float(r @ r), 0)
-            return there.jacobian.T @ there.jacobian, widening(there, problem.blocks())
-
-        like, itself = max(records, key=lambda r: len(r.commands)), informed(final)
-        away = within_uncertainty(final, *itself)
-        return cls(model, final, tuple(rivals), limits, like, away, tuple(informed(r.fit) for r in rivals), itself)
+        there = linearised(problem, final)
+        found = Rival.of("", there, problem)
+        possible = strongest_possible(problem, there, found.wide, lacking)
+        return cls(
+            model,
+            found,
+            tuple(Rival.of(r.name, linearised(problem, r.fit), problem) for r in rivals),
+            tuple(replace(found, name=name, fit=fit) for name, fit in possible.items()),
+            limits,
+            max(records, key=lambda r: len(r.commands)),
+            tuple(replace(found, fit=fit) for fit in within_uncertainty(final, found.information, found.wide)),
+        )
 
     def predicted(self, motion: Excitation) -> PredictedExcitation | None:
-        """A motion as the model found predicts it; None where any model would leave the limits."""
+        """A motion as the model found predicts it; None where it or a rival would leave the limits."""
         samples = motion.samples(self.limits, self.like.sample_time)
-        table = self.final.table
-        runs = [self._followed(t, samples) for t in (table, *(r.fit.table for r in self.rivals))]
+        runs = [self._followed(r.fit.table, samples) for r in (self.found, *self.rivals)]
         if any(run is None for run in runs) or runs[0] is None:
             return None
-        command, position, acceleration = runs[0]
-        rng, like, n = np.random.default_rng(0), self.like, len(position)
+        half = len(samples) // 2
+        command, position, acceleration = (signal[:half] for signal in runs[0])
+        rng, like = np.random.default_rng(0), self.like
         heard = like.acceleration is not None
-        felt = acceleration + like.acceleration_noise() * rng.standard_normal(n) if heard else None
+        felt = acceleration + like.acceleration_noise() * rng.standard_normal(half) if heard else None
         record = Record(
             str(motion),
             like.sample_time,
             command,
-            position + like.position_noise() * rng.standard_normal(n),
+            position + like.position_noise() * rng.standard_normal(half),
             felt,
             cutoff=like.cutoff,
         )
         return PredictedExcitation(motion, samples, record)
 
+    def harmless(self, prediction: PredictedExcitation) -> bool:
+        """Whether a motion stays within the limits whichever absent effect is there."""
+        runs = side_by_side(lambda r: self._followed(r.fit.table, prediction.samples), self.absent)
+        return all(run is not None for run in runs)
+
     def _followed(self, table: TableParameters, samples: Array) -> tuple[Array, Array, Array] | None:
         """Command, position and acceleration of a table under a plain loop; None where it leaves the limits."""
-        gain = envelope(self.final.table).velocity
+        gain = envelope(self.found.fit.table).velocity
         law = FeedforwardPI(
             limit=1.0, start_time=0.0, model_bandwidth=100.0, model_horizon=0.004, proportional_gain=-FOLLOWED / gain,
             integral_gain=0.0, feedforward_gain=1.0 / gain,
@@ -170,84 +222,105 @@ class Designer:
         largest = np.max(np.abs(run.truth), axis=0)
         return None if np.any(largest > self.limits) else (run.command, run.truth[:, 0], run.truth[:, 2])
 
-    def separated(self, prediction: PredictedExcitation, *, refitted: bool = True) -> tuple[Separation, ...]:
-        """What a predicted motion does to each rival; without their refits an upper bound."""
+    def separated(self, prediction: PredictedExcitation, *, exact: bool = True) -> PredictedExcitation:
+        """A predicted motion with what it does to each rival; else to first order about the model found."""
         problem = RecordingProblem([prediction.record], self.model)
-        if refitted:
-            return self._separations(self._compared(problem), lambda left: self._acceleration(problem, left))
-        truth = problem.residuals(self.final.vector[None, :])[0]
-        ends = [problem.residuals(rival.fit.vector[None, :])[0] - truth for rival in self.rivals]
-        gains = [0.5 * float(np.nansum(end**2)) / wide for end, (_, wide) in zip(ends, self.known, strict=True)]
-        return tuple(Separation(r.name, gain, NOTHING) for r, gain in zip(self.rivals, gains, strict=True))
+        compare = ModelComparison.of(problem, self.found)
+        itself = max(gained(*compare.rival(r))[0] for r in self.moved) if exact else 0.0
+
+        def separation(rival: Rival, exact: bool) -> Separation:
+            gain, left = gained(*compare.rival(rival, exact))
+            return Separation(rival.name, max(gain - itself, 0.0), acceleration_in(problem, left / BOTH))
+
+        return replace(
+            prediction,
+            separations=tuple(separation(r, exact) for r in self.rivals),
+            absent=tuple(separation(r, False) for r in self.absent),
+        )
 
     def with_sensors(
         self, prediction: PredictedExcitation, sensors: Sequence[FurtherSensor]
     ) -> dict[str, tuple[Separation, ...]]:
-        """The same if the table had one of some sensors more, by the sensor's name."""
-        problem = WithSensors(RecordingProblem([prediction.record], self.model), sensors, self.final.vector)
-        compared = self._compared(problem)
-        return {
-            name: self._separations([(left[own], j[own]) for left, j in compared], lambda _: NOTHING)
-            for name, own in problem.columns().items()
-        }
+        """What it does to the rivals if the table had one of some sensors more, by the sensor's name."""
+        problem = WithSensors(RecordingProblem([prediction.record], self.model), sensors, self.found.fit.vector)
+        compare, made = ModelComparison.of(problem, self.found), dict[str, tuple[Separation, ...]]()
+        compared = [compare.rival(r) for r in (*self.moved, *self.rivals)]
+        for name, own in problem.columns().items():
+            gains = [gained(d[own], slopes[own], known, wide)[0] for d, slopes, known, wide in compared]
+            itself, others = max(gains[: len(self.moved)]), gains[len(self.moved) :]
+            pairs = zip(self.rivals, others, strict=True)
+            made[name] = tuple(Separation(r.name, max(gain - itself, 0.0), NOTHING) for r, gain in pairs)
+        return made
 
     def heavier(self, part: float) -> Designer:
         """The same with a part of the mass that the model found moves more on the table."""
-        more = part * self.final.table.moved_mass
+        more = part * self.found.fit.table.moved_mass
 
-        def loaded(fit: Fit) -> Fit:
-            base = fit.free.base.with_values({PAYLOAD: fit.free.base.value(PAYLOAD) + more})
-            return replace(fit, free=FreeParameters(base, fit.free.free))
+        def loaded(rival: Rival) -> Rival:
+            free = rival.fit.free
+            base = free.base.with_values({PAYLOAD: free.base.value(PAYLOAD) + more})
+            return replace(rival, fit=replace(rival.fit, free=FreeParameters(base, free.free)))
 
-        rivals = tuple(replace(r, result=replace(r.result, fit=loaded(r.fit))) for r in self.rivals)
-        return replace(self, final=loaded(self.final), rivals=rivals, moved=tuple(map(loaded, self.moved)))
+        rivals, moved = (tuple(map(loaded, group)) for group in (self.rivals, self.moved))
+        return replace(self, found=loaded(self.found), rivals=rivals, absent=(), moved=moved)
 
-    def _compared(self, problem: RecordingProblem | WithSensors) -> list[tuple[Array, Array]]:
-        """Weighted difference from the model found, and its Jacobian, of `moved` and of every rival."""
-        truth = problem.residuals(self.final.vector[None, :])[0]
-
-        def one(fit: Fit) -> tuple[Array, Array]:
-            r = problem.residuals(fit.vector[None, :])[0]
-            return np.nan_to_num(r - truth), np.nan_to_num(jacobian(problem, fit.free, fit.x, r))
-
-        return [one(fit) for fit in (*self.moved, *(rival.fit for rival in self.rivals))]
-
-    def _separations(
-        self, compared: Sequence[tuple[Array, Array]], shown: Callable[[Array], Array]
-    ) -> tuple[Separation, ...]:
-        """What is gained over each rival beyond what is gained over the model found itself."""
-        known = [*[self.itself] * len(self.moved), *self.known]
-        ends = [gained(*pair, *of) for pair, of in zip(compared, known, strict=True)]
-        itself = max((gain for gain, _ in ends[: len(self.moved)]), default=0.0)
-        others = zip(self.rivals, ends[len(self.moved) :], strict=True)
-        return tuple(Separation(rival.name, max(gain - itself, 0.0), shown(left)) for rival, (gain, left) in others)
-
-    @staticmethod
-    def _acceleration(problem: RecordingProblem, residuals: Array) -> Array:
-        """The acceleration's part of weighted residuals in its unit, of the velocity where there is none."""
-        record, n = problem.records[0], len(problem.records[0].commands) - problem.records[0].start
-        if record.acceleration is None:
-            return residuals[:n] / problem.velocity_weights[0]
-        return -residuals[n : 2 * n] / problem.acceleration_weights[0]
-
-    def best(self, motions: Sequence[Excitation], progress: Callable[[str, float], None]) -> list[PredictedExcitation]:
-        """Predictions with their separations, the best first: of the library, then a step about the best of it."""
+    def best(self, motions: Sequence[Excitation], progress: Callable[[str, float], None]) -> PredictedExcitation | None:
+        """The best of the library and of the motions a step about the best of it; None if all leave the limits."""
         progress("predicting the motions of the library", 0.1)
-        possible = [p for p in side_by_side(self.predicted, motions) if p is not None]
-        rough = side_by_side(lambda p: sum(math.log1p(s.gain) for s in self.separated(p, refitted=False)), possible)
-        rates = [gain / p.motion.seconds for gain, p in zip(rough, possible, strict=True)]
-        order = np.argsort(rates)[::-1]
+        possible = self._worked_out(motions, exact=False)[:CLOSE]
         progress("refitting the rivals to the best of them", 0.4)
-        found = self._worked_out([possible[i] for i in order[:CLOSE]])
+        found = self._worked_out([p.motion for p in possible])
         if found:
-            progress(f"best so far: {found[0].motion}; varying it", 0.8)
-            around = [p for p in side_by_side(self.predicted, list(found[0].motion.neighbours())) if p is not None]
-            found = sorted([*found, *self._worked_out(around)], key=lambda p: -p.rate)
-        return found
+            progress(f"best so far: {found[0].motion}; varying it", 0.7)
+            found = sorted([*found, *self._worked_out(list(found[0].motion.neighbours()))], key=lambda p: -p.rate)
+        return next(filter(self.harmless, found), None)
 
-    def _worked_out(self, predictions: Sequence[PredictedExcitation]) -> list[PredictedExcitation]:
-        made = side_by_side(lambda p: replace(p, separations=self.separated(p)), predictions)
-        return sorted(made, key=lambda p: -p.rate)
+    def _worked_out(self, motions: Sequence[Excitation], *, exact: bool = True) -> list[PredictedExcitation]:
+        """The motions within the limits with what they do to each rival, the best first."""
+
+        def one(motion: Excitation) -> PredictedExcitation | None:
+            predicted = self.predicted(motion)
+            return predicted and self.separated(predicted, exact=exact)
+
+        return sorted(filter(None, side_by_side(one, motions)), key=lambda p: -p.rate)
+
+
+@dataclass(frozen=True)
+class ModelComparison:
+    """Models on a predicted motion, each compared with the model found.
+
+    Attributes
+    ----------
+    problem : of the first half of the motion. found : the model found. truth, slopes : its residuals and Jacobian.
+    """
+
+    problem: RecordingProblem | WithSensors
+    found: Rival
+    truth: Array
+    slopes: Array
+
+    @classmethod
+    def of(cls, problem: RecordingProblem | WithSensors, found: Rival) -> ModelComparison:
+        """With the model found simulated."""
+        there = linearised(problem, found.fit)
+        return cls(problem, found, there.residuals, np.nan_to_num(there.jacobian))
+
+    def rival(self, rival: Rival, exact: bool = True) -> tuple[Array, Array, Array, float]:
+        """What `gained` takes of a rival; unless exact with slopes and information of the model found."""
+        r = self.problem.residuals(rival.fit.vector[None, :])[0]
+        difference = BOTH * np.nan_to_num(r - self.truth)
+        if not exact:
+            return difference, BOTH * self.slopes, self.found.information, rival.wide
+        slopes = BOTH * np.nan_to_num(jacobian(self.problem, rival.fit.free, rival.fit.x, r))
+        return difference, slopes, rival.information, rival.wide
+
+
+def acceleration_in(problem: RecordingProblem, left: Array) -> Array:
+    """The acceleration's part of the weighted residuals of a recording, or the velocity's where there is none."""
+    record, n = problem.records[0], len(problem.records[0].commands) - problem.records[0].start
+    if record.acceleration is None:
+        return left[:n] / problem.velocity_weights[0]
+    return -left[n : 2 * n] / problem.acceleration_weights[0]
 
 
 def gained(difference: Array, slopes: Array, information: Array, wide: float) -> tuple[float, Array]:

@@ -19,6 +19,7 @@ from shake_ros.core.quantities import ShakeError, strict_keys
 from shake_ros.core.reference.motion import Envelope, envelope
 from shake_ros.data.reference_file import write_drive
 from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.declared import effect_candidates
 from shake_ros.experiment_design.design import ENOUGH, Designer, PredictedExcitation, Separation
 from shake_ros.experiment_design.further_sensors import FurtherSensor, further_sensors, lacking
 from shake_ros.experiment_design.motions import library
@@ -47,7 +48,7 @@ class NextRecording:
     prediction : the motion with what it is expected to do to each rival; None where none within the limits is possible.
     limits : largest position [m], velocity [m/s] and acceleration [m/s²] that it may ask for.
     sample_time : of the motion [s].
-    unexplained : whether a residual stands above the noise that no rival explains.
+    open : whether anything is: a verdict that is not established, or a residual above the noise.
     further : what the same motion would do to the rivals that it does not settle, with each further sensor that the
         table lacks, and with MORE_MASS.
     answers : effects of the model found, and of each rival.
@@ -57,24 +58,24 @@ class NextRecording:
     prediction: PredictedExcitation | None
     limits: Envelope
     sample_time: float
-    unexplained: bool = False
+    open: bool = True
     further: Mapping[str, tuple[Separation, ...]] = field(default_factory=dict)
     answers: tuple[tuple[str, ...], ...] = ()
 
     @property
-    def settled(self) -> bool:
-        """Whether nothing is open."""
-        return not self.rivals and not self.unexplained
-
-    @property
     def useful(self) -> bool:
-        """Whether the motion is expected to distinguish at least one rival."""
-        return bool(self.distinguished)
+        """Whether the motion is expected to distinguish a rival from the model found, or to show an effect."""
+        return bool(self.distinguished or self.shown)
 
     @property
     def distinguished(self) -> tuple[str, ...]:
         """The rivals that the motion is expected to distinguish from the model found."""
         return () if self.prediction is None else tuple(s.rival for s in self.prediction.separations if s.settles)
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """The absent effects that it is expected to show if they are as strong as the recordings leave possible."""
+        return () if self.prediction is None else tuple(s.rival for s in self.prediction.absent if s.settles)
 
     @property
     def motion(self) -> Array | None:
@@ -89,27 +90,29 @@ class NextRecording:
 
     def lines(self) -> Iterator[str]:
         """What it says, line by line."""
-        if self.settled:
+        if not self.open:
             yield "nothing is open: no further recording is needed"
-        if self.rivals:
+        elif self.rivals:
             yield f"open beside the model found: {', '.join(self.rivals)}"
+        else:
+            yield "the model found does not explain all, and no rival model is known"
         if self.prediction is not None and self.useful:
             yield f"the next recording: {self.prediction.motion}"
             for s in self.prediction.separations:
                 if s.settles:
                     yield f"  distinguishes {s.rival}: expected odds {_odds(s.odds)} : 1"
+            if self.shown:
+                yield f"  shows, as strong as the recordings leave them possible: {', '.join(self.shown)}"
         yield from self.cannot()
 
     def cannot(self) -> Iterator[str]:
         """What no motion within the limits settles, and what else would, line by line."""
-        if self.settled:
+        if not self.open:
             return
-        if not self.rivals:
-            yield "the residual is above the noise, and there is no rival model that a recording could distinguish"
-        elif self.prediction is None:
-            yield f"no motion of the library stays within {_limits(self.limits)} with every one of these models"
+        if self.prediction is None:
+            yield f"no motion of the library stays within {_limits(self.limits)} with every model that is possible"
         elif not self.useful:
-            yield f"no motion within {_limits(self.limits)} distinguishes them with the sensors of this table"
+            yield f"no motion within {_limits(self.limits)} settles anything with the sensors of this table"
         else:
             for s in self.prediction.separations:
                 if not s.settles:
@@ -149,7 +152,7 @@ class NextRecording:
         found, *others = [answer[0] if len(answer) == 1 else list(answer) for answer in self.answers] or [[]]
         return {
             "schema": "shake_ros.next/1",
-            "open": not self.settled,
+            "open": self.open,
             "separates": [[found, others[i]] for i in settled],
             "motion": None
             if motion is None or shown is None
@@ -164,6 +167,7 @@ class NextRecording:
             "rivals": list(self.rivals),
             "limits": self.limits._asdict(),
             "expected": _log_odds(separations),
+            "absent": _log_odds(() if shown is None else shown.absent),
             "further": {name: _log_odds(made) for name, made in self.further.items()},
         }
 
@@ -234,7 +238,9 @@ def next_recording(
     sensors: str = "sensors",
     progress: ProgressOption = True,
 ) -> NextRecording:
-    """The motion that tells the models apart which a search has left open, within what the table may do.
+    """The motion that settles what a search has left open, within what the table may do.
+
+    It distinguishes the model found from its rivals, and shows what else it may lack.
 
     Parameters
     ----------
@@ -253,15 +259,16 @@ def next_recording(
         raise ShakeError(f"next_recording: needs the model full or unknown, not {found.model.kind}")
     with Progress("next_recording", progress) as bar:
         bar("refitting the rivals", 0.0)
-        rivals = found.rivals
         bounds, dt = limits_of(found, limits, interlock), found.estimation[0].sample_time
-        if not rivals:
-            return NextRecording((), None, bounds, dt, found.remaining.above_noise)
-        designer = Designer.of(
-            found.model.declared, of_table(found.closed.search.final.fit), rivals, bounds, found.estimation
-        )
-        best = next(iter(designer.best(library(motions), bar)), None)
+        if not found.open:
+            return NextRecording((), None, bounds, dt, open=False)
+        rivals, declared = found.rivals, found.model.declared
         effects = tuple(step.chosen.candidate.effect for step in found.closed.search.steps)
+        known = {*effects, *(r.candidate.effect for r in rivals if r.candidate)}
+        absent = [c for c in effect_candidates(declared, found.table) if c.effect not in known]
+        final = of_table(found.closed.search.final.fit)
+        designer = Designer.of(declared, final, rivals, bounds, found.estimation, absent)
+        best = designer.best(library(motions), bar)
         answers = effects, *(rival.effects(effects) for rival in rivals)
         made = NextRecording(tuple(r.name for r in rivals), best, bounds, dt, answers=answers)
         if best is None or all(s.settles for s in best.separations):
@@ -278,7 +285,7 @@ def remedies(
     found = designer.with_sensors(best, sensors)
     heavier = designer.heavier(MORE_MASS)
     if loaded := heavier.predicted(best.motion):
-        found[f"{100.0 * MORE_MASS:.0f} % more mass on the table"] = heavier.separated(loaded)
+        found[f"{100.0 * MORE_MASS:.0f} % more mass on the table"] = heavier.separated(loaded).separations
     left = {s.rival for s in best.separations if not s.settles}
     return {name: tuple(s for s in made if s.rival in left) for name, made in found.items()}
 
@@ -351,9 +358,12 @@ def next_page(asked: NextRecording) -> Page:
     if shown is not None:
         rows = [
             (s.rival, f"{s.gain:.1f}", "yes" if s.settles else "no")
-            for s in sorted(shown.separations, key=lambda s: -s.gain)
+            for s in (*sorted(shown.separations, key=lambda s: -s.gain), *sorted(shown.absent, key=lambda s: -s.gain))
         ]
-        page.table(("model that is open", "expected gain in log likelihood [nats]", "distinguished"), rows)
+        page.table(
+            ("model that is open, or effect that is absent", "expected gain in log likelihood [nats]", "distinguished"),
+            rows,
+        )
         if asked.motion is not None:
             page.link("drive.yaml, the reference to play", "drive.yaml")
         page.chart(prediction_chart(shown))
@@ -363,18 +373,17 @@ def next_page(asked: NextRecording) -> Page:
 def prediction_chart(shown: PredictedExcitation) -> Chart:
     """Reference, and what each rival would leave unexplained once it is refitted to the recording."""
     record = shown.record
-    time = np.arange(len(record.commands)) * record.sample_time
-    rests = [
-        ChartSeries(s.rival, s.left, COLOURS[i % len(COLOURS)]) for i, s in enumerate(shown.separations) if len(s.left)
-    ]
+    time, whole = (np.arange(n) * record.sample_time for n in (len(record.commands), len(shown.samples)))
+    most = sorted(shown.separations or shown.absent, key=lambda s: -s.gain)[: len(COLOURS)]
+    rests = [ChartSeries(s.rival, s.left, colour) for s, colour in zip(most, COLOURS, strict=False)]
     felt = record.acceleration if record.acceleration is not None else np.gradient(record.velocity, record.sample_time)
     panels = (
-        Panel("position [mm]", time, (ChartSeries("reference", 1e3 * shown.samples[:, 0], "c5"),), height=130),
+        Panel("position [mm]", whole, (ChartSeries("reference", 1e3 * shown.samples[:, 0], "c5"),), height=130),
         Panel("acceleration [m/s²]", time, (ChartSeries("predicted by the model found", felt, "c0"),), height=150),
         Panel("left by a rival [m/s²]", time[record.start :], tuple(rests)),
     )
     caption = (
-        "The motion, its acceleration, and what each rival, refitted to it, would leave unexplained if the model found "
-        "is true"
+        "The motion; of its first half, which the second mirrors, the acceleration, and what each rival, refitted to "
+        "it, would leave unexplained if the model found is true"
     )
     return Chart("next_recording", "time [s]", panels, caption)

@@ -75,9 +75,6 @@ def rival_models(problem: SearchProblem, closed: LoopClosure) -> tuple[RivalMode
             fitted = problem.converged_again(verdict.model)
             if fitted.score < final.score:
                 made.append(RivalModel(f"with {verdict.effect}", fitted, None, verdict.candidate))
-    if closed.remaining.above_noise and not made:
-        better = [r for r in found.rejected if r.score < final.score]
-        made += [RivalModel(f"with {r.candidate.effect}", r.result, None, r.candidate) for r in better]
     return tuple(sorted(made, key=lambda r: r.result.score)[:MOST])
 
 
