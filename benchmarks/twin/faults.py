@@ -34,6 +34,7 @@ BEFORE, AFTER = 3, 2  # motions of the sound table, and with the fault at full s
 SOUND = 5  # motions of a sound table that are watched behind the first ones
 GROWING = 4  # motions over which a slow fault grows
 RUMBLE = 0.01  # random force of the table with process noise, in parts of what its supply can push
+SUBSTEPS = 20  # integration steps in a sample
 SPECIMEN = 100.0  # that swings on one of the tables [kg]
 NUMBERS = {  # names of the package → fields of the truth
     **hidden.DECLARED,
@@ -106,6 +107,7 @@ def bench(table: str, seed: int) -> Bench:
     if table == "foreign":
         truth = foreign.table(rng)
         laboratory = foreign.laboratory(truth, rng)
+        truth = as_played(truth, laboratory)
         return Bench(truth, _found(truth, rng), laboratory)
     truth = hidden.declared_truth(seed)
     if table == "specimen":
@@ -142,7 +144,7 @@ def played(
         out = _foreign(b, truth, wanted, rng, noise)
     else:
         excitation = lab.feedforward * wanted[:, 1] + lab.feedback * wanted[:, 0]
-        made = hidden.record(truth, excitation, noise, rng, 20)
+        made = hidden.record(truth, excitation, noise, rng, SUBSTEPS)
         out = np.column_stack([made["command"], made["position"], made["acceleration"]])
     times = np.arange(len(out)) / lab.rate
     run = recording(name, times, *out[:, :2].T, acceleration=out[:, 2])
@@ -160,11 +162,18 @@ def _foreign(b: Bench, truth: hidden.Truth, wanted: np.ndarray, rng: Any, noise:
     return out
 
 
+def as_played(truth: hidden.Truth, lab: foreign.Laboratory) -> hidden.Truth:
+    """A truth with the delay that its simulator plays: whole integration steps, in a laboratory one sample at most."""
+    step = 1.0 / lab.rate / (math.ceil(1.0 / lab.rate / foreign.STEP) if lab.anti_alias else SUBSTEPS)
+    late = step * round(truth.command_delay / step)
+    return truth._replace(command_delay=min(late, 1.0 / lab.rate) if lab.anti_alias else late)
+
+
 def changed(b: Bench, fault: Fault, strength: float, sign: float) -> hidden.Truth:
     """The truth with a fault: a factor exp(± strength) of its field, or its value ± strength."""
-    if fault.factor:
-        return b.truth._replace(**{fault.field: getattr(b.truth, fault.field) * math.exp(sign * strength)})
-    return b.truth._replace(**{fault.field: getattr(b.truth, fault.field) + sign * strength})
+    now = getattr(b.truth, fault.field)
+    value = now * math.exp(sign * strength) if fault.factor else now + sign * strength
+    return as_played(b.truth._replace(**{fault.field: value}), b.laboratory)
 
 
 def strength_of(b: Bench, fault: Fault, sign: float, size: float, motion: str, seed: int) -> float:

@@ -5,8 +5,7 @@ last estimated, its whitened innovations r and their Jacobian J give the log lik
 
     ℓ(x) = −½ |r + J (x − x̂)|² = −½ xᵀ H x + hᵀ x + const,   H = Jᵀ J,  h = H x̂ − Jᵀ r
 
-and windows add up: of any stretch of time H and h are the sums. A window is linearised again where its estimate lies
-far from where it was linearised.
+and windows add up: of any stretch of time H and h are the sums. Each is linearised once, at what is known before it.
 
 Held gains would break a symmetry: where mass, pressures, stiffness and friction grow together, every motion stays the
 same, but corrections of the pressure and of the random force would act less, and the fit would take its scale of forces
@@ -28,7 +27,7 @@ from shake_ros.fit.prediction import FilteredSegment, Levels, Predictor
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import jacobian
 
-FAR, ROUNDS = 0.1, 3  # of a unit, from which a window is linearised again; so many times at most
+QUIET = 0.25  # part of what an accelerometer shows above the motion that is its own noise at least [-]
 MASS = "effects.payload_error.mass"
 FORCES = {  # power of the scale of all forces with which each number grows, where every motion stays the same
     "supply.supply_pressure": 1.0,
@@ -90,41 +89,34 @@ class WindowEvidence:
     motion: np.ndarray
 
 
+def segment_of(record: Record) -> Segment:
+    """The segment of a window; the noise of its accelerometer is a part of what the window shows, or more."""
+    found = Segment.of(record)
+    return replace(found, noise=(found.noise[0], QUIET * found.noise[1]))
+
+
 def evidence(
-    model: FreeModel,
-    record: Record,
-    levels: Levels,
-    precision: np.ndarray,
-    loudness: float = 0.0,
-    rounds: int = ROUNDS,
+    model: FreeModel, record: Record, levels: Levels, precision: np.ndarray, loudness: float = 0.0
 ) -> WindowEvidence:
-    """The evidence of a window.
+    """The evidence of a window, by one linearisation at the last estimate.
 
     Parameters
     ----------
     model : followed parameters at their last estimate. levels : of noise.
     precision : inverse covariance of that estimate, which holds what the window leaves open, shape (p, p).
     loudness : of the motion at which the model's errors were measured; a calmer one shows them larger beside its own
-        force, and counts less [m/s²]. rounds : linearisations at most.
+        force, and counts less [m/s²].
     """
-    segment = Segment.of(record)
-    start = ScaledPredictor([segment], levels)
-    x, motion = model.x, np.zeros((0, 5))
-    for k in range(rounds):
-        prediction = start.filtered(model.vectors(x)[0])
-        motion = _motion(prediction) if k == 0 else motion
-        r, j = jacobian(prediction, model, x)
-        j = scale_free(j, model, x)
-        information = j.T @ j
-        step = -np.linalg.solve(information + precision, j.T @ r + precision @ (x - model.x))
-        left = r + j @ step
-        here, x = x, np.clip(x + step, *model.bounds)
-        if np.max(np.abs(x - here)) < FAR:
-            break
+    segment, x = segment_of(record), model.x
+    prediction = ScaledPredictor([segment], levels).filtered(model.vectors(x)[0])
+    r, j = jacobian(prediction, model, x)
+    j = scale_free(j, model, x)
+    information, gradient = j.T @ j, j.T @ r
+    left = r - j @ np.linalg.solve(information + precision, gradient)
     square = float(left @ left) / max(prediction.count, 1)
     weight = min(1.0, (segment.loudness / loudness) ** 2) if loudness else 1.0
-    vector = information @ here - j.T @ r
-    return WindowEvidence(record, weight * information, weight * vector, square, prediction.count, motion)
+    vector = information @ x - gradient
+    return WindowEvidence(record, weight * information, weight * vector, square, prediction.count, _motion(prediction))
 
 
 def scale_free(j: np.ndarray, model: FreeModel, x: np.ndarray) -> np.ndarray:

@@ -33,14 +33,15 @@ from shake_ros.core.identification.sensor_filter import SensorFilter
 from shake_ros.declared import effect_candidates, sized
 from shake_ros.fit.model import SENSOR, SENSOR_FILTER, TABLE, FreeModel, TriedEffect
 from shake_ros.fit.prediction import Levels
-from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import Budget, PredictorFit, descend, jacobian, prior_residuals
 from shake_ros.search.candidates import functions, listed
 from shake_ros.search.loop import PRIOR
 from shake_ros.search.proposal import MULTIPLES, SHIFT, EffectSet, Linearised, evaluate, linearised
-from shake_ros.twin.evidence import ScaledPredictor
+from shake_ros.twin.evidence import ScaledPredictor, segment_of
 
-REFITTED = 6  # hypotheses that are refitted
+SCREENED = 3.0  # length of the windows on which every hypothesis is tried [s]
+BEST = 12  # hypotheses that are tried before the change as well
+REFITTED, WORTH = 6, 0.5  # hypotheses that are begun; part of the best one's gain with which a refit goes on
 STEPS, CONVERGED = 30, 0.1  # Jacobians of a refit at most; fall of the cost at which it has converged [nats]
 RIVAL = math.log(20.0)  # nats behind the best, within which a hypothesis stays possible
 MOVED = 1.5  # times the size of a change that matters, by which a followed parameter is first moved
@@ -156,7 +157,7 @@ class Naming:
         self._share = len(self.since) / max(len(self.before), 1)
 
     def _fitted(self, records: Sequence[Record]) -> PredictorFit:
-        start = ScaledPredictor([Segment.of(r) for r in records], self.levels)
+        start = ScaledPredictor([segment_of(r) for r in records], self.levels)
         prediction = start.filtered(self.model.vectors(self.model.x)[0])
         return PredictorFit(self.model, prediction, prediction.log_likelihood())
 
@@ -167,7 +168,7 @@ class Naming:
         ----------
         normal_square : mean square of the innovations up to which they count as explained [-].
         """
-        found = self._against_past([self._refitted(*h) for h in self._screened()])
+        found = self._against_past(self._refits())
         best = found[0]
         explained = bool(best.evidence > 0.0 and best.square < normal_square)
         rivals = tuple(h for h in found[1:] if self._rivals(h, best))
@@ -182,16 +183,37 @@ class Naming:
         moved = [self._moved(i) for i in range(len(self.model.x))]
         taken = {*self.model.table.effects, *(n.split(".")[1] for n in self.model.names if n.startswith("effects."))}
         tried = [*moved, *(listed(c) for c in self.candidates if c.effect not in taken)]
-        lin = linearised(self.fitted, tried)
-        had = linearised(self.past, tried) if self.past else None
-        found = dict[str, tuple[float, TriedEffect, EffectSet]]()
+        best = self._gains(self.fitted, tried)[:BEST]
+        had = dict[str, float]()
+        if self.past:
+            again = [replace(effect, trials=(s.trials[0].directions,)) for effect, s in best]
+            had = {effect.strength.name: self._share * s.gain for effect, s in self._gains(self.past, again)}
+        return sorted(best, key=lambda h: had.get(h[0].strength.name, 0.0) - h[1].gain)[:REFITTED]
+
+    def _gains(self, fitted: PredictorFit, tried: Sequence[TriedEffect]) -> list[tuple[TriedEffect, EffectSet]]:
+        """Each hypothesis that gains anything at its best trial, to first order and on some windows; the best first."""
+        some = replace(fitted, prediction=fitted.prediction.part(SCREENED))
+        lin, found = linearised(some, tried), dict[str, tuple[TriedEffect, EffectSet]]()
+        whole = fitted.prediction.count / some.prediction.count
         for m, trial in enumerate(lin.trials):
             gain, parts = evaluate(lin, [m])
-            net = gain - (self._share * max(evaluate(had, [m])[0], 0.0) if had else 0.0)
             effect = trial.candidate
-            if gain > 0.0 and net > found.get(effect.strength.name, (-math.inf,))[0]:
-                found[effect.strength.name] = net, effect, _single(lin, m, gain, parts)
-        return [(effect, s) for _, effect, s in sorted(found.values(), key=lambda f: -f[0])[:REFITTED]]
+            before = found.get(effect.strength.name)
+            if gain > 0.0 and (before is None or whole * gain > before[1].gain):
+                found[effect.strength.name] = effect, _single(lin, m, whole * gain, parts)
+        return sorted(found.values(), key=lambda h: -h[1].gain)
+
+    def _refits(self) -> list[Hypothesis]:
+        """The screened hypotheses at their most likely values; one that begins far behind the best is left out."""
+        begun = [(effect, *self._begun(effect, s)) for effect, s in self._screened()]
+        found, least = list[Hypothesis](), math.inf
+        for effect, model, cost in sorted(begun, key=lambda b: b[2]):
+            if cost - least > PRIOR + RIVAL + (1.0 - WORTH) * (self._unchanged.cost - least):
+                break
+            refit = self._converged(self.fitted, model, effect.strength.name)
+            found.append(self._hypothesis(effect, refit))
+            least = min(least, refit.cost)
+        return found
 
     def _moved(self, i: int) -> TriedEffect:
         """A followed parameter as a hypothesis: it alone moves, tried either way at finite steps."""
@@ -203,8 +225,9 @@ class Naming:
         trials = tuple(({p.name: float(v * p.scale)},) for v in reached if v != x)
         return TriedEffect(name, (FreeParameter(p.name, p.scale, -math.inf, math.inf, p.unit),), trials, place)
 
-    def _begun(self, effect: TriedEffect, proposal: EffectSet) -> FreeModel:
-        """Where a refit begins: the hypothesis at the likeliest part of its linear prediction, others moved or not."""
+    def _begun(self, effect: TriedEffect, proposal: EffectSet) -> tuple[FreeModel, float]:
+        """Where a refit begins, with its cost [nats]: at the likeliest part of the linear prediction, others moved or
+        not."""
         (trial,), (parts,) = proposal.trials, proposal.parts
         found, name = list[FreeModel](), effect.strength.name
         for part in MULTIPLES:
@@ -219,19 +242,19 @@ class Naming:
                 moved[i] = self.model.x[i] + part * parts[0] * tried
                 free = (self.model.value(name), FREE * effect.strength.scale)
                 found.append(replace(self.model, priors={**self.model.priors, name: free}).at(moved))
-        rows = np.vstack([m.vectors(m.x) for m in found])
-        costs = np.sum(self.fitted.prediction.residuals(rows) ** 2, axis=1)
-        costs += [np.sum(prior_residuals(m, m.x) ** 2) for m in found]
-        return found[int(np.argmin(costs))]
+        some = self.fitted.prediction.part(SCREENED)
+        priors = np.array([np.sum(prior_residuals(m, m.x) ** 2) for m in found])
+        left = np.sum(some.residuals(np.vstack([m.vectors(m.x) for m in found])) ** 2, axis=1)
+        k = int(np.argmin(left * self.fitted.prediction.count / some.count + priors))
+        whole = self.fitted.prediction.residuals(found[k].vectors(found[k].x))
+        return found[k], 0.5 * float(np.sum(whole**2) + priors[k]) / self.inflation
 
-    def _refitted(self, effect: TriedEffect, proposal: EffectSet) -> Hypothesis:
+    def _hypothesis(self, effect: TriedEffect, found: _Refit) -> Hypothesis:
         """A hypothesis at its most likely value."""
         name, scale = effect.strength.name, effect.strength.scale
         followed = name in self.model.names
         half_width = float(self.sizes[self.model.names.index(name)]) * scale if followed else scale
         was = self.model.value(name) if followed else self.model.table.value(name)
-        begun = self._begun(effect, proposal)
-        found = self._converged(self.fitted, begun, name)
         i = found.model.names.index(name)
         value, deviation = found.model.value(name), math.sqrt(found.covariance[i, i]) * scale
         prior = math.log(scale / (math.pi * half_width * (1.0 + ((value - was) / half_width) ** 2)))

@@ -18,36 +18,42 @@ from shake_ros.fit.model import SENSOR_FILTER, TABLE, FreeModel
 from shake_ros.fit.prediction import LIMITS, Levels, Predictor, tuned
 from shake_ros.fit.segment import Segment
 from shake_ros.twin.change import KnownState, pooled
-from shake_ros.twin.evidence import WindowEvidence, evidence
+from shake_ros.twin.evidence import QUIET, WindowEvidence, evidence, segment_of
 
-TUNED = 4  # windows that show the levels of noise
+FEW = 3  # windows, from the loudest to the calmest, that show the levels of noise and where the parameters about lie
 LEVELS = ("force", "acceleration", "position", "memory")
+MEMORIES = (0.1, 0.03, 0.01)  # of the random force that are tried [s]
 HELD = {"null": 1e-6, "null_drift": 1e-6, "bias": 1e-6, "bias_drift": 1e-7}  # offsets, which are followed instead
-STEPS, CONVERGED = 6, 1.0  # linearisations at most; foreseen gain at which they have converged [nats]
-RENEWED = (0, 1, 3)  # linearisations before which levels of noise and the accelerometer's filter are sought
+STEPS, CONVERGED = 4, 1.0  # linearisations of the few and of all at most; foreseen gain at which they end [nats]
 
 
-def fitted_to(records: Sequence[Record], model: FreeModel, file: np.ndarray) -> tuple[FreeModel, Levels, KnownState]:
-    """A model fitted to the windows of a reference, with the levels of noise and what is known of its parameters.
+def fitted_to(
+    records: Sequence[Record], model: FreeModel, file: np.ndarray, loudness: float
+) -> tuple[FreeModel, Levels, list[WindowEvidence]]:
+    """A model fitted to the windows of a reference, with the levels of noise and the evidence of each window.
+
+    The levels are sought where a few windows have led the model, under levels that leave room for its errors.
 
     Parameters
     ----------
-    file : covariance of the parameters before, shape (p, p).
+    file : covariance of the parameters before, shape (p, p). loudness : as in `evidence`.
     """
-    few = [Segment.of(r) for r in records[:: max(len(records) // TUNED, 1)]]
-    first, levels = KnownState(model.x, file), Levels(force=0.05, memory=0.1, **HELD)
-    known, precision = first, np.linalg.inv(file)
-    for step in range(STEPS):
-        if step in RENEWED:
-            levels = noise_levels(few, model, levels)
-            model = with_filter(few, model, levels) if step else model
-        found = [evidence(model, r, levels, precision, rounds=1) for r in records]
-        known = pooled(first, found, 1.0)
-        moved = np.clip(known.mean, *model.bounds) - model.x
-        model = model.at(known.mean)
-        if 0.5 * float(moved @ np.linalg.solve(known.covariance, moved)) < CONVERGED and step > RENEWED[1]:
-            break
-    return model, levels, known
+    order = sorted(records, key=lambda r: Segment.of(r).loudness)
+    few = [order[i] for i in np.linspace(0, len(order) - 1, min(FEW, len(order))).astype(int)]
+    segments, levels = [segment_of(r) for r in few], Levels(force=0.05, memory=0.01, acceleration=0.5 / QUIET, **HELD)
+    first, precision = KnownState(model.x, file), np.linalg.inv(file)
+    found = list[WindowEvidence]()
+    for windows in (few, records):
+        levels = noise_levels(segments, model, levels) if found else levels
+        model = with_filter(segments[len(segments) // 2], model, levels)
+        for _ in range(STEPS):
+            found = [evidence(model, r, levels, precision, loudness) for r in windows]
+            known = pooled(first, found, 1.0)
+            moved = np.clip(known.mean, *model.bounds) - model.x
+            model = model.at(known.mean)
+            if 0.5 * float(moved @ np.linalg.solve(known.covariance, moved)) < CONVERGED:
+                break
+    return model, levels, found
 
 
 @dataclass(frozen=True)
@@ -67,21 +73,33 @@ def noise_levels(few: Sequence[Segment], model: FreeModel, begin: Levels) -> Lev
     vector, usual = model.vectors(model.x)[0], float(np.median([s.loudness for s in few]))
     steady = [_Steady(**{f.name: getattr(s, f.name) for f in fields(s)}, usual=usual) for s in few]
     begin = replace(begin, force=max(begin.force, begin.least_force / usual), least_force=0.0)
-    own, same = (tuned(Predictor(s, begin), vector, LEVELS) for s in (few, steady))
+    begin = _likeliest_memory(few[len(few) // 2], vector, begin)
+    own = tuned(Predictor(few, begin), vector, LEVELS)
+    same = tuned(Predictor(steady, own.levels), vector, LEVELS)
     least = same.levels.force * usual
     if np.sum(same.log_likelihood()) > np.sum(own.log_likelihood()):
         return replace(same.levels, force=LIMITS["force"][0], least_force=least)
     return replace(own.levels, least_force=own.levels.force * usual)
 
 
-def with_filter(few: Sequence[Segment], model: FreeModel, levels: Levels) -> FreeModel:
-    """The model with the filter of the accelerometer, or none, under which the segments are likeliest."""
+def _likeliest_memory(segment: Segment, vector: np.ndarray, begin: Levels) -> Levels:
+    """The likeliest of levels with a force of long or short memory.
+
+    What a recording shows above its motion is noise of the sensor or a force of short memory. The likelihood has a
+    maximum for each, and the parameters are biased at the wrong one.
+    """
+    kinds = [tuned(Predictor([segment], replace(begin, memory=m)), vector, ("force", "acceleration")) for m in MEMORIES]
+    return max(kinds, key=lambda k: float(np.sum(k.log_likelihood()))).levels
+
+
+def with_filter(segment: Segment, model: FreeModel, levels: Levels) -> FreeModel:
+    """The model with the filter of the accelerometer, or none, under which a segment is likeliest."""
     if SENSOR_FILTER.name not in model.names:
         return model
-    i, dt = model.names.index(SENSOR_FILTER.name), few[0].dt
+    i, dt = model.names.index(SENSOR_FILTER.name), segment.dt
     tried = [0.0, *(FILTER_DELAY * dt / c for c in CUTOFFS), *([model.value(SENSOR_FILTER.name)] if model.x[i] else [])]
     models = [model.at(np.where(np.arange(len(model.x)) == i, lag / model.scale[i], model.x)) for lag in tried]
-    likelihood = [np.sum(Predictor(few, levels).filtered(m.vectors(m.x)[0]).log_likelihood()) for m in models]
+    likelihood = [np.sum(Predictor([segment], levels).filtered(m.vectors(m.x)[0]).log_likelihood()) for m in models]
     return models[int(np.argmax(likelihood))]
 
 

@@ -295,7 +295,7 @@ class Twin:
         records = [r for r, _ in self._waiting]
         loudness = float(np.median([Segment.of(r).loudness for r in records]))
         first = self._known
-        model, levels, known = fitted_to(records, self._model, first.covariance)
+        model, levels, found = fitted_to(records, self._model, first.covariance, loudness)
         error = float(free_run_errors(model.vectors(model.x), records)[0])
         if error > FOREIGN:
             self._waiting = []
@@ -303,10 +303,8 @@ class Twin:
                 f"the table's file leaves {100.0 * error:.0f} % of the acceleration unexplained: "
                 "it is that of another table, or was not found by close_loop"
             )
-        self._model, self._known = model, KnownState(model.x, known.covariance)
-        found = [self._evidence(r, levels, loudness) for r in records]
         inflation = scatter(found)
-        self._known = pooled(first, found, inflation)
+        self._model, self._known = model, pooled(first, found, inflation)
         logs = np.log([w.square for w in found])
         square = (float(np.mean(logs)), float(np.std(logs)))
         self._normal = _Normal(levels, inflation, square, error, loudness, model.found_table())
