@@ -10,9 +10,9 @@ from shake_ros.core.identification.uncertainty import Estimate, at_bound
 from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, measured_distortion
 from shake_ros.measured.models import HarmonicComparison, MeasuredModel
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
-from shake_ros.report.page import Bar, Made, Page
+from shake_ros.report.page import Made, Page
 from shake_ros.report.result_table import ResultTable
-from shake_ros.report.text import bound_text, estimate_text, unit_of
+from shake_ros.report.text import bound_text, estimate_text, sentence, unit_of
 
 COLOURS = ("c5", "c3", "before")  # of the printed models, the last one counts
 
@@ -66,6 +66,9 @@ def fixed(digits: int, sign: str = "") -> Callable[[float | None], str]:
     return lambda value: "–" if value is None else f"{value:{sign}.{digits}f}"
 
 
+RUNS_NOTE = "amplitude of the acceleration [m/s²] by order; THD of these orders and of all orders simulated"
+
+
 def run_table(comparison: HarmonicComparison, index: int) -> ResultTable:
     """One run: each order's amplitude, measured and of each model shown, with its error and its THD."""
     run, span = comparison.problem.runs[index], comparison.problem.spans[index]
@@ -107,7 +110,7 @@ def left_out_table(models: Sequence[MeasuredModel]) -> ResultTable:
 
 def comparison_lines(comparison: HarmonicComparison) -> list[str]:
     """Runs harmonic by harmonic, then all models against each other."""
-    lines = ["amplitude of the acceleration [m/s²] by order; THD of these orders and of all orders simulated"]
+    lines = [RUNS_NOTE]
     for index in range(len(comparison.problem.runs)):
         lines += ["", str(run_table(comparison, index))]
     lines += [
@@ -169,51 +172,22 @@ def measured_page(comparison: HarmonicComparison, command: str = "") -> Page:
     page.heading("Measured against simulated")
     page.chart(harmonics_chart(problem, [(m.name, m.account.amplitudes, colour) for m, colour in shown(comparison)]))
     page.chart(traces_chart(comparison))
-    _errors(page, comparison)
+    page.heading("Errors, run by run")
+    page.paragraph(sentence(RUNS_NOTE))
+    for index in range(len(problem.runs)):
+        page.result(run_table(comparison, index))
     page.heading("Why this model and not another")
     page.paragraph(
         "The Bayesian information criterion penalises parameters; lower is better. Left out: every run predicted by "
-        "the model fitted to the others. Bars start at zero."
+        "the model fitted to the others. THD: minus the measured one, in points, run by run."
     )
-    _models(page, comparison.models, comparison.models.index(chosen))
+    page.result(model_table(comparison.models), best=comparison.models.index(chosen))
     if comparison.exchanged:
         page.subheading(f"Where {comparison.printed[-1].name} differs")
         page.paragraph("The printed model with one group of parameters from the fit at a time.", note=True)
-        _models(page, comparison.exchanged)
+        page.result(model_table(comparison.exchanged))
     _parameters(page, chosen)
     return page
-
-
-def _errors(page: Page, comparison: HarmonicComparison) -> None:
-    page.heading("Errors, run by run")
-    page.paragraph(
-        "Rms error of the amplitudes of each run [m/s²], and total harmonic distortion of the same orders: measured, "
-        "and each model's."
-    )
-    models = [m for m, _ in shown(comparison)]
-    measured = measured_distortion(comparison.problem)
-    rows = []
-    for i, run in enumerate(comparison.problem.runs):
-        errors = [f"{m.account.run_rms[i]:.3f}" for m in models]
-        thd = [f"{100.0 * measured[i]:.1f} %", *(f"{100.0 * m.account.distortion[i]:.1f} %" for m in models)]
-        rows.append([title(run), *errors, *thd])
-    head = ["run", *(f"error, {m.name}" for m in models), "THD, measured", *(f"THD, {m.name}" for m in models)]
-    page.table(head, rows)
-
-
-def _models(page: Page, models: tuple[MeasuredModel, ...], best: int | None = None) -> None:
-    widest = max(m.account.rms for m in models)
-    rows: list[list[str | Bar]] = [
-        [
-            m.name,
-            str(len(m.fitted.fit.x)) if m.fitted else "–",
-            Bar(m.account.rms / widest, f"{m.account.rms:.3f}"),
-            f"{m.left_out.rms:.3f}" if m.left_out else "–",
-            f"{m.fitted.criterion:.1f}".replace("-", "−") if m.fitted else "–",
-        ]
-        for m in models
-    ]
-    page.table(("model", "parameters fitted", "rms error [m/s²]", "left out [m/s²]", "criterion"), rows, best=best)
 
 
 def _parameters(page: Page, model: MeasuredModel) -> None:

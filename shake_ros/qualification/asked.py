@@ -260,6 +260,7 @@ class Asked:
     model : of the feedforward.
     learn : the fit between runs; None corrects the drive.
     about : table, model, instruments, for the certificate.
+    makes_loop : whether gains are made for the model; a live table keeps its own where none is given.
     """
 
     test: Test
@@ -267,6 +268,7 @@ class Asked:
     model: TableParameters
     learn: Learn | None
     about: dict[str, str]
+    makes_loop: bool
 
     @property
     def band(self) -> SearchBand:
@@ -313,17 +315,13 @@ def asked_of(
         "seed": str(seed),
     }
     test = Test(wanted, code, plant, chosen.motion_for(code), chosen.running, step)
-    asked = Asked(test, chosen, carried, None if refit is None else learn, about)
+    makes_loop = chosen.loop.is_own and (live is None or model is not None or refit is not None)
+    asked = Asked(test, chosen, carried, None if refit is None else learn, about, makes_loop)
     return asked if live is None else _asked_live(asked, live, set)
 
 
 def _named(table: str | Path | TableParameters, otherwise: str) -> str:
     return otherwise if isinstance(table, TableParameters) else str(table)
-
-
-def makes_loop(asked: Asked, live: LiveTable | None, model: object, refit: Sequence[str] | None) -> bool:
-    """Whether gains are made for the model; a live table keeps its own where none is given."""
-    return asked.settings.loop.is_own and (live is None or model is not None or refit is not None)
 
 
 def _asked_live(asked: Asked, live: LiveTable, set: Mapping[str, float] | None) -> Asked:  # noqa: A002 (as above)

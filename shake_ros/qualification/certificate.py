@@ -1,11 +1,11 @@
-"""The certificate of a qualification: an HTML page, and a PDF on A4 of the same content, from certificate.json."""
+"""The certificate of a qualification: an HTML page, and a PDF on A4 with the same tables."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,9 +14,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 from numpy.typing import NDArray
 
-from shake_ros.qualification.assessment import SpectrumAssessment
 from shake_ros.report.chart import AFTER, BEFORE, COLOURS, GREY, Chart, ChartSeries, Panel, new_figure, tidy
 from shake_ros.report.page import Page
+
+if TYPE_CHECKING:
+    from shake_ros.qualification.result import Qualification
 
 Array = NDArray[np.float64]
 BAND = 0.9, 1.3  # of the RRS, drawn as the tolerance band
@@ -68,22 +70,19 @@ def convergence_axes(axes: Axes, errors: Sequence[float]) -> None:
     tidy(axes, "run", "spectrum missed, rms of ln [%]")
 
 
-def qualification_figure(
-    assessment: SpectrumAssessment, motion: Array, sample_time: float, errors: Sequence[float]
-) -> Figure:
+def qualification_figure(found: Qualification) -> Figure:
     """Spectra, motion and convergence in one figure."""
-    figure = new_figure(10.0, 6.0)
+    figure, last = new_figure(10.0, 6.0), found.assessment
     parts = np.atleast_1d(np.asarray(figure.subfigures(2, 1, height_ratios=(3, 2)), dtype=object))
     top, bottom = parts
-    spectra_axes(top.subplots(), assessment.frequencies, assessment.required, assessment.found)
+    spectra_axes(top.subplots(), last.frequencies, last.required, last.found)
     left, right = bottom.subplots(1, 2, width_ratios=(3, 1))
-    motion_axes([left], motion, sample_time, 0.4 * float(assessment.frequencies[0]))
-    convergence_axes(right, errors)
+    motion_axes([left], found.runs[-1].motion, found.sample_time, 0.4 * float(last.frequencies[0]))
+    convergence_axes(right, [run.error for run in found.runs])
     return figure
 
 
 A4 = 8.27, 11.69  # [inch]
-WORDS = {True: "pass", False: "FAIL", None: "reported"}
 TEXT_CELLS = "table.data td { white-space: normal; overflow-wrap: anywhere }"
 # of a sequence: dates whole, and words to the left that begin with a number
 SEQUENCE_CELLS = f"""{TEXT_CELLS}
@@ -92,144 +91,118 @@ table.data:not(.many) :is(td, th) {{ text-align: left }}"""
 MARGIN, LINE = 0.09, 0.0145  # of the page
 
 
-def certificate_pages(content: Mapping[str, Any], motion: Array, sample_time: float, folder: Path) -> None:
-    """Write certificate.html and certificate.pdf."""
-    (folder / "certificate.html").write_text(_html(content, motion, sample_time), encoding="utf-8")
-    made = content["about"]["date"]
-    with PdfPages(folder / "certificate.pdf", metadata={"Title": _title(content), "CreationDate": None}) as pdf:
-        figures = [_first(content), _spectra(content), _motion(content, motion, sample_time), *_files(content)]
+def certificate_pages(found: Qualification, sums: Mapping[str, str], folder: Path) -> None:
+    """Write certificate.html and certificate.pdf; sums : of the recordings' files."""
+    (folder / "certificate.html").write_text(_html(found, sums), encoding="utf-8")
+    with PdfPages(folder / "certificate.pdf", metadata={"Title": _title(found), "CreationDate": None}) as pdf:
+        figures = [_first(found), _spectra(found), _motion(found), *_files(sums)]
         for number, figure in enumerate(figures, start=1):
-            foot = f"{content['required']['name']} · {made} · page {number} of {len(figures)}"
+            foot = f"{found.required.name} · {found.about['date']} · page {number} of {len(figures)}"
             figure.text(0.5, 0.03, foot, ha="center", fontsize=7, color="#566474")
             pdf.savefig(figure)
 
 
-def _title(content: Mapping[str, Any]) -> str:
-    return "Seismic qualification test: passed" if content["passed"] else "Seismic qualification test: not passed"
+def _title(found: Qualification) -> str:
+    return f"Seismic qualification test: {'passed' if found.passed else 'not passed'}"
 
 
-def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _facts(found: Qualification) -> list[tuple[str, str]]:
     """What was tested, where, with what, against what."""
-    required, rules = content["required"], content["rules"]
-    about = [(key.capitalize(), text) for key, text in content["about"].items()]
+    required, rules, reason = found.required, found.rules, found.reason or found.moved
     return [
-        *about,
-        ("Required spectrum", f"{required['name']}, {100.0 * required['damping']:g} % damping"),
-        ("Its source", required["source"]),
-        ("Rules", rules["name"]),
-        ("Their source", rules["source"]),
-        (
-            "Measured acceleration",
-            f"low-passed at {rules['low_pass']:g} Hz without phase shift, mean at rest removed",
-        ),
-        *([("Not passed because", content["reason"])] if content["reason"] else []),
+        *((key.capitalize(), text) for key, text in found.about.items()),
+        ("Required spectrum", f"{required.name}, {100.0 * required.damping:g} % damping"),
+        ("Its source", required.source),
+        ("Rules", rules.name),
+        ("Their source", rules.source),
+        ("Measured acceleration", f"low-passed at {rules.low_pass:g} Hz without phase shift, mean at rest removed"),
+        *([("Not passed because", reason)] if reason else []),
     ]
 
 
-def _verdicts(content: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    rows = content["runs"][-1]["rules"]
-    return [(r["rule"], r["asked"], r["measured"], WORDS[r["passed"]]) for r in rows]
-
-
-def _resonances(content: Mapping[str, Any]) -> list[tuple[str, str, str, str, str]]:
+def _resonances(found: Qualification) -> list[tuple[str, str, str, str, str]]:
     """Every resonance of every search."""
     rows = []
-    for when, found in content["resonance"].items():
-        if found is None:
+    for when, search in (("before", found.before), ("after", found.after)):
+        if search is None:
             continue
-        name, coherence = f"{when} the test", f"{found['coherence']:.2f}"
+        name, coherence = f"{when} the test", f"{search.coherence:.2f}"
         rows += [
-            (name, f"{r['frequency']:.2f} Hz", f"{100.0 * r['damping']:.1f} %", f"{r['mass']:.0f} kg", coherence)
-            for r in found["resonances"]
+            (name, f"{r.frequency:.2f} Hz", f"{100.0 * r.damping:.1f} %", f"{r.mass:.0f} kg", coherence)
+            for r in search.resonances
         ]
-        if not found["resonances"]:
+        if not search.resonances:
             rows.append((name, "none", "–", "–", coherence))
     return rows
 
 
-def _shifts(content: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+def _shifts(found: Qualification) -> list[tuple[str, str, str, str]]:
     """What became of each resonance."""
     rows = []
-    for pair in content["resonance_shifts"]:
-        before, after = (f"{r['frequency']:.2f} Hz" if r else "–" for r in (pair["before"], pair["after"]))
-        whole = pair["before"] and pair["after"]
-        frequency, damping = (f"{100.0 * pair[key]:+.1f} %" for key in ("frequency", "damping"))
-        if not whole:
-            frequency, damping = "gone" if pair["before"] else "new", "–"
+    for shift in found.shifts:
+        before, after = (f"{r.frequency:.2f} Hz" if r else "–" for r in (shift.before, shift.after))
+        frequency, damping = f"{100.0 * shift.frequency:+.1f} %", f"{100.0 * shift.damping:+.1f} %"
+        if not (shift.before and shift.after):
+            frequency, damping = "gone" if shift.before else "new", "–"
         rows.append((before, after, frequency, damping))
     return rows
 
 
-def _history(content: Mapping[str, Any]) -> list[tuple[str, str, str, str, str]]:
-    rows = []
-    for number, run in enumerate(content["runs"], start=1):
-        ratio = np.array(run["found"]) / np.array(run["required"])
-        share = f"{100.0 * run['error']:.1f} %", f"{ratio.min():.3f}", f"{ratio.max():.3f}"
-        rows.append((str(number), *share, "passed" if run["passed"] else "not passed"))
-    return rows
-
-
-def _search(content: Mapping[str, Any]) -> str:
-    """The motion of the searches."""
-    return str(content["about"].get("search", "a low motion"))
-
-
-def _drift(content: Mapping[str, Any]) -> float:
+def _drift(found: Qualification) -> float:
     """Below which a measured motion is drift [Hz]."""
-    return 0.4 * float(content["required"]["frequencies"][0])
+    return 0.4 * float(found.required.frequencies[0])
 
 
-VERDICTS = ("rule", "asked", "measured", "")
 RESONANCES = ("resonance search", "frequency", "damping", "moving mass", "coherence")
 SHIFTS = ("resonance before", "after", "frequency moved", "damping moved")
-HISTORY = ("run", "spectrum missed", "lowest TRS/RRS", "largest TRS/RRS", "")
 
 
-def _charts(content: Mapping[str, Any], motion: Array, sample_time: float) -> tuple[Chart, Chart]:
+def _charts(found: Qualification) -> tuple[Chart, Chart]:
     """Spectra and motion, to zoom on the page."""
-    last = content["runs"][-1]
-    f, required, found = (np.array(last[key]) for key in ("frequencies", "required", "found"))
+    last, motion = found.assessment, found.runs[-1].motion
+    f, required = last.frequencies, last.required
     band = [ChartSeries(f"{share:g} RRS", share * required, "grey", kind="dashed") for share in BAND]
     curves = (
         *band,
         ChartSeries("required, RRS", required, "before", width=2.4),
-        ChartSeries("test, TRS", found, "c0", width=1.8),
+        ChartSeries("test, TRS", last.found, "c0", width=1.8),
     )
     spectra = Panel("absolute acceleration [m/s²]", f, curves, log=True, height=320)
     caption = "Required and test response spectrum of the last run on the code's own grid"
-    time = np.arange(len(motion)) * sample_time
+    time = np.arange(len(motion)) * found.sample_time
     panels = tuple(
         Panel(label, time, (ChartSeries(label, values, "c0"),))
-        for label, values in motions(motion, sample_time, _drift(content))
+        for label, values in motions(motion, found.sample_time, _drift(found))
     )
-    drift = f"{_drift(content):.2g} Hz"
+    drift = f"{_drift(found):.2g} Hz"
     caption = f"Measured acceleration of the last run; velocity and displacement from it, high-passed at {drift}"
     return Chart("spectra", "frequency [Hz]", (spectra,), caption, log_x=True), Chart(
         "motion", "time [s]", panels, caption
     )
 
 
-def _html(content: Mapping[str, Any], motion: Array, sample_time: float) -> str:
-    spectra, history = _charts(content, motion, sample_time)
-    page = Page(_title(content), f"{content['required']['name']}, assessed by {content['rules']['name']}")
+def _html(found: Qualification, sums: Mapping[str, str]) -> str:
+    spectra, history = _charts(found)
+    page = Page(_title(found), f"{found.required.name}, assessed by {found.rules.name}")
     page.heading("What was tested")
-    page.table(("", ""), _facts(content))
+    page.table(("", ""), _facts(found))
     page.heading("Rules")
-    page.table(VERDICTS, _verdicts(content))
+    page.result(found.verdicts)
     page.heading("Required and test response spectrum")
     page.chart(spectra)
     page.heading("Motion")
     page.chart(history)
     page.heading("Runs")
-    page.table(HISTORY, _history(content))
-    if _resonances(content):
+    page.result(found.error)
+    if _resonances(found):
         page.heading("Resonance searches")
-        page.table(RESONANCES, _resonances(content))
-        if _shifts(content):
-            page.table(SHIFTS, _shifts(content))
-        page.paragraph(f"From the force of the cylinder over the table's acceleration under {_search(content)}.")
+        page.table(RESONANCES, _resonances(found))
+        if _shifts(found):
+            page.table(SHIFTS, _shifts(found))
+        search = found.about.get("search", "a low motion")
+        page.paragraph(f"From the force of the cylinder over the table's acceleration under {search}.")
     page.heading("Recordings")
-    page.table(("file", "SHA-256"), list(content["sha256"].items()))
+    page.table(("file", "SHA-256"), list(sums.items()))
     page.paragraph("./shake qualify --from THIS_FOLDER checks these sums and the recordings again.")
     return page.render().replace("</style>", f"{TEXT_CELLS}</style>", 1)
 
@@ -261,7 +234,8 @@ def sequence_page(content: Mapping[str, Any]) -> str:
         )
         for t in content["tests"]
     ]
-    page.table(("test", "of the RRS", "released by", "at", "runs", *HISTORY[2:4], "interlock", ""), rows)
+    ratios = ("lowest TRS/RRS", "largest TRS/RRS")
+    page.table(("test", "of the RRS", "released by", "at", "runs", *ratios, "interlock", ""), rows)
     page.heading("Resonances")
     searched = [("before the first test", content["resonance_before"] or "–", "")]
     searched += [
@@ -309,42 +283,41 @@ def _line(y: float) -> Any:
     return Line2D([MARGIN, 1.0 - MARGIN], [y, y], color=GREY, linewidth=0.4)
 
 
-def _first(content: Mapping[str, Any]) -> Figure:
-    figure = _sheet(_title(content))
-    top = _rows(figure, 0.92, _facts(content), (24, 86), head=False)
+def _first(found: Qualification) -> Figure:
+    figure = _sheet(_title(found))
+    top = _rows(figure, 0.92, _facts(found), (24, 86), head=False)
     figure.text(MARGIN, top, "Rules", fontsize=11, weight="bold", va="top")
-    _rows(figure, top - 0.025, [VERDICTS, *_verdicts(content)], (50, 28, 34, 8))
+    _rows(figure, top - 0.025, [found.verdicts.columns, *found.verdicts.cells()], (50, 28, 34, 8))
     for x, who in ((MARGIN, "Tested by"), (0.52, "Witnessed by")):
         figure.text(x, 0.075, f"{who}:  ______________________________", fontsize=8)
     return figure
 
 
-def _spectra(content: Mapping[str, Any]) -> Figure:
+def _spectra(found: Qualification) -> Figure:
     figure = _sheet("Required and test response spectrum")
-    last = content["runs"][-1]
-    f, required, found = (np.array(last[key]) for key in ("frequencies", "required", "found"))
-    spectra_axes(figure.add_axes((0.13, 0.55, 0.76, 0.36)), f, required, found)
-    top = _rows(figure, 0.49, [HISTORY, *_history(content)], (8, 24, 24, 24, 20))
-    if _resonances(content):
-        top = _rows(figure, top, [RESONANCES, *_resonances(content)], (26, 20, 18, 20, 16))
-        if _shifts(content):
-            top = _rows(figure, top, [SHIFTS, *_shifts(content)], (26, 20, 26, 28))
-    if len(content["runs"]) > 1:
+    last = found.assessment
+    spectra_axes(figure.add_axes((0.13, 0.55, 0.76, 0.36)), last.frequencies, last.required, last.found)
+    top = _rows(figure, 0.49, [found.error.columns, *found.error.cells()], (8, 24, 24, 24, 20))
+    if _resonances(found):
+        top = _rows(figure, top, [RESONANCES, *_resonances(found)], (26, 20, 18, 20, 16))
+        if _shifts(found):
+            top = _rows(figure, top, [SHIFTS, *_shifts(found)], (26, 20, 26, 28))
+    if len(found.runs) > 1:
         place = figure.add_axes((0.13, 0.08, 0.4, min(0.2, top - 0.12)))
-        convergence_axes(place, [run["error"] for run in content["runs"]])
+        convergence_axes(place, [run.error for run in found.runs])
     return figure
 
 
-def _motion(content: Mapping[str, Any], motion: Array, sample_time: float) -> Figure:
+def _motion(found: Qualification) -> Figure:
     figure = _sheet("Motion of the last run")
     places = [figure.add_axes((0.13, y, 0.76, 0.24)) for y in (0.68, 0.39, 0.10)]
-    motion_axes(places, motion, sample_time, _drift(content))
+    motion_axes(places, found.runs[-1].motion, found.sample_time, _drift(found))
     return figure
 
 
-def _files(content: Mapping[str, Any]) -> list[Figure]:
+def _files(sums: Mapping[str, str]) -> list[Figure]:
     """The recordings with their sums, as many pages as they need."""
-    rows, pages = list(content["sha256"].items()), []
+    rows, pages = list(sums.items()), []
     for first in range(0, len(rows), 34):
         figure = _sheet("Recordings")
         _rows(figure, 0.92, [("file", "SHA-256"), *rows[first : first + 34]], (40, 68), 7.0)

@@ -31,7 +31,6 @@ from shake_ros.qualification.asked import (
     Tested,
     asked_of,
     iterate_test,
-    makes_loop,
     released,
 )
 from shake_ros.qualification.motion import Demand, demand, refusal, synthesise
@@ -182,7 +181,7 @@ def qualify(
     with Progress("qualify", progress) as bar:
         bar("making the motion", 0.0)
         motion = made_motion(asked.test, seed, record)
-        own = own_loop(asked.model) if makes_loop(asked, live, model, refit) else None
+        own = own_loop(asked.model) if asked.makes_loop else None
         words = described(motion, demand(motion, asked.test.table, asked.test.motion))
         bar(words, 0.0)
         if live is None:
@@ -220,18 +219,18 @@ def conduct(
     when = datetime.now(timezone.utc).isoformat(timespec="seconds")
     about = {**asked.about, "loop": f"{laboratory.words}, {1e-3 / step:g} kHz", **laboratory.remarks, "date": when}
     return Qualification(
-        test.required,
-        test.rules,
-        tuple(made),
-        reason,
-        step,
-        about,
-        tuple(laboratory.recordings),
-        before,
-        after,
-        asked.settings.search.shift,
-        test.motion.per_octave,
-        asked.band,
+        required=test.required,
+        rules=test.rules,
+        runs=tuple(made),
+        reason=reason,
+        sample_time=step,
+        about=about,
+        recordings=tuple(laboratory.recordings),
+        before=before,
+        after=after,
+        shift=asked.settings.search.shift,
+        per_octave=test.motion.per_octave,
+        search=asked.band,
     )
 
 

@@ -89,7 +89,10 @@ class Qualification:
             )
             for k, run in enumerate(self.runs)
         ]
-        return ResultTable(("run", "spectrum missed [%]", "lowest TRS/RRS", "largest TRS/RRS", "passed"), rows)
+        columns = ("run", "spectrum missed [%]", "lowest TRS/RRS", "largest TRS/RRS", "passed")
+        ratios = dict.fromkeys(columns[2:4], "{:.3f}".format)
+        shown = {columns[1]: "{:.1f}".format, "passed": lambda passed: "passed" if passed else "not passed", **ratios}
+        return ResultTable(columns, rows, shown)
 
     @property
     def verdicts(self) -> ResultTable:
@@ -106,9 +109,7 @@ class Qualification:
         """Required and test response spectrum, motion and convergence."""
         from shake_ros.qualification.certificate import qualification_figure
 
-        return qualification_figure(
-            self.assessment, self.runs[-1].motion, self.sample_time, [r.error for r in self.runs]
-        )
+        return qualification_figure(self)
 
     def content(self, sums: dict[str, str]) -> dict[str, Any]:
         """certificate.json."""
@@ -162,7 +163,7 @@ class Qualification:
 
         with writing():
             write_json(folder / "certificate.json", self.content(sums))
-            certificate_pages(self.content(sums), self.runs[-1].motion, self.sample_time, folder)
+            certificate_pages(self, sums, folder)
 
 
 def certified(folder: str | Path) -> tuple[Qualification, tuple[str, ...]]:
@@ -220,18 +221,18 @@ def _again(certified: dict[str, Any], recordings: Path, where: str) -> Qualifica
         for when in ("before", "after")
     )
     return Qualification(
-        required,
-        rules,
-        tuple(runs),
-        certified["reason"],
-        step,
-        certified["about"],
-        (),
-        before,
-        after,
-        shift,
-        per_octave,
-        band,
+        required=required,
+        rules=rules,
+        runs=tuple(runs),
+        reason=certified["reason"],
+        sample_time=step,
+        about=certified["about"],
+        recordings=(),
+        before=before,
+        after=after,
+        shift=shift,
+        per_octave=per_octave,
+        search=band,
     )
 
 

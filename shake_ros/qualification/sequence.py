@@ -22,7 +22,7 @@ from shake_ros.commissioning.steps import watched
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
 from shake_ros.data.recordings import read_table_recording
 from shake_ros.data.result_folder import write_json, writing
-from shake_ros.qualification.asked import Asked, asked_of, makes_loop
+from shake_ros.qualification.asked import Asked, asked_of
 from shake_ros.qualification.qualify import Laboratory, SimulatedLaboratory, conduct, made_motion
 from shake_ros.qualification.resonance import ResonanceSearch, Shift
 from shake_ros.qualification.result import Qualification, certified, moved
@@ -223,8 +223,7 @@ def qualify_sequence(
     header |= {"table": str(table), "model": model and str(model), "settings": settings, "runs": runs, "delay": delay}
     log = _Log.opened(top, {**header, "seed": seed, "specimen": specimen, "live": live is not None})
     found = TestSequence(chosen, log.done(chosen))
-    made = makes_loop(asked, live, model, None)
-    laboratories = _Laboratories(asked, seed, delay, made, live)
+    laboratories = _Laboratories(asked, seed, delay, live)
     with Progress("qualify", progress) as bar:
         motion = made_motion(asked.test, seed)  # of the full level, which has to fit before anything moves
         for number, stage in enumerate(chosen.stages):
@@ -289,13 +288,12 @@ class _Laboratories:
     asked: Asked
     seed: int
     delay: int
-    makes: bool
     live: LiveTable | None
     own: OwnLoop | None = None
     _lasting: LiveLaboratory | None = None
 
     def of(self, number: int) -> Laboratory:
-        if self.own is None and self.makes:
+        if self.own is None and self.asked.makes_loop:
             self.own = own_loop(self.asked.model)
         if self.live is None:
             seed = 100 * self.seed + number

@@ -141,9 +141,9 @@ class Page:
             f"<tbody>{''.join(body)}</tbody></table></div>"
         )
 
-    def result(self, table: ResultTable, warn: Collection[int] = ()) -> None:
-        """A table of results as it is printed; rows `warn` want attention."""
-        self.table(table.columns, table.cells(), warn=warn)
+    def result(self, table: ResultTable, warn: Collection[int] = (), best: int | None = None) -> None:
+        """A table of results as it is printed; row `best` is marked, rows `warn` want attention."""
+        self.table(table.columns, table.cells(), warn=warn, best=best)
 
     def matrix(self, names: Sequence[str], values: np.ndarray) -> None:
         """A square of numbers from −1 to 1, coloured by size and sign; blank where not finite."""
