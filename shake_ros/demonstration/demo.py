@@ -29,11 +29,12 @@ from shake_ros.data.results import close_loop_json
 from shake_ros.declared import model_structure
 from shake_ros.measured.models import MeasuredRuns
 from shake_ros.measured.runs import ALL, fit_runs, read_problem
+from shake_ros.report.close_loop_page import MODELS, mean_error
 from shake_ros.search.close_loop import LoopClosure, close_loop
 from shake_ros.settings import find, load_search, load_table, read_yaml, save_table
 
 if TYPE_CHECKING:
-    from shake_ros.demonstration.page import Tracking
+    from shake_ros.demonstration.page import DemoResult
 
 
 DURATION = {"excitation": 11.0, "earthquake": 12.0}  # of the recordings [s]
@@ -95,15 +96,6 @@ def record_run(
     )
     record(experiment, work / name, lambda part: bar(f"{name} over DDS", part))
     return work / name
-
-
-def tracking(recording: TableRecording) -> dict[str, float]:
-    """Relative tracking error of the true motion of a recording: position, velocity, acceleration."""
-    assert recording.reference is not None and recording.truth is not None
-    good = np.all(np.isfinite(recording.reference), axis=1) & np.all(np.isfinite(recording.truth), axis=1)
-    reference, truth = recording.reference[good], recording.truth[good]
-    error = np.sqrt(np.mean((truth - reference) ** 2, axis=0)) / np.std(reference, axis=0)
-    return dict(zip(("position", "velocity", "acceleration"), error.tolist(), strict=True))
 
 
 @dataclass(frozen=True)
@@ -189,7 +181,7 @@ def _run(
     figures: str | None,
     command: str,
 ) -> None:
-    from shake_ros.demonstration.page import Tracking, demo_page, overview, tracks_of
+    from shake_ros.demonstration.page import DemoResult, demo_page, overview, track_of
     from shake_ros.report.page import write_page
 
     bar.span(0.0, 0.25)
@@ -215,15 +207,15 @@ def _run(
             shutil.move(work / name, folder / f"bag_{name}")  # may be another file system
     bar.span(0.95, 1.0)
     bar("report", 0.0)
-    before = recordings["earthquake"]
-    tracks = Tracking(before, again, tracking(before), tracking(again))
-    summary = summarise(runs, hidden, result, tracks, time.monotonic() - started)
+    tracks = dict(zip(MODELS, map(track_of, (recordings["earthquake"], again)), strict=True))
+    found = DemoResult(runs, hidden.effect, result, learn, hold, test, tracks)
+    summary = summarise(found, time.monotonic() - started)
     write_json(folder / "summary.json", summary)
     content = close_loop_json(result, names_of(learn), names_of(hold), "full", names_of(test))
     write_json(folder / "close_loop.json", content)
-    write_page(demo_page(runs, hidden.effect, result, learn, hold, test, tracks, summary, command), folder, figures)
-    (folder / "overview.png").write_bytes(overview(runs, result, hold, tracks_of(tracks)))
-    (folder / "summary.txt").write_text(lines(summary, tracks), encoding="utf-8")
+    write_page(demo_page(found, summary, command), folder, figures)
+    (folder / "overview.png").write_bytes(overview(found))
+    (folder / "summary.txt").write_text(lines(found, summary), encoding="utf-8")
 
 
 def close(
@@ -235,15 +227,13 @@ def close(
     return close_loop(model, learn, hold, load_search().replace(most_effects=2), bar), learn, hold
 
 
-def summarise(
-    runs: MeasuredRuns, hidden: Hidden, result: LoopClosure, tracks: Tracking, seconds: float
-) -> dict[str, Any]:
+def summarise(found: DemoResult, seconds: float) -> dict[str, Any]:
     """Content of summary.json."""
-    steps = result.search.steps
+    runs, result, steps = found.runs, found.result, found.result.search.steps
     return {
         "harmonics": {"baseline_rms": runs.declared.rms, "effect": runs.best.effect, "final_rms": runs.best.rms},
         "hidden": {
-            "effect": hidden.effect,
+            "effect": found.hidden,
             "named": steps[0].chosen.candidate.effect if steps else None,
             "alternatives": list(steps[0].alternatives) if steps else [],
             "hold_before": mean_error(result.baseline.validation),
@@ -251,19 +241,15 @@ def summarise(
             "test_before": mean_error(result.baseline.test),
             "test_after": mean_error(result.final.test),
         },
-        "tracking": {"before": tracks.error_before["position"], "after": tracks.error_after["position"]},
+        "tracking": dict(zip(("before", "after"), (t.errors["position"] for t in found.tracks.values()), strict=True)),
         "seconds": round(seconds, 1),
     }
 
 
-def mean_error(errors: Mapping[str, Mapping[str, float]]) -> float:
-    """Mean acceleration error over recordings; of the velocity where there is no accelerometer."""
-    return float(np.mean([e.get("acceleration", e["velocity"]) for e in errors.values()]))
-
-
-def lines(summary: Mapping[str, Any], tracks: Tracking) -> str:
+def lines(found: DemoResult, summary: Mapping[str, Any]) -> str:
     """The summary for a terminal."""
     h, d, t = summary["harmonics"], summary["hidden"], summary["tracking"]
+    before, after = (track.errors["velocity"] for track in found.tracks.values())
     verdict = "right" if d["named"] == d["effect"] else "not the hidden one"
     return (
         f"measured runs:  {h['baseline_rms']:.3f} → {h['final_rms']:.3f} m/s² rms "
@@ -272,7 +258,7 @@ def lines(summary: Mapping[str, Any], tracks: Tracking) -> str:
         f"validation:     {100 * d['hold_before']:.2f} → {100 * d['hold_after']:.2f} % of the acceleration\n"
         f"test:           {100 * d['test_before']:.2f} → {100 * d['test_after']:.2f} % of the acceleration\n"
         f"tracking error: {100 * t['before']:.2f} → {100 * t['after']:.2f} % of the position, "
-        f"{100 * tracks.error_before['velocity']:.2f} → {100 * tracks.error_after['velocity']:.2f} % of the velocity\n"
+        f"{100 * before:.2f} → {100 * after:.2f} % of the velocity\n"
         f"seconds:        {summary['seconds']:.0f}\n"
     )
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from shake_ros.core.control.closed_loop import normalised_error
 from shake_ros.core.identification.recordings import Record
 from shake_ros.data.recordings import TableRecording
 from shake_ros.measured.models import MeasuredRuns
@@ -21,6 +22,37 @@ from shake_ros.report.result_table import percent
 from shake_ros.report.sections import Track, made_of, parameters_side_by_side, tracking_section
 from shake_ros.report.text import sentence
 from shake_ros.search.close_loop import LoopClosure
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """What the demo found.
+
+    Attributes
+    ----------
+    runs : of the real table, with the models fitted to them.
+    hidden : name of the hidden effect.
+    result : models before and after, with their errors on test data too.
+    learn, hold, test : estimation, validation and test data.
+    tracks : the earthquake with the declared and with the extended model in observer and controller, by name.
+    """
+
+    runs: MeasuredRuns
+    hidden: str
+    result: LoopClosure
+    learn: Sequence[Record]
+    hold: Sequence[Record]
+    test: Sequence[Record]
+    tracks: Mapping[str, Track]
+
+
+def track_of(run: TableRecording) -> Track:
+    """The true motion of a recording, and its relative errors behind the reference."""
+    assert run.reference is not None and run.truth is not None
+    good = np.isfinite(run.reference).all(axis=1) & np.isfinite(run.truth).all(axis=1)
+    errors = normalised_error(run.reference[good], run.truth[good]).tolist()
+    names = ("position", "velocity", "acceleration")
+    return Track(run.time, run.reference, run.truth, dict(zip(names, errors, strict=True)))
 
 
 def harmonic_axes(axes: Axes, runs: MeasuredRuns, index: int) -> None:
@@ -51,8 +83,9 @@ def tracking_axes(axes: Axes, tracks: Mapping[str, Track]) -> None:
     tidy(axes, "time [s]", "position error [mm]")
 
 
-def overview(runs: MeasuredRuns, result: LoopClosure, hold: list[Record], tracks: Mapping[str, Track]) -> bytes:
+def overview(found: DemoResult) -> bytes:
     """One picture of the whole result as PNG: harmonics, acceleration of the validation data, tracking error."""
+    runs, result = found.runs, found.result
     figure = new_figure(12.5, 7.2)
     grid = figure.add_gridspec(2, 2)
     bars = figure.add_subplot(grid[0, 0])
@@ -62,7 +95,7 @@ def overview(runs: MeasuredRuns, result: LoopClosure, hold: list[Record], tracks
         f"real table, u = {runs.problem.runs[0].amplitude:g} at {runs.problem.runs[0].frequency:g} Hz", fontsize=10
     )
     bars.legend(frameon=False, fontsize=9)
-    record = hold[0]
+    record = found.hold[0]
     runs_of_record = free_runs(record, result.baseline.table, result.final.table)
     span = fastest_segment(record, 1.2)
     time = np.arange(len(record.commands))[span] * record.sample_time
@@ -75,19 +108,9 @@ def overview(runs: MeasuredRuns, result: LoopClosure, hold: list[Record], tracks
     tidy(history, "time [s]", "acceleration [m/s²]")
     history.legend(frameon=False, fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     error = figure.add_subplot(grid[1, :])
-    tracking_axes(error, tracks)
+    tracking_axes(error, found.tracks)
     error.legend(frameon=False, loc="upper right", fontsize=9)
     return png(figure)
-
-
-@dataclass(frozen=True)
-class Tracking:
-    """The same earthquake with the declared and with the extended model inside observer and controller."""
-
-    before: TableRecording
-    after: TableRecording
-    error_before: Mapping[str, float]
-    error_after: Mapping[str, float]
 
 
 def measured_section(page: Page, runs: MeasuredRuns) -> None:
@@ -115,41 +138,21 @@ def measured_section(page: Page, runs: MeasuredRuns) -> None:
     page.table(head, rows, best=models.index(runs.best), start=0)
 
 
-def tracks_of(tracking: Tracking) -> dict[str, Track]:
-    """The true motions as the figures take them."""
-    tracks = {}
-    for name, run, errors in (
-        ("declared model", tracking.before, tracking.error_before),
-        ("extended model", tracking.after, tracking.error_after),
-    ):
-        assert run.reference is not None and run.truth is not None
-        tracks[name] = Track(run.time, run.reference, run.truth, errors)
-    return tracks
-
-
-def demo_page(
-    runs: MeasuredRuns,
-    hidden: str,
-    result: LoopClosure,
-    learn: Sequence[Record],
-    hold: Sequence[Record],
-    test: Sequence[Record],
-    tracks: Tracking,
-    summary: Mapping[str, Any],
-    command: str = "",
-) -> Page:
-    """The whole page."""
+def demo_page(found: DemoResult, summary: Mapping[str, Any], command: str = "") -> Page:
+    """The whole page; summary : content of summary.json."""
+    runs, result, sets = found.runs, found.result, (found.learn, found.hold, found.test)
+    before, after = (track.errors["position"] for track in found.tracks.values())
     named = summary["hidden"]["named"] or "nothing"
     page = Page(
         "Closing the loop with measured data",
         "A simulated table with an effect that the model is missing: recorded over DDS, found from the recordings, "
         "added, and tracked again; and the declared model against harmonics measured on the real table.",
-        made_of(command, learn, hold, test),
+        made_of(command, *sets),
     )
     page.heading("What was found, and how certain it is")
     page.cards(
         [
-            (named, f"found from the recordings; the hidden effect was {hidden}"),
+            (named, f"found from the recordings; the hidden effect was {found.hidden}"),
             (
                 f"{percent(summary['hidden']['hold_before'])} → {percent(summary['hidden']['hold_after'])}",
                 "acceleration error of the free run, validation data",
@@ -159,7 +162,7 @@ def demo_page(
                 "acceleration error of the free run, test data",
             ),
             (
-                f"{percent(tracks.error_before['position'])} → {percent(tracks.error_after['position'])}",
+                f"{percent(before)} → {percent(after)}",
                 "position error under the earthquake",
             ),
             (
@@ -172,11 +175,11 @@ def demo_page(
         page.paragraph(step_text(step, model))
     page.paragraph(
         "Plant, reference generator, observer, controller and recorder ran in lock-step as separate processes: "
-        f"{sum(len(r.commands) for r in learn)} samples of an excitation for estimation and "
-        f"{len(tracks.before.time)} samples of the earthquake for validation. The earthquake under the extended model "
-        "is test data: no decision used it."
+        f"{sum(len(r.commands) for r in found.learn)} samples of an excitation for estimation and "
+        f"{len(found.tracks[MODELS[0]].time)} samples of the earthquake for validation. The earthquake under the "
+        "extended model is test data: no decision used it."
     )
-    model_sections(page, result, learn, hold, test)
+    model_sections(page, result, *sets)
     page.heading("What remains")
     page.paragraph(sentence(result.remaining.text))
     page.heading("The same earthquake, tracked with each model")
@@ -185,7 +188,7 @@ def demo_page(
         "the model identified and extended from the recordings. Errors are those of the true motion against the "
         "reference."
     )
-    tracking_section(page, tracks_of(tracks))
+    tracking_section(page, found.tracks)
     page.heading("Parameters")
     parameters_side_by_side(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)))
     measured_section(page, runs)

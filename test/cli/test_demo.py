@@ -19,7 +19,7 @@ from shake_ros.core.effects import EFFECTS
 from shake_ros.core.quantities import UnknownName
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
 from shake_ros.demonstration import demo
-from shake_ros.demonstration.page import Tracking
+from shake_ros.demonstration.page import DemoResult, track_of
 from shake_ros.measured import runs
 from shake_ros.measured.models import MeasuredRuns
 from shake_ros.settings import find, load_table, read_yaml, save_table
@@ -180,16 +180,15 @@ def followed(path: Path, share: float) -> TableRecording:
 
 
 def test_tracking_error_of_a_motion_that_falls_short_is_its_share(tmp_path: Path) -> None:
-    error = demo.tracking(followed(tmp_path / "run", 0.03))
+    error = track_of(followed(tmp_path / "run", 0.03)).errors
     assert error == pytest.approx({"position": 0.03, "velocity": 0.03, "acceleration": 0.03}, rel=1e-3)
 
 
 def test_summary_keeps_the_contract_and_tells_right_from_wrong(measured: MeasuredRuns, tmp_path: Path) -> None:
-    before, after = followed(tmp_path / "before", 0.05), followed(tmp_path / "after", 0.01)
-    tracks = Tracking(before, after, demo.tracking(before), demo.tracking(after))
-    hidden = demo.hide(SETTINGS, 1, "spool_deadband")
+    tracks = {name: track_of(followed(tmp_path / name, share)) for name, share in (("before", 0.05), ("after", 0.01))}
     result = with_test(command("spool_deadband").result, [recording("spool_deadband", 3, "third")])
-    summary = demo.summarise(measured, hidden, result, tracks, 101.25)
+    found = DemoResult(measured, "spool_deadband", result, [], [], [], tracks)
+    summary = demo.summarise(found, 101.25)
     assert set(summary) == {"harmonics", "hidden", "tracking", "seconds"}
     assert set(summary["harmonics"]) == {"baseline_rms", "effect", "final_rms"}
     assert {"effect", "named", "hold_before", "hold_after", "test_before", "test_after"} <= set(summary["hidden"])
@@ -198,19 +197,19 @@ def test_summary_keeps_the_contract_and_tells_right_from_wrong(measured: Measure
         assert summary["hidden"][f"{role}_after"] < 0.1 * summary["hidden"][f"{role}_before"]
     assert summary["tracking"] == pytest.approx({"before": 0.05, "after": 0.01}, rel=1e-3)
     assert summary["seconds"] == pytest.approx(101.2, abs=0.06)
-    text = demo.lines(summary, tracks)
+    text = demo.lines(found, summary)
     assert "named: spool_deadband (right)" in text
     assert "5.00 → 1.00 % of the position" in text
     assert f"test:           {100 * summary['hidden']['test_before']:.2f} → " in text
 
 
 def test_summary_says_that_nothing_was_named(measured: MeasuredRuns, tmp_path: Path) -> None:
-    run = followed(tmp_path / "run", 0.05)
-    tracks = Tracking(run, run, demo.tracking(run), demo.tracking(run))
+    track = track_of(followed(tmp_path / "run", 0.05))
     result = with_test(command("nothing").result, [recording("nothing", 3, "third")])
-    summary = demo.summarise(measured, demo.hide(SETTINGS, 1, None), result, tracks, 1.0)
+    found = DemoResult(measured, "soft_zone", result, [], [], [], {"before": track, "after": track})
+    summary = demo.summarise(found, 1.0)
     assert summary["hidden"]["named"] is None
-    assert "named: nothing (not the hidden one)" in demo.lines(summary, tracks)
+    assert "named: nothing (not the hidden one)" in demo.lines(found, summary)
 
 
 def test_run_over_dds_leaves_a_recording_that_a_fit_can_read(
@@ -229,4 +228,4 @@ def test_run_over_dds_leaves_a_recording_that_a_fit_can_read(
     for values in (recording.acceleration, recording.reference, recording.estimate, recording.truth):
         assert values is not None
     assert np.std(recording.position) > 1e-4
-    assert demo.tracking(recording)["position"] < 0.5
+    assert track_of(recording).errors["position"] < 0.5
