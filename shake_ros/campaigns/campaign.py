@@ -80,7 +80,7 @@ class Campaign:
         from shake_ros.report.page import write_page
 
         other = None if compare is None else rows_of(compare, self.study)
-        page = campaign_page(self.study, self.rows, self.missing, self.older, self.version, other, command)
+        page = campaign_page(self, other, command)
         with writing():
             write_page(page, self.folder, figures)
         return self.folder / "report.html"
@@ -238,28 +238,11 @@ NOTES = {
 }
 
 
-def campaign_page(
-    study: Study,
-    rows: Sequence[FinishedRow],
-    missing: int,
-    older: int,
-    version: str,
-    other: Sequence[FinishedRow] | None,
-    command: str = "",
-) -> Page:
-    """The whole page.
-
-    Parameters
-    ----------
-    rows : that are there, in the study's order.
-    missing : how many are not.
-    older : rows of another version, left out.
-    other : rows of an older campaign to compare with.
-    command : that made the page.
-    """
+def campaign_page(found: Campaign, other: Sequence[FinishedRow] | None, command: str = "") -> Page:
+    """The whole page; other : rows of an older campaign to compare with."""
+    study, rows, missing, older, failed = found.study, found.rows, found.missing, found.older, found.failed
     page = Page(study.title, f"The study {study.name}: {study.measure} on every row.", Made(command))
     page.heading("What there is")
-    failed = [row for row in rows if row.failed is not None]
     hours = math.fsum(row.processor for row in rows) / 3600.0
     page.cards(
         [
@@ -272,7 +255,7 @@ def campaign_page(
     notes += [f"{older} rows of another version of the code or of the study are in the file and not shown."] * (
         older > 0
     )
-    page.paragraph(" ".join([f"Version of the code: {version}.", *notes]), note=True)
+    page.paragraph(" ".join([f"Version of the code: {found.version}.", *notes]), note=True)
     for section in study.sections:
         _section(page, section, rows)
     if other is not None:

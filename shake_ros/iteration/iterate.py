@@ -68,22 +68,10 @@ def spectrum_chart(wanted: Array, spectra: Sequence[Array], best: int) -> Chart:
     return Chart("spectra", "frequency [Hz]", (panel,), caption, log_x=True)
 
 
-def iteration_page(
-    runs: Sequence[str],
-    missed: Sequence[float],
-    charts: Sequence[Chart],
-    true: Sequence[float] = (),
-    reason: str = "",
-    command: str = "",
-) -> Page:
-    """The runs and what each missed.
-
-    Parameters
-    ----------
-    missed : error of each run's measured acceleration within the band [-].
-    true : that of the true acceleration, where the runs were simulated.
-    """
-    best = int(np.argmin(missed))
+def iteration_page(found: Iterated, command: str = "") -> Page:
+    """The runs and what each missed."""
+    runs, missed, best = found.runs, found.missed, found.best
+    true = found.simulated.errors if found.simulated else ()
     page = Page("The drive, run by run", "Each run is corrected by the error of the last one.", Made(command))
     page.heading("What was found")
     page.cards(
@@ -92,8 +80,8 @@ def iteration_page(
             (runs[best], f"the best of {len(runs)} run{'s' * (len(runs) > 1)}, by the error within the band"),
         ]
     )
-    if reason:
-        page.paragraph(f"It ended because: {reason}.")
+    if found.reason:
+        page.paragraph(f"It ended because: {found.reason}.")
     page.heading("Errors, run by run")
     page.paragraph("The acceleration missed, rms over that of the wanted one.")
     head = ["run", "measured, within the band", *(["true, all frequencies"] if true else [])]
@@ -102,7 +90,7 @@ def iteration_page(
         for k, (name, m) in enumerate(zip(runs, missed, strict=True))
     ]
     page.table(head, rows, best=best)
-    for chart in charts:
+    for chart in found.charts():
         page.chart(chart)
     return page
 
@@ -159,9 +147,10 @@ class Iterated:
         """Errors of the runs in their order."""
         from shake_ros.report.chart import static_figure
 
-        return static_figure(self._charts()[0])
+        return static_figure(self.charts()[0])
 
-    def _charts(self) -> list[Chart]:
+    def charts(self) -> list[Chart]:
+        """Errors of the runs; on a simulated table response spectra too."""
         curves = [("measured, within the band", self.missed, "c0")]
         if self.simulated is None:
             return [error_chart(self.runs, curves)]
@@ -181,9 +170,7 @@ class Iterated:
             if self.drive is not None:
                 write_drive(work, out, self.drive, self.sample_time)
             write_json(work / "iteration.json", {"schema": "shake_ros.iterate/1", "error_in_band": list(self.missed)})
-            true = tuple(self.simulated.errors) if self.simulated else ()
-            page = iteration_page(self.runs, self.missed, self._charts(), true, self.reason, command)
-            write_page(page, work, figures)
+            write_page(iteration_page(self, command), work, figures)
 
         write_folder(out, fill, force=force)
         return out
