@@ -16,44 +16,18 @@ import numpy as np
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.control import minimal_control_synthesis, three_variable
-from shake_ros.core.control.law import LawParameters, free_motion
-from shake_ros.core.quantities import quantity
+from shake_ros.core.control.law import free_motion
 
 INNER = 4  # states of three-variable control; then the model's distance from the reference, its rate, the integrals
 STATES = INNER + 2 + minimal_control_synthesis.ADAPTED
 
 
 @dataclass(frozen=True, kw_only=True)
-class FeedforwardMinimalControl(LawParameters):
+class FeedforwardMinimalControl(minimal_control_synthesis.Adaptation, three_variable.ThreeVariable):
     """The adaptive part and the three-variable control under it."""
 
     code: ClassVar[int] = 10
     states: ClassVar[int] = STATES
-
-    adaptation_integral: float = quantity("1/m", "alpha, weight of the integrated adaptation", low=0.0, live=True)
-    adaptation_proportional: float = quantity("s/m", "beta, weight of the direct adaptation", low=0.0, live=True)
-    velocity_weight: float = quantity("-", "c, weight of the velocity error in e_y", low=0.0, live=True)
-    leakage: float = quantity("1/s", "sigma, rate at which adaptive gains fade", low=0.0, live=True)
-    gain_limit: float = quantity("-", "bound on every adaptive gain", low=0.0, live=True)
-    model_frequency: float = quantity("rad/s", "omega_m of the reference model", low=0.1, high=1000.0, live=True)
-    model_damping: float = quantity("-", "xi_m of the reference model", low=0.05, high=0.99, live=True)
-    filter_frequency: float = quantity("rad/s", "ω_f of the input filter, 0 for none", low=0.0, high=2000.0, live=True)
-    filter_damping: float = quantity("-", "ξ_f of the input filter", low=0.05, high=0.99, live=True)
-    reference_displacement: float = quantity("1/m", "K_dr, command per reference position", low=0.0, live=True)
-    reference_velocity: float = quantity("s/m", "K_vr, command per reference velocity", live=True)
-    reference_acceleration: float = quantity("s^2/m", "K_ar, command per reference acceleration", live=True)
-    feedback_displacement: float = quantity("1/m", "K_df, minus the command per position", low=0.0, live=True)
-    feedback_velocity: float = quantity("s/m", "K_vf, minus the command per velocity", live=True)
-    feedback_acceleration: float = quantity("s^2/m", "K_af, minus the command per acceleration", live=True)
-
-    def under_model(self) -> FeedforwardMinimalControl:
-        """Inner loop with T = S and no filter, as three-variable control by itself."""
-        return self.replace(
-            filter_frequency=0.0,
-            reference_displacement=self.feedback_displacement,
-            reference_velocity=self.feedback_velocity,
-            reference_acceleration=self.feedback_acceleration,
-        )
 
 
 @njit

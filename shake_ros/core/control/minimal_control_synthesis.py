@@ -32,13 +32,9 @@ OUTER = 1  # place of that name
 
 
 @dataclass(frozen=True, kw_only=True)
-class MinimalControlSynthesis(LawParameters):
-    """The adaptive part and the fixed law under it."""
+class Adaptation(LawParameters):
+    """How adaptive gains follow (5.7), (5.8), and the reference model."""
 
-    code: ClassVar[int] = 7
-    states: ClassVar[int] = STATES
-
-    strategy: str = choice("where the adaptive signal goes: the command (inner) or the reference (outer)", STRATEGIES)
     adaptation_integral: float = quantity("1/m", "alpha, weight of the integrated adaptation", low=0.0, live=True)
     adaptation_proportional: float = quantity("s/m", "beta, weight of the direct adaptation", low=0.0, live=True)
     velocity_weight: float = quantity("-", "c, weight of the velocity error in e_y", low=0.0, live=True)
@@ -46,6 +42,16 @@ class MinimalControlSynthesis(LawParameters):
     gain_limit: float = quantity("-", "bound on every adaptive gain", low=0.0, live=True)
     model_frequency: float = quantity("rad/s", "omega_m of the reference model", low=0.1, high=1000.0, live=True)
     model_damping: float = quantity("-", "xi_m of the reference model", low=0.05, high=0.99, live=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MinimalControlSynthesis(Adaptation):
+    """The adaptive part and the fixed law under it."""
+
+    code: ClassVar[int] = 7
+    states: ClassVar[int] = STATES
+
+    strategy: str = choice("where the adaptive signal goes: the command (inner) or the reference (outer)", STRATEGIES)
     proportional_gain: float = quantity("1/m", "K_P, command per position error", high=0.0, live=True)
     integral_gain: float = quantity("1/(m s)", "K_I, command per integrated position error", high=0.0, live=True)
     feedforward_gain: float = quantity("s/m", "K_ff, command per reference velocity", low=0.0, live=True)
