@@ -107,13 +107,13 @@ class Discovery(fitted.FittedResult):
         return Effects(
             [
                 FoundEffect(
-                    step["effect"],
-                    step["place"],
-                    tuple(Estimate(name, **content) for name, content in step["parameters"].items()),
-                    step["evidence"]["why"],
-                    tuple(step["alternatives"]),
-                    step.get("state", ""),
-                    step.get("worth", math.nan),
+                    name=step["effect"],
+                    place=step["place"],
+                    parameters=tuple(Estimate(name, **content) for name, content in step["parameters"].items()),
+                    evidence=step["evidence"]["why"],
+                    alternatives=tuple(step["alternatives"]),
+                    state=step.get("state", ""),
+                    worth=step.get("worth", math.nan),
                 )
                 for step in steps
             ],

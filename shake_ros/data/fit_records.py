@@ -191,12 +191,12 @@ def stretches_of(recording: TableRecording, driven_by: str = "valve_command") ->
             part = {name: column[first:last] for name, column in whole.values.items()}
             found.append(
                 Stretch(
-                    part["command"],
-                    part["position"],
-                    part.get("acceleration"),
-                    rows.start + int(np.max(whole.rows[: first + 1])),
-                    valid[first:last],
-                    whole.filled[first:last],
+                    drive=part["command"],
+                    position=part["position"],
+                    acceleration=part.get("acceleration"),
+                    first=rows.start + int(np.max(whole.rows[: first + 1])),
+                    valid=valid[first:last],
+                    filled=whole.filled[first:last],
                 )
             )
     return found

@@ -236,12 +236,12 @@ def read_extensions() -> Extensions:
     seeds = {name: k for k, name in enumerate((n for n, e in entries.items() if "seed" not in e), start=1)}
     made = {
         name: Variant(
-            name,
-            entry["effect"],
-            tuple(free_parameter(n, c, str(path)) for n, c in entry["free"].items()),
-            tuple(entry["trials"]),
-            seeds[name] if name in seeds else entry["seed"],
-            entry.get("fixed", {}),
+            name=name,
+            effect=entry["effect"],
+            free=tuple(free_parameter(n, c, str(path)) for n, c in entry["free"].items()),
+            trials=tuple(entry["trials"]),
+            seed=seeds[name] if name in seeds else entry["seed"],
+            fixed=entry.get("fixed", {}),
         )
         for name, entry in entries.items()
     }

@@ -100,13 +100,14 @@ def run(progress: Progress, settings: str = "bulk_modulus") -> ExperimentReport:
     number, wave = next(iter(asked["runs"].items()))
     drawn[1:1] = [_figure_6_30(number, wave, plant, asked), _figure_6_31(plant)]
     return ExperimentReport(
-        "The bulk modulus of the thesis",
-        "Thesis 6.3.6: (6.18) to (6.20) against the plain IFAS modulus (2.32), both with the parameters of table 6.9.",
-        _claims(asked, errors),
-        [_table(asked, errors), _parameters(asked, {IFAS: printed, AGAIN: again}), _work(asked, plant)],
-        drawn,
-        (
-            "The recordings are not published, so the plant is the model with the soft zone: what can be judged is "
+        title="The bulk modulus of the thesis",
+        lead="Thesis 6.3.6: (6.18) to (6.20) against the plain IFAS modulus (2.32), both with the parameters of table "
+        "6.9.",
+        claims=_claims(asked, errors),
+        tables=[_table(asked, errors), _parameters(asked, {IFAS: printed, AGAIN: again}), _work(asked, plant)],
+        charts=drawn,
+        remarks=(
+            "The recordings are not published, so the plant is the model with the soft zone: what can be compared is "
             "where the plain law differs from it, not which of them is nearer to the real table. `measured_runs` "
             "compares both with the measured harmonics of tables 6.1 and 6.2.",
             "I of (4.1) is printed without the number and unit of its samples; relative errors stand beside it.",

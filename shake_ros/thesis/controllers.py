@@ -36,11 +36,11 @@ def run(progress: Progress, settings: str = "controllers") -> ExperimentReport:
         drawn.append(error_chart(runs, f"figure 6.61, {loop}, {found.drawn}"))
         drawn.append(spectrum_chart(runs, f"figure 6.62, {loop}, {found.drawn}"))
     return ExperimentReport(
-        "The three controllers compared",
-        f"Thesis 6.4.2 to 6.4.5. {found.plant}",
-        [claim for loop in LOOPS for claim in _claims(found, loop, words)]
+        title="The three controllers compared",
+        lead=f"Thesis 6.4.2 to 6.4.5. {found.plant}",
+        claims=[claim for loop in LOOPS for claim in _claims(found, loop, words)]
         + [c._replace(statement=c.statement.replace(LOOPS[0], OTHER)) for c in _claims(other, LOOPS[0], words)],
-        [
+        tables=[
             Rows(f"{title}, {plant}", _head(), rows)
             for plant, of, loops in (
                 ("plant of table 6.9", found, LOOPS),
@@ -51,8 +51,8 @@ def run(progress: Progress, settings: str = "controllers") -> ExperimentReport:
                 ("The earthquake of the figures with 200 kg", _rows(of, loops, *_case(of))),
             )
         ],
-        drawn,
-        (
+        charts=drawn,
+        remarks=(
             "The thesis's loop has its printed gains and its sliding-mode observer (6.38) with the β of table 6.11, "
             "solved implicitly because forward Euler diverges at 1 kHz; the other loops put a linear observer in its "
             "place, with the printed gains and with tuned ones.",

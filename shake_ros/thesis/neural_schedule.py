@@ -32,12 +32,12 @@ def run(progress: Progress, settings: str = "neural_schedule") -> ExperimentRepo
     for k, one in enumerate(found.compared):
         charts.append(running_chart(one.record, one.runs, found.change if k == 0 else None))
     return ExperimentReport(
-        "The neural schedule",
-        "Thesis 6.3.5: a network gives the parameters for amplitude and frequency of the last two seconds.",
-        _claims(found, asked["good_within"]),
-        _tables(found),
-        charts,
-        (
+        title="The neural schedule",
+        lead="Thesis 6.3.5: a network gives the parameters for amplitude and frequency of the last two seconds.",
+        claims=_claims(found, asked["good_within"]),
+        tables=_tables(found),
+        charts=charts,
+        remarks=(
             "The text's network: two hidden layers of 100 sigmoid neurons, Levenberg–Marquardt; 80 % of the windows "
             "for training, 10 % for stopping, 10 % for testing. The text gives neither the number of windows nor "
             "their amplitudes and frequencies; those used here are in config/schedule.",

@@ -60,12 +60,12 @@ def run(progress: Progress, settings: str = "parameters") -> ExperimentReport:
     progress("table 6.8", 0.6)
     rows, figures, found = _thetas(linear, asked["sample_time"])
     return ExperimentReport(
-        "Parameter tables",
-        "Thesis 6.3.3 and 6.3.4: the identification experiments rebuilt on the simulated table.",
-        [*claims, *found],
-        [*tables, rows],
-        [*drawn, *figures],
-        (
+        title="Parameter tables",
+        lead="Thesis 6.3.3 and 6.3.4: the identification experiments rebuilt on the simulated table.",
+        claims=[*claims, *found],
+        tables=[*tables, rows],
+        charts=[*drawn, *figures],
+        remarks=(
             "Tables 6.5 to 6.7: the plant has the printed friction, and the fit starts away from it; what is not "
             "recovered is not determined by u = 0.1 sin(πt) and 0.1 sin(2πt). Noise of the position 8 µm and of the "
             "acceleration 0.05 m/s². σ_0, σ_1, n and the film's times are kept, since no motion resolves them at 1 "

@@ -93,12 +93,12 @@ def run(progress: Progress, settings: str = "reduced_model") -> ExperimentReport
         drawn.append(_motion_chart(number, r, models))
     rows, figures = _observer(asked["printed"], shown, models)
     return ExperimentReport(
-        "The reduced model",
-        f"Thesis 6.3.7 and 6.4.1: (6.36) against the full table {asked['plant']}.",
-        claims,
-        [_beta_rows(models), _frequency_rows(asked, curves), rows],
-        [*drawn, *figures],
-        (
+        title="The reduced model",
+        lead=f"Thesis 6.3.7 and 6.4.1: (6.36) against the full table {asked['plant']}.",
+        claims=claims,
+        tables=[_beta_rows(models), _frequency_rows(asked, curves), rows],
+        charts=[*drawn, *figures],
+        remarks=(
             f"β is fitted to velocity and acceleration under {', '.join(asked['fitted_to'])}, as in the thesis, but to "
             "runs of the full model where the thesis had its table; the specimen is 200 kg.",
             _range(asked, curves),

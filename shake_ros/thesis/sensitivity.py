@@ -193,12 +193,14 @@ def run(progress: Progress) -> ExperimentReport:
     head = ("plant", "parameter", "position", "velocity", "acceleration", "dominant harmonic [Hz], by value")
     drawn = [chart for title, study in found.items() for name in NAMES for chart in charts(title, study, name)]
     return ExperimentReport(
-        "Sensitivity to θ_5, θ_6 and θ_7",
-        "u = 0.5 sin(2π·3t), one parameter at a time; thesis 6.3.4, figures 6.19 to 6.24.",
-        claims,
-        [Rows("Spread of the motion between the least and the greatest value, relative to its size", head, rows)],
-        drawn,
-        (
+        title="Sensitivity to θ_5, θ_6 and θ_7",
+        lead="u = 0.5 sin(2π·3t), one parameter at a time; thesis 6.3.4, figures 6.19 to 6.24.",
+        claims=claims,
+        tables=[
+            Rows("Spread of the motion between the least and the greatest value, relative to its size", head, rows)
+        ],
+        charts=drawn,
+        remarks=(
             "θ_7 multiplies the flow coefficient of table 6.3, which lacks a √2. The text prints the values of θ_5; "
             "for θ_6 the three columns of table 6.8 are used, for θ_7 values around them. 200 kg of specimen are "
             "assumed.",

@@ -122,7 +122,7 @@ class Text:
         return [self.number(word, i, what) for i, row in rows for word in re.split(r"[\s,;]+", row.strip()) if word]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Component:
     """One channel of a file: where its numbers stand and what they are.
 

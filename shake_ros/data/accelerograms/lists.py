@@ -199,7 +199,14 @@ def listed(text: Text) -> list[Component]:
     lines = [line.strip() for line in head if line.strip()]
     return [
         Component(
-            "", lines[1] if len(lines) > 1 else "", step, unit, max(place - 1, 0), first, count, titles=tuple(lines)
+            label="",
+            name=lines[1] if len(lines) > 1 else "",
+            step=step,
+            unit=unit,
+            line=max(place - 1, 0),
+            first=first,
+            count=count,
+            titles=tuple(lines),
         )
     ]
 

@@ -82,15 +82,17 @@ def _of_volume(text: Text, first: int, end: int, number: int) -> Component:
     if peak is not None and unit != "cm/s2":
         peak = None
     count = text.whole(match[1], place, "number of samples")
+    label, station = _names(text, header, number)
     return Component(
-        *_names(text, header, number),
-        step,
-        unit,
-        place,
-        place + 1,
-        count,
-        width,
-        per_line,
+        label=label,
+        name=station,
+        step=step,
+        unit=unit,
+        line=place,
+        first=place + 1,
+        count=count,
+        width=width,
+        per_line=per_line,
         peak=peak,
         titles=tuple(header[:TITLES]),
     )
@@ -107,17 +109,19 @@ def _pairs(text: Text, first: int, end: int, number: int) -> Component:
     if not unit:
         raise text.bad(first, f"no known unit in '{shown(units.strip())}'")
     count = text.whole(counted[1], first, "number of samples")
+    label, station = _names(text, header, number)
     return Component(
-        *_names(text, header, number),
-        0.0,
-        unit,
-        first,
-        first + PAIRS_BEGIN,
-        count,
-        7,
-        10,
-        2,
-        1,
+        label=label,
+        name=station,
+        step=0.0,
+        unit=unit,
+        line=first,
+        first=first + PAIRS_BEGIN,
+        count=count,
+        width=7,
+        per_line=10,
+        columns=2,
+        column=1,
         titles=tuple(header[:13]),
     )
 
@@ -167,7 +171,19 @@ def _of_cosmos(text: Text, first: int) -> Component:
     name = re.sub(r"^Statn No:\s*\S+\s*", "", titles[4])
     label = next((m[0] for t in titles if (m := re.search(r"\bchan\w*\s*\d+.*", t, re.IGNORECASE))), titles[0])
     peak = None if reals[PEAK_PLACE] == UNDEFINED else reals[PEAK_PLACE]
-    return Component(label, name, step, unit, line, begin, size, width, per_line, peak=peak, titles=titles)
+    return Component(
+        label=label,
+        name=name,
+        step=step,
+        unit=unit,
+        line=line,
+        first=begin,
+        count=size,
+        width=width,
+        per_line=per_line,
+        peak=peak,
+        titles=titles,
+    )
 
 
 def _counted(text: Text, line: int, what: str, most: int = 20_000_000) -> tuple[int, int, int, int]:
