@@ -248,7 +248,7 @@ def _test(given: argparse.Namespace) -> int:
                 **_asked(given),
             )
     except NotReleasedError as error:
-        print(f"{error}; --acknowledge NAME says who releases it", file=sys.stderr)
+        print(f"{error}; --acknowledge NAME names the person who releases it", file=sys.stderr)
         return 1
     result.report(given.out, given.force)
     print(result.verdicts)
