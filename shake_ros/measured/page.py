@@ -178,8 +178,8 @@ def measured_page(comparison: HarmonicComparison, command: str = "") -> Page:
         page.result(run_table(comparison, index))
     page.heading("Why this model and not another")
     page.paragraph(
-        "The Bayesian information criterion penalises parameters; lower is better. Left out: every run predicted by "
-        "the model fitted to the others. THD: minus the measured one, in points, run by run."
+        "Rms errors in m/s². The Bayesian information criterion penalises parameters; lower is better. Left out: every "
+        "run predicted by the model fitted to the others. THD: minus the measured one, in points, run by run."
     )
     page.result(model_table(comparison.models), best=comparison.models.index(chosen))
     if comparison.exchanged:

@@ -76,6 +76,8 @@ def test_certificate_has_page_paper_figures_and_recordings(certificate: Path) ->
     }
     page = read_page((certificate / "certificate.html").read_text(encoding="utf-8"))
     assert [c["name"] for c in page.charts] == ["spectra", "motion"]
+    assert page.words.count("Required and test response spectrum of the last run") == 1
+    assert page.words.count("Measured acceleration of the last run") == 1
     paper = (certificate / "certificate.pdf").read_bytes()
     assert re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", paper) == [(b"595.44", b"841.68")] * 4
     streams = re.findall(rb"stream\r?\n(.*?)endstream", paper, re.S)
