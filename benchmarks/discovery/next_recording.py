@@ -111,10 +111,10 @@ def designed(found: Discovery, table: HiddenTable, minutes: float) -> dict[str, 
 
 
 def chosen(found: Discovery, table: HiddenTable, effect: str, minutes: float, choose: Choice) -> dict[str, Any]:
-    """Recordings by another advice, as long as something is open."""
+    """Recordings by another advice, until all that is found is established."""
     stroke = limits_of(found).position
     for _ in range(MOST):
-        if verdict(found, effect) != "open":
+        if verdict(found, effect) in ("right", "wrong"):
             break
         found = found.extended(table.further(choose(found, table)), minutes=minutes, progress=False)
     return {"found": found, **table.asked(stroke)}
@@ -136,10 +136,10 @@ def drawn(found: Discovery, table: HiddenTable) -> np.ndarray:
 
 
 def judged(found: Discovery, effect: str, before: str) -> dict[str, Any]:
-    """What became of the first answer. settled : of an open one, whether it is right now; None of others."""
-    after = verdict(found, effect)
-    wrong = after == "wrong" if before == "open" else None
-    return {"before": before, "after": after, "settled": after == "right" if before == "open" else None, "wrong": wrong}
+    """What became of the first answer. settled, wrong : of one that established nothing, what is now; else None."""
+    after, unsettled = verdict(found, effect), before in ("open", "nothing")
+    settled, wrong = (after == state if unsettled else None for state in ("right", "wrong"))
+    return {"before": before, "after": after, "settled": settled, "wrong": wrong}
 
 
 def small_quake(seconds: float, rng: Any) -> np.ndarray:
@@ -153,7 +153,7 @@ def small_quake(seconds: float, rng: Any) -> np.ndarray:
 
 
 def verdict(found: Discovery, effect: str) -> str:
-    """Right or wrong where everything found is established; else open."""
+    """Right or wrong where everything found is established; nothing where nothing shows; else open."""
     states = {v.state for v in found.closed.verdicts}
     if not states and not found.closed.candidates and not found.remaining.above_noise:
         return "nothing"

@@ -199,7 +199,7 @@ class _Way:
 
     def deciding(self, level: float, limits: Mapping[str, float]) -> _Plan | None:
         """The motion within the limits of a level that distinguishes what the search left open; None for none."""
-        if self.found is None:
+        if self.found is None or not self.found.open:
             return None
         asked = next_recording(self.found, interlock=limits, progress=self.progress)
         if asked.motion is None:

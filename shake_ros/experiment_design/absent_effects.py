@@ -1,14 +1,14 @@
-"""Every effect that the model found lacks, as a rival of it: as strong as the recordings at hand leave possible.
+"""Every effect that the model found lacks, as a rival of it: the strongest trial that the recordings leave possible.
 
-What the recordings have not visited they do not exclude. A trial of an effect is weakened until, with all parameters
-of the model refitted to first order, the recordings are no more than HARDLY against it; of the trials of an effect the
-one that is weakened least stands for it.
+The trials of an effect are those by which the search looks for it, the weakest about as strong as it takes to matter.
+With all parameters of the model refitted to first order, a trial is possible where the recordings are no more than
+HARDLY against it. What they have not visited they do not exclude; an effect without a possible trial is excluded.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,13 +22,12 @@ from shake_ros.core.identification.recording_problem import RecordingProblem
 
 Array = NDArray[np.float64]
 HARDLY = math.log(10.0)  # gain in log likelihood below which two models are not distinguished [nats]
-ROUNDS = 2  # of weakening a trial: the evidence against an effect grows about as the square of its strength
 
 
-def strongest_possible(
+def possible_effects(
     problem: RecordingProblem, found: Fit, wide: float, candidates: Sequence[CandidateEffect]
 ) -> dict[str, Fit]:
-    """By effect, the model found with it as strong as the recordings leave possible.
+    """By effect, the model found with the strongest trial that the recordings leave possible.
 
     Parameters
     ----------
@@ -39,30 +38,20 @@ def strongest_possible(
     """
     q, triangle = np.linalg.qr(found.jacobian)
 
-    def moved(models: Sequence[Fit]) -> Array:
-        return np.nan_to_num(problem.residuals(np.array([m.vector for m in models])), nan=LOST)
-
     def unexplained(residuals: Array) -> Array:
         return np.asarray(np.sum(residuals**2, axis=-1) - np.sum((residuals @ q) ** 2, axis=-1))
 
-    def possible(candidate: CandidateEffect) -> Fit:
-        parts = np.ones(len(candidate.trials))
-        for _ in range(ROUNDS):
-            models = [with_effect(found, candidate, t, p) for t, p in zip(candidate.trials, parts, strict=True)]
-            against = 0.5 * (unexplained(moved(models)) - unexplained(found.residuals)) / wide
-            parts = parts * np.sqrt(HARDLY / np.maximum(against, HARDLY))
-        best = len(parts) - 1 - int(np.argmax(parts[::-1]))  # of equals the last, which is the largest
-        model = with_effect(found, candidate, candidate.trials[best], float(parts[best]))
-        change = np.linalg.lstsq(triangle, -q.T @ moved([model])[0], rcond=1e-10)[0]
-        return replace(model, x=np.clip(model.x + np.clip(change, -1.0, 1.0), model.free.low, model.free.high))
+    def strongest(candidate: CandidateEffect) -> Fit | None:
+        bases = [found.free.base.with_values(trial) for trial in candidate.trials]
+        models = [replace(found, free=FreeParameters(base, found.free.free)) for base in bases]
+        moved = np.nan_to_num(problem.residuals(np.array([m.vector for m in models])), nan=LOST)
+        against = 0.5 * (unexplained(moved) - unexplained(found.residuals)) / wide
+        if not np.any(against < HARDLY):
+            return None
+        last = int(np.flatnonzero(against < HARDLY)[-1])
+        change = np.linalg.lstsq(triangle, -q.T @ moved[last], rcond=1e-10)[0]
+        free = models[last].free
+        return replace(models[last], x=np.clip(found.x + np.clip(change, -1.0, 1.0), free.low, free.high))
 
-    return {c.effect: fit for c, fit in zip(candidates, side_by_side(possible, candidates), strict=True)}
-
-
-def with_effect(found: Fit, candidate: CandidateEffect, trial: Mapping[str, float], part: float) -> Fit:
-    """A model with a part of a trial of an effect more; without a strength of its own all of the trial is weakened."""
-    strength, neutral = candidate.strength.name, candidate.neutral
-    weakened = {strength} if trial.get(strength, neutral) != neutral else set(trial)
-    before = {name: neutral if name == strength else 0.0 for name in weakened}
-    values = {n: before[n] + part * (v - before[n]) if n in weakened else v for n, v in trial.items()}
-    return replace(found, free=FreeParameters(found.free.base.with_values(values), found.free.free))
+    made = zip(candidates, side_by_side(strongest, candidates), strict=True)
+    return {candidate.effect: fit for candidate, fit in made if fit is not None}

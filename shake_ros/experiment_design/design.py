@@ -8,10 +8,10 @@ expected gain in log likelihood over the rival is half of the squares that are l
 
 all residuals weighted by the noise; w is the widening of the rival's variances on the recordings at hand, by which
 residuals that are correlated, or above the sensor noise, count less. Rivals are the answers that a search has left open
-and, where it has left anything open, every effect that the model found lacks, as strong as the recordings leave
+and every effect that the model found lacks, as strong as the recordings leave
 possible: a motion that distinguishes these shows what no recording has shown. What is gained over a rival counts up to
-the odds that settle it. What is gained over an absent effect weakens what remains possible, so its logarithm counts,
-with the odds of 1 : 10 of an effect of that strength, as a mean over the effects.
+the odds that settle it. What is gained over an absent effect weakens what remains possible, so its logarithm counts, as
+a mean over the effects, with the odds of 1 : 10 up to which a trial counts as possible.
 
 A table that sticks and breaks away answers the least change of a parameter with another motion, which no linear δ
 follows. So the model found itself, its parameters moved within their own uncertainty, is held against itself in the
@@ -42,7 +42,7 @@ from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.reference.motion import Envelope, envelope
-from shake_ros.experiment_design.absent_effects import HARDLY, strongest_possible
+from shake_ros.experiment_design.absent_effects import HARDLY, possible_effects
 from shake_ros.experiment_design.further_sensors import FurtherSensor, WithSensors
 from shake_ros.experiment_design.motions import Excitation
 from shake_ros.search.rival_models import RivalModel
@@ -95,7 +95,7 @@ class PredictedExcitation:
     samples : of the reference, shape (n, 3).
     record : what its sensors would show of the first half, which the second mirrors.
     separations : of each rival that a search has left open.
-    absent : of each effect that the model found lacks.
+    absent : of each effect that the model found lacks and the recordings do not exclude.
     """
 
     motion: Excitation
@@ -144,7 +144,7 @@ class Designer:
     model : of all rivals.
     found : the model found.
     rivals : that a search has left open.
-    absent : the model found with each effect that it lacks.
+    absent : the model found with each effect that it lacks and the recordings do not exclude.
     limits : of position, velocity and acceleration.
     like : a recording whose noise the next one will have.
     moved : the model found with its parameters a standard deviation away, to either side, as rivals of itself.
@@ -172,7 +172,7 @@ class Designer:
         problem = RecordingProblem(list(records), model)
         there = linearised(problem, final)
         found = Rival.of("", there, problem)
-        possible = strongest_possible(problem, there, found.wide, lacking)
+        possible = possible_effects(problem, there, found.wide, lacking)
         return cls(
             model,
             found,

@@ -48,7 +48,7 @@ class NextRecording:
     prediction : the motion with what it is expected to do to each rival; None where none within the limits is possible.
     limits : largest position [m], velocity [m/s] and acceleration [m/s²] that it may ask for.
     sample_time : of the motion [s].
-    open : whether anything is: a verdict that is not established, or a residual above the noise.
+    undecided : whether a verdict is not established, or a residual stands above the noise.
     further : what the same motion would do to the rivals that it does not settle, with each further sensor that the
         table lacks, and with MORE_MASS.
     answers : effects of the model found, and of each rival.
@@ -58,9 +58,14 @@ class NextRecording:
     prediction: PredictedExcitation | None
     limits: Envelope
     sample_time: float
-    open: bool = True
+    undecided: bool = True
     further: Mapping[str, tuple[Separation, ...]] = field(default_factory=dict)
     answers: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def open(self) -> bool:
+        """Whether anything is: a model, or an effect that the recordings do not exclude and the motion would show."""
+        return self.undecided or bool(self.shown)
 
     @property
     def useful(self) -> bool:
@@ -74,7 +79,7 @@ class NextRecording:
 
     @property
     def shown(self) -> tuple[str, ...]:
-        """The absent effects that it is expected to show if they are as strong as the recordings leave possible."""
+        """The absent effects that the recordings do not exclude, and that it is expected to show or to exclude."""
         return () if self.prediction is None else tuple(s.rival for s in self.prediction.absent if s.settles)
 
     @property
@@ -94,15 +99,17 @@ class NextRecording:
             yield "nothing is open: no further recording is needed"
         elif self.rivals:
             yield f"open beside the model found: {', '.join(self.rivals)}"
-        else:
+        elif self.undecided:
             yield "the model found does not explain all, and no rival model is known"
+        else:
+            yield "the model found explains these recordings, but they do not exclude all other effects"
         if self.prediction is not None and self.useful:
             yield f"the next recording: {self.prediction.motion}"
             for s in self.prediction.separations:
                 if s.settles:
                     yield f"  distinguishes {s.rival}: expected odds {_odds(s.odds)} : 1"
             if self.shown:
-                yield f"  shows, as strong as the recordings leave them possible: {', '.join(self.shown)}"
+                yield f"  shows or excludes, which no recording does so far: {', '.join(self.shown)}"
         yield from self.cannot()
 
     def cannot(self) -> Iterator[str]:
@@ -260,8 +267,6 @@ def next_recording(
     with Progress("next_recording", progress) as bar:
         bar("refitting the rivals", 0.0)
         bounds, dt = limits_of(found, limits, interlock), found.estimation[0].sample_time
-        if not found.open:
-            return NextRecording((), None, bounds, dt, open=False)
         rivals, declared = found.rivals, found.model.declared
         effects = tuple(step.chosen.candidate.effect for step in found.closed.search.steps)
         known = {*effects, *(r.candidate.effect for r in rivals if r.candidate)}
@@ -270,7 +275,7 @@ def next_recording(
         designer = Designer.of(declared, final, rivals, bounds, found.estimation, absent)
         best = designer.best(library(motions), bar)
         answers = effects, *(rival.effects(effects) for rival in rivals)
-        made = NextRecording(tuple(r.name for r in rivals), best, bounds, dt, answers=answers)
+        made = NextRecording(tuple(r.name for r in rivals), best, bounds, dt, found.open, answers=answers)
         if best is None or all(s.settles for s in best.separations):
             return made
         bar("the same with further sensors, and with more mass on the table", 0.9)

@@ -257,7 +257,7 @@ def test_unknown_model_and_missing_arguments_end_with_exit_code_2(
 
 def test_the_next_recording_lies_beside_the_report_and_in_it(tmp_path: Path) -> None:
     (tmp_path / "report.json").write_text('{"steps": []}', encoding="utf-8")
-    folder = write_next(NextRecording((), None, Envelope(0.1, 1.0, 10.0), 0.001, open=False), tmp_path)
+    folder = write_next(NextRecording((), None, Envelope(0.1, 1.0, 10.0), 0.001, undecided=False), tmp_path)
     content = json.loads((tmp_path / "next.json").read_text(encoding="utf-8"))
     assert content["schema"] == "shake_ros.next/1"
     assert (content["open"], content["motion"], content["cannot"]) == (False, None, "")

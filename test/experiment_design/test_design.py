@@ -106,32 +106,38 @@ def test_a_motion_that_any_rival_would_take_beyond_the_limits_is_left_out(table,
 def unexplored(table, small_motion):
     """A model without rivals, which may lack a deadband of the spool or a drag that grows with the square of speed."""
     absent = [c for c in effect_candidates() if c.effect in ("spool_deadband", "quadratic_drag")]
-    return Designer.of(FULL, fit_of(table), [], LIMITS, small_motion, absent), absent
+    return Designer.of(FULL, fit_of(table), [], LIMITS, small_motion, absent)
 
 
-def test_an_absent_effect_is_as_strong_as_the_recordings_leave_possible(table, small_motion, unexplored):
-    designer, absent = unexplored
-    strengths = {c.effect: c.strength.name for c in absent}
+def test_of_the_absent_effects_those_remain_that_the_recordings_do_not_exclude(table, small_motion, unexplored):
+    (drag,) = unexplored.absent
+    assert drag.name == "quadratic_drag"
+    assert drag.fit.table.value("effects.quadratic_drag.coefficient") == 2.5e4
     problem = RecordingProblem(small_motion)
-    deadband, drag = ({r.name: r.fit for r in designer.absent}[name] for name in ("spool_deadband", "quadratic_drag"))
-    assert 0.0 < deadband.table.value(strengths["spool_deadband"]) < 0.03
-    assert drag.table.value(strengths["quadratic_drag"]) == pytest.approx(2.5e4)
-    r = problem.residuals(fit_of(table).vector[None, :])[0]
-    for fit in (deadband, drag):
-        against = 0.5 * (np.sum(problem.residuals(fit.vector[None, :]) ** 2) - np.sum(r**2)) / designer.found.wide
-        assert against < 2.0 * HARDLY
+    before, after = (np.sum(problem.residuals(fit.vector[None, :]) ** 2) for fit in (unexplored.found.fit, drag.fit))
+    assert 0.5 * (after - before) / unexplored.found.wide < HARDLY
 
 
 def test_without_a_rival_the_motion_shows_what_no_recording_has_visited(small_motion, unexplored):
-    designer, _ = unexplored
-    best = designer.best([m for m in library() if m.kind in ("sine", "multisine")], lambda *_: None)
+    best = unexplored.best([m for m in library() if m.kind in ("sine", "multisine")], lambda *_: None)
     asked = NextRecording((), best, LIMITS, 0.001)
-    assert "quadratic_drag" in asked.shown and asked.motion is not None
+    assert asked.shown == ("quadratic_drag",) and asked.motion is not None
     assert np.max(np.abs(best.samples[:, 1])) > 3.0 * np.max(np.abs(small_motion[0].velocity))
     text = list(asked.lines())
     assert text[0] == "the model found does not explain all, and no rival model is known"
-    assert any(line.startswith("  shows, as strong as the recordings leave them possible: ") for line in text)
+    assert text[-1] == "  shows or excludes, which no recording does so far: quadratic_drag"
     assert json.loads(json.dumps(asked.content()))["absent"]["quadratic_drag"]["log_odds"] > HARDLY
+    explained = dataclasses.replace(asked, undecided=False)
+    assert explained.open and explained.motion is not None
+    assert "they do not exclude all other effects" in next(explained.lines())
+
+
+def test_nothing_is_open_once_the_recordings_exclude_every_other_effect(unexplored):
+    excluded = dataclasses.replace(unexplored, absent=())
+    best = excluded.best([m for m in library() if m.kind == "sine"], lambda *_: None)
+    asked = NextRecording((), best, LIMITS, 0.001, undecided=False)
+    assert not asked.open and asked.motion is None
+    assert list(asked.lines()) == ["nothing is open: no further recording is needed"]
 
 
 @pytest.fixture(scope="module")
