@@ -10,6 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from shake_ros.api import fitted
 from shake_ros.api.fitted import LatentForces, prepared_alike, test_records, with_test
 from shake_ros.api.found_effects import Effects, FoundEffect
@@ -52,6 +54,8 @@ from shake_ros.settings import save_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+MOVING = 0.1  # of the largest velocity, from which on a table moves
 
 
 @dataclass(frozen=True, repr=False)
@@ -173,8 +177,8 @@ class Discovery(fitted.FittedResult):
         Parameters
         ----------
         estimation : recordings to fit beside those before.
-        validation : recordings beside the validation data before; where none is given, the second half of each of the
-            others.
+        validation : recordings beside the validation data before; where none is given, the second half of the motion of
+            each of the others.
         minutes, progress : as of `close_loop`.
 
         Raises
@@ -318,8 +322,9 @@ def completed(
 
 
 def _halves(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
-    """The first half of each record, and the second."""
-    middles = [len(r.commands) // 2 for r in records]
+    """Each record up to the middle of its motion, and from there: it may rest before and after."""
+    moving = [np.flatnonzero(np.abs(r.velocity) > MOVING * np.max(np.abs(r.velocity))) for r in records]
+    middles = [int(m[0] + m[-1]) // 2 for m in moving]
     first = [r.part(slice(0, middle)) for r, middle in zip(records, middles, strict=True)]
     return first, [r.part(slice(middle, len(r.commands))) for r, middle in zip(records, middles, strict=True)]
 

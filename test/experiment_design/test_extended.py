@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import shake_ros as sr
+from shake_ros.api.discovery import _halves
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.axis import AXIS_LAYOUT
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.motion import Envelope
@@ -38,6 +40,15 @@ def test_a_search_that_goes_on_fits_half_of_the_new_recording_and_knows_more(fou
     before, after = (next(p for p in f.final.parameters if p.name == "axis.coulomb") for f in (found, more))
     assert after.std_error < before.std_error
     assert not more.remaining.above_noise
+
+
+def test_of_a_recording_that_rests_at_first_half_of_the_motion_is_fitted():
+    time, rest = np.arange(1000) / 1000, np.zeros(3000)
+    position = np.concatenate([rest, 1e-3 * np.sin(20 * time), -1e-3 * np.sin(20 * time)])
+    position += 1e-6 * np.random.default_rng(0).standard_normal(5000)
+    first, second = _halves([Record("rests", 0.001, np.zeros(5000), position)])
+    assert len(first[0].commands) == pytest.approx(4000, abs=30)
+    assert len(first[0].commands) + len(second[0].commands) == 5000
 
 
 def test_a_recording_that_the_search_has_had_is_refused(found):
