@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
+
 import numpy as np
 import pytest
 from lab_process import QUICK, Started
 
 from shake_ros.__main__ import main
+from shake_ros.api.discovery import _halves
 from shake_ros.api.live_table import InterlockHeldError, LiveLaboratory, write_loop
+from shake_ros.cli import repair
 from shake_ros.core.control import CONTROLLERS
+from shake_ros.core.failures import Failures
+from shake_ros.core.identification.recordings import Record
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.baseline import states_from_rest
+from shake_ros.core.reference.motion import Envelope
+from shake_ros.experiment_design import next_recording as designs
+from shake_ros.experiment_design.design import PredictedExcitation, Separation
+from shake_ros.experiment_design.motions import Excitation
+from shake_ros.experiment_design.next_recording import NextRecording
 from shake_ros.ros.interface import VALVE_COMMAND
 from shake_ros.ros.live_table import live_table
 from shake_ros.settings import load_table, load_variant
@@ -70,3 +81,61 @@ def test_drive_is_played_on_an_enabled_table_alone_and_recorded_whole(ros_domain
                 table.check()
         assert "the pressure is off" in capsys.readouterr().out
         assert started.end() == 0
+
+
+class Answer:
+    """What a search has found, which goes on with recordings that it keeps."""
+
+    failures = Failures()
+
+    def __init__(self) -> None:
+        self.recordings: list = []
+
+    def extended(self, recording, **_):
+        self.recordings.append(recording)
+        return self
+
+    def report(self, folder, **_):
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "report.json").write_text("{}")
+        return folder
+
+
+def test_what_a_design_asks_for_is_released_played_recorded_and_decided_upon(ros_domain, tmp_path, monkeypatch, capsys):
+    wanted = Excitation("sine", "sine", 4.0, 0.0, 0.1, 4.0)
+    limits, like = Envelope(0.02, 0.2, 3.0), Record("like", DT, np.zeros(99), np.zeros(99))
+
+    def asked(found: Answer, *, interlock: dict[str, float], **_) -> NextRecording:
+        assert interlock["velocity"] == 1.5
+        gain = 0.0 if found.recordings else 9.0
+        shown = PredictedExcitation(
+            wanted, wanted.samples(limits, DT), like, (Separation("other", gain, np.zeros(99)),)
+        )
+        return NextRecording(("other",), shown, limits, DT, answers=(("a",), ("b",)))
+
+    monkeypatch.setattr(designs, "next_recording", asked)
+    monkeypatch.setattr(repair, "discovery_lines", lambda *_: ["found"])
+    found, out = Answer(), tmp_path / "out"
+    found.report(out)
+    given = Namespace(
+        live=True, namespace="/shake", out=out, acknowledge="me", most=2, minutes=None, force=False, figures=None
+    )
+    with Started("--headless", "--lockstep", "--composed", "--enabled", *QUICK, "--folder", str(tmp_path)) as started:
+        started.wait_for("running: loop")
+        answers = [found]
+        repair.decide_live(answers, given, [])
+        assert started.end() == 0
+    assert answers == [found, found]
+    (run,) = found.recordings[0]
+    first, second = _halves(found.recordings[0].records("valve_command"))
+    mirrored = wanted.samples(limits, DT)[:, 0]
+    for half, motion in (
+        (first[0].position[-1500:], mirrored[500:2000]),
+        (second[0].position[:1500], mirrored[2000:3500]),
+    ):
+        assert np.std(half - motion) < 0.4 * np.std(motion)
+    assert run.name == "next_1" and (out / "recordings" / "next_1" / "metadata.yaml").is_file()
+    assert (out / "next" / "drive.yaml").is_file() and not (out / "decided" / "next" / "drive.yaml").exists()
+    said = capsys.readouterr().out
+    assert "distinguishes other: expected odds 8 103 : 1" in said
+    assert "settles anything with the sensors of this table" in said
