@@ -29,7 +29,7 @@ from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.plant.reduced import REDUCED_LAYOUT
 from shake_ros.core.quantities import Parameters, ShakeError
 from shake_ros.data.recordings import TableRecording, write_table_recording
-from shake_ros.data.recordings.table import Provenance
+from shake_ros.data.recordings.table import ARRAYS, Provenance
 from shake_ros.data.reference_file import build_program
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import find, load_table, load_variant, read_yaml, table_of
@@ -126,8 +126,7 @@ class Simulation:
     def write(self, path: str | Path, overwrite: bool = False) -> Path:
         """Write it as a recording that every command reads."""
         r = self.recording
-        names = ("pressure_a", "pressure_b", "pressure_supply", "force", "reference", "estimate", "truth")
-        signals: dict[str, Any] = {name: getattr(r, name) for name in names}
+        signals: dict[str, Any] = {name: getattr(r, name) for name in ARRAYS}
         valve = r.valve_command if r.force is None else None
         return write_table_recording(path, r.time, valve, r.position, r.acceleration, **signals, overwrite=overwrite)
 

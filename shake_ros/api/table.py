@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from shake_ros.core.quantities import ShakeError
+from shake_ros.data.result_folder import refuse_existing, writing
 from shake_ros.settings import find, read_yaml
 
 SHARE = {  # standard deviation of a number from a nameplate, in parts of it
@@ -31,14 +32,11 @@ class TableFile:
     def save(self, path: str | Path, force: bool = False) -> Path:
         """Write the file with its assumptions on top; `force` replaces an existing one."""
         path = Path(path)
-        if path.exists() and not force:
-            raise ShakeError(f"{path}: exists already (--force replaces it)")
+        refuse_existing(path, force=force)
         top = ["From nameplates. `unknown` starts from the recordings, `{value, sd}` is a prior, a number is exact."]
         text = "".join(f"# {line}\n" for line in [*top, *(f"Assumed: {a}" for a in self.assumed)])
-        try:
+        with writing():
             path.write_text(text + yaml.safe_dump(self.content, sort_keys=False), encoding="utf-8")
-        except OSError as error:
-            raise ShakeError(f"{path}: cannot be written ({error.strerror})") from None
         return path
 
     def __repr__(self) -> str:
