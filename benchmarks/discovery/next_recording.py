@@ -96,16 +96,16 @@ class HiddenTable:
 
 
 def designed(found: Discovery, table: HiddenTable, minutes: float) -> dict[str, Any]:
-    """The recordings that `decide` asks for. waited : longest time from an answer to its next recording [s]."""
-    stroke, waited, answered = limits_of(found).position, [0.0], [time.perf_counter()]
+    """The recordings that `decide` asks for. waited : most processor time from an answer to the next motion [s]."""
+    stroke, waited, answered = limits_of(found).position, [0.0], [time.process_time()]
 
     def play(asked: NextRecording) -> Recordings:
         assert asked.motion is not None
-        waited.append(time.perf_counter() - answered[-1])
+        waited.append(time.process_time() - answered[-1])
         return table.further(table.following(asked.motion))
 
     decided = decide(
-        found, play, most=MOST, minutes=minutes, progress=False, extended=lambda _: answered.append(time.perf_counter())
+        found, play, most=MOST, minutes=minutes, progress=False, extended=lambda _: answered.append(time.process_time())
     )
     return {"advice": "designed", "found": decided.found, "design": max(waited), **table.asked(stroke)}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -155,12 +156,14 @@ class NextRecording:
         """What next.json has. folder : with the reference."""
         shown, motion = self.prediction, self.motion
         separations = () if shown is None else shown.separations
-        settled = [i for i, s in enumerate(separations) if s.settles]
-        found, *others = [answer[0] if len(answer) == 1 else list(answer) for answer in self.answers] or [[]]
+        found = self.answers[0] if self.answers else ()
+        others = [*self.answers[1:], *((*found, name) for name in self.shown)]
+        settled = [s.settles for s in separations] + [True] * len(self.shown)
+        named = [answer[0] if len(answer) == 1 else list(answer) for answer in (found, *others)]
         return {
             "schema": "shake_ros.next/1",
             "open": self.open,
-            "separates": [[found, others[i]] for i in settled],
+            "separates": [[named[0], other] for other in compress(named[1:], settled)],
             "motion": None
             if motion is None or shown is None
             else {
@@ -366,7 +369,7 @@ def next_page(asked: NextRecording) -> Page:
             for s in (*sorted(shown.separations, key=lambda s: -s.gain), *sorted(shown.absent, key=lambda s: -s.gain))
         ]
         page.table(
-            ("model that is open, or effect that is absent", "expected gain in log likelihood [nats]", "distinguished"),
+            ("rival", "expected gain [nats]", "distinguished"),
             rows,
         )
         if asked.motion is not None:

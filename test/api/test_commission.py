@@ -171,7 +171,7 @@ def test_close_loop_seeks_at_the_highest_level_and_the_run_before_decides(
 class Open:
     """A search that leaves a question open until it has the recording of the motion asked for."""
 
-    effects = ()
+    effects, open = (), True
 
     def __init__(self) -> None:
         self.heard: list[TableRecording] = []

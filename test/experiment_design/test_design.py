@@ -126,7 +126,9 @@ def test_without_a_rival_the_motion_shows_what_no_recording_has_visited(small_mo
     text = list(asked.lines())
     assert text[0] == "the model found does not explain all, and no rival model is known"
     assert text[-1] == "  shows or excludes, which no recording does so far: quadratic_drag"
-    assert json.loads(json.dumps(asked.content()))["absent"]["quadratic_drag"]["log_odds"] > HARDLY
+    content = json.loads(json.dumps(asked.content()))
+    assert content["absent"]["quadratic_drag"]["log_odds"] > HARDLY
+    assert content["separates"] == [[[], "quadratic_drag"]]
     explained = dataclasses.replace(asked, undecided=False)
     assert explained.open and explained.motion is not None
     assert "they do not exclude all other effects" in next(explained.lines())
