@@ -24,6 +24,7 @@ from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.read import Recordings, recording
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.settings import load_table
+from shake_ros.twin.change import HOUR
 from shake_ros.twin.follow import Following, follow
 from shake_ros.twin.naming import free_run_errors
 from shake_ros.twin.twin import INTERVAL, PAUSED, WATCHING, Change
@@ -31,7 +32,8 @@ from shake_ros.twin.twin import INTERVAL, PAUSED, WATCHING, Change
 FIT_ERROR = 0.02  # standard deviation of a found table's numbers about the true ones, relative
 SECONDS = 8.6  # of a motion: four windows, and the start in which the state is found
 BEFORE, AFTER = 3, 2  # motions of the sound table, and with the fault at full size
-SOUND = 5  # motions of a sound table that are watched behind the first ones
+WARMING = {"modulus": -0.05, "internal": 0.3, "viscous": -0.3}  # logarithms of what 10 K in an hour change [1/h]
+SOUND = 24  # motions of a sound table that are watched behind the first ones
 GROWING = 4  # motions over which a slow fault grows
 RUMBLE = 0.01  # random force of the table with process noise, in parts of what its supply can push
 SUBSTEPS = 20  # integration steps in a sample
@@ -232,24 +234,33 @@ def measure(seed: int, table: str, fault: str, size: float, way: str, motion: st
 
 
 def nothing(seed: int, table: str) -> dict[str, Any]:
-    """A sound table under motions of either kind at any level: false alarms, and whether the intervals hold."""
+    """A sound table under motions of either kind at any level while its oil warms: false alarms, and the intervals."""
     b, rng = bench(table, seed), np.random.default_rng([seed, 47])
-    runs, errors = list[Recordings](), list[np.ndarray]()
+    runs, errors, truth = list[Recordings](), list[np.ndarray](), b.truth
     for i in range(BEFORE + SOUND):
         motion, level = ("quake", "random")[int(rng.integers(2))], float(rng.uniform(0.5, 1.0))
-        run, error = played(b, b.truth, motion, f"run_{i:02d}", rng, level=level if i >= BEFORE else 1.0)
+        truth = warmed(b.truth, max(i - BEFORE + 1, 0) * SECONDS / HOUR)
+        run, error = played(b, truth, motion, f"run_{i:02d}", rng, level=level if i >= BEFORE else 1.0)
         runs.append(run)
         errors.append(error)
+    began = time.process_time()
     found = follow([r for run in runs for r in run], b.table, progress=False)
+    load = (time.process_time() - began) / (SECONDS * len(runs))
     watched = [w for w in found.known if w.state == WATCHING]
     return {
         "alarms": len(found.changes),
         "alarm": bool(found.changes),
         "named": [named_of(c) for c in found.changes],
-        "watched_s": sum((w.stamp - w.start) * 1e-9 for w in watched),
-        "coverage": covered(found, b.truth, b.truth, BEFORE + SOUND - 1),
+        "hours": sum((w.stamp - w.start) * 1e-9 for w in watched) / HOUR,
+        "coverage": covered(found, truth, b.truth, BEFORE + SOUND - 1),
+        "load": load,
         **baseline(errors, b.laboratory.rate, BEFORE),
     }
+
+
+def warmed(truth: hidden.Truth, hours: float) -> hidden.Truth:
+    """A truth whose oil warms."""
+    return truth._replace(**{f: getattr(truth, f) * math.exp(part * hours) for f, part in WARMING.items()})
 
 
 def number(recording: str) -> int:

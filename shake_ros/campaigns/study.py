@@ -25,9 +25,10 @@ SECTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # kind of a se
     "shares": (("title", "shares", "by", "where", "of"), ("shares",)),
     "matrix": (("title", "matrix", "by", "where", "of"), ("matrix",)),
     "spread": (("title", "spread", "by", "where", "of"), ("spread",)),
+    "rate": (("title", "rate", "by", "where", "of"), ("rate",)),
     "changes": (("title", "changes", "where"), ("changes",)),
 }
-CHANGES = ("of", "when", "parameters")
+NAMED = {"matrix": ("truth", "named"), "rate": ("events", "over"), "changes": ("of", "when", "parameters")}
 
 Row = Mapping[str, Any]
 
@@ -219,9 +220,8 @@ def _section(part: Any, where: str) -> StudySection:
     keys, needed = SECTIONS[kind]
     given = strict_keys(part, keys, where, needed, kind="key")
     columns = given[kind]
-    if kind == "matrix" or kind == "changes":
-        names = ("truth", "named") if kind == "matrix" else CHANGES
-        columns = dict(strict_keys(columns, names, f"{where}: {kind}", names, kind="key"))
+    if kind in NAMED:
+        columns = dict(strict_keys(columns, NAMED[kind], f"{where}: {kind}", NAMED[kind], kind="key"))
     elif isinstance(columns, list):
         columns = {str(name): str(name) for name in columns}
     if not isinstance(columns, Mapping) or not all(isinstance(c, str) for c in columns.values()):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.stats import chi2, norm, t
 
 from shake_ros.campaigns.rows import FinishedRow
 from shake_ros.campaigns.study import StudySection, canonical
@@ -236,6 +236,35 @@ def _spread(section: StudySection, rows: Sequence[FinishedRow]) -> Table:
     return [*section.by, "figure", "rows", "median", "lower quartile", "upper quartile", "largest"], cells
 
 
+class Rate(NamedTuple):
+    """Events over a time, or over whatever else they may come in."""
+
+    events: int
+    over: float
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the true rate of a Poisson process.
+
+        F. Garwood, Biometrika 28 (1936) 437: the rates at which so few, or so many, have a chance of 2.5 %.
+
+        >>> [round(end, 3) for end in Rate(0, 1.0).interval], [round(end, 3) for end in Rate(2, 1.0).interval]
+        ([0.0, 3.689], [0.242, 7.225])
+        """
+        low = 0.5 * float(chi2.ppf(0.025, 2 * self.events)) if self.events else 0.0
+        return low / self.over, 0.5 * float(chi2.ppf(0.975, 2 * self.events + 2)) / self.over
+
+
+def _rate(section: StudySection, rows: Sequence[FinishedRow]) -> Table:
+    events, over = section.columns["events"], section.columns["over"]
+    cells = []
+    for values, some in groups(section, rows):
+        rate = Rate(round(float(np.sum(numbers(some, events)))), float(np.sum(numbers(some, over))))
+        known = [f"{100.0 * r:.3g}" for r in (rate.events / rate.over, *rate.interval)] if rate.over else [NOTHING] * 3
+        cells.append([*map(shown, values), str(rate.events), f"{rate.over:.4g}", *known])
+    return [*section.by, events, over, "in 100", "at least", "at most"], cells
+
+
 def changes_of(section: StudySection, rows: Sequence[FinishedRow]) -> list[tuple[str, list[StepChange]]]:
     """For each thing of an archive the steps of its parameters; empty where none changed."""
     of, when, column = (section.columns[name] for name in ("of", "when", "parameters"))
@@ -274,6 +303,7 @@ _TABLES: dict[str, Callable[[StudySection, Sequence[FinishedRow]], Table]] = {
     "shares": _shares,
     "matrix": _matrix,
     "spread": _spread,
+    "rate": _rate,
     "changes": _changes,
 }
 

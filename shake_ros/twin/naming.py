@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -37,11 +37,12 @@ from shake_ros.fit.solver import Budget, PredictorFit, descend, jacobian, prior_
 from shake_ros.search.candidates import functions, listed
 from shake_ros.search.loop import PRIOR
 from shake_ros.search.proposal import MULTIPLES, SHIFT, EffectSet, Linearised, evaluate, linearised
+from shake_ros.twin.change import KnownState
 from shake_ros.twin.evidence import ScaledPredictor, segment_of
 
 SCREENED = 3.0  # length of the windows on which every hypothesis is tried [s]
 BEST = 12  # hypotheses that are tried before the change as well
-REFITTED, WORTH = 6, 0.5  # hypotheses that are begun; part of the best one's gain with which a refit goes on
+REFITTED, WORTH = 6, 0.5  # hypotheses that are refitted at most, and the part of the best one's gain that they need
 STEPS, CONVERGED = 30, 0.1  # Jacobians of a refit at most; fall of the cost at which it has converged [nats]
 RIVAL = math.log(20.0)  # nats behind the best, within which a hypothesis stays possible
 MOVED = 1.5  # times the size of a change that matters, by which a followed parameter is first moved
@@ -114,6 +115,26 @@ class Named:
         return self.best if self.best.followed or not own else own[0]
 
 
+@dataclass(frozen=True, kw_only=True)
+class _KnownModel(FreeModel):
+    """A model whose first parameters are known together; one with a prior of its own is not one of them.
+
+    known : their mean and covariance, in units.
+    """
+
+    known: KnownState
+
+    @cached_property
+    def prior(self) -> tuple[np.ndarray, np.ndarray]:
+        """As of `FreeModel`, with rows that whiten what is known."""
+        own, targets = super().prior
+        some = [i for i in range(len(self.known.mean)) if self.names[i] not in self.priors]
+        whiten = np.linalg.inv(np.linalg.cholesky(self.known.covariance[np.ix_(some, some)]))
+        rows = np.zeros((len(some), len(self.x)))
+        rows[:, some] = whiten
+        return np.vstack([own, rows]), np.concatenate([targets, whiten @ self.known.mean[some]])
+
+
 class _Refit(NamedTuple):
     """A refit: model, cost of windows and priors [nats], residuals, inverse normal matrix, log determinants."""
 
@@ -144,11 +165,9 @@ class Naming:
         before: Sequence[Record],
         since: Sequence[Record],
     ) -> None:
-        deviations = np.sqrt(np.diag(covariance) / inflation) * model.scale
-        priors = {
-            n: (float(v), float(d)) for n, v, d in zip(model.names, model.x * model.scale, deviations, strict=True)
-        }
-        self.model, self.levels, self.inflation = replace(model, priors=priors), levels, inflation
+        known = KnownState(model.x, covariance / inflation)
+        self.model = _KnownModel(**{f.name: getattr(model, f.name) for f in fields(model)}, known=known)
+        self.levels, self.inflation = levels, inflation
         self.sizes = sizes
         self.candidates = sized(effect_candidates(), model.table)
         self.before, self.since = tuple(before), tuple(since)
@@ -168,7 +187,7 @@ class Naming:
         ----------
         normal_square : mean square of the innovations up to which they count as explained [-].
         """
-        found = self._against_past(self._refits())
+        found = self._against_past([self._refitted(*h) for h in self._screened()])
         best = found[0]
         explained = bool(best.evidence > 0.0 and best.square < normal_square)
         rivals = tuple(h for h in found[1:] if self._rivals(h, best))
@@ -188,7 +207,10 @@ class Naming:
         if self.past:
             again = [replace(effect, trials=(s.trials[0].directions,)) for effect, s in best]
             had = {effect.strength.name: self._share * s.gain for effect, s in self._gains(self.past, again)}
-        return sorted(best, key=lambda h: had.get(h[0].strength.name, 0.0) - h[1].gain)[:REFITTED]
+        net = {effect.strength.name: s.gain - had.get(effect.strength.name, 0.0) for effect, s in best}
+        least = WORTH * max(net.values(), default=0.0) - PRIOR - RIVAL
+        order = sorted(best, key=lambda h: -net[h[0].strength.name])[:REFITTED]
+        return [h for h in order if net[h[0].strength.name] >= least]
 
     def _gains(self, fitted: PredictorFit, tried: Sequence[TriedEffect]) -> list[tuple[TriedEffect, EffectSet]]:
         """Each hypothesis that gains anything at its best trial, to first order and on some windows; the best first."""
@@ -203,18 +225,6 @@ class Naming:
                 found[effect.strength.name] = effect, _single(lin, m, whole * gain, parts)
         return sorted(found.values(), key=lambda h: -h[1].gain)
 
-    def _refits(self) -> list[Hypothesis]:
-        """The screened hypotheses at their most likely values; one that begins far behind the best is left out."""
-        begun = [(effect, *self._begun(effect, s)) for effect, s in self._screened()]
-        found, least = list[Hypothesis](), math.inf
-        for effect, model, cost in sorted(begun, key=lambda b: b[2]):
-            if cost - least > PRIOR + RIVAL + (1.0 - WORTH) * (self._unchanged.cost - least):
-                break
-            refit = self._converged(self.fitted, model, effect.strength.name)
-            found.append(self._hypothesis(effect, refit))
-            least = min(least, refit.cost)
-        return found
-
     def _moved(self, i: int) -> TriedEffect:
         """A followed parameter as a hypothesis: it alone moves, tried either way at finite steps."""
         p, x = self.model.free[i], self.model.x[i]
@@ -225,9 +235,8 @@ class Naming:
         trials = tuple(({p.name: float(v * p.scale)},) for v in reached if v != x)
         return TriedEffect(name, (FreeParameter(p.name, p.scale, -math.inf, math.inf, p.unit),), trials, place)
 
-    def _begun(self, effect: TriedEffect, proposal: EffectSet) -> tuple[FreeModel, float]:
-        """Where a refit begins, with its cost [nats]: at the likeliest part of the linear prediction, others moved or
-        not."""
+    def _begun(self, effect: TriedEffect, proposal: EffectSet) -> FreeModel:
+        """Where a refit begins: the hypothesis at the likeliest part of its linear prediction, others moved or not."""
         (trial,), (parts,) = proposal.trials, proposal.parts
         found, name = list[FreeModel](), effect.strength.name
         for part in MULTIPLES:
@@ -242,19 +251,18 @@ class Naming:
                 moved[i] = self.model.x[i] + part * parts[0] * tried
                 free = (self.model.value(name), FREE * effect.strength.scale)
                 found.append(replace(self.model, priors={**self.model.priors, name: free}).at(moved))
-        some = self.fitted.prediction.part(SCREENED)
-        priors = np.array([np.sum(prior_residuals(m, m.x) ** 2) for m in found])
-        left = np.sum(some.residuals(np.vstack([m.vectors(m.x) for m in found])) ** 2, axis=1)
-        k = int(np.argmin(left * self.fitted.prediction.count / some.count + priors))
-        whole = self.fitted.prediction.residuals(found[k].vectors(found[k].x))
-        return found[k], 0.5 * float(np.sum(whole**2) + priors[k]) / self.inflation
+        rows = np.vstack([m.vectors(m.x) for m in found])
+        costs = np.sum(self.fitted.prediction.residuals(rows) ** 2, axis=1)
+        costs += [np.sum(prior_residuals(m, m.x) ** 2) for m in found]
+        return found[int(np.argmin(costs))]
 
-    def _hypothesis(self, effect: TriedEffect, found: _Refit) -> Hypothesis:
+    def _refitted(self, effect: TriedEffect, proposal: EffectSet) -> Hypothesis:
         """A hypothesis at its most likely value."""
         name, scale = effect.strength.name, effect.strength.scale
         followed = name in self.model.names
         half_width = float(self.sizes[self.model.names.index(name)]) * scale if followed else scale
         was = self.model.value(name) if followed else self.model.table.value(name)
+        found = self._converged(self.fitted, self._begun(effect, proposal), name)
         i = found.model.names.index(name)
         value, deviation = found.model.value(name), math.sqrt(found.covariance[i, i]) * scale
         prior = math.log(scale / (math.pi * half_width * (1.0 + ((value - was) / half_width) ** 2)))
@@ -281,15 +289,15 @@ class Naming:
         r, j = jacobian(fitted.prediction, model, model.x)
         rows = model.prior[0]
         normal = (j.T @ j + rows.T @ rows) / self.inflation
-        precisions = [d for n, d in zip(model.names, np.diag(rows.T @ rows) / self.inflation, strict=True) if n != free]
+        others = [i for i, n in enumerate(model.names) if n != free]
+        precision = (rows.T @ rows)[np.ix_(others, others)] / self.inflation
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
         inner = normal / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
         log_normal = float(np.linalg.slogdet(inner)[1]) + 2.0 * float(np.sum(np.log(scale)))
         cost = 0.5 * float(r @ r) + 0.5 * float(np.sum(prior_residuals(model, model.x) ** 2))
         covariance = np.linalg.inv(inner) / np.outer(scale, scale)
-        return _Refit(
-            model, cost / self.inflation, r, covariance, 0.5 * float(np.sum(np.log(precisions))) - 0.5 * log_normal
-        )
+        occam = 0.5 * float(np.linalg.slogdet(precision)[1]) - 0.5 * log_normal
+        return _Refit(model, cost / self.inflation, r, covariance, occam)
 
     def _against_past(self, found: list[Hypothesis]) -> list[Hypothesis]:
         """Those that may be the best or near it, less what they would have gained before the change, the best first.

@@ -280,7 +280,9 @@ class Twin:
         seen = self._evidence(record, self._normal.levels, self._normal.loudness)
         self._history = [*self._history[-KEPT:], (self._known, seen, start, (start - self._origin) * 1e-9)]
         change = self._tested(stop)
-        if change is None:
+        if self._alarm:  # as before the change, until it has a name
+            self._known = self._history[-self._alarm[0].windows][0]
+        elif change is None:
             self._known = pooled(self._known, [seen], self._normal.inflation)
         return self._reported(start, stop, self._state, "", seen.square, seen.motion, change)
 
