@@ -3,8 +3,8 @@
 A hypothesis is one effect that came, or one followed parameter that moved, while all others stay where they were known,
 within what they wander. They are screened by a linearisation about the model as it was known (search/proposal.py); the
 best are refitted until they have converged, and compared by their marginal likelihood on the windows since, against
-that of no change: with likelihood ℓ, prior p of the one number that changed, prior precisions P of all others, normal
-matrix A at the refit,
+that of no change: with likelihood ℓ, prior p of the one number that changed, prior precision P of all others together
+(their ratios are known far better than their common scale), normal matrix A at the refit,
 
     E = ℓ + log p(δ) + ½ log |P| − ½ log |A| + ½ log 2π
 
@@ -116,7 +116,7 @@ class Named:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _KnownModel(FreeModel):
+class KnownModel(FreeModel):
     """A model whose first parameters are known together; one with a prior of its own is not one of them.
 
     known : their mean and covariance, in units.
@@ -166,7 +166,7 @@ class Naming:
         since: Sequence[Record],
     ) -> None:
         known = KnownState(model.x, covariance / inflation)
-        self.model = _KnownModel(**{f.name: getattr(model, f.name) for f in fields(model)}, known=known)
+        self.model = KnownModel(**{f.name: getattr(model, f.name) for f in fields(model)}, known=known)
         self.levels, self.inflation = levels, inflation
         self.sizes = sizes
         self.candidates = sized(effect_candidates(), model.table)

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import FULL_LAYOUT
-from shake_ros.fit.model import start_of
+from shake_ros.fit.model import FreeModel, start_of
 from shake_ros.fit.prediction import Levels, Predictor
 from shake_ros.fit.segment import Segment
+from shake_ros.fit.solver import prior_residuals
 from shake_ros.settings import load_table
-from shake_ros.twin.evidence import FORCES, MASS, MOVED_MASS, ScaledPredictor, scale_free
+from shake_ros.twin.change import KnownState
+from shake_ros.twin.evidence import FORCES, MASS, MOVED_MASS, QUIET, ScaledPredictor, scale_free, segment_of
 from shake_ros.twin.followed import followed, load_twin
-from shake_ros.twin.reference import HELD
+from shake_ros.twin.naming import KnownModel
+from shake_ros.twin.reference import HELD, noise_levels
 
 TRUTH = hidden.declared_truth(71)
 TABLE = load_table("bergamo").with_values({name: getattr(TRUTH, field) for name, field in hidden.DECLARED.items()})
@@ -44,6 +49,31 @@ def test_innovations_stay_the_same_where_all_forces_grow_together() -> None:
     assert scaled == pytest.approx(own, abs=1e-2)
     plain, moved = Predictor([segment()], levels).filtered(vector).residuals(rows)
     assert np.max(np.abs(moved - plain)) > 0.1
+
+
+def test_what_is_known_together_of_the_parameters_is_their_prior() -> None:
+    model, covariance = followed(TABLE, load_twin()).model, np.array([[1.0, 0.9], [0.9, 1.0]])
+    two = replace(model, free=model.free[:2], x=model.x[:2])
+    given = {f.name: getattr(two, f.name) for f in fields(FreeModel)}
+    known = KnownModel(**given, known=KnownState(two.x, covariance))
+    moved = np.array([0.3, -0.2])
+    left = prior_residuals(known, two.x + moved)
+    assert left @ left == pytest.approx(moved @ np.linalg.solve(covariance, moved))
+    freed = KnownModel(**given | {"priors": {two.names[0]: (0.0, np.inf)}}, known=known.known)
+    left = prior_residuals(freed, two.x + moved)
+    assert left @ left == pytest.approx(moved[1] ** 2)
+
+
+def test_the_short_memory_of_a_random_force_is_found_beside_the_noise_of_the_sensor() -> None:
+    rng = np.random.default_rng(3)
+    shaken = TRUTH._replace(rumble=0.01 * (TRUTH.supply - TRUTH.tank) * TRUTH.area)
+    made = hidden.record(shaken, hidden.multisine(2.0, 1, 0.5, 8.0, 0.2, rng), 1.0, rng, 20)
+    record = Record("run", hidden.SAMPLE, made["command"], made["position"], made["acceleration"])
+    begin = Levels(force=0.05, memory=0.1, acceleration=0.5 / QUIET, **HELD)
+    found = noise_levels([segment_of(record)], start_of(TABLE, []), begin)
+    assert 0.4 < found.memory * shaken.rumble_rate < 2.5
+    own = QUIET * found.acceleration * Segment.of(record).noise[1]
+    assert own == pytest.approx(hidden.ACCELERATION_NOISE, rel=0.6)
 
 
 def test_a_jacobian_shows_nothing_of_the_scale_of_forces() -> None:

@@ -15,7 +15,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.settings import load_table
 from shake_ros.twin.follow import Following, follow
 from shake_ros.twin.followed import TwinSettings, load_twin
-from shake_ros.twin.twin import Twin
+from shake_ros.twin.twin import NAMING, Twin
 
 DEPTH = 0.3  # of the soft zone
 SOFTER = 0.75  # bulk modulus of the oil over what it was
@@ -79,6 +79,13 @@ def test_a_soft_zone_is_named_with_its_depth_and_its_instant(followed: Following
     before, since, left = change.named.error
     assert since > 2.0 * before
     assert left < 0.5 * since
+
+
+def test_values_stay_as_before_a_change_until_it_is_named(softened: Following) -> None:
+    naming = [w.values for w in softened.known if w.state == NAMING]
+    assert len(naming) > 1
+    assert np.ptp(naming, axis=0) == pytest.approx(np.zeros(len(softened.names)), abs=0.0)
+    assert naming[0][softened.names.index("bulk_modulus.modulus")] == pytest.approx(TRUTH.modulus, rel=0.02)
 
 
 def test_the_table_is_left_with_what_changed(followed: Following, tmp_path: Path) -> None:
