@@ -16,7 +16,7 @@ import numpy as np
 
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
 from shake_ros.core.discovery.refit import Refit, continued
-from shake_ros.core.discovery.screening import score_test
+from shake_ros.core.discovery.screening import ScoreTest
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 
 
@@ -115,8 +115,8 @@ def promise(problem: SearchProblem, current: ScoredFit, parameter: FreeParameter
     column = list(result.free.base.fields).index(parameter.name)
     vectors[:, column] = np.clip(vectors[:, column] * settings.late_multiples, parameter.low, parameter.high)
     moved = np.nan_to_num(problem.estimation.residuals(vectors), nan=1e3, posinf=1e3, neginf=-1e3)
-    r, largest = result.residuals, settings.largest_multiple
-    return max(score_test(r, result.jacobian, m - r, True, largest)[0] for m in moved) * current.estimation_cost
+    r, test = result.residuals, ScoreTest(result.residuals, result.jacobian)
+    return max(test.gain(m - r, True, settings.largest_multiple)[0] for m in moved) * current.estimation_cost
 
 
 def with_late_parameters(problem: SearchProblem, current: ScoredFit) -> ScoredFit:

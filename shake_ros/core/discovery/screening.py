@@ -65,19 +65,37 @@ class JointProblem:
         return np.hstack([part.residuals(vectors) for part in self._parts])
 
 
-def score_test(
-    r: np.ndarray, jacobian: np.ndarray, direction: np.ndarray, signed: bool, largest: float
-) -> tuple[float, float]:
-    """Relative fall of the cost by r + J δ + s d, and the best s within ±largest (from 0 where it has no sign)."""
-    q, _ = np.linalg.qr(jacobian)
-    r_free, d_free = r - q @ (q.T @ r), direction - q @ (q.T @ direction)
-    power, total = float(d_free @ d_free), float(r @ r)
-    if power <= 1e-12 * total:
-        return 0.0, 0.0
-    part = -float(d_free @ r_free) / power
-    part = float(np.clip(part, -largest if signed else 0.0, largest))
-    left = r_free + part * d_free
-    return 1.0 - float(left @ left) / total, part
+class ScoreTest:
+    """Residuals r of a fit, against which directions are tested while its parameters adjust to first order.
+
+    Parameters
+    ----------
+    residuals : shape (n,).
+    jacobian : of the residuals by the parameters, shape (n, p).
+    """
+
+    def __init__(self, residuals: np.ndarray, jacobian: np.ndarray) -> None:
+        self._basis, self._triangle = np.linalg.qr(jacobian)
+        self._residuals, self._total = residuals, float(residuals @ residuals)
+        self._left = self._beside(residuals)
+        self._least = float(self._left @ self._left)
+
+    def _beside(self, signal: np.ndarray) -> np.ndarray:
+        return np.asarray(signal - self._basis @ (self._basis.T @ signal))
+
+    def gain(self, direction: np.ndarray, signed: bool, largest: float) -> tuple[float, float]:
+        """Relative fall of the cost by r + J δ + s d, and the best s within ±largest (from 0 where it has no sign)."""
+        d = self._beside(direction)
+        power, slope = float(d @ d), float(d @ self._left)
+        if power <= 1e-12 * self._total:
+            return 0.0, 0.0
+        part = float(np.clip(-slope / power, -largest if signed else 0.0, largest))
+        return 1.0 - (self._least + part * (2.0 * slope + part * power)) / self._total, part
+
+    def change(self, direction: np.ndarray, part: float) -> np.ndarray:
+        """Change δ of the parameters that goes with a part of a direction, shape (p,)."""
+        right = -self._basis.T @ (self._residuals + part * direction)
+        return np.asarray(np.linalg.lstsq(self._triangle, right, rcond=1e-10)[0])
 
 
 def screen(problem: SearchProblem, current: ScoredFit, candidates: tuple[CandidateEffect, ...]) -> Screening:
@@ -92,18 +110,17 @@ def screen(problem: SearchProblem, current: ScoredFit, candidates: tuple[Candida
     joint, seen = linearised(both, current.fit), len(pieces.residuals)
     pairs = [(c, i) for c in candidates for i in range(len(c.trials))]
     moved = both.residuals(np.array([trial_vector(current.fit, c, i) for c, i in pairs]))
-    q, triangle = np.linalg.qr(joint.jacobian[:seen])
+    r, trials = joint.residuals, list[ScreenedTrial]()
+    on_estimation, on_all = ScoreTest(r[:seen], joint.jacobian[:seen]), ScoreTest(r, joint.jacobian)
     largest, shift = problem.settings.largest_multiple, problem.settings.largest_shift
-    r, j, trials = joint.residuals, joint.jacobian, list[ScreenedTrial]()
     for (candidate, i), other in zip(pairs, moved, strict=True):
         d = other - r
         if not np.all(np.isfinite(d)):
             continue
-        gain, part = score_test(r[:seen], j[:seen], d[:seen], candidate.signed, largest)
-        gain = max(gain, score_test(r, j, d, candidate.signed, largest)[0])
+        gain, part = on_estimation.gain(d[:seen], candidate.signed, largest)
+        gain = max(gain, on_all.gain(d, candidate.signed, largest)[0])
         if gain > 0.0:
-            change = np.linalg.lstsq(triangle, -q.T @ (r + part * d)[:seen], rcond=1e-10)[0]
-            x = current.fit.x + np.clip(change, -shift, shift)
+            x = current.fit.x + np.clip(on_estimation.change(d[:seen], part), -shift, shift)
             trials.append(ScreenedTrial(candidate, i, gain, part, x))
     whole = current.estimation_cost / mean_square(pieces.residuals)
     return Screening(pieces, candidates, tuple(sorted(trials, key=lambda t: -t.gain)), whole)

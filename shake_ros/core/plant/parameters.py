@@ -29,6 +29,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, member_from, quant
 from shake_ros.core.valve import VALVES
 
 P = TypeVar("P", bound=Parameters)
+ABSENT = {name: kind() for name, kind in EFFECTS.items()}  # with the values at which each does nothing
 PER_MASS = {  # unit of a force in an effect → unit per moved mass
     "N": "m/s^2",
     "N/m": "1/s^2",
@@ -268,7 +269,7 @@ class TableParameters:
         if section != "effects":
             return field_value(self.sections[section], rest)
         effect, _, field = rest.partition(".")
-        return float(getattr(self.effects.get(effect) or EFFECTS[effect](), field))
+        return float(getattr(self.effects.get(effect) or ABSENT[effect], field))
 
     def with_values(self, values: Mapping[str, float]) -> TableParameters:
         """A copy with some dotted names changed, checked against their bounds; adds the effects they belong to."""
@@ -281,7 +282,7 @@ class TableParameters:
                 sections[section] = sections[section].replace(**{rest: value})
             else:
                 effect, _, field = rest.partition(".")
-                effects[effect] = (effects.get(effect) or EFFECTS[effect]()).replace(**{field: value})
+                effects[effect] = (effects.get(effect) or ABSENT[effect]).replace(**{field: value})
         return TableParameters(self.layout, sections, effects)
 
     def without(self, effects: Sequence[str]) -> TableParameters:
