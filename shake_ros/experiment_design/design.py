@@ -8,10 +8,10 @@ expected gain in log likelihood over the rival is half of the squares that are l
 
 all residuals weighted by the noise; w is the widening of the rival's variances on the recordings at hand, by which
 residuals that are correlated, or above the sensor noise, count less. Rivals are the answers that a search has left open
-and every effect that the model found lacks, as strong as the recordings leave
-possible: a motion that distinguishes these shows what no recording has shown. What is gained over a rival counts up to
-the odds that settle it. What is gained over an absent effect weakens what remains possible, so its logarithm counts, as
-a mean over the effects, with the odds of 1 : 10 up to which a trial counts as possible.
+and every effect that the model found lacks, as strong as the recordings leave possible: a motion that distinguishes
+these shows what no recording has shown. What is gained over a rival counts up to the odds that settle it. What is
+gained over an absent effect weakens what remains possible, so its logarithm counts, as a mean over the effects, with
+the odds of 1 : 10 up to which a trial counts as possible.
 
 A table that sticks and breaks away answers the least change of a parameter with another motion, which no linear δ
 follows. So the model found itself, its parameters moved within their own uncertainty, is held against itself in the

@@ -135,8 +135,6 @@ def short_refits(problem: SearchProblem, screening: Screening, effects: list[str
         on_way.append(first)
         problem.progress(f"first fit with {first.trial.candidate.effect}", 0.1 + 0.25 * len(on_way) / len(effects))
     problem = problem.unstopped()
-    if all(problem.leaves_much(each.way) for each in on_way) and not time_is_over():
-        on_way = [sought(problem, each, most, tolerance) for each in on_way]
     bound = settings.hopeless * min(each.way.predictor_cost for each in on_way)
 
     def ended(each: Begun) -> Refit:
@@ -145,6 +143,12 @@ def short_refits(problem: SearchProblem, screening: Screening, effects: list[str
     for tried in side_by_side(ended, on_way):
         short.append(tried)
         problem.progress(f"fitted with {tried.candidate.effect}", 0.35 + 0.25 * len(short) / len(effects))
+    if all(problem.leaves_much(each.way) for each in on_way):
+        least = min(r.result.fit.cost for r in short)
+        for i, each in enumerate(on_way):
+            if each.trial.candidate.narrow and not time_is_over():
+                other = finished(problem, screening, sought(problem, each, least), most, tolerance)
+                short[i] = min(short[i], other, key=attrgetter("score"))
     return short
 
 
@@ -164,21 +168,18 @@ def begun(problem: SearchProblem, screening: Screening, effect: str, evaluations
     return Begun(trials[0], free, problem.way_to_pieces(free, start, evaluations, tolerance))
 
 
-def sought(problem: SearchProblem, begun: Begun, evaluations: int, tolerance: float) -> Begun:
-    """The same, or one from slow to fast motion where its effect is hardly met otherwise and that leads nearer.
+def sought(problem: SearchProblem, begun: Begun, most: float) -> Begun:
+    """The same from slow to fast motion, of an effect that is hardly met otherwise.
 
-    Friction begins as declared, which other effects have bent.
+    Friction begins as declared, which other effects have bent. most : half the sum of squares that the best of the
+    others leaves; the way ends where it is far above.
     """
     candidate, free = begun.trial.candidate, begun.free
-    if not candidate.narrow:
-        return begun
     own = [f.name for f in reversed(candidate.free)]
     begins = np.array([name.startswith("friction.") or name in own for name in free.names])
     starts = [np.where(begins, free.x_of(point), begun.way.start) for point in candidate.narrow]
     problem.progress(f"fitting {candidate.effect}, slow motion first", 0.3)
-    x = from_slow_to_fast(problem.estimation_pieces, free, starts, own)
-    other = replace(begun, way=problem.way_to_pieces(free, x, evaluations, tolerance))
-    return min(begun, other, key=attrgetter("way.predictor_cost"))
+    return replace(begun, way=Approach(from_slow_to_fast(problem.estimation_pieces, free, starts, own, most)))
 
 
 def finished(problem: SearchProblem, screening: Screening, begun: Begun, evaluations: int, tolerance: float) -> Refit:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 
 from shake_ros.core.discovery import refit
-from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.discovery.refit import (
     Begun,
@@ -107,29 +105,19 @@ def test_backlash_is_sought_from_slow_to_fast_with_friction_as_declared(monkeypa
     moved = free.names.index("valve.flow_coefficient")
     begun_from: list[np.ndarray] = []
 
-    def from_slow_to_fast(_problem: Any, _free: Any, starts: list[np.ndarray], _own: list[str]) -> np.ndarray:
+    def from_slow_to_fast(_problem: Any, _free: Any, starts: list[np.ndarray], _own: list[str], most: float) -> Any:
         begun_from.extend(starts)
+        assert most == 7.0
         return starts[0]
 
-    def way_to_pieces(_free: Any, x: np.ndarray, _most: int, _least: float) -> Approach:
-        predictor: Any = SimpleNamespace(cost=1.0)
-        return Approach(x, predictor)
-
-    def found(cost: float, effect: CandidateEffect) -> Begun:
-        trial: Any = SimpleNamespace(candidate=effect)
-        predictor: Any = SimpleNamespace(cost=cost)
-        told = {"way_to_pieces": way_to_pieces, "estimation_pieces": None, "progress": lambda text, part: None}
-        problem: Any = SimpleNamespace(**told)
-        return sought(problem, Begun(trial, free, Approach(bent, predictor)), 5, 1e-3)
-
     monkeypatch.setattr(refit, "from_slow_to_fast", from_slow_to_fast)
-    assert found(0.1, backlash).way.start is bent
-    best = found(10.0, backlash).way.start
+    problem: Any = SimpleNamespace(estimation_pieces=None, progress=lambda text, part: None)
+    trial: Any = SimpleNamespace(candidate=backlash)
+    best = sought(problem, Begun(trial, free, Approach(bent)), 7.0).way.start
     assert sorted({round(float(x[gap]), 9) for x in begun_from}) == [0.2, 0.5, 1.0, 2.0, 4.0]
     assert best[gap] == pytest.approx(0.2)
     assert best[level] == free.start()[level]
     assert best[moved] == bent[moved]
-    assert found(10.0, replace(backlash, narrow=())).way.start is bent
 
 
 def test_a_refit_ends_where_predictor_runs_show_that_another_effect_is_far_better(
