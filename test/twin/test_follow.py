@@ -82,10 +82,10 @@ def test_a_soft_zone_is_named_with_its_depth_and_its_instant(followed: Following
 
 
 def test_values_stay_as_before_a_change_until_it_is_named(softened: Following) -> None:
-    naming = [w.values for w in softened.known if w.state == NAMING]
-    assert len(naming) > 1
-    assert np.ptp(naming, axis=0) == pytest.approx(np.zeros(len(softened.names)), abs=0.0)
-    assert naming[0][softened.names.index("bulk_modulus.modulus")] == pytest.approx(TRUTH.modulus, rel=0.02)
+    first = [w.state for w in softened.known].index(NAMING)
+    before, naming = (w.values for w in softened.known[first - 1 : first + 1])
+    assert naming == pytest.approx(before)
+    assert naming[softened.names.index("bulk_modulus.modulus")] == pytest.approx(TRUTH.modulus, rel=0.02)
 
 
 def test_the_table_is_left_with_what_changed(followed: Following, tmp_path: Path) -> None:
