@@ -34,7 +34,7 @@ from shake_ros.core.control.runner import Controller
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.problem import linearised, side_by_side
 from shake_ros.core.identification.experiments import PAYLOAD
-from shake_ros.core.identification.fit import Fit, jacobian
+from shake_ros.core.identification.fit import LOST, Adjustment, Fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.identifiability import widening
 from shake_ros.core.identification.recording_problem import RecordingProblem
@@ -42,12 +42,12 @@ from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.reference.motion import Envelope, envelope
-from shake_ros.experiment_design.absent_effects import HARDLY, possible_effects
 from shake_ros.experiment_design.further_sensors import FurtherSensor, WithSensors
 from shake_ros.experiment_design.motions import Excitation
 from shake_ros.search.rival_models import RivalModel
 
 Array = NDArray[np.float64]
+HARDLY = math.log(10.0)  # gain in log likelihood below which two models are not distinguished [nats]
 ENOUGH = math.log(1000.0)  # gain in log likelihood at which a rival counts as settled [nats]
 ODDS = math.exp(-HARDLY)  # of an absent effect that is as strong as the recordings leave possible
 HALVED = math.log(4.0)  # growth of the information on a strength that halves its deviation, on a logarithmic scale
@@ -313,6 +313,41 @@ class ModelComparison:
             return difference, BOTH * self.slopes, self.found.information, rival.wide
         slopes = BOTH * np.nan_to_num(jacobian(self.problem, rival.fit.free, rival.fit.x, r))
         return difference, slopes, rival.information, rival.wide
+
+
+def possible_effects(
+    problem: RecordingProblem, found: Fit, wide: float, candidates: Sequence[CandidateEffect]
+) -> dict[str, Fit]:
+    """By effect, the model found with the strongest trial that the recordings leave possible.
+
+    The trials of an effect are those by which the search looks for it, the weakest about as strong as it takes to
+    matter. With all parameters of the model adjusted to first order, a trial is possible where the recordings are no
+    more than HARDLY against it. What they have not visited they do not exclude; an effect without a possible trial is
+    excluded.
+
+    Parameters
+    ----------
+    problem : of the recordings at hand.
+    found : the model, with its residuals and its Jacobian there.
+    wide : widening of its variances.
+    candidates : effects that it lacks.
+    """
+    adjustment = Adjustment(found.jacobian)
+    least = float(np.sum(adjustment.left(found.residuals) ** 2))
+
+    def strongest(candidate: CandidateEffect) -> Fit | None:
+        bases = [found.free.base.with_values(trial) for trial in candidate.trials]
+        models = [replace(found, free=FreeParameters(base, found.free.free)) for base in bases]
+        moved = np.nan_to_num(problem.residuals(np.array([m.vector for m in models])), nan=LOST)
+        against = 0.5 * (np.sum(adjustment.left(moved.T) ** 2, axis=0) - least) / wide
+        if not np.any(against < HARDLY):
+            return None
+        last = int(np.flatnonzero(against < HARDLY)[-1])
+        change, free = adjustment.change(moved[last]), models[last].free
+        return replace(models[last], x=np.clip(found.x + np.clip(change, -1.0, 1.0), free.low, free.high))
+
+    made = zip(candidates, side_by_side(strongest, candidates), strict=True)
+    return {candidate.effect: fit for candidate, fit in made if fit is not None}
 
 
 def acceleration_in(problem: RecordingProblem, left: Array) -> Array:

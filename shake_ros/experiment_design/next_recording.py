@@ -368,10 +368,7 @@ def next_page(asked: NextRecording) -> Page:
             (s.rival, f"{s.gain:.1f}", "yes" if s.settles else "no")
             for s in (*sorted(shown.separations, key=lambda s: -s.gain), *sorted(shown.absent, key=lambda s: -s.gain))
         ]
-        page.table(
-            ("rival", "expected gain [nats]", "distinguished"),
-            rows,
-        )
+        page.table(("rival", "expected gain [nats]", "distinguished"), rows)
         if asked.motion is not None:
             page.link("drive.yaml, the reference to play", "drive.yaml")
         page.chart(prediction_chart(shown))

@@ -16,8 +16,7 @@ from shake_ros.core.identification.recordings import FULL
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.motion import Envelope
 from shake_ros.declared import effect_candidates, free_parameters
-from shake_ros.experiment_design.absent_effects import HARDLY
-from shake_ros.experiment_design.design import ENOUGH, Designer
+from shake_ros.experiment_design.design import ENOUGH, HARDLY, Designer
 from shake_ros.experiment_design.further_sensors import further_sensors, lacking
 from shake_ros.experiment_design.motions import library
 from shake_ros.experiment_design.next_recording import NextRecording, remedies

@@ -13,7 +13,7 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearised, mean_square
-from shake_ros.core.identification.fit import Fit, Problem, is_smooth
+from shake_ros.core.identification.fit import Adjustment, Fit, Problem, is_smooth
 
 
 @dataclass(frozen=True)
@@ -75,17 +75,14 @@ class ScoreTest:
     """
 
     def __init__(self, residuals: np.ndarray, jacobian: np.ndarray) -> None:
-        self._basis, self._triangle = np.linalg.qr(jacobian)
+        self._adjustment = Adjustment(jacobian)
         self._residuals, self._total = residuals, float(residuals @ residuals)
-        self._left = self._beside(residuals)
+        self._left = self._adjustment.left(residuals)
         self._least = float(self._left @ self._left)
-
-    def _beside(self, signal: np.ndarray) -> np.ndarray:
-        return np.asarray(signal - self._basis @ (self._basis.T @ signal))
 
     def gain(self, direction: np.ndarray, signed: bool, largest: float) -> tuple[float, float]:
         """Relative fall of the cost by r + J δ + s d, and the best s within ±largest (from 0 where it has no sign)."""
-        d = self._beside(direction)
+        d = self._adjustment.left(direction)
         power, slope = float(d @ d), float(d @ self._left)
         if power <= 1e-12 * self._total:
             return 0.0, 0.0
@@ -94,8 +91,7 @@ class ScoreTest:
 
     def change(self, direction: np.ndarray, part: float) -> np.ndarray:
         """Change δ of the parameters that goes with a part of a direction, shape (p,)."""
-        right = -self._basis.T @ (self._residuals + part * direction)
-        return np.asarray(np.linalg.lstsq(self._triangle, right, rcond=1e-10)[0])
+        return self._adjustment.change(self._residuals + part * direction)
 
 
 def screen(problem: SearchProblem, current: ScoredFit, candidates: tuple[CandidateEffect, ...]) -> Screening:

@@ -22,7 +22,7 @@ from shake_ros.core.discovery.screening import Screening
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.effects import unlisted as law
 from shake_ros.core.identification.approach import approached
-from shake_ros.core.identification.fit import Fit, Problem, fit, left_beside
+from shake_ros.core.identification.fit import Adjustment, Fit, Problem, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recording_problem import RecordingProblem
 
@@ -233,14 +233,13 @@ def block_score_test(
     -------
     (relative fall of the cost, parts of the directions (m,), the other parameters (p,))
     """
-    q, triangle = np.linalg.qr(current.jacobian)
-    r = current.residuals
-    r_free, d_free = r - q @ (q.T @ r), directions - q @ (q.T @ directions)
+    adjustment, r = Adjustment(current.jacobian), current.residuals
+    r_free, d_free = adjustment.left(r), adjustment.left(directions)
     normal = d_free.T @ d_free
     normal += ridge * np.trace(normal) / len(normal) * np.eye(len(normal))
     parts = -np.linalg.solve(normal, d_free.T @ r_free)
     left = r_free + d_free @ parts
-    shift = np.linalg.lstsq(triangle, -q.T @ (r + directions @ parts), rcond=1e-10)[0]
+    shift = adjustment.change(r + directions @ parts)
     return 1.0 - float(left @ left) / float(r @ r), parts, current.x + np.clip(shift, -largest_shift, largest_shift)
 
 
@@ -282,7 +281,7 @@ def pulsation_periods(problem: RecordingProblem, current: Fit, settings: SearchS
     column = list(current.free.base.fields).index(SUPPLY)
     row[column] = 1.01 * table.value(SUPPLY)
     sensitivity = problem.residuals(row[None, :])[0] - current.residuals
-    rest = left_beside(current.jacobian, current.residuals)
+    rest = Adjustment(current.jacobian).left(current.residuals)
     step = min(r.sample_time for r in problem.records)
     place = np.round(problem.times() / step).astype(int)
     product = np.bincount(place, sensitivity * rest)

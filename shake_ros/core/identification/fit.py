@@ -95,10 +95,19 @@ def jacobian(problem: Problem, free: FreeParameters, x: np.ndarray, residuals: n
     return (moved[1:] - residuals).T / step
 
 
-def left_beside(jacobian: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """What is left of residuals, shape (n,) or (n, m), once the parameters of a Jacobian adjust to first order."""
-    q, _ = np.linalg.qr(jacobian)
-    return np.asarray(residuals - q @ (q.T @ residuals))
+class Adjustment:
+    """What the parameters of a Jacobian, shape (n, p), take off residuals to first order as they adjust."""
+
+    def __init__(self, jacobian: np.ndarray) -> None:
+        self._basis, self._triangle = np.linalg.qr(jacobian)
+
+    def left(self, residuals: np.ndarray) -> np.ndarray:
+        """What is left of residuals, shape (n,) or (n, m)."""
+        return np.asarray(residuals - self._basis @ (self._basis.T @ residuals))
+
+    def change(self, residuals: np.ndarray) -> np.ndarray:
+        """Change of the parameters that takes most off residuals of shape (n,), shape (p,)."""
+        return np.asarray(np.linalg.lstsq(self._triangle, -self._basis.T @ residuals, rcond=1e-10)[0])
 
 
 class TimeOverError(Exception):

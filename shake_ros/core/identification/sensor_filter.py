@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.fit import Adjustment, Fit
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import timely
@@ -87,13 +87,13 @@ def better_filter(problem: RecordingProblem, found: Fit) -> SensorFilter | None:
     accelerations = [r for r in problem.records if r.acceleration is not None]
     if not late and not (accelerations and problem.model.nuisances):
         return None
-    explained = np.linalg.qr(found.jacobian)[0]
+    adjustment = Adjustment(found.jacobian)
 
     @cache
     def left(tried: SensorFilter) -> float:
         corrected = RecordingProblem([tried.applied(r) for r in problem.records], problem.model)
         r = corrected.residuals(found.vector[None, :])[0]
-        return float(np.mean((r - explained @ (explained.T @ r)) ** 2))
+        return float(np.mean(adjustment.left(r) ** 2))
 
     first = best = filter_of((late or accelerations)[0])
     before = least = left(first)

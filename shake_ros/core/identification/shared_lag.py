@@ -12,7 +12,7 @@ import itertools
 
 import numpy as np
 
-from shake_ros.core.identification.fit import LOST, Fit, Problem, fit, left_beside
+from shake_ros.core.identification.fit import LOST, Adjustment, Fit, Problem, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 
 FREQUENCY, DAMPING, DELAY = OF_LAG = ("valve.natural_frequency", "valve.damping", "effects.command_delay.delay")
@@ -48,7 +48,7 @@ def with_lag_parted(problem: Problem, found: Fit, tolerance: float) -> Fit:
     if not len(rows):
         return found
     residuals = np.nan_to_num(problem.residuals(free.vectors(rows)), nan=LOST).T
-    promised = 0.5 * np.sum(left_beside(found.jacobian, residuals) ** 2, axis=0)
+    promised = 0.5 * np.sum(Adjustment(found.jacobian).left(residuals) ** 2, axis=0)
     best = int(np.argmin(promised))
     if promised[best] > PROMISED * found.cost:
         return found

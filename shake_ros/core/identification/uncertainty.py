@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shake_ros.core.identification.fit import Fit, Problem, left_beside
+from shake_ros.core.identification.fit import Adjustment, Fit, Problem
 from shake_ros.core.identification.free_parameters import FreeParameters, is_of_recording
 
 LAMINAR = "valve.laminar_pressure"
@@ -88,7 +88,8 @@ def of_table(result: Fit) -> Fit:
         return result
     followed = result.jacobian[:, own & np.any(result.jacobian != 0.0, axis=0)]
     free = FreeParameters(result.free.base, [f for f in result.free.free if not is_of_recording(f.name)])
-    return replace(result, free=free, x=result.x[~own], jacobian=left_beside(followed, result.jacobian[:, ~own]))
+    jacobian = Adjustment(followed).left(result.jacobian[:, ~own])
+    return replace(result, free=free, x=result.x[~own], jacobian=jacobian)
 
 
 def value_covariance(result: Fit, blocks: np.ndarray) -> np.ndarray:
