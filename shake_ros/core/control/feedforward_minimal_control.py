@@ -23,7 +23,7 @@ STATES = INNER + 2 + minimal_control_synthesis.ADAPTED
 
 
 @dataclass(frozen=True, kw_only=True)
-class FeedforwardMinimalControl(minimal_control_synthesis.Adaptation, three_variable.ThreeVariable):
+class FeedforwardMinimalControl(minimal_control_synthesis.Adaptation, three_variable.ThreeVariableGains):
     """The adaptive part and the three-variable control under it."""
 
     code: ClassVar[int] = 10

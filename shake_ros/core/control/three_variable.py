@@ -25,11 +25,8 @@ from shake_ros.core.quantities import quantity
 
 
 @dataclass(frozen=True, kw_only=True)
-class ThreeVariable(LawParameters):
+class ThreeVariableGains(LawParameters):
     """Gains of (5.3), (5.4) and the input filter."""
-
-    code: ClassVar[int] = 6
-    states: ClassVar[int] = 4
 
     filter_frequency: float = quantity("rad/s", "ω_f of the input filter, 0 for none", low=0.0, high=2000.0, live=True)
     filter_damping: float = quantity("-", "ξ_f of the input filter", low=0.05, high=0.99, live=True)
@@ -40,7 +37,7 @@ class ThreeVariable(LawParameters):
     feedback_velocity: float = quantity("s/m", "K_vf, minus the command per velocity", live=True)
     feedback_acceleration: float = quantity("s^2/m", "K_af, minus the command per acceleration", live=True)
 
-    def under_model(self) -> ThreeVariable:
+    def under_model(self) -> ThreeVariableGains:
         """T = S and no filter: the law acts on the error alone."""
         return self.replace(
             filter_frequency=0.0,
@@ -48,6 +45,14 @@ class ThreeVariable(LawParameters):
             reference_velocity=self.feedback_velocity,
             reference_acceleration=self.feedback_acceleration,
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThreeVariable(ThreeVariableGains):
+    """The law by itself."""
+
+    code: ClassVar[int] = 6
+    states: ClassVar[int] = 4
 
 
 def matched(parameters: ThreeVariable, beta: NDArray[np.float64]) -> ThreeVariable:
