@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +11,18 @@ from numpy.typing import NDArray
 from shake_ros.api.live_table import InterlockHeldError
 from shake_ros.api.simulate import Simulation, simulate
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.safety.causes import InterlockParameters
+from shake_ros.settings import load_interlock
 
 REST = 300  # samples before and after a drive
-LIMITS = {"position_hard": 0.125, "position_soft": 0.115, "velocity": 1.5, "acceleration": 60.0}  # of lock-step
+
+
+def acting(interlock: InterlockParameters, causes: Collection[str]) -> InterlockParameters:
+    """An interlock of which some causes act beside `stop`."""
+    kept = interlock.causes
+    for name in set(interlock.limits) - {"stop", *causes}:
+        kept = kept.replace(**{name: interlock.response(name).replace(action="none")})
+    return interlock.replace(causes=kept)
 
 
 class SimulatedLiveTable:
@@ -24,7 +33,7 @@ class SimulatedLiveTable:
         self.words, self.loop, self.sample_time = "live, simulated, lock-step, interlock bergamo", "pid, linear", 0.001
         self.folder = folder / "live"
         self.folder.mkdir(parents=True)
-        self.own = dict(LIMITS)
+        self.own = acting(load_interlock("bergamo"), ("position_hard", "position_soft", "velocity", "acceleration"))
         self.limited: list[dict[str, float]] = []
         self.carried: list[Path] = []
         self._loop = "linear_bergamo", "super_twisting_tuned"
@@ -53,5 +62,5 @@ class SimulatedLiveTable:
     def limit(self, thresholds: Mapping[str, float]) -> None:
         self.limited.append(dict(thresholds))
 
-    def limits(self) -> dict[str, float]:
-        return dict(self.own)
+    def interlock(self) -> InterlockParameters:
+        return self.own

@@ -26,6 +26,7 @@ from shake_ros.core.observer.law import ObserverParameters
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import DELAY, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError
+from shake_ros.core.safety.causes import InterlockParameters
 from shake_ros.data.recordings import TableRecording, read_table_recording
 from shake_ros.data.reference_file import played
 from shake_ros.settings import load_variant, save_table
@@ -133,8 +134,8 @@ class LiveTable(Protocol):
     def limit(self, thresholds: Mapping[str, float]) -> None:
         """Other limits of the interlock, by cause."""
 
-    def limits(self) -> dict[str, float]:
-        """The limits of the interlock's causes that act, by cause, as they were when it was first looked at."""
+    def interlock(self) -> InterlockParameters:
+        """The interlock as it acts now."""
 
 
 def write_loop(

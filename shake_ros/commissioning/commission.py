@@ -28,6 +28,7 @@ from shake_ros.commissioning.steps import (
     Step,
     announced,
     interlock_of,
+    interlock_parameters,
     load_commission,
     tracked,
 )
@@ -197,11 +198,11 @@ class _Way:
             return self.found.extended(self.runs[-1], progress=self.progress)
         return close_loop(self.declared, [*self.runs[:-2], self.runs[-1]], self.runs[-2], progress=self.progress)
 
-    def deciding(self, level: float, limits: Mapping[str, float]) -> _Plan | None:
-        """The motion within the limits of a level that distinguishes what the search left open; None for none."""
+    def deciding(self, level: float, interlock: Mapping[str, Any]) -> _Plan | None:
+        """The motion within the interlock of a level that distinguishes what the search left open; None for none."""
         if self.found is None or not self.found.open:
             return None
-        asked = next_recording(self.found, interlock=limits, progress=self.progress)
+        asked = next_recording(self.found, interlock=interlock_parameters(interlock), progress=self.progress)
         if asked.motion is None:
             return None
         motion = asked.motion_at(self.settings.numbers.sample_time)
@@ -345,6 +346,6 @@ def _climb(way: _Way, release: Callable[[str], bool]) -> tuple[list[Step], str]:
             return steps, f"after level {level:g} no gains are sound: {'; '.join(tuned.findings)}"
         named = f"{tuned.best.kind} of level {level:g}"
         if not waiting:
-            asked = None if deciding else way.deciding(level, step.limits)
+            asked = None if deciding else way.deciding(level, interlock)
             waiting = [evidence] if asked is None else [asked, evidence]
     return steps, ""

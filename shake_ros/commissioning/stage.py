@@ -97,7 +97,7 @@ class LiveStage:
         dt = settings.numbers.sample_time
         if abs(table.sample_time - dt) > 1e-9:
             raise ShakeError(f"live: a sample every {table.sample_time:g} s, config/commission has one every {dt:g} s")
-        limits = table.limits()
+        limits = table.interlock().limits
         if silent := [cause for cause in NEEDED if cause not in limits]:
             raise ShakeError(f"{table.words}: the interlock has no action on {', '.join(silent)}")
         return cls(table, settings, limits)

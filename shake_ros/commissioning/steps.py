@@ -15,8 +15,7 @@ from shake_ros.core.control.closed_loop import normalised_error
 from shake_ros.core.loop.linear_loop import LAWS
 from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
 from shake_ros.core.safety.causes import PROGRAM_HOLD, InterlockParameters
-from shake_ros.core.safety.interlock import Interlock
-from shake_ros.core.safety.stages import RUN
+from shake_ros.core.safety.rehearsal import WatchedRun, first_trip
 from shake_ros.data.recordings import TableRecording
 from shake_ros.settings import find, read_yaml
 
@@ -112,9 +111,7 @@ def interlock_parameters(content: Mapping[str, Any]) -> InterlockParameters:
 
 
 Array = NDArray[np.float64]
-SECOND = 1_000_000_000  # [ns]
 UNITS = {"position_hard": "m", "velocity": "m/s", "acceleration": "m/s²", "tracking_error": "m"}
-LONGEST_START = 60.0  # [s] within which the interlock must let commands act
 
 
 @dataclass(frozen=True)
@@ -164,26 +161,15 @@ class Step:
 
 def watched(run: Simulation, content: Mapping[str, Any]) -> tuple[str, float]:
     """What the interlock would say to a run first, and when [s]; empty and the run's length where it lets it pass."""
-    lock, dt = Interlock(interlock_parameters(content), enabled=True), run.sample_time
-    r, now = run.recording, 0
+    r, dt = run.recording, run.sample_time
     assert r.pressure_supply is not None and r.acceleration is not None and r.reference is not None
     assert r.valve_command is not None
-    period = round(dt * SECOND)
-    while lock.stage != RUN:  # pressure comes up at rest
-        if now > LONGEST_START * SECOND:
-            raise ShakeError("commission: the interlock does not reach the stage `run`")
-        lock.command(now, 0.0)
-        lock.act(now)
-        now += period
-    for k in range(len(r.time)):
-        lock.observe(now, r.position[k], r.acceleration[k], r.pressure_supply[k], r.reference[k, 0])
-        lock.command(now, r.valve_command[k])
-        lock.act(now)
-        for trip in lock.trips:
-            if trip.cause in HELD:
-                return f"{trip.cause} {trip.value:.3g} beyond {trip.limit:.3g} at {k * dt:.3f} s", k * dt
-        now += period
-    return "", len(r.time) * dt
+    columns = r.position, r.acceleration, r.pressure_supply, r.valve_command, r.reference[:, 0]
+    held = first_trip(interlock_parameters(content), WatchedRun(dt, *(c.tolist() for c in columns)), HELD)
+    if held is None:
+        return "", len(r.time) * dt
+    trip, k = held
+    return f"{trip.cause} {trip.value:.3g} beyond {trip.limit:.3g} at {k * dt:.3f} s", k * dt
 
 
 def motion_of(run: TableRecording) -> Array:

@@ -23,12 +23,14 @@ Source: A. Atkinson, V. Fedorov, The design of experiments for discriminating be
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.feedforward_pi import FeedforwardPI
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.discovery.candidates import CandidateEffect
@@ -40,8 +42,9 @@ from shake_ros.core.identification.identifiability import widening
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import DeclaredModel, Record
 from shake_ros.core.loop.compiled import Loop, simulate
-from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.reference.motion import Envelope, envelope
+from shake_ros.core.safety.causes import InterlockParameters
+from shake_ros.core.safety.rehearsal import WatchedRun, first_trip
 from shake_ros.experiment_design.further_sensors import FurtherSensor, WithSensors
 from shake_ros.experiment_design.motions import Excitation
 from shake_ros.search.rival_models import RivalModel
@@ -55,6 +58,7 @@ OVERHEAD = 4.0  # of a run beside its motion, in seconds of excitation: many sho
 FOLLOWED = 12.0  # bandwidth of the plain loop by which a motion is predicted [rad/s]
 COMMAND = 0.9  # largest valve command that a motion may need [-]
 NOTHING = np.zeros(0)
+STEPS = 8  # by which a motion that is too large gets smaller, each by the root of two
 CLOSE = 6  # motions whose evidence is worked out with each rival's own Jacobian
 BOTH = math.sqrt(2.0)  # of weighted residuals: the second half of a motion tells as much as the first
 
@@ -148,6 +152,7 @@ class Designer:
     limits : of position, velocity and acceleration.
     like : a recording whose noise the next one will have.
     moved : the model found with its parameters a standard deviation away, to either side, as rivals of itself.
+    interlock : that no motion may bring about.
     """
 
     model: DeclaredModel
@@ -157,6 +162,7 @@ class Designer:
     limits: Envelope
     like: Record
     moved: tuple[Rival, ...]
+    interlock: InterlockParameters | None = None
 
     @classmethod
     def of(
@@ -167,6 +173,7 @@ class Designer:
         limits: Envelope,
         records: Sequence[Record],
         lacking: Sequence[CandidateEffect] = (),
+        interlock: InterlockParameters | None = None,
     ) -> Designer:
         """With what the recordings at hand say of each rival. lacking : effects that the model found lacks."""
         problem = RecordingProblem(list(records), model)
@@ -181,46 +188,52 @@ class Designer:
             limits,
             max(records, key=lambda r: len(r.commands)),
             tuple(replace(found, fit=fit) for fit in within_uncertainty(final, found.information, found.wide)),
+            interlock,
         )
 
     def predicted(self, motion: Excitation) -> PredictedExcitation | None:
-        """A motion as the model found predicts it; None where it or a rival would leave the limits."""
-        samples = motion.samples(self.limits, self.like.sample_time)
-        runs = [self._followed(r.fit.table, samples) for r in (self.found, *self.rivals)]
-        if any(run is None for run in runs) or runs[0] is None:
-            return None
-        half = len(samples) // 2
-        command, position, acceleration = (signal[:half] for signal in runs[0])
-        rng, like = np.random.default_rng(0), self.like
+        """A motion, smaller where it must be, as the model found predicts it; None where no small one may be."""
+        for _ in range(STEPS):
+            samples = motion.samples(self.limits, self.like.sample_time)
+            if run := self._allowed(self.found, samples):
+                return PredictedExcitation(motion, samples, self._half(str(motion), run))
+            motion = replace(motion, part=round(motion.part / BOTH, 3))
+        return None
+
+    def harmless(self, prediction: PredictedExcitation, models: Sequence[Rival]) -> bool:
+        """Whether a motion stays within the limits whichever of some models is true."""
+        return all(side_by_side(lambda r: self._allowed(r, prediction.samples) is not None, models))
+
+    def _half(self, name: str, run: ClosedLoop) -> Record:
+        """What the sensors at hand would show of the first half of a run."""
+        rng, like, half = np.random.default_rng(0), self.like, len(run.command) // 2
         heard = like.acceleration is not None
-        felt = acceleration + like.acceleration_noise() * rng.standard_normal(half) if heard else None
-        record = Record(
-            str(motion),
-            like.sample_time,
-            command,
-            position + like.position_noise() * rng.standard_normal(half),
-            felt,
-            cutoff=like.cutoff,
-        )
-        return PredictedExcitation(motion, samples, record)
+        felt = run.truth[:half, 2] + like.acceleration_noise() * rng.standard_normal(half) if heard else None
+        seen = run.truth[:half, 0] + like.position_noise() * rng.standard_normal(half)
+        return Record(name, like.sample_time, run.command[:half], seen, felt, cutoff=like.cutoff)
 
-    def harmless(self, prediction: PredictedExcitation) -> bool:
-        """Whether a motion stays within the limits whichever absent effect is there."""
-        runs = side_by_side(lambda r: self._followed(r.fit.table, prediction.samples), self.absent)
-        return all(run is not None for run in runs)
-
-    def _followed(self, table: TableParameters, samples: Array) -> tuple[Array, Array, Array] | None:
-        """Command, position and acceleration of a table under a plain loop; None where it leaves the limits."""
+    def _allowed(self, rival: Rival, samples: Array) -> ClosedLoop | None:
+        """A model under a plain loop; None where it leaves the limits or the interlock would hold it."""
         gain = envelope(self.found.fit.table).velocity
         law = FeedforwardPI(
             limit=1.0, start_time=0.0, model_bandwidth=100.0, model_horizon=0.004, proportional_gain=-FOLLOWED / gain,
             integral_gain=0.0, feedforward_gain=1.0 / gain,
         )  # fmt: skip
-        run, finite = simulate(Loop(table, None, Controller("feedforward_pi", law, self.like.sample_time), samples))
+        controller = Controller("feedforward_pi", law, self.like.sample_time)
+        run, finite = simulate(Loop(rival.fit.table, None, controller, samples))
         if finite < len(samples) or float(np.max(np.abs(run.command))) > COMMAND:
             return None
-        largest = np.max(np.abs(run.truth), axis=0)
-        return None if np.any(largest > self.limits) else (run.command, run.truth[:, 0], run.truth[:, 2])
+        if np.any(np.max(np.abs(run.truth), axis=0) > self.limits):
+            return None
+        return run if self.interlock is None or not self._held(self.interlock, run) else None
+
+    def _held(self, interlock: InterlockParameters, run: ClosedLoop) -> bool:
+        """Whether the interlock would hold a run; the pressure of a table without a data sheet has no unit."""
+        position, acceleration, *_, supply = run.measured.T
+        if self.model.nuisances:
+            supply = np.full(len(supply), np.inf)
+        columns = position, acceleration, supply, run.command, run.reference[:, 0]
+        return first_trip(interlock, WatchedRun(run.sample_time, *(c.tolist() for c in columns))) is not None
 
     def separated(self, prediction: PredictedExcitation, *, exact: bool = True) -> PredictedExcitation:
         """A predicted motion with what it does to each rival; else to first order about the model found."""
@@ -267,22 +280,20 @@ class Designer:
     def best(self, motions: Sequence[Excitation], progress: Callable[[str, float], None]) -> PredictedExcitation | None:
         """The best of the library and of the motions a step about the best of it; None if all leave the limits."""
         progress("predicting the motions of the library", 0.1)
-        possible = self._worked_out(motions, exact=False)[:CLOSE]
+        screened = self._worked_out(motions, exact=False)
+        possible = list(islice((p for p in screened if self.harmless(p, self.rivals)), CLOSE))
         progress("refitting the rivals to the best of them", 0.4)
         found = self._worked_out([p.motion for p in possible])
         if found:
             progress(f"best so far: {found[0].motion}; varying it", 0.7)
             found = sorted([*found, *self._worked_out(list(found[0].motion.neighbours()))], key=lambda p: -p.rate)
-        return next(filter(self.harmless, found), None)
+        return next((p for p in found if self.harmless(p, (*self.rivals, *self.absent))), None)
 
     def _worked_out(self, motions: Sequence[Excitation], *, exact: bool = True) -> list[PredictedExcitation]:
-        """The motions within the limits with what they do to each rival, the best first."""
-
-        def one(motion: Excitation) -> PredictedExcitation | None:
-            predicted = self.predicted(motion)
-            return predicted and self.separated(predicted, exact=exact)
-
-        return sorted(filter(None, side_by_side(one, motions)), key=lambda p: -p.rate)
+        """The motions, no larger than may be, with what they do to each rival, the best first."""
+        predicted = {p.motion: p for p in filter(None, side_by_side(self.predicted, motions))}
+        made = side_by_side(lambda p: self.separated(p, exact=exact), list(predicted.values()))
+        return sorted(made, key=lambda p: -p.rate)
 
 
 @dataclass(frozen=True)
@@ -321,9 +332,10 @@ def possible_effects(
     """By effect, the model found with the strongest trial that the recordings leave possible.
 
     The trials of an effect are those by which the search looks for it, the weakest about as strong as it takes to
-    matter. With all parameters of the model adjusted to first order, a trial is possible where the recordings are no
-    more than HARDLY against it. What they have not visited they do not exclude; an effect without a possible trial is
-    excluded.
+    matter. With all parameters of the model adjusted, a trial is possible where the recordings are no more than HARDLY
+    against it. They are adjusted to first order, and again as long as that halves what is against the trial: a modulus
+    makes up for what a dead volume softens, but near a resonance the first step leaves thousands of times what is to
+    be judged. What the recordings have not visited they do not exclude; an effect without a possible trial is excluded.
 
     Parameters
     ----------
@@ -335,16 +347,20 @@ def possible_effects(
     adjustment = Adjustment(found.jacobian)
     least = float(np.sum(adjustment.left(found.residuals) ** 2))
 
+    def possible(trial: Mapping[str, float]) -> Fit | None:
+        free, x, before = FreeParameters(found.free.base.with_values(trial), found.free.free), found.x, math.inf
+        while True:
+            moved = np.nan_to_num(problem.residuals(free.vectors(x))[0], nan=LOST)
+            against = 0.5 * (float(np.sum(adjustment.left(moved) ** 2)) - least) / wide
+            x = np.clip(x + np.clip(adjustment.change(moved), -1.0, 1.0), free.low, free.high)
+            if against < HARDLY:
+                return replace(found, free=free, x=x)
+            if not against < 0.5 * before:
+                return None
+            before = against
+
     def strongest(candidate: CandidateEffect) -> Fit | None:
-        bases = [found.free.base.with_values(trial) for trial in candidate.trials]
-        models = [replace(found, free=FreeParameters(base, found.free.free)) for base in bases]
-        moved = np.nan_to_num(problem.residuals(np.array([m.vector for m in models])), nan=LOST)
-        against = 0.5 * (np.sum(adjustment.left(moved.T) ** 2, axis=0) - least) / wide
-        if not np.any(against < HARDLY):
-            return None
-        last = int(np.flatnonzero(against < HARDLY)[-1])
-        change, free = adjustment.change(moved[last]), models[last].free
-        return replace(models[last], x=np.clip(found.x + np.clip(change, -1.0, 1.0), free.low, free.high))
+        return next(filter(None, map(possible, reversed(candidate.trials))), None)
 
     made = zip(candidates, side_by_side(strongest, candidates), strict=True)
     return {candidate.effect: fit for candidate, fit in made if fit is not None}

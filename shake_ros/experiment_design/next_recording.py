@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 from shake_ros.api.discovery import Discovery
 from shake_ros.api.fitted import Data
 from shake_ros.api.progress import Progress, ProgressOption
+from shake_ros.core.discovery.verdict import ESTABLISHED
 from shake_ros.core.identification.uncertainty import of_table
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError, strict_keys
 from shake_ros.core.reference.motion import Envelope, envelope
+from shake_ros.core.safety.causes import InterlockParameters
+from shake_ros.core.safety.rehearsal import tightened
 from shake_ros.data.reference_file import write_drive
 from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.declared import effect_candidates
@@ -27,16 +30,14 @@ from shake_ros.experiment_design.motions import library
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Page
 from shake_ros.report.text import sentence
-from shake_ros.settings import find, read_yaml
+from shake_ros.settings import load_interlock
 
 Array = NDArray[np.float64]
-WITHIN = 0.8  # part of a declared table's envelope that a motion may use
+WITHIN = 0.8  # part of a declared table's envelope, and of the way to each limit of an interlock, that a motion may use
 GROWTH = 2.0  # times what the recordings of an unknown table reached, the most that a motion may ask for
 MORE_MASS = 0.3  # of the moved mass, as a payload that might tell rivals apart
 COLOURS = ("c1", "c2", "c3", "c4")
-LIMITS = (("position_soft", "position_hard"), ("velocity",), ("acceleration",))  # causes, in the order of Envelope
 Play = Callable[["NextRecording"], Data | None]
-Interlock = str | Mapping[str, float]
 
 
 @dataclass(frozen=True, repr=False)
@@ -197,9 +198,7 @@ def _odds(odds: float) -> str:
     return "over 1 000 000" if odds >= 1e6 else f"{odds:.2g}" if odds < 100.0 else f"{odds:,.0f}".replace(",", " ")
 
 
-def limits_of(
-    found: Discovery, limits: Mapping[str, float] | None = None, interlock: Interlock | None = None
-) -> Envelope:
+def limits_of(found: Discovery, limits: Mapping[str, float] | None = None) -> Envelope:
     """How far a motion may go.
 
     Parameters
@@ -207,7 +206,6 @@ def limits_of(
     found : result. A motion keeps to WITHIN of the envelope of a declared table; of an unknown one it asks for no more
         than GROWTH times what the recordings have reached.
     limits : values for "position" [m], "velocity" [m/s], "acceleration" [m/s²] in the place of these.
-    interlock : a name of config/interlock or a file, or limits by cause, which hold in any case.
 
     Raises
     ------
@@ -223,12 +221,6 @@ def limits_of(
     most = np.array([given.get(name, value) for name, value in zip(Envelope._fields, own, strict=True)])
     if not np.all(most > 0.0):
         raise ShakeError("limits: expected numbers above 0")
-    if isinstance(interlock, str):
-        causes = read_yaml(find("interlock", interlock))["causes"]
-        interlock = {n: float(causes[n]["threshold"]) for names in LIMITS for n in names if n in causes}
-    if interlock is not None:
-        held = [min((interlock[name] for name in names if name in interlock), default=np.inf) for names in LIMITS]
-        most = np.minimum(most, WITHIN * np.array(held))
     return Envelope(*map(float, most))
 
 
@@ -243,7 +235,7 @@ def next_recording(
     found: Discovery,
     *,
     limits: Mapping[str, float] | None = None,
-    interlock: Interlock | None = None,
+    interlock: str | InterlockParameters | None = None,
     motions: str = "motions",
     sensors: str = "sensors",
     progress: ProgressOption = True,
@@ -257,7 +249,8 @@ def next_recording(
     found : from `close_loop`, of the model full or unknown.
     limits : largest "position" [m], "velocity" [m/s], "acceleration" [m/s²] of the motion; where not given 80 % of a
         declared table's envelope, or twice what the recordings of an unknown table reached.
-    interlock : a name of config/interlock or a file, or limits by cause, which hold in any case.
+    interlock : as it acts, or a name of config/interlock, or a file. A motion that would bring any model nearer to one
+        of its limits than 80 % is made smaller, or left out.
     motions, sensors : names of config/experiment or files: the library, and the sensors that the table may lack.
     progress : show it, or a function to call with what is being done and the part done.
 
@@ -269,13 +262,18 @@ def next_recording(
         raise ShakeError(f"next_recording: needs the model full or unknown, not {found.model.kind}")
     with Progress("next_recording", progress) as bar:
         bar("refitting the rivals", 0.0)
-        bounds, dt = limits_of(found, limits, interlock), found.estimation[0].sample_time
+        bounds, dt = limits_of(found, limits), found.estimation[0].sample_time
         rivals, declared = found.rivals, found.model.declared
         effects = tuple(step.chosen.candidate.effect for step in found.closed.search.steps)
+        if not found.open and not may_lack(found):
+            return NextRecording((), None, bounds, dt, undecided=False, answers=(effects,))
         known = {*effects, *(r.candidate.effect for r in rivals if r.candidate)}
-        absent = [c for c in effect_candidates(declared, found.table) if c.effect not in known]
-        final = of_table(found.closed.search.final.fit)
-        designer = Designer.of(declared, final, rivals, bounds, found.estimation, absent)
+        absent = [c for c in effect_candidates(declared, found.table) if c.effect not in known and may_lack(found)]
+        final, lock = of_table(found.closed.search.final.fit), None
+        if interlock is not None:
+            asked = load_interlock(interlock) if isinstance(interlock, str) else interlock
+            lock = tightened(asked, WITHIN)
+        designer = Designer.of(declared, final, rivals, bounds, found.estimation, absent, lock)
         best = designer.best(library(motions), bar)
         answers = effects, *(rival.effects(effects) for rival in rivals)
         made = NextRecording(tuple(r.name for r in rivals), best, bounds, dt, found.open, answers=answers)
@@ -284,6 +282,15 @@ def next_recording(
         bar("the same with further sensors, and with more mass on the table", 0.9)
         wanted = lacking(further_sensors(sensors), found.estimation[0], found.unused)
         return replace(made, further=remedies(designer, best, wanted))
+
+
+def may_lack(found: Discovery) -> bool:
+    """Whether effects that the model found lacks are a question: nothing is established, or a residual remains.
+
+    Where an effect is established and the residual is at the noise, another one could merely exist as well.
+    """
+    established = any(verdict.state == ESTABLISHED for verdict in found.closed.verdicts)
+    return found.remaining.above_noise or not established
 
 
 def remedies(

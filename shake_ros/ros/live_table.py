@@ -26,6 +26,7 @@ from rclpy.parameter_client import AsyncParameterClient
 
 from shake_ros.api.live_table import InterlockHeldError
 from shake_ros.core.quantities import ShakeError
+from shake_ros.core.safety.causes import CAUSES, InterlockParameters
 from shake_ros.core.safety.stages import OFF, RUN, STAGES
 from shake_ros.data.reference_file import write_drive
 from shake_ros.ros.conversions import SECOND
@@ -133,6 +134,7 @@ WHOLE = 15.0  # for all of its nodes, once one has reported [s]
 STARTING = 60.0  # of the hydraulics, and of a stop in order [s]
 SAYING = 1.0  # from the report of a hold to its words [s]
 STALLED = 20.0  # the reference does not advance for so long: the graph stands [s]
+CHOSEN = "interlock.configuration"  # the interlock's name, beside its parameters
 STARTS = "starting", "waiting for the first command"
 GENERATOR = "reference_generator"
 NEEDED = GENERATOR, "observer", "controller"
@@ -157,7 +159,7 @@ class GraphTable:
         report = graph.report(self.table)
         self.lockstep = report.values["mode"] == "lockstep"
         named = "table" if self.table == "plant" else "bridge"
-        (name, interlock, rate) = graph.get(self.table, named, "interlock.configuration", "rate")
+        (name, interlock, rate) = graph.get(self.table, named, CHOSEN, "rate")
         self.sample_time = 1.0 / float(rate)
         what = f"simulated, {name}" if self.table == "plant" else f"hardware_bridge, {name}"
         self.words = f"live, {what}, {'lock-step' if self.lockstep else 'real time'}, interlock {interlock}"
@@ -305,14 +307,14 @@ class GraphTable:
             raise ShakeError(f"the table does not reach {what}: {graph.report(self.table).message}")
         self._off = not on
 
-    def limits(self) -> dict[str, float]:
+    def interlock(self) -> InterlockParameters:
         """See `LiveTable`."""
-        names = [name for name in self.graph.get_names(self.table) if name.startswith("interlock.causes.")]
-        causes = sorted({name.split(".")[2] for name in names})
-        actions = self.graph.get(self.table, *(f"interlock.causes.{cause}.action" for cause in causes))
-        active = [cause for cause, action in zip(causes, actions, strict=True) if action != "none"]
-        values = self.graph.get(self.table, *(f"interlock.causes.{cause}.threshold" for cause in active))
-        return dict(zip(active, map(float, values), strict=True))
+        names = [n for n in self.graph.get_names(self.table) if n.startswith("interlock.") and n != CHOSEN]
+        content: dict[str, Any] = {"causes": {cause: {} for cause in CAUSES}}
+        for name, value in zip(names, self.graph.get(self.table, *names), strict=True):
+            *place, last = name.split(".")[1:]
+            (content["causes"][place[1]] if place else content)[last] = value
+        return InterlockParameters.from_mapping(content, self.graph.reports[self.table].node)
 
     def limit(self, thresholds: Mapping[str, float]) -> None:
         """See `LiveTable`."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from live_tables import SimulatedLiveTable
+from live_tables import SimulatedLiveTable, acting
 from short_tuning import short_tuning
 
 import shake_ros as sr
@@ -19,6 +19,7 @@ from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.motion import Envelope
+from shake_ros.core.safety.causes import InterlockParameters
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program
 from shake_ros.experiment_design.next_recording import NextRecording
@@ -121,7 +122,7 @@ def test_live_table_gets_each_level_s_limits_and_loop_and_is_set_back(tmp_path: 
     assert found.complete
     assert [path.name for path in table.carried] == ["linear_bergamo.yaml", "observer.yaml"]
     low, high = (given["velocity"] for given in table.limited)
-    assert low == high < table.limits()["velocity"]  # one level, run twice
+    assert low == high < table.interlock().limits["velocity"]  # one level, run twice
     assert "the pressure goes off" in said[0] and "mm from the reference" not in said[0]  # lock-step has no such cause
     first, last = (step.error for step in found.steps)
     assert first and last and last[1] < 0.3 * first[1]
@@ -138,7 +139,7 @@ def test_live_interlock_that_holds_ends_the_way(tmp_path: Path) -> None:
 
 def test_interlock_that_only_tells_is_no_guard(tmp_path: Path) -> None:
     table = SimulatedLiveTable(load_table("bergamo"), tmp_path)
-    table.own = {"position_hard": 0.1}
+    table.own = acting(table.own, ["position_hard"])
     with pytest.raises(ShakeError, match=r"the interlock has no action on velocity, acceleration"):
         sr.commission("bergamo", settings=settings(tmp_path), live=table, progress=False)
     with pytest.raises(ShakeError, match=r"set bulk_modulus.modulus: values of the simulated table"):
@@ -197,8 +198,8 @@ def test_what_the_search_leaves_open_is_a_step_of_its_own(
 ) -> None:
     search, said, within = Open(), list[str](), list[dict[str, float]]()
 
-    def design(_: Open, *, interlock: dict[str, float], **__: object) -> Asked:
-        within.append(interlock)
+    def design(_: Open, *, interlock: InterlockParameters, **__: object) -> Asked:
+        within.append({name: interlock.limits[name] for name in HELD})
         return Asked()
 
     def release(text: str) -> bool:

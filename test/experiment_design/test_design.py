@@ -3,24 +3,26 @@
 import dataclasses
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import shake_ros as sr
-from shake_ros.core.discovery.problem import ScoredFit
+from shake_ros.core.discovery.problem import ScoredFit, linearised
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL
 from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.motion import Envelope
+from shake_ros.core.reference.motion import Envelope, envelope
 from shake_ros.declared import effect_candidates, free_parameters
-from shake_ros.experiment_design.design import ENOUGH, HARDLY, Designer
+from shake_ros.experiment_design.design import ENOUGH, HARDLY, Designer, possible_effects
 from shake_ros.experiment_design.further_sensors import further_sensors, lacking
 from shake_ros.experiment_design.motions import library
-from shake_ros.experiment_design.next_recording import NextRecording, remedies
+from shake_ros.experiment_design.next_recording import WITHIN, NextRecording, may_lack, next_recording, remedies
 from shake_ros.search.rival_models import RivalModel
+from shake_ros.settings import load_interlock
 
 MOVED = ("friction.viscous", "friction.coulomb_level", "bulk_modulus.modulus")
 SCALED = {  # exponents of a common factor that leaves the motion of a table as it is
@@ -96,9 +98,43 @@ def test_a_motion_that_any_rival_would_take_beyond_the_limits_is_left_out(table,
     assert fine.predicted(smaller) is not None
     faster = fit_of(table.with_values({"valve.flow_coefficient": 3.0 * table.value("valve.flow_coefficient")}))
     faster = (dataclasses.replace(fine.found, fit=faster),)
-    assert dataclasses.replace(fine, rivals=faster).predicted(smaller) is None
-    assert fine.harmless(fine.predicted(smaller))
-    assert not dataclasses.replace(fine, absent=faster).harmless(fine.predicted(smaller))
+    assert fine.harmless(fine.predicted(smaller), [fine.found])
+    assert not fine.harmless(fine.predicted(smaller), faster)
+    assert dataclasses.replace(fine, rivals=faster).best([smaller], lambda *_: None) is None
+    with_absent = dataclasses.replace(fine, absent=faster)
+    assert with_absent.best([smaller], lambda *_: None).motion.part < 0.5  # a smaller neighbour of it
+
+
+@pytest.fixture(scope="module")
+def drooping(table, small_motion):
+    """A table whose supply gives way, which its interlock takes for a valve that does not answer."""
+    weak = {"effects.supply_droop.resistance": 3e10, "effects.supply_droop.time_constant": 0.1}
+    found = fit_of(table.with_values(weak))
+    limits = Envelope(*(WITHIN * np.array(envelope(found.table))))
+    return Designer.of(FULL, found, [], limits, small_motion, interlock=load_interlock("bergamo"))
+
+
+def test_a_dwell_that_the_interlock_would_hold_is_asked_for_only_as_large_as_it_passes(drooping):
+    dwell, sine = (next(m for m in library() if (m.name, m.part) == asked) for asked in (("dwell", 1.0), ("sine", 0.5)))
+    free = dataclasses.replace(drooping, interlock=None)
+    assert free.predicted(dwell).motion == dwell  # as it was played, and stopped by valve_implausible
+    assert drooping.predicted(dwell).motion.part < 1.0
+    assert not drooping.harmless(free.predicted(dwell), [drooping.found])
+    assert drooping.predicted(sine).motion == sine
+    deaf = drooping.interlock.causes.replace(
+        valve_implausible=drooping.interlock.response("valve_implausible").replace(action="none")
+    )
+    assert (
+        dataclasses.replace(drooping, interlock=drooping.interlock.replace(causes=deaf)).predicted(dwell).motion
+        == dwell
+    )
+
+
+def test_an_interlock_takes_a_motion_down_to_its_own_limits(drooping):
+    slow = drooping.interlock.causes.replace(velocity=drooping.interlock.response("velocity").replace(threshold=0.05))
+    small = dataclasses.replace(drooping, interlock=drooping.interlock.replace(causes=slow))
+    sine = next(m for m in library() if (m.name, m.part) == ("sine", 1.0))
+    assert 0.03 < np.max(np.abs(small.predicted(sine).samples[:, 1])) < 0.05
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +151,25 @@ def test_of_the_absent_effects_those_remain_that_the_recordings_do_not_exclude(t
     problem = RecordingProblem(small_motion)
     before, after = (np.sum(problem.residuals(fit.vector[None, :]) ** 2) for fit in (unexplored.found.fit, drag.fit))
     assert 0.5 * (after - before) / unexplored.found.wide < HARDLY
+
+
+def test_an_effect_that_a_parameter_makes_up_for_is_not_excluded(table):
+    """Oil that is as much softer as a dead volume makes it, over a sweep through the oil's resonance."""
+    dead, half = 3e-5, 0.5 * table.value("body.cylinder_volume")
+    time, noise = np.arange(4000) / 1000, np.random.default_rng(0).standard_normal((2, 4000))
+    sweep = 0.05 * np.sin(2 * np.pi * (6 + 4 * time) * time)
+    run = sr.simulate(table.with_values({"effects.dead_volume.volume": dead}), sweep)
+    x, _, a = run.recording.truth.T
+    (record,) = sr.recording("r", time, run.command, x + 5e-6 * noise[0], acceleration=a + 0.05 * noise[1]).records(
+        "valve_command"
+    )
+    problem, modulus = RecordingProblem([record], FULL), "bulk_modulus.modulus"
+    softer = table.with_values({modulus: table.value(modulus) * half / (half + dead)})
+    found = linearised(problem, fit_of(softer))
+    candidates = [c for c in effect_candidates() if c.effect in ("dead_volume", "command_delay")]
+    (fit,) = possible_effects(problem, found, 1.0, candidates).values()  # nothing makes up for a delay
+    assert fit.table.value("effects.dead_volume.volume") == dead
+    assert fit.table.value(modulus) == pytest.approx(table.value(modulus), rel=0.01)
 
 
 def test_without_a_rival_the_motion_shows_what_no_recording_has_visited(small_motion, unexplored):
@@ -139,6 +194,39 @@ def test_nothing_is_open_once_the_recordings_exclude_every_other_effect(unexplor
     asked = NextRecording((), best, LIMITS, 0.001, undecided=False)
     assert not asked.open and asked.motion is None
     assert list(asked.lines()) == ["nothing is open: no further recording is needed"]
+
+
+@pytest.mark.parametrize(
+    ("states", "above_noise", "asks"),
+    [
+        ((), False, True),  # nothing is named: what else may be there?
+        (("established",), False, False),  # another effect could merely exist as well
+        (("established",), True, True),  # something is there that no model explains
+        (("established", "likely"), False, False),  # a rival may be told from it; that is another question
+        (("one of these",), False, True),
+    ],
+)
+def test_absent_effects_are_a_question_where_nothing_is_established_or_a_residual_remains(states, above_noise, asks):
+    closed = SimpleNamespace(verdicts=[SimpleNamespace(state=state) for state in states])
+    assert may_lack(SimpleNamespace(closed=closed, remaining=SimpleNamespace(above_noise=above_noise))) == asks
+
+
+def test_an_established_answer_ends_the_series(table, small_motion, monkeypatch):
+    step = SimpleNamespace(chosen=SimpleNamespace(candidate=SimpleNamespace(effect="soft_zone")))
+    search = SimpleNamespace(steps=[step], final=SimpleNamespace(fit=fit_of(table)))
+    closed = SimpleNamespace(verdicts=[SimpleNamespace(state="established")], search=search)
+    found = SimpleNamespace(
+        model=sr.model("full"), table=table, closed=closed, estimation=small_motion, records=small_motion, rivals=(),
+        open=False, remaining=SimpleNamespace(above_noise=False), unused=(),
+    )  # fmt: skip
+    asked = next_recording(found, progress=False)
+    assert not asked.open and asked.motion is None
+    assert list(asked.lines()) == ["nothing is open: no further recording is needed"]
+    closed.verdicts[0].state = "one of these"
+    monkeypatch.setattr(Designer, "best", lambda designer, *_: sought.append(designer.absent))
+    sought = []
+    next_recording(found, progress=False)
+    assert sought[0] and "soft_zone" not in [effect.name for effect in sought[0]]
 
 
 @pytest.fixture(scope="module")

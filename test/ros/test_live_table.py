@@ -19,6 +19,7 @@ from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.baseline import states_from_rest
 from shake_ros.core.reference.motion import Envelope
+from shake_ros.core.safety.causes import InterlockParameters
 from shake_ros.experiment_design import next_recording as designs
 from shake_ros.experiment_design.design import PredictedExcitation, Separation
 from shake_ros.experiment_design.motions import Excitation
@@ -105,8 +106,8 @@ def test_what_a_design_asks_for_is_released_played_recorded_and_decided_upon(ros
     wanted = Excitation("sine", "sine", 4.0, 0.0, 0.1, 4.0)
     limits, like = Envelope(0.02, 0.2, 3.0), Record("like", DT, np.zeros(99), np.zeros(99))
 
-    def asked(found: Answer, *, interlock: dict[str, float], **_) -> NextRecording:
-        assert interlock["velocity"] == 1.5
+    def asked(found: Answer, *, interlock: InterlockParameters, **_) -> NextRecording:
+        assert (interlock.limits["velocity"], interlock.full_speed) == (1.5, 0.63)
         gain = 0.0 if found.recordings else 9.0
         shown = PredictedExcitation(
             wanted, wanted.samples(limits, DT), like, (Separation("other", gain, np.zeros(99)),)

@@ -188,6 +188,12 @@ class InterlockParameters(Parameters):
         found: Response = getattr(self.causes, name)
         return found
 
+    @property
+    def limits(self) -> dict[str, float]:
+        """The thresholds of the causes that act."""
+        responses = {name: self.response(name) for name in CAUSES}
+        return {name: response.threshold for name, response in responses.items() if response.active}
+
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], where: str) -> InterlockParameters:
         """Build from a YAML mapping; `causes` maps every cause to its threshold, action and latch."""
