@@ -147,7 +147,7 @@ def read(
 
     Parameters
     ----------
-    paths : recordings of different names.
+    paths : recordings of different names, or folders of recordings: all of them, in the order of their names.
     take : what to read of a signal of which a recording holds several, as {"joint_states": "x_axis"}: the full name of
         a topic, the name of a joint, the number of a publisher as a refusal lists them, or several of these.
     command, position, columns : columns of text tables and .mat files with factors to SI units, as `import_csv` takes
@@ -177,7 +177,7 @@ def read(
         tables = [path for path in paths if Path(path).suffix.lower() in TABLES]
         if tables:
             raise ShakeError(f'{tables[0]}: a table needs its columns, as in time="t", command="u", position="x*0.001"')
-        return Recordings(read_table_recording(path, take) for path in paths)
+        return Recordings(read_table_recording(path, take) for given in paths for path in _within(Path(given)))
     if command is None or position is None:
         raise ShakeError("a table needs the columns of the command and of the position")
     found = []
@@ -187,6 +187,14 @@ def read(
             provenance = replace(recording.provenance, path=Path(path), files=(Path(path).name,))
             found.append(replace(recording, name=Path(path).stem, provenance=provenance))
     return Recordings(found)
+
+
+def _within(path: Path) -> list[Path]:
+    """The recordings of a folder of recordings; a recording as it is."""
+    within = sorted(path.iterdir()) if path.is_dir() else []
+    if not any(one.is_dir() for one in within):
+        return [path]
+    return [one for one in within if one.is_dir() or one.suffix in (".mcap", ".db3")]
 
 
 def recording(

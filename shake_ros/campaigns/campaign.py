@@ -234,8 +234,6 @@ NOTES = {
     "matrix": "How often each true effect (row) was named as which effect (column).",
     "spread": "Median, quartiles and largest value of each figure.",
     "rate": "Events in 100 of what they are counted over, with the 95 % interval of a Poisson process.",
-    "changes": "Steps of a parameter from reading to reading that exceed its standard errors and its scatter; "
-    "the most certain one of each comes first. Correlated parameters may step together.",
 }
 
 

@@ -26,9 +26,8 @@ SECTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # kind of a se
     "matrix": (("title", "matrix", "by", "where", "of"), ("matrix",)),
     "spread": (("title", "spread", "by", "where", "of"), ("spread",)),
     "rate": (("title", "rate", "by", "where", "of"), ("rate",)),
-    "changes": (("title", "changes", "where"), ("changes",)),
 }
-NAMED = {"matrix": ("truth", "named"), "rate": ("events", "over"), "changes": ("of", "when", "parameters")}
+NAMED = {"matrix": ("truth", "named"), "rate": ("events", "over")}
 
 Row = Mapping[str, Any]
 

@@ -1,4 +1,4 @@
-"""The tables of a campaign, from its rows: shares with intervals, confusion, spread, changes, against an older one."""
+"""The tables of a campaign, from its rows: shares with intervals, confusion, spread, against an older one."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2, norm, t
+from scipy.stats import chi2
 
 from shake_ros.campaigns.rows import FinishedRow
 from shake_ros.campaigns.study import StudySection, canonical
@@ -57,77 +57,6 @@ class Share(NamedTuple):
             return "no case"
         low, high = self.interval
         return f"{100 * self.value:.1f} % of {self.of} ({100 * low:.1f} … {100 * high:.1f} %)"
-
-
-FALSE_ALARM = 0.01  # over all parameters and places of one thing
-LEAST = 2  # readings without which nothing can be decided
-SCATTER = 0.02  # of a parameter from reading to reading that no standard error counts, relative to its size
-
-
-@dataclass(frozen=True)
-class Reading:
-    """Parameters at a time. values : parameter → value and standard error; None where it has none."""
-
-    when: str
-    values: Mapping[str, tuple[float, float | None]]
-
-
-@dataclass(frozen=True)
-class StepChange:
-    """A parameter that stepped. when : first reading behind the step. before, after : weighted means.
-
-    score : the step over its standard deviation [-]. chance : of such a score where nothing changed [-].
-    """
-
-    parameter: str
-    when: str
-    before: float
-    after: float
-    score: float
-    chance: float
-
-
-def step_changes(readings: Sequence[Reading]) -> list[StepChange]:
-    """The steps that stand out, the surest first; each thing's readings are taken to have one at most per parameter.
-
-    The mean of the readings before a place is compared with that behind it, each reading weighted by its variance: the
-    square of its standard error, or of the scatter of the readings within both sides where that is larger (then the
-    score is Student's, of as many degrees of freedom). Bonferroni's bound over all parameters and places keeps false
-    alarms of a thing below FALSE_ALARM. Parameters that a fit trades for one another may step together; the surest is
-    the first.
-
-    >>> flat, step = [(1.0, 0.01)] * 4, [(5.0, 0.1), (5.1, 0.1), (9.0, 0.1), (9.1, 0.1)]
-    >>> readings = [Reading(f"day {k}", {"a": flat[k], "b": step[k]}) for k in range(4)]
-    >>> [(s.parameter, s.when, round(s.before, 2), round(s.after, 2)) for s in step_changes(readings)]
-    [('b', 'day 2', 5.05, 9.05)]
-    """
-    names = sorted({name for reading in readings for name in reading.values})
-    places = max(len(readings) - 1, 1) * max(len(names), 1)
-    steps = [step for name in names if (step := _largest(name, readings)) is not None]
-    return sorted((s for s in steps if s.chance < FALSE_ALARM / places), key=lambda step: step.chance)
-
-
-def _largest(name: str, readings: Sequence[Reading]) -> StepChange | None:
-    """The surest step of a parameter."""
-    listed = [(r.when, *r.values[name]) for r in readings if name in r.values]
-    known = [(when, value, error) for when, value, error in listed if error is not None and math.isfinite(value)]
-    if len(known) < LEAST:
-        return None
-    values, errors = np.array([v for _, v, _ in known]), np.array([e for _, _, e in known])
-    steps = []
-    for at in range(1, len(known)):
-        left = len(known) - 2
-        sides = values[:at], values[at:]
-        within = sum(float(np.sum((side - side.mean()) ** 2)) for side in sides)
-        seen, assumed = within / left if left else 0.0, (SCATTER * float(np.mean(np.abs(values)))) ** 2
-        weight = 1.0 / np.maximum(errors**2, max(seen, assumed))
-        before, after = (np.average(values[part], weights=weight[part]) for part in (slice(at), slice(at, None)))
-        deviation = math.sqrt(1.0 / weight[:at].sum() + 1.0 / weight[at:].sum())
-        score = abs(after - before) / deviation if deviation else 0.0
-        scattered = seen > max(assumed, float(np.median(errors**2)))
-        chance = 2.0 * float(t.sf(score, left) if scattered else norm.sf(score))
-        steps.append(StepChange(name, known[at][0], float(before), float(after), float(score), chance))
-    return min(steps, key=lambda step: step.chance)
 
 
 Cells = list[list[str]]
@@ -265,46 +194,11 @@ def _rate(section: StudySection, rows: Sequence[FinishedRow]) -> Table:
     return [*section.by, events, over, "in 100", "at least", "at most"], cells
 
 
-def changes_of(section: StudySection, rows: Sequence[FinishedRow]) -> list[tuple[str, list[StepChange]]]:
-    """For each thing of an archive the steps of its parameters; empty where none changed."""
-    of, when, column = (section.columns[name] for name in ("of", "when", "parameters"))
-    found = []
-    for (name,), some in groups(replace(section, by=(of,)), rows):
-        readings = [
-            Reading(
-                str(row.value(when)), {_named(p, v): (v["value"], v["std_error"]) for p, v in row.value(column).items()}
-            )
-            for row in sorted(some, key=lambda row: str(row.value(when)))
-        ]
-        found.append((str(name), step_changes(readings)))
-    return found
-
-
-def _named(parameter: str, description: Mapping[str, Any]) -> str:
-    return f"{parameter} [{description['unit']}]" if description.get("unit") else parameter
-
-
-def _changes(section: StudySection, rows: Sequence[FinishedRow]) -> Table:
-    cells = []
-    for name, steps in changes_of(section, rows):
-        for s in steps:
-            sure = f"{s.score:.1f}"
-            cells.append([name, s.when, s.parameter, f"{s.before:.4g}", f"{s.after:.4g}", _relative(s), sure])
-        if not steps:
-            cells.append([name, NOTHING, "nothing changed", NOTHING, NOTHING, NOTHING, NOTHING])
-    return [section.columns["of"], "since", "parameter", "before", "after", "change", "times its deviation"], cells
-
-
-def _relative(step: StepChange) -> str:
-    return f"{100.0 * (step.after / step.before - 1.0):+.1f} %".replace("-", "−") if step.before else NOTHING
-
-
 _TABLES: dict[str, Callable[[StudySection, Sequence[FinishedRow]], Table]] = {
     "shares": _shares,
     "matrix": _matrix,
     "spread": _spread,
     "rate": _rate,
-    "changes": _changes,
 }
 
 

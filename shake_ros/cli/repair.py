@@ -341,13 +341,20 @@ The found model runs beside the recordings, corrected towards the sensors. The f
 normal; from then on each window of two seconds corrects the slow parameters of the table (flow gain, hydraulic
 stiffness, leakage, friction, null shift, mass, delays, sensors) and is tested for a change. A change is named by the
 effects that close_loop knows: value, 90 % interval, since when, what else it may be; or that no effect explains it.
+Over recordings of several days also what each parameter does from day to day: steps, trend, and the date on which it
+leaves its limits in config/twin, with an interval.
 DIR gets report.html, report.json and table.yaml, the table as it is known at the end."""
 
 
 def follow_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     p = CommandLine("follow", FOLLOW_METHOD)
-    p.add_argument("recordings", nargs="+", metavar="RECORDING", help="recordings of one table in the order of time")
+    p.add_argument(
+        "recordings",
+        nargs="+",
+        metavar="RECORDING",
+        help="recordings of one table in the order of time, or a folder of them named in that order",
+    )
     p.add_argument("--table", required=True, metavar="FILE", help="table.yaml of close_loop, or a name of config/table")
     p.add_folder("folder of the report")
     p.add_config("twin")

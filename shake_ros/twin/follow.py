@@ -19,8 +19,9 @@ from shake_ros.data.result_folder import write_folder, write_json
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import load_table, save_table
 from shake_ros.twin.followed import TwinSettings, load_twin
+from shake_ros.twin.months import DAY, Readings, readings
 from shake_ros.twin.naming import Hypothesis
-from shake_ros.twin.text import change_text, instant
+from shake_ros.twin.text import A_DATE, change_text, instant, month_lines
 from shake_ros.twin.twin import LEARNING, NO_MOTION, Change, Twin, TwinWindow
 
 SCHEMA = "shake_ros.follow/1"
@@ -39,6 +40,8 @@ class Following:
     reference, table : as known at the end of the reference, and at the end.
     error : of the acceleration in free runs of the reference [-].
     recordings : that were followed.
+    months : each parameter from day to day, where the recordings are of several days.
+    limits : of each parameter, beyond which maintenance is due.
     """
 
     names: tuple[str, ...]
@@ -50,6 +53,8 @@ class Following:
     table: TableParameters
     error: float
     recordings: Sequence[TableRecording]
+    months: tuple[Readings, ...]
+    limits: Sequence[tuple[float, float]]
 
     @property
     def known(self) -> list[TwinWindow]:
@@ -85,7 +90,9 @@ class Following:
     def lines(self) -> list[str]:
         """What happened, a line for each change and each pause."""
         pauses = [f"paused, {instant(w.start, w.recording, w.at)}: {w.note}" for w in self.windows if w.note]
-        return [*(change_text(c) for c in self.changes), *pauses] or ["no change"]
+        found = [*(change_text(c) for c in self.changes), *pauses] or ["no change"]
+        rows = zip(self.months, self.limits, strict=True) if self.months else ()
+        return [*found, *(line for readings, limits in rows for line in month_lines(readings, limits))]
 
     def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
         """Write report.json, report.html and table.yaml, the table as it is known at the end.
@@ -114,6 +121,7 @@ class Following:
             "reference_error": self.error,
             "windows": [_window_json(w) for w in self.windows],
             "changes": [_change_json(c) for c in self.changes],
+            "months": [_months_json(*row) for row in zip(self.months, self.limits, strict=False)],
         }
 
     def __repr__(self) -> str:
@@ -123,6 +131,20 @@ class Following:
 def _name(change: Change) -> str:
     named = change.named
     return " or ".join(h.name for h in (named.best, *named.rivals)) if named.explained else "unexplained"
+
+
+def _months_json(r: Readings, limits: tuple[float, float]) -> dict[str, Any]:
+    due = r.due(*limits)
+    return {
+        "name": r.name,
+        "unit": r.unit,
+        "stamps": r.stamps.tolist(),
+        "values": r.values.tolist(),
+        "deviations": r.deviations.tolist(),
+        "steps": [{"since": int(r.stamps[k]), "size": size, "deviation": d} for k, size, d in r.steps],
+        "trend": dict(zip(("per_day", "deviation"), r.trend, strict=True)) if r.trend else None,
+        "maintenance": [int(r.stamps[0] + d * DAY) if math.isfinite(d) else None for d in due] if due else None,
+    }
 
 
 def _window_json(w: TwinWindow) -> dict[str, Any]:
@@ -212,8 +234,13 @@ def follow(
         moving = sum(w.state == LEARNING for w in windows) * chosen.test.window
         raise ShakeError(f"{chosen.test.reference:g} s of motion show what is normal; the recordings hold {moving:g} s")
     changes = [w.change for w in windows if w.change] + ([last] if last else [])
+    rows = zip(twin.names, twin.scale, strict=True)
+    limits = [chosen.parameters[n].limits(twin.file_value(n), float(unit)) for n, unit in rows]
+    learning = max(i for i, w in enumerate(windows) if w.state == LEARNING)
+    months = readings(windows[learning + 1 :], twin.names, twin.units, A_DATE)
     return Following(
-        twin.names, twin.units, windows, latest, changes, twin.reference, twin.table, twin.error, tuple(found)
+        *(twin.names, twin.units, windows, latest, changes, twin.reference, twin.table, twin.error, tuple(found)),
+        *(months, limits),
     )
 
 

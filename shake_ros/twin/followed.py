@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
@@ -24,6 +25,20 @@ class FollowedWander(Parameters):
 
     file: float = quantity("-", "standard deviation of its number in a found table's file", low=0.0, high=100.0)
     walk: float = quantity("-", "standard deviation of its change within an hour; 0: it is held", low=0.0, high=100.0)
+    least: float = quantity("-", "below which maintenance is due; 0: never", low=0.0, high=1.0, default=0.0)
+    most: float = quantity("-", "above which maintenance is due; 0: never", low=0.0, high=1e3, default=0.0)
+
+    def limits(self, value: float, unit: float) -> tuple[float, float]:
+        """Lower and upper limit of a parameter with this value in the file; one of another unit lies about zero.
+
+        >>> FollowedWander(file=0.1, walk=0.1, least=0.8, most=1.5).limits(4.0, 4.0)
+        (3.2, 6.0)
+        >>> FollowedWander(file=0.1, walk=0.1, most=1.5).limits(0.0, 2.0)
+        (-3.0, 3.0)
+        """
+        high = self.most * unit if self.most else math.inf
+        low = -high if unit != value else self.least * value if self.least else -math.inf
+        return low, high
 
 
 @dataclass(frozen=True)

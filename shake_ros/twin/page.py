@@ -11,7 +11,7 @@ from shake_ros.report.page import Made, Page, Source
 from shake_ros.report.result_table import percent
 from shake_ros.report.text import rounded, unit_of
 from shake_ros.twin.naming import ONE_OF_THESE
-from shake_ros.twin.text import action_text, instant, rivals_text, what_text
+from shake_ros.twin.text import action_text, date, instant, month_lines, rivals_text, what_text
 from shake_ros.twin.twin import INTERVAL, PAUSED
 
 if TYPE_CHECKING:
@@ -34,6 +34,11 @@ def follow_page(found: Following, command: str = "") -> Page:
     page.paragraph("The shaded band is the 90 % interval. A parameter that the motion does not excite keeps its value.")
     page.chart(_curves(found))
     _table(page, found)
+    if found.months:
+        page.heading("From day to day")
+        page.chart(_months(found))
+        lines = [line for row in zip(found.months, found.limits, strict=True) for line in month_lines(*row)]
+        page.paragraph("; ".join(lines) + "." if lines else "No parameter has a trend or a step.")
     if found.latest:
         page.heading("Prediction")
         page.chart(_prediction(found))
@@ -116,6 +121,23 @@ def _curves(found: Following) -> Chart:
     shaded = [(t - (w.stamp - w.start) * 1e-9, t) for t, w in at if (w.recording, w.start) in begun]
     caption = "Followed parameters; the shaded stretches are the windows in which a change began"
     return Chart("parameters", "time followed [s]", tuple(panels), caption, shaded=tuple(shaded))
+
+
+def _months(found: Following) -> Chart:
+    """Each parameter from day to day with what explains it."""
+    panels = []
+    for r in found.months:
+        factor, text = unit_of(r.unit)
+        half, (model, _) = INTERVAL * r.deviations, r.predicted(r.days)
+        series = (
+            ChartSeries("upper end", factor * (r.values + half), "grey", width=0.5),
+            ChartSeries("lower end", factor * (r.values - half), "grey", width=0.5),
+            ChartSeries(_title(r.name), factor * r.values, "c0", kind="points"),
+            ChartSeries("trend and steps", factor * model, "after"),
+        )
+        panels.append(Panel(f"[{text or '-'}]", r.days, series, height=130, band=(0, 1)))
+    caption = f"What was known at the end of each day since {date(found.months[0], 0.0)}, with its 90 % interval"
+    return Chart("months", "time [d]", tuple(panels), caption)
 
 
 def _table(page: Page, found: Following) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import datetime
+import math
 
 from shake_ros.report.result_table import percent
 from shake_ros.report.text import interval_text, rounded, unit_of
+from shake_ros.twin.months import DAY, Readings
 from shake_ros.twin.naming import Hypothesis
 from shake_ros.twin.twin import INTERVAL, Change
 
+MONTH = 30.0  # [d]
 A_DATE = 86400 * 10**9 * 365  # stamps from which on are a clock's, not those of a recording that begins at zero [ns]
 ACTIONS = {  # place of a change → what to do about it
     "valve": "have the spool and its null checked",
@@ -92,3 +95,26 @@ def change_text(change: Change) -> str:
     every = ", or ".join(hypothesis_text(h) for h in (named.best, *named.rivals))
     kept = f"the table has {named.kept.name}" if named.kept.followed else "the table is left as it was"
     return f"one of these since {since}: {every}; {errors}; {kept}"
+
+
+def date(readings: Readings, day: float) -> str:
+    """The date of a day after the first reading."""
+    return instant(int(readings.stamps[0] + day * DAY))[:10] if math.isfinite(day) else "never"
+
+
+def month_lines(r: Readings, limits: tuple[float, float]) -> list[str]:
+    """The steps of a parameter, its trend, and when maintenance is due; nothing where it stays."""
+    found = []
+    for k, size, deviation in r.steps:
+        since = f"between {date(r, r.days[k - 1])} and {date(r, r.days[k])}"
+        found.append(f"{r.name} changed by {interval_text(size, INTERVAL * deviation, r.unit)} {since}")
+    if r.trend:
+        change, half = MONTH * r.trend[0], MONTH * INTERVAL * r.trend[1]
+        line, due = f"{r.name} changes by {interval_text(change, half, r.unit)} in 30 days", r.due(*limits)
+        if due:
+            limit = limits[1] if change > 0.0 else limits[0]
+            factor, unit = unit_of(r.unit)
+            middle, first, last = (date(r, d) for d in due)
+            line += f"; it reaches {rounded(factor * limit)} {unit} on {middle} ({first} … {last})"
+        found.append(line)
+    return found

@@ -132,7 +132,7 @@ class Twin:
     def __init__(self, table: TableParameters, settings: TwinSettings, sample_time: float) -> None:
         if table.layout is not FULL_LAYOUT:
             raise ShakeError(f"the twin follows tables of the model full, not of {table.layout.name}")
-        self.settings, self.sample_time = settings, sample_time
+        self.file, self.settings, self.sample_time = table, settings, sample_time
         self.followed: Followed = followed(table, settings)
         self._count = p = len(self.followed.walk)
         self._walk = np.concatenate([self.followed.walk, np.zeros(len(self.followed.model.x) - p)])
@@ -146,6 +146,7 @@ class Twin:
         self._history: list[tuple[KnownState, WindowEvidence, int, float]] = []
         self._alarm: tuple[Alarm, int] | None = None
         self._left: TableParameters | None = None
+        self._last = 0  # stamp behind the latest sample [ns]
         self.begin("")
 
     @property
@@ -157,6 +158,15 @@ class Twin:
     def units(self) -> tuple[str, ...]:
         """Their units."""
         return tuple(p.unit for p in self._model.free[: self._count])
+
+    def file_value(self, name: str) -> float:
+        """Value of a followed parameter in the table's file; what only the sensors have is nothing there."""
+        return self.file.value(name) if name in FULL_LAYOUT.fields else 0.0
+
+    @property
+    def scale(self) -> np.ndarray:
+        """What counts as one of each: the value in the file, or its scale where that is larger, shape (p,)."""
+        return self._model.scale[: self._count]
 
     @property
     def table(self) -> TableParameters:
@@ -196,7 +206,9 @@ class Twin:
         ----------
         stamps, commands, position, acceleration : shape (n,) [ns], [-], [m], [m/s²].
         """
-        self._origin = int(stamps[0]) if self._origin < 0 and len(stamps) else self._origin
+        if self._origin < 0 and len(stamps):
+            self._origin = int(stamps[0])
+            yield from self._away()
         rows = np.column_stack([commands, position, acceleration])
         every = np.concatenate([self._stamps[-1:], stamps])
         period = self.sample_time * 1e9
@@ -219,6 +231,20 @@ class Twin:
         """Name a change that was noticed, from the motion there is: nothing more comes."""
         return self._name(*self._alarm) if self._alarm else None
 
+    def _away(self) -> Iterator[TwinWindow]:
+        """A recording that begins long after the one before: a change is named from the motion that there was, and
+        values may have wandered, at most as far as those of a file."""
+        seconds = (self._origin - self._last) * 1e-9
+        if not self._last or self._normal is None or seconds < KEPT * self.settings.test.window:
+            return
+        if self._alarm:
+            change = self._name(*self._alarm)
+            yield self._reported(self._last, self._last, self._state, "", math.nan, NO_MOTION, change)
+        p, covariance = self._count, self._known.covariance.copy()
+        most = np.maximum(self.followed.file[:p] ** 2 - np.diag(covariance)[:p], 0.0)
+        covariance[range(p), range(p)] += np.minimum(self.followed.walk**2 * seconds / HOUR, most)
+        self._known, self._history = KnownState(self._known.mean, covariance), []
+
     def _complete(self) -> Iterator[TwinWindow]:
         """The windows that the samples at hand complete."""
         size = self._lead + self._window
@@ -230,6 +256,7 @@ class Twin:
             self._command_before = float(rows[0, self._window - 1])
             self._stamps, self._samples = self._stamps[self._window :], self._samples[self._window :]
             start, stop = int(stamps[self._lead]), int(stamps[-1]) + round(self.sample_time * 1e9)
+            self._last = stop
             why = trouble(record)
             yield self._without(start, stop, why) if why or not moves(record) else self._with(record, start, stop)
 
