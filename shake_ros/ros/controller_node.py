@@ -281,7 +281,7 @@ class ControllerNode(Behaviour):
         """Take changed parameters over, between two samples."""
         own = self._own.take()
         new, renamed = self._law.take()
-        if renamed:
+        if renamed or len(self._state) != len(new.initial_state()):
             self._state = switch(self._controller, self._state, new, self._u, own.switch_time)
         self._load.serve(new)
         self._controller = new

@@ -13,9 +13,9 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -25,7 +25,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
 from shake_ros.api.live_table import InterlockHeldError
-from shake_ros.core.quantities import ShakeError
+from shake_ros.core.quantities import Parameters, ShakeError
 from shake_ros.core.safety.causes import CAUSES, InterlockParameters
 from shake_ros.core.safety.stages import OFF, RUN, STAGES
 from shake_ros.data.reference_file import write_drive
@@ -38,6 +38,7 @@ from shake_ros.ros.interface import DIAGNOSTICS, ENABLE, NAMESPACE, VALVE_COMMAN
 from shake_ros.ros.loop import ros_context
 
 ANSWER = 120.0  # a node that compiles what it is given answers within [s]
+P = TypeVar("P", bound=Parameters)
 SILENT = 15.0  # a node that has not reported for so long is lost [s]
 
 
@@ -119,6 +120,11 @@ class LiveGraph(GraphClient):
         answer = self.answer(self._enable.call_async(ENABLE.type.Request(data=on)), "enable", ANSWER)
         if not answer.success:
             raise ShakeError(f"the table refuses: {answer.message}")
+
+    def values(self, executable: str, given: P) -> P:
+        """Parameters as a node has them now, in place of those `given`."""
+        names = [f.name for f in fields(given)]
+        return given.replace(**dict(zip(names, self.get(executable, *names), strict=True)))
 
     def _client(self, executable: str) -> AsyncParameterClient:
         name = f"/{self.reports[executable].node}"

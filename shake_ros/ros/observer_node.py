@@ -1,7 +1,7 @@
 """Node `observer`: position, other sensors where it takes them, valve command → position, velocity, acceleration.
 
-The parameter `observer` and those of the observer in use may change while it runs: what comes of it continues from the
-last estimate.
+The parameter `observer` and those of the observer in use may change while it runs: another observer continues from the
+last estimate, the same one from its own state.
 
 The other sensors' samples are taken by their stamps; a sensor that is lost is left out until it is back.
 """
@@ -212,11 +212,12 @@ class ObserverNode(Behaviour):
 
     def _step(self, stamp: int, position: float) -> None:
         if self._law.changed:
-            self._observer = self._law.take()[0]
+            self._observer, renamed = self._law.take()
             self._writer.codec.lead = round(self._observer.lead * SECOND)
             self._others.want(self._observer.parameters.sensors)
             if self._state is not None:
-                self._state = self._observer.started(self._estimate, self._u)
+                fresh = self._observer.started(self._estimate, self._u)
+                self._state = fresh if renamed or len(fresh) != len(self._state) else self._state
         if self._state is None:
             self._state = self._observer.initial_state(position)
         others = self._others.readings(stamp)

@@ -1,8 +1,9 @@
 """Node `twin`: a found table followed beside the running one; its prediction, parameters and changes as messages.
 
 Callbacks only put samples together; one thread follows them (shake_ros/twin), so that a window that takes long delays
-no sample. The same samples give the same numbers as `follow` over the recording. It ends when nobody publishes
-positions any more, once it has followed all that came.
+no sample. On the operator's `release` the followed values go to observer and controller (release.py). The same samples
+give the same numbers as `follow` over the recording. It ends when nobody publishes positions any more, once it has
+followed all that came.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -27,6 +28,7 @@ from shake_ros.ros.interface import REALTIME_RECORDER_QOS, copied
 from shake_ros.settings import find, load_table
 
 if TYPE_CHECKING:
+    from shake_ros.ros.release import Releasing
     from shake_ros.twin.twin import Change, Twin, TwinWindow
 
 INPUTS = (interface.VALVE_COMMAND, interface.JOINT_STATES, interface.IMU)
@@ -50,6 +52,9 @@ class TwinNodeParameters(Parameters):
     table: str = choice("found table: its YAML file, or a name of config/table")
     settings: str = choice("configuration in config/twin, or a YAML file")
     backlog: float = quantity("s", "samples that may wait for the twin", low=1.0, high=3600.0)
+    release: bool = choice("whether followed values go to observer and controller", live=True)
+    release_factor: float = quantity("-", "by which a released value may leave the file's", low=1.0, high=10.0)
+    release_time: float = quantity("s", "time constant with which the loop takes it", low=0.1, high=1e3)
 
 
 class Instants:
@@ -79,7 +84,8 @@ class TwinNode(Behaviour):
 
     def __init__(self, frame: Frame) -> None:
         super().__init__(frame)
-        own = frame.settings(TwinNodeParameters).value
+        self._own = frame.settings(TwinNodeParameters)
+        own = self._own.value
         self._most = round(own.backlog / frame.sample_time)
         self._instants, self._ready = Instants(), list[tuple[int, list[float]]]()
         self._queue, self._there = deque[list[tuple[int, list[float]]]](), threading.Condition()
@@ -87,6 +93,7 @@ class TwinNode(Behaviour):
         self._over, self._ended, self._error = False, False, ""
         self._state, self._note, self._changes = "waiting", "", list[tuple[int, str, dict[str, object]]]()
         self._last: TwinWindow | None = None
+        self._newest, self._releasing = 0, cast("Releasing | None", None)
         self._publisher = frame.publisher(interface.TWIN)
         self._predicted = frame.writer(interface.PREDICTED_JOINT_STATES), frame.writer(interface.PREDICTED_IMU)
         profile = None if frame.lockstep else copied(REALTIME_RECORDER_QOS)  # takes all, however late
@@ -120,6 +127,7 @@ class TwinNode(Behaviour):
     def _taker(self, place: int) -> Callable[[int, float], None]:
         def take(stamp: int, value: float) -> None:
             self._ready += self._instants.add(place, stamp, value)
+            self._newest = stamp
             if len(self._ready) >= BATCH / self.frame.sample_time:
                 self._hand_over()
             self.frame.diagnostics.cycles += place == 1
@@ -158,9 +166,19 @@ class TwinNode(Behaviour):
 
         return Twin(self._table, load_twin(self._settings), self.frame.sample_time)
 
+    def _released(self) -> Releasing:
+        """What serves the parameter `release`."""
+        from shake_ros.ros.release import Releasing
+        from shake_ros.twin.release import Release
+
+        own = self._own.value
+        release = Release(self.twin, own.release_factor, own.release_time)
+        return Releasing(self.frame, lambda: self._own.value.release, release, self._table, lambda: self._newest)
+
     def _follow(self) -> None:
         try:
             self.twin = self._made()
+            self._releasing = self._released()
             while True:
                 with self._there:
                     self._there.wait_for(lambda: self._queue or self._over)
@@ -179,6 +197,8 @@ class TwinNode(Behaviour):
             self._error = str(error)
             self.frame.diagnostics.fault("twin", str(error))
         finally:
+            if self._releasing is not None:
+                self._releasing.end()
             if not self._over:
                 self.frame.stop()
 
@@ -190,6 +210,8 @@ class TwinNode(Behaviour):
         if window.change is not None:
             self._changed(window.change)
         self._send(window)
+        if self._releasing is not None:
+            self._releasing.know(window, not any(level == ERROR for level, *_ in self._changes))
         count = len(window.motion)
         stamps = window.start + np.rint(np.arange(count) * self.frame.sample_time * SECOND).astype(np.int64)
         for k in range(count):

@@ -32,7 +32,7 @@ class LawParameters(Parameters):
 
     limit: float = quantity("-", "largest magnitude of the command", low=0.0, high=1.0)
     start_time: float = quantity("s", "time constant of the bumpless start, 0 for none", low=0.0, high=10.0)
-    model: str = choice("table configuration for the model feedforward, empty for none", default="")
+    model: str = choice("table configuration for the model feedforward, empty for none", default="", live=True)
     model_bandwidth: float = quantity("rad/s", "bandwidth of the virtual table's control", low=1.0, high=2000.0)
     model_horizon: float = quantity("s", "horizon of the virtual table's control", low=1e-4, high=0.1)
     model_rate: float = quantity("1/s", "largest rate of the virtual table's command", low=1.0, high=1e5, default=1e5)

@@ -40,7 +40,7 @@ class ReactionCompensation(LawParameters):
     compensated_frequency: float = quantity("rad/s", "ω of the specimen", low=1.0, high=1000.0, live=True)
     compensated_damping: float = quantity("-", "ζ of the specimen", low=0.0, high=0.99, live=True)
     moved_mass: float = quantity("kg", "mass M of table and specimen", low=1.0, high=1e6, live=True)
-    beta3: float = quantity("m/s^3", "β_3, jerk per command", low=1e-6)
+    beta3: float = quantity("m/s^3", "β_3, jerk per command", low=1e-6, live=True)
 
 
 @njit

@@ -28,7 +28,7 @@ class SuperTwisting(LawParameters):
     code: ClassVar[int] = 3
     states: ClassVar[int] = 2
 
-    beta3: float = quantity("m/s^3", "jerk per command", low=1e-6)
+    beta3: float = quantity("m/s^3", "jerk per command", low=1e-6, live=True)
     surface_integral: float = quantity("1/s", "K_ss1, weight of the integrated position error", low=0.0, live=True)
     surface_position: float = quantity("-", "K_ss2, weight of the position error", low=0.0, live=True)
     surface_velocity: float = quantity("s", "K_ss3, weight of the velocity error", low=0.0, live=True)

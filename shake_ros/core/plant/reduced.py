@@ -38,11 +38,13 @@ SERIES_TERMS = 60
 class ReducedParameters(Parameters):
     """The coefficients of (6.36), (6.37)."""
 
-    beta1: float = quantity("1/s^2", "jerk per velocity, minus the square of the hydraulic frequency", high=0.0)
-    beta2: float = quantity("1/s", "jerk per acceleration, damping", high=0.0)
-    beta3: float = quantity("m/s^3", "jerk per command", low=1e-6)
-    beta4: float = quantity("1/s", "jerk per acceleration and opening", high=0.0)
-    beta5: float = quantity("1/s^2", "jerk per velocity and opening", high=0.0)
+    beta1: float = quantity(
+        "1/s^2", "jerk per velocity, minus the square of the hydraulic frequency", high=0.0, live=True
+    )
+    beta2: float = quantity("1/s", "jerk per acceleration, damping", high=0.0, live=True)
+    beta3: float = quantity("m/s^3", "jerk per command", low=1e-6, live=True)
+    beta4: float = quantity("1/s", "jerk per acceleration and opening", high=0.0, live=True)
+    beta5: float = quantity("1/s^2", "jerk per velocity and opening", high=0.0, live=True)
 
 
 # Nothing tells mass, areas or pressures apart here, so every force of an effect counts per moved mass: newton becomes
