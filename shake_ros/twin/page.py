@@ -10,7 +10,7 @@ from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page, Source
 from shake_ros.report.result_table import percent
 from shake_ros.report.text import rounded, unit_of
-from shake_ros.twin.naming import ONE_OF_THESE
+from shake_ros.twin.naming import ESTABLISHED, NOT_EXPLAINED, ONE_OF_THESE
 from shake_ros.twin.text import action_text, date, instant, month_lines, rivals_text, what_text
 from shake_ros.twin.twin import INTERVAL, PAUSED
 
@@ -49,14 +49,15 @@ def follow_page(found: Following, command: str = "") -> Page:
 def _lead(found: Following) -> str:
     if not found.changes:
         return "Nothing has changed since the reference."
-    unknown = sum(not c.named.explained for c in found.changes)
-    several = sum(c.named.verdict == ONE_OF_THESE for c in found.changes)
-    many = f"{len(found.changes)} change{'s' * (len(found.changes) > 1)}"
-    parts = [
-        f"{several} that may be one of several" * (several > 0),
-        f"{unknown} that no effect explains" * (unknown > 0),
-    ]
-    return ", ".join([f"{many} since the reference", *filter(None, parts)]) + "."
+    verdicts = [c.named.verdict for c in found.changes]
+    causes = (
+        ("an established cause", ESTABLISHED),
+        ("several possible causes", ONE_OF_THESE),
+        ("no known cause", NOT_EXPLAINED),
+    )
+    parts = [f"{verdicts.count(v)} with {words}" for words, v in causes if v in verdicts]
+    many = "changes have" if len(verdicts) > 1 else "change has"
+    return f"{len(verdicts)} {many} been noticed since the reference: {', '.join(parts)}."
 
 
 def _cards(found: Following) -> list[tuple[str, str]]:
