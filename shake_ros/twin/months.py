@@ -6,8 +6,8 @@ that of a file. To the readings y of a parameter, of deviations s, is fitted
     y(t) = a + b t + Σ c_k [t ≥ t_k]
 
 where the trend b and each step c_k (an abrupt change between two days, a repair among them) must pay for themselves: of
-all such models the one with the least −2 log L + p log n is sought by adding and removing a term at a time. A step
-counts as two parameters, its size and its day. Readings that scatter by more than s scale the variance.
+all such models the one with the least −2 log L + p log n is sought by adding and removing a term at a time, with odds
+of 30 against a trend and against a step, whose day may be any. Readings that scatter by more than s scale the variance.
 
 If the trend goes on, the parameter leaves its limits on the day on which its prediction does; the ends of the interval
 are those days on which the ends of the prediction's 90 % interval do.
@@ -22,6 +22,7 @@ from functools import cached_property
 
 import numpy as np
 
+from shake_ros.search.loop import PRIOR
 from shake_ros.twin.twin import INTERVAL, PAUSED, TwinWindow
 
 DAY = 86400 * 10**9  # [ns]
@@ -60,9 +61,9 @@ class Readings:
         wanted = self.values / self.deviations
         found, *_ = np.linalg.lstsq(rows, wanted, rcond=None)
         n, square = len(wanted), float(np.sum((wanted - rows @ found) ** 2))
-        count = 1 + sum(1 if k == TREND else 2 for k in terms)
         scatter = max(square / max(n - rows.shape[1], 1), 1.0)
-        criterion = square / scatter + n * math.log(scatter) + count * math.log(n)
+        odds = 2.0 * sum(PRIOR + (0.0 if k == TREND else math.log(n - 1)) for k in terms)
+        criterion = square / scatter + n * math.log(scatter) + (1 + len(terms)) * math.log(n) + odds
         return criterion, found, scatter * np.linalg.pinv(rows.T @ rows)
 
     def explained(self) -> Readings:
@@ -74,7 +75,7 @@ class Readings:
             nearby = [(*terms, k) for k in places if k not in terms] + [
                 tuple(t for t in terms if t != k) for k in terms
             ]
-            nearby = [t for t in nearby if 1 + sum(1 if k == TREND else 2 for k in t) < len(self.values)]
+            nearby = [t for t in nearby if len(t) + LEAST - 1 <= len(self.values)]
             least, chosen = min((self._solved(t)[0], t) for t in nearby)
             if least >= best:
                 break
