@@ -162,8 +162,12 @@ def reference(name: str, truth: hidden.Truth, rate: float, seconds: float, rng: 
 def record(case: Case, name: str, seconds: float = 32.0, noise: float = 1.0) -> dict[str, np.ndarray]:
     """One run as the laboratory hands it over: time, command in volts, position, acceleration, each (n,)."""
     rng = np.random.default_rng([case.seed, RUNS.index(name), 7])
+    return played(case, reference(name, case.truth, case.laboratory.rate, seconds, rng), rng, noise)
+
+
+def played(case: Case, wanted: np.ndarray, rng: Any, noise: float = 1.0) -> dict[str, np.ndarray]:
+    """The run of a reference, position [m] and velocity [m/s], shape (n, 2)."""
     lab, truth = case.laboratory, case.truth
-    wanted = reference(name, truth, lab.rate, seconds, rng)
     scatter = noise * lab.noise * rng.standard_normal((len(wanted), 1))
     null, bias = noise * 0.006 * rng.standard_normal(), noise * 0.03 * rng.standard_normal()
     substeps = math.ceil(1.0 / lab.rate / STEP)

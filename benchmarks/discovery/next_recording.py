@@ -2,24 +2,25 @@
 
     ./shake campaign next_recording --out DIR
 
-Declared tables of hidden_tables.py, which shares nothing with the package; the first recording is 10 s of a small
-quake, 6 s to fit and 4 s for validation; one effect is hidden in each table, so strong that it changes the acceleration
-of this recording by SEVERITY where it can. From the same first answer, up to two further
-recordings are made on the hidden table, under its own weak position loop: of the motion that `next_recording` designs;
-of the recording of the fixed catalogue that `close_loop` calls the most helpful; of a motion of the library drawn by
-chance.
+Tables of hidden_tables.py with declared numbers, and of foreign_tables.py of which nothing is known; neither shares
+anything with the package. The first recording is 10 s of a small quake, 6 s to fit and 4 s for validation; one effect
+is hidden in each table. From the same first answer, up to two further recordings are made on the hidden table, under
+its own loop: of the motion that `next_recording` designs; of the recording of the fixed catalogue that `close_loop`
+calls the most helpful; of a motion of the library drawn by chance.
 """
 
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from copy import copy
 from typing import Any
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from benchmarks.discovery import foreign_tables as foreign
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.close_loop import close_loop
 from shake_ros.api.discovery import Discovery
@@ -33,66 +34,143 @@ from shake_ros.experiment_design.next_recording import NextRecording, decide, li
 
 SEVERITY = 0.2  # relative change of the acceleration of the first recording by the effect
 MOST = 2  # further recordings
-Choice = Callable[[Discovery, Any], np.ndarray]  # excitation of a further recording, shape (n,)
 
 
-def measure(seed: int, minutes: float) -> dict[str, Any]:
+def measure(table: str, seed: int, minutes: float) -> dict[str, Any]:
     """One table: the verdict of its first recording, and what each advice makes of it.
 
-    minutes : of each search on one core.
+    table : declared, or foreign. minutes : of each search on one core.
     """
     rng = np.random.default_rng([seed, 45])
-    listed = [name for name, kind in hidden.HIDDEN.items() if kind.listed]
-    effect = str(rng.choice(listed))
-    quake = small_quake(10.0, rng)
-    felt = dict.fromkeys(("learn_ladder", "learn_multisine"), quake)
-    truth = hidden.with_effect(hidden.declared_truth(seed), effect, SEVERITY, felt, seed)
-    table, split = HiddenTable(truth, rng), round(6.0 / hidden.SAMPLE)
-    first, second = table.played("quake_1", quake[:split]), table.played("quake_2", quake[split:])
-    found = close_loop(model("full"), first, second, minutes=minutes, progress=False)
+    hides, kind = (DeclaredTable, "full") if table == "declared" else (ForeignTable, "unknown")
+    effect = str(rng.choice(hides.EFFECTS))
+    hidden_table = hides.hiding(effect, seed, rng)
+    first, second = hidden_table.quake()
+    found = close_loop(model(kind), first, second, minutes=minutes, progress=False)
     before = verdict(found, effect)
-    series = [designed(found, HiddenTable(truth, np.random.default_rng([seed, 46])), minutes)]
+    series = [designed(found, hidden_table.again(), minutes)]
     for name, choose in (("fixed", fixed), ("random", drawn)):
-        table = HiddenTable(truth, np.random.default_rng([seed, 46]))
-        series.append({"advice": name, **chosen(found, table, effect, minutes, choose)})
-    return {"effect": effect, "before": before, "advices": [s | judged(s.pop("found"), effect, before) for s in series]}
+        series.append({"advice": name, **chosen(found, hidden_table.again(), effect, minutes, choose)})
+    advices = [s | judged(s.pop("found"), effect, before) | {"table": table} for s in series]
+    return {"effect": effect, "before": before, "advices": advices}
 
 
-@dataclass
-class HiddenTable:
+class HiddenTable(ABC):
     """A hidden table that records, and what its further recordings have asked of it.
 
     seconds : of excitation. reached : largest position of each [m].
     """
 
-    truth: hidden.Truth
-    rng: Any
-    seconds: float = 0.0
-    reached: list[float] = field(default_factory=list)
+    def __init__(self, seed: int, rng: Any) -> None:
+        self.seed, self.rng, self.seconds, self.reached = seed, rng, 0.0, list[float]()
 
-    def played(self, name: str, excitation: np.ndarray) -> Recordings:
-        """A recording under the table's weak position loop."""
-        made = hidden.record(self.truth, excitation, 1.0, self.rng)
-        times = np.arange(len(excitation)) * hidden.SAMPLE
-        return recording(name, times, made["command"], made["position"], acceleration=made["acceleration"])
+    @property
+    @abstractmethod
+    def sample_time(self) -> float:
+        """Of its recordings [s]."""
 
-    def further(self, excitation: np.ndarray) -> Recordings:
-        """One more recording."""
-        run = self.played(f"next_{len(self.reached)}", excitation)
-        self.seconds += len(excitation) * hidden.SAMPLE
+    @abstractmethod
+    def quake(self) -> tuple[Recordings, Recordings]:
+        """The first recording, 10 s of a small quake: 6 s to fit and 4 s for validation."""
+
+    @abstractmethod
+    def follow(self, motion: np.ndarray) -> Recordings:
+        """One more recording, of a motion that it follows, shape (n, 3)."""
+
+    @abstractmethod
+    def excite(self, command: np.ndarray) -> Recordings:
+        """One more recording, under a valve command, shape (n,)."""
+
+    def again(self) -> HiddenTable:
+        """The same table, of which nothing has been asked."""
+        fresh = copy(self)
+        HiddenTable.__init__(fresh, self.seed, np.random.default_rng([self.seed, 46]))
+        return fresh
+
+    def kept(self, run: Recordings) -> Recordings:
+        """A recording, counted."""
+        self.seconds += len(run[0].time) * self.sample_time
         self.reached.append(float(np.max(np.abs(run[0].position))))
         return run
-
-    def following(self, motion: np.ndarray) -> np.ndarray:
-        """Excitation under which the table about follows a motion, shape (n, 3) → (n,)."""
-        t = self.truth
-        gain = t.flow * np.sqrt(0.5 * (t.supply - t.tank)) / t.area
-        return np.asarray(motion[:, 1] / gain + hidden.LOOP_GAIN * motion[:, 0])
 
     def asked(self, stroke: float) -> dict[str, Any]:
         """What its further recordings asked of it; stroke : how far they may go [m]."""
         violations = sum(place > stroke for place in self.reached)
         return {"recordings": len(self.reached), "excitation": self.seconds, "violations": violations}
+
+
+class DeclaredTable(HiddenTable):
+    """Of hidden_tables.py, whose numbers are declared, under its own weak position loop."""
+
+    EFFECTS = tuple(name for name, kind in hidden.HIDDEN.items() if kind.listed)
+    sample_time = hidden.SAMPLE
+
+    @classmethod
+    def hiding(cls, effect: str, seed: int, rng: Any) -> DeclaredTable:
+        """With an effect, so strong that it changes the first recording by SEVERITY where it can."""
+        table = cls(seed, rng)
+        table.command = small_quake(10.0, rng)
+        felt = dict.fromkeys(("learn_ladder", "learn_multisine"), table.command)
+        table.truth = hidden.with_effect(hidden.declared_truth(seed), effect, SEVERITY, felt, seed)
+        return table
+
+    def quake(self) -> tuple[Recordings, Recordings]:
+        split = round(6.0 / hidden.SAMPLE)
+        return self._played("quake_1", self.command[:split]), self._played("quake_2", self.command[split:])
+
+    def follow(self, motion: np.ndarray) -> Recordings:
+        t = self.truth
+        gain = t.flow * np.sqrt(0.5 * (t.supply - t.tank)) / t.area
+        return self.excite(np.asarray(motion[:, 1] / gain + hidden.LOOP_GAIN * motion[:, 0]))
+
+    def excite(self, command: np.ndarray) -> Recordings:
+        return self.kept(self._played(f"next_{len(self.reached)}", command))
+
+    def _played(self, name: str, excitation: np.ndarray) -> Recordings:
+        made = hidden.record(self.truth, excitation, 1.0, self.rng)
+        times = np.arange(len(excitation)) * hidden.SAMPLE
+        return recording(name, times, made["command"], made["position"], acceleration=made["acceleration"])
+
+
+class ForeignTable(HiddenTable):
+    """Of foreign_tables.py, of which nothing is known, in volts and under its laboratory's loop."""
+
+    EFFECTS = foreign.EFFECTS
+
+    @classmethod
+    def hiding(cls, effect: str, seed: int, rng: Any) -> ForeignTable:
+        """With an effect of a strength as in the study of unknown tables."""
+        table, truth = cls(seed, rng), foreign.table(rng)
+        bare = foreign.Case(seed, truth, foreign.laboratory(truth, rng), ())
+        table.case = foreign.Case(seed, foreign.hide(bare, effect, rng), bare.laboratory, (effect,))
+        return table
+
+    @property
+    def sample_time(self) -> float:
+        return 1.0 / self.case.laboratory.rate
+
+    def quake(self) -> tuple[Recordings, Recordings]:
+        lab = self.case.laboratory
+        made = foreign.played(
+            self.case, foreign.reference("learn_quake_low", self.case.truth, lab.rate, 10.0, self.rng), self.rng
+        )
+        made.pop("noise")
+        split = round(6.0 * lab.rate)
+        first, second = ({n: v[part] for n, v in made.items()} for part in (slice(split), slice(split, None)))
+        return recording("quake_1", **first), recording("quake_2", **second)
+
+    def follow(self, motion: np.ndarray) -> Recordings:
+        made = foreign.played(self.case, motion[:, :2], self.rng)
+        made.pop("noise")
+        return self.kept(recording(f"next_{len(self.reached)}", **made))
+
+    def excite(self, command: np.ndarray) -> Recordings:
+        velocity = 0.9 * command / self.case.laboratory.feedforward
+        position = np.cumsum(velocity) * self.sample_time
+        return self.follow(np.column_stack([position, velocity]))
+
+
+Choice = Callable[[Discovery, HiddenTable], Recordings]  # makes a further recording
 
 
 def designed(found: Discovery, table: HiddenTable, minutes: float) -> dict[str, Any]:
@@ -102,7 +180,7 @@ def designed(found: Discovery, table: HiddenTable, minutes: float) -> dict[str, 
     def play(asked: NextRecording) -> Recordings:
         assert asked.motion is not None
         waited.append(time.process_time() - answered[-1])
-        return table.further(table.following(asked.motion))
+        return table.follow(asked.motion)
 
     decided = decide(
         found, play, most=MOST, minutes=minutes, progress=False, extended=lambda _: answered.append(time.process_time())
@@ -116,23 +194,23 @@ def chosen(found: Discovery, table: HiddenTable, effect: str, minutes: float, ch
     for _ in range(MOST):
         if verdict(found, effect) in ("right", "wrong"):
             break
-        found = found.extended(table.further(choose(found, table)), minutes=minutes, progress=False)
+        found = found.extended(choose(found, table), minutes=minutes, progress=False)
     return {"found": found, **table.asked(stroke)}
 
 
-def fixed(found: Discovery, _: HiddenTable) -> np.ndarray:
+def fixed(found: Discovery, table: HiddenTable) -> Recordings:
     """The most helpful recording of the catalogue that needs no payload."""
     assert found.diagnosis is not None
     candidates = [c for c in recordings_to_make() if not c.payload]
     best = benefits(found.final.fit, found.diagnosis.identifiability, found.estimation, candidates)[0].candidate
-    return drive(best, max(len(r.commands) for r in found.estimation), hidden.SAMPLE)
+    return table.excite(drive(best, max(len(r.commands) for r in found.estimation), table.sample_time))
 
 
-def drawn(found: Discovery, table: HiddenTable) -> np.ndarray:
+def drawn(found: Discovery, table: HiddenTable) -> Recordings:
     """A motion of the library by chance."""
     motions = library()
     motion = motions[table.rng.integers(len(motions))]
-    return table.following(motion.samples(limits_of(found), hidden.SAMPLE))
+    return table.follow(motion.samples(limits_of(found), table.sample_time))
 
 
 def judged(found: Discovery, effect: str, before: str) -> dict[str, Any]:
