@@ -141,7 +141,8 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
             {"name": b.candidate.name, "relative_deviation": dict(zip(known.names, b.deviations.tolist(), strict=True))}
             for b in diagnosis.benefits
         ],
-        "text": f"{known.text}; {diagnosis.advice}",
+        "dwells": diagnosis.dwells,
+        "text": "; ".join(text for text in (diagnosis.play, known.text, diagnosis.advice) if text),
     }
 
 

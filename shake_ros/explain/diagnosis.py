@@ -14,7 +14,10 @@ from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.identification.uncertainty import of_table
 from shake_ros.explain.account import Account, accounts, residuals_left
+from shake_ros.explain.coasting import SHARE, share_of_dwells
 from shake_ros.explain.prediction import Innovations, innovations
+
+BACKLASH = "coupling_backlash"
 
 
 @dataclass(frozen=True)
@@ -23,6 +26,7 @@ class Diagnosis:
 
     innovations : errors of predictor runs on validation data.
     asked : whether any recording was asked what it would add.
+    dwells : part of the acceleration's changes of sign that dwells at zero, which a model without backlash leaves open.
     """
 
     accounts: tuple[Account, ...]
@@ -30,6 +34,17 @@ class Diagnosis:
     benefits: tuple[RecordingBenefit, ...]
     innovations: Innovations | None = None
     asked: bool = True
+    dwells: float = 0.0
+
+    @property
+    def play(self) -> str:
+        """A sentence on the play between rod and table that the acceleration shows beside the model; else empty."""
+        if self.dwells <= SHARE:
+            return ""
+        return (
+            f"the acceleration dwells at zero at {self.dwells:.0%} of its changes of sign in motion, as it does where "
+            "the rod crosses a play: look for backlash between piston rod and table, which this model does not have"
+        )
 
     @property
     def advice(self) -> str:
@@ -65,4 +80,5 @@ def diagnose(
     result = of_table(result)
     known = identifiability(result, blocks)
     helpful = tuple(benefits(result, known, estimation, candidates, model))
-    return Diagnosis(left, known, helpful, ahead, bool(candidates))
+    dwells = 0.0 if BACKLASH in result.table.effects else share_of_dwells(estimation)
+    return Diagnosis(left, known, helpful, ahead, bool(candidates), dwells)

@@ -1,0 +1,64 @@
+"""How large a part of the acceleration's changes of sign dwells at zero, with and without a play at the rod?
+
+    python -m benchmarks.discovery.coasting
+
+Tables of hidden_tables.py and foreign_tables.py, which share nothing with the package.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.discovery import foreign_tables, hidden_tables
+from shake_ros.api import fitted
+from shake_ros.api.read import recording
+from shake_ros.core.identification.recordings import Record
+from shake_ros.explain.coasting import LONG, SHARE, dwells, share_of_dwells
+
+FIRST, SHARES = 3000, (0.1, 0.3)
+FOREIGN = range(2052, 2082)
+PLAY = "coupling_backlash"
+
+
+def declared(seed: int, effect: str, part: float) -> list[Record]:
+    """The estimation data of a declared table with one effect."""
+    commands = hidden_tables.excitations(seed)
+    table = hidden_tables.with_effect(hidden_tables.declared_truth(seed), effect, part, commands, seed)
+    runs = []
+    for name in (n for n in commands if n.startswith("learn")):
+        made = hidden_tables.record(table, commands[name], 1.0, np.random.default_rng([seed, 7]))
+        times = np.arange(len(commands[name])) * hidden_tables.SAMPLE
+        runs += recording(name, times, made["command"], made["position"], acceleration=made["acceleration"])
+    return fitted.recordings(runs).records("valve_command")
+
+
+def foreign(case: foreign_tables.Case) -> list[Record]:
+    """The estimation data of a table without a data sheet."""
+    runs = []
+    for name in (n for n in foreign_tables.RUNS if n.startswith("learn")):
+        made = foreign_tables.record(case, name, 16.0)
+        made.pop("noise")
+        runs += recording(name, **made)
+    return fitted.recordings(runs).records("valve_command")
+
+
+def report(records: list[Record], what: str) -> tuple[bool, bool]:
+    """One line of a table; whether it has a play and whether one is told."""
+    ratios = np.concatenate([dwells(r) for r in records])
+    print(f"{what:60s} {np.mean(ratios > LONG):5.2f} of {len(ratios)}", flush=True)
+    return PLAY in what, share_of_dwells(records) > SHARE
+
+
+def main() -> None:
+    """Print every table, then the counts."""
+    effects = [(name, part) for name, each in hidden_tables.HIDDEN.items() if each.listed for part in SHARES]
+    found = [report(declared(FIRST + i, *each), f"declared: {each[0]} {each[1]:.0%}") for i, each in enumerate(effects)]
+    cases = [foreign_tables.case_of(seed) for seed in FOREIGN]
+    found += [report(foreign(case), f"foreign: {' + '.join(case.effects) or 'nothing'}") for case in cases]
+    for name, has in (("with a play", True), ("without", False)):
+        told = [told for play, told in found if play is has]
+        print(f"{name}: more than {SHARE:g} dwell on {sum(told)} of {len(told)} tables")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,57 @@
+"""A play between rod and table is told by the acceleration that dwells at zero, and by nothing else that is listed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.discovery import hidden_tables as hidden
+from shake_ros import declared
+from shake_ros.api import fitted
+from shake_ros.api.read import recording
+from shake_ros.core.identification.fit import fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import FULL, Record
+from shake_ros.data.results import diagnosis_json
+from shake_ros.explain.coasting import SHARE, share_of_dwells
+from shake_ros.explain.diagnosis import diagnose
+from shake_ros.report.text import diagnosis_lines
+from shake_ros.settings import load_table
+
+
+def records(effect: str, part: float, seed: int) -> list[Record]:
+    """The recordings of a table that the package does not simulate, with one effect."""
+    commands = hidden.excitations(seed, 0.5)
+    command = commands["learn_multisine"]
+    table = hidden.with_effect(hidden.declared_truth(seed), effect, part, commands, seed)
+    made = hidden.record(table, command, 1.0, np.random.default_rng([seed, 7]))
+    times = np.arange(len(command)) * hidden.SAMPLE
+    run = recording("run", times, made["command"], made["position"], acceleration=made["acceleration"])
+    return fitted.recordings([run[0]]).records("valve_command")
+
+
+@pytest.mark.parametrize(
+    ("effect", "found"),
+    [("coupling_backlash", True), ("spool_deadband", False), ("position_dependent_friction", False)],
+)
+def test_a_table_coasts_where_it_has_a_play(effect: str, found: bool) -> None:
+    assert (share_of_dwells(records(effect, 0.3, 2046)) > SHARE) is found
+
+
+def test_without_an_accelerometer_nothing_is_told() -> None:
+    silent = [replace(r, acceleration=None) for r in records("coupling_backlash", 0.3, 2046)]
+    assert share_of_dwells(silent) == 0.0
+
+
+@pytest.mark.parametrize(("lacks", "said"), [(True, True), (False, False)])
+def test_the_report_says_so_where_the_model_has_no_backlash(lacks: bool, said: bool) -> None:
+    found = records("coupling_backlash", 0.3, 2046)
+    table = load_table("bergamo").with_values({} if lacks else {"effects.coupling_backlash.gap": 1e-4})
+    free = FreeParameters(table, declared.free_parameters(FULL))
+    fitted_once = fit(RecordingProblem(found), free, free.start(), evaluations=1)
+    diagnosis = diagnose(fitted_once, found, (), ())
+    assert any("look for backlash" in line for line in diagnosis_lines(diagnosis)) is said
+    assert ("look for backlash" in diagnosis_json(diagnosis)["text"]) is said
