@@ -15,6 +15,7 @@ from shake_ros.ros.live_table import LiveGraph
 from shake_ros.ros.loop import ros_context
 from shake_ros.settings import load_table, load_variant
 
+pytestmark = pytest.mark.second_tier  # test/twin/test_release.py holds what is handed on
 FLOW = "valve.flow_coefficient"
 SHARE = 0.9  # of the file's flow coefficient that the table has
 SETTINGS = """{window: 1.0, reference: 5.0, false_alarms: 0.01, naming: 4.0,
