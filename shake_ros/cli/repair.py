@@ -298,8 +298,8 @@ def decide_live(answers: list[Discovery], given: argparse.Namespace, arguments: 
             print("\n".join([*discovery_lines(more, given.force), f"report: {out}"]), flush=True)
 
         table.check()
-        options = {"most": given.most, "minutes": given.minutes, "extended": keep, "interlock": table.interlock()}
-        decided = decide(answers[0], play, **options)
+        interlock = table.interlock()
+        decided = decide(answers[0], play, most=given.most, minutes=given.minutes, extended=keep, interlock=interlock)
     if decided.last is not None:
         write_next(decided.last, folder())
         print("\n".join(decided.last.lines()))

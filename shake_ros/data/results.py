@@ -142,7 +142,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
             for b in diagnosis.benefits
         ],
         "dwells": diagnosis.dwells,
-        "text": "; ".join(text for text in (diagnosis.play, known.text, diagnosis.advice) if text),
+        "text": "; ".join(text for text in (diagnosis.backlash, known.text, diagnosis.advice) if text),
     }
 
 

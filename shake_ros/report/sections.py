@@ -235,8 +235,8 @@ def remains_section(page: Page, diagnosis: Diagnosis, text: str = "") -> None:
         page.chart(charts_fit.correlation_chart(diagnosis.accounts, False))
     if diagnosis.innovations:
         innovations_table(page, diagnosis.innovations)
-    if diagnosis.play:
-        page.paragraph(sentence(diagnosis.play))
+    if diagnosis.backlash:
+        page.paragraph(sentence(diagnosis.backlash))
 
 
 def known_section(page: Page, diagnosis: Diagnosis) -> None:

@@ -299,7 +299,7 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
     names = ("residual of", "channel", "× noise", "sensor noise", "linear in command", "predicted by")
     shown = {"× noise": "{:.2f}".format, "sensor noise": percent, "linear in command": percent}
     table = ResultTable(names, rows, shown)
-    said = (diagnosis.play, diagnosis.identifiability.text, diagnosis.advice)
+    said = (diagnosis.backlash, diagnosis.identifiability.text, diagnosis.advice)
     return [str(table), *(sentence(text) for text in said if text)]
 
 

@@ -1,4 +1,4 @@
-"""A play between rod and table is told by the acceleration that dwells at zero, and by nothing else that is listed."""
+"""Backlash shows in an acceleration that dwells at zero; no other effect that was tried does."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, Record
 from shake_ros.data.results import diagnosis_json
-from shake_ros.explain.coasting import SHARE, share_of_dwells
-from shake_ros.explain.diagnosis import diagnose
+from shake_ros.explain.diagnosis import SHARE, diagnose, share_of_dwells
 from shake_ros.report.text import diagnosis_lines
 from shake_ros.settings import load_table
 
@@ -37,17 +36,17 @@ def records(effect: str, part: float, seed: int) -> list[Record]:
     ("effect", "found"),
     [("coupling_backlash", True), ("spool_deadband", False), ("position_dependent_friction", False)],
 )
-def test_a_table_coasts_where_it_has_a_play(effect: str, found: bool) -> None:
+def test_the_acceleration_dwells_at_zero_where_the_table_has_backlash(effect: str, found: bool) -> None:
     assert (share_of_dwells(records(effect, 0.3, 2046)) > SHARE) is found
 
 
-def test_without_an_accelerometer_nothing_is_told() -> None:
+def test_without_an_accelerometer_nothing_dwells() -> None:
     silent = [replace(r, acceleration=None) for r in records("coupling_backlash", 0.3, 2046)]
     assert share_of_dwells(silent) == 0.0
 
 
 @pytest.mark.parametrize(("lacks", "said"), [(True, True), (False, False)])
-def test_the_report_says_so_where_the_model_has_no_backlash(lacks: bool, said: bool) -> None:
+def test_the_report_states_it_where_the_model_has_no_backlash(lacks: bool, said: bool) -> None:
     found = records("coupling_backlash", 0.3, 2046)
     table = load_table("bergamo").with_values({} if lacks else {"effects.coupling_backlash.gap": 1e-4})
     free = FreeParameters(table, declared.free_parameters(FULL))

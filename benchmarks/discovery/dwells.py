@@ -1,6 +1,6 @@
-"""How large a part of the acceleration's changes of sign dwells at zero, with and without a play at the rod?
+"""How large a part of the acceleration's changes of sign dwells at zero, with and without backlash?
 
-    python -m benchmarks.discovery.coasting
+    python -m benchmarks.discovery.dwells
 
 Tables of hidden_tables.py and foreign_tables.py, which share nothing with the package.
 """
@@ -13,11 +13,10 @@ from benchmarks.discovery import foreign_tables, hidden_tables
 from shake_ros.api import fitted
 from shake_ros.api.read import recording
 from shake_ros.core.identification.recordings import Record
-from shake_ros.explain.coasting import LONG, SHARE, dwells, share_of_dwells
+from shake_ros.explain.diagnosis import BACKLASH, LONG, SHARE, dwells, share_of_dwells
 
 FIRST, SHARES = 3000, (0.1, 0.3)
 FOREIGN = range(2052, 2082)
-PLAY = "coupling_backlash"
 
 
 def declared(seed: int, effect: str, part: float) -> list[Record]:
@@ -43,10 +42,10 @@ def foreign(case: foreign_tables.Case) -> list[Record]:
 
 
 def report(records: list[Record], what: str) -> tuple[bool, bool]:
-    """One line of a table; whether it has a play and whether one is told."""
+    """One line of a table; whether it has backlash and whether that shows."""
     ratios = np.concatenate([dwells(r) for r in records])
     print(f"{what:60s} {np.mean(ratios > LONG):5.2f} of {len(ratios)}", flush=True)
-    return PLAY in what, share_of_dwells(records) > SHARE
+    return BACKLASH in what, share_of_dwells(records) > SHARE
 
 
 def main() -> None:
@@ -55,9 +54,9 @@ def main() -> None:
     found = [report(declared(FIRST + i, *each), f"declared: {each[0]} {each[1]:.0%}") for i, each in enumerate(effects)]
     cases = [foreign_tables.case_of(seed) for seed in FOREIGN]
     found += [report(foreign(case), f"foreign: {' + '.join(case.effects) or 'nothing'}") for case in cases]
-    for name, has in (("with a play", True), ("without", False)):
-        told = [told for play, told in found if play is has]
-        print(f"{name}: more than {SHARE:g} dwell on {sum(told)} of {len(told)} tables")
+    for name, has in (("with backlash", True), ("without", False)):
+        shows = [shown for there, shown in found if there is has]
+        print(f"{name}: more than {SHARE:g} dwell on {sum(shows)} of {len(shows)} tables")
 
 
 if __name__ == "__main__":
