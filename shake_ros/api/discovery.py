@@ -55,7 +55,6 @@ from shake_ros.settings import save_table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOVING = 0.1  # of the largest velocity, from which on a table moves
 
 
 @dataclass(frozen=True, repr=False)
@@ -322,11 +321,16 @@ def completed(
 
 
 def _halves(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
-    """Each record up to the middle of its motion, and from there: it may rest before and after."""
-    moving = [np.flatnonzero(np.abs(r.velocity) > MOVING * np.max(np.abs(r.velocity))) for r in records]
-    middles = [int(m[0] + m[-1]) // 2 for m in moving]
+    """Each record up to the middle of its significant duration, and from there: it may rest before and after."""
+    middles = [_middle_of_motion(r) for r in records]
     first = [r.part(slice(0, middle)) for r, middle in zip(records, middles, strict=True)]
     return first, [r.part(slice(middle, len(r.commands))) for r, middle in zip(records, middles, strict=True)]
+
+
+def _middle_of_motion(record: Record) -> int:
+    """Halfway between 5 and 95 % of the squared velocity beyond its noise."""
+    energy = np.maximum.accumulate(np.cumsum(record.velocity**2 - record.velocity_noise() ** 2))
+    return int(np.mean(np.searchsorted(energy, [0.05 * energy[-1], 0.95 * energy[-1]])))
 
 
 def _uncertainty(found: LoopClosure, estimation: Sequence[Record]) -> Uncertainty:

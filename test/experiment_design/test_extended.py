@@ -43,12 +43,12 @@ def test_a_search_that_goes_on_fits_half_of_the_new_recording_and_knows_more(fou
 
 
 def test_of_a_recording_that_rests_at_first_half_of_the_motion_is_fitted():
-    time, rest = np.arange(1000) / 1000, np.zeros(3000)
-    position = np.concatenate([rest, 1e-3 * np.sin(20 * time), -1e-3 * np.sin(20 * time)])
-    position += 1e-6 * np.random.default_rng(0).standard_normal(5000)
-    first, second = _halves([Record("rests", 0.001, np.zeros(5000), position)])
-    assert len(first[0].commands) == pytest.approx(4000, abs=30)
-    assert len(first[0].commands) + len(second[0].commands) == 5000
+    rest, motion = np.zeros(30000), 1e-4 * np.sin(0.01 * np.pi * np.arange(2000))
+    position = np.concatenate([rest, motion])
+    position += 3e-6 * np.random.default_rng(0).standard_normal(32000)
+    first, second = _halves([Record("rests", 0.001, np.zeros(32000), position)])
+    assert len(first[0].commands) == pytest.approx(31000, abs=60)
+    assert len(first[0].commands) + len(second[0].commands) == 32000
 
 
 def test_a_recording_that_the_search_has_had_is_refused(found):
