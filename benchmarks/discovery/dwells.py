@@ -13,7 +13,7 @@ from benchmarks.discovery import foreign_tables, hidden_tables
 from shake_ros.api import fitted
 from shake_ros.api.read import recording
 from shake_ros.core.identification.recordings import Record
-from shake_ros.explain.diagnosis import BACKLASH, LONG, SHARE, dwells, share_of_dwells
+from shake_ros.explain.backlash import BACKLASH, LONG, SHARE, dwells, share_of_dwells
 
 FIRST, SHARES = 3000, (0.1, 0.3)
 FOREIGN = range(2052, 2082)

@@ -3,8 +3,7 @@
     ./shake campaign several_effects --out DIR
 
 Tables of hidden_tables.py, which shares nothing with the package; effects drawn by chance, every third table with a
-backlash or a soft zone among them, each changing the acceleration by a drawn share. Both searches of the package on the
-same recordings, so a row holds them side by side.
+backlash or a soft zone among them, each changing the acceleration by a drawn share.
 """
 
 from __future__ import annotations
@@ -50,8 +49,8 @@ def truth(seed: int, effects: tuple[str, ...], commands: dict[str, np.ndarray]) 
     return table
 
 
-def measure(seed: int, search: str, length: float, minutes: float) -> dict[str, Any]:
-    """One table by one search: what was hidden and named, errors over the noise, seconds.
+def measure(seed: int, length: float, minutes: float) -> dict[str, Any]:
+    """One table: what was hidden and named, errors over the noise, seconds.
 
     length : scale of the recordings' durations. minutes : of one core, after which the search is to end.
     """
@@ -67,10 +66,10 @@ def measure(seed: int, search: str, length: float, minutes: float) -> dict[str, 
     learn, hold = ([n for n in runs if n.startswith(role)] for role in ("learn", "hold"))
     data = ([runs[n][0] for n in role] for role in (learn, hold))
     began = time.perf_counter()
-    found = close_loop(model("full"), *data, minutes=minutes, search=search, progress=False)
+    found = close_loop(model("full"), *data, minutes=minutes, progress=False)
     named, final = found.effects.names, found.closed.final
     return {
-        "hidden": [{"effect": e, "found": e in named, "search": search} for e in effects],
+        "hidden": [{"effect": e, "found": e in named} for e in effects],
         "named": list(named),
         "alternatives": [list(e.alternatives) for e in found.effects],
         "left_out": [c.effect for c in found.closed.candidates],

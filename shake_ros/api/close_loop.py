@@ -9,18 +9,11 @@ from shake_ros.api.discovery import Discovery, completed
 from shake_ros.api.fitted import test_records
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Ending, Progress, ProgressOption
-from shake_ros.core.discovery.given_answer import GivenAnswer
-from shake_ros.core.discovery.problem import ModelStructure, unstopped
+from shake_ros.core.discovery.problem import unstopped
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.failures import Failures
-from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
-from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
-from shake_ros.fit.solver import Budget
 from shake_ros.search import close_loop as closing
-from shake_ros.search.answer import answer
-
-SEARCHES = FORWARD, SETS = ("forward", "sets")
 
 
 def close_loop(
@@ -32,7 +25,6 @@ def close_loop(
     settings: SearchSettings | None = None,
     tune: bool = False,
     minutes: float | None = None,
-    search: str = FORWARD,
     progress: ProgressOption = True,
 ) -> Discovery:
     """Find what a declared model is missing, and add it.
@@ -47,14 +39,12 @@ def close_loop(
     tune : design observer and controller for the found table as well, see `sr.tune`; of the full model.
     minutes : after which the search ends with the best answer so far; the verdict may take a quarter of that more.
         Ctrl-C ends it as well; a second one interrupts.
-    search : "forward" adds one effect after the other, compared by free runs; "sets" proposes up to three at once,
-        compared by the prediction error of a Kalman filter, for the model "full".
     progress : show it, or a function to call with what is being done and the part done.
 
     Raises
     ------
     ShakeError
-        A recording cannot be fitted, or is in two sets; a search that the model does not have.
+        A recording cannot be fitted, or is in two sets.
 
     Examples
     --------
@@ -81,40 +71,18 @@ def close_loop(
     (10.0, False)
     """
     declared = model.declared
-    check_search(search, declared)
     records = fitted.fit_data(estimation, validation, declared.driven_by)
     test_data, stops = test_records(model, test, (estimation, validation))
     with Progress("close_loop", progress) as bar:
         with Ending(bar, minutes) as ending:
             start = model.begin(*records, unstopped(ending))
-            start = start.with_shown() if declared is FULL and search == FORWARD else start
             data, structure = start.data, model_structure(start, declared)
             first, second = data.estimation, data.validation
             limits = settings or search_settings(declared)
             failures = Failures()
-            given = None
-            with failures.step("search over sets"):  # without it the other search answers
-                given = by_sets(structure, first, second, ending) if search == SETS else None
-            found = closing.close_loop(
-                structure, first, second, limits, ending, ending.deadline_passed, failures, given
-            )
+            found = closing.close_loop(structure, first, second, limits, ending, ending.deadline_passed, failures)
         data = data.with_nuisances(found.search.nuisances)
         data = replace(data, stops=(*data.stops, *stops))
         asked = () if ending.deadline_passed() else recordings_to_make()
         found_and_judged = completed(model, found, data, test_data, asked, bar, failures, tune=tune)
         return replace(found_and_judged, unused=fitted.unused_signals(estimation, validation))
-
-
-def check_search(search: str, declared: DeclaredModel) -> None:
-    """Raise ShakeError for a search that is unknown, or that a model does not support."""
-    if search not in SEARCHES:
-        raise unknown_name("search", search, SEARCHES)
-    if search == SETS and declared is not FULL:
-        raise ShakeError(f"the search {SETS} is for the declared model full, not for {declared.name}")
-
-
-def by_sets(structure: ModelStructure, first: list[Record], second: list[Record], ending: Ending) -> GivenAnswer:
-    """The result of the search over sets of effects, within its time budget."""
-    budget = Budget(over=ending.over)
-    progress = unstopped(ending)
-    return answer(structure, first, second, budget, lambda line: progress(line, 0.3))

@@ -56,7 +56,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-
 @dataclass(frozen=True, repr=False)
 class Discovery(fitted.FittedResult):
     """The declared model, what it was missing, and what remains.

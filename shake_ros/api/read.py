@@ -14,6 +14,7 @@ import numpy.typing as npt
 from shake_ros.api.import_csv import import_csv
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording, Take, read_table_recording, write_table_recording
+from shake_ros.data.recordings.bag import SUFFIXES, natural_order
 from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
@@ -191,10 +192,10 @@ def read(
 
 def _within(path: Path) -> list[Path]:
     """The recordings of a folder of recordings; a recording as it is."""
-    within = sorted(path.iterdir()) if path.is_dir() else []
+    within = sorted(path.iterdir(), key=natural_order) if path.is_dir() else []
     if not any(one.is_dir() for one in within):
         return [path]
-    return [one for one in within if one.is_dir() or one.suffix in (".mcap", ".db3")]
+    return [one for one in within if one.is_dir() or one.name.endswith(SUFFIXES)]
 
 
 def recording(

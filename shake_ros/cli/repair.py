@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shake_ros.api.close_loop import SEARCHES, close_loop
+from shake_ros.api.close_loop import close_loop
 from shake_ros.api.discovery import Discovery
 from shake_ros.api.identify import METHODS, identify
 from shake_ros.api.import_csv import OF_SECOND, SIGNALS, import_csv, import_proposal
@@ -205,12 +205,6 @@ def close_loop_command(arguments: Sequence[str]) -> int:
         "--test", type=Path, nargs="+", default=[], metavar="BAG", help="recordings that no decision uses: test data"
     )
     command.add_argument(
-        "--search",
-        choices=SEARCHES,
-        default=SEARCHES[0],
-        help="forward: one effect after another, by free runs (default); sets: several at once, by prediction errors",
-    )
-    command.add_argument(
         "--next",
         action="store_true",
         help="design a motion that decides between the remaining answers; DIR/next gets it as a reference, with a page",
@@ -242,7 +236,6 @@ def close_loop_command(arguments: Sequence[str]) -> int:
         test=read_set(given, given.test),
         minutes=given.minutes,
         tune=given.tune,
-        search=given.search,
     )
     found.report(given.out, given.force, **reporting("close_loop", given, arguments))
     text = list[str]()

@@ -7,16 +7,20 @@ from collections.abc import Callable, Sequence
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.given_answer import GivenAnswer
 from shake_ros.core.discovery.problem import ModelStructure
+from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.recordings import Record
-from shake_ros.fit.model import TriedEffect, start_of
+from shake_ros.explain.backlash import BACKLASH, SHARE, share_of_dwells, width_of_gap
+from shake_ros.fit.model import start_of
 from shake_ros.fit.prediction import Levels
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
-from shake_ros.search.candidates import functions, listed
-from shake_ros.search.loop import SearchData, SetSearch
+from shake_ros.search.candidates import listed
+from shake_ros.search.loop import Scored, SearchData, SetSearch, Start
 
+STIFFNESS = "effects.coupling_backlash.stiffness"
 SECONDS, PIECE = 14.0, 3.5  # of the estimation data that are fitted, and length of each piece [s]
 VALIDATION_SECONDS = 10.0  # of the validation data
+GAPS = (1.0, 1.6)  # times the width that the dwells show, from which a backlash may start
 DECLARED = Levels(force=3.0, null=1e-6, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)  # offsets are effects here
 
 
@@ -26,26 +30,43 @@ def answer(
     validation: Sequence[Record],
     budget: Budget,
     progress: Callable[[str], None],
-) -> GivenAnswer:
-    """The effects that a declared table lacks.
+    failures: Failures = RAISING,
+) -> GivenAnswer | None:
+    """The effects that a declared table lacks; None where an error came before the declared model was fitted.
 
     Parameters
     ----------
     model : declared model with its free parameters and the effects that it may lack.
     estimation, validation : recordings that are fitted, and recordings that choose between models.
     budget : how long it may take. progress : called with a line of progress.
+    failures : takes an error of the search, which then ends with what it has found.
     """
     data = SearchData(
         tuple(Segment.of(r) for r in pieces(estimation, SECONDS, PIECE)),
         tuple(Segment.of(r) for r in pieces(validation or estimation, VALIDATION_SECONDS, PIECE)),
     )
-    search = SetSearch(data, [listed(c) for c in model.candidates], functions, budget, progress)
-    declared, best = search.run(start_of(model.table, (*model.free, *model.late)), DECLARED)
-    effects = tuple(_named(c, model.candidates) for c in best.model.effects)
-    return GivenAnswer(declared.model.found_table(), best.model.found_table(), effects, budget.over())
+    known = {c.effect: c for c in model.candidates}
+    search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress)
+    shown = backlash(known[BACKLASH], estimation) if BACKLASH in known else ()
+    models, others, done = list[Scored](), dict[str, list[Scored]](), False
+    with failures.step("search"):
+        for better in search.run(start_of(model.table, (*model.free, *model.late)), DECLARED, shown):
+            models.append(better)
+        others, done = search.rivals(models[0], models[-1]), not budget.over()
+    if not models:
+        return None
+    declared, best = models[0].model, models[-1].model
+    rivals = {
+        effect: tuple((known[m.model.effects[-1].name], m.model.found_table()) for m in found)
+        for effect, found in others.items()
+    }
+    effects = tuple(known[c.name] for c in best.effects)
+    return GivenAnswer(declared.found_table(), best.found_table(), effects, rivals, not done)
 
 
-def _named(candidate: TriedEffect, known: Sequence[CandidateEffect]) -> CandidateEffect:
-    """The effect of a candidate."""
-    found = next((c for c in known if c.effect == candidate.name), None)
-    return found or CandidateEffect(candidate.name, candidate.free, (), candidate.place, candidate.depends_on)
+def backlash(effect: CandidateEffect, records: Sequence[Record]) -> tuple[Start, ...]:
+    """Starts of a backlash that the acceleration shows; none where it shows none."""
+    if share_of_dwells(records) <= SHARE:
+        return ()
+    width, softest = width_of_gap(records), min(effect.trials, key=lambda t: t[STIFFNESS])
+    return tuple(Start(listed(effect), {**softest, effect.strength.name: factor * width}) for factor in GAPS)

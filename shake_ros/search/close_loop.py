@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -9,19 +10,28 @@ import numpy as np
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model, unassessed_model
-from shake_ros.core.discovery.forward_selection import forward_selection, recentred, with_predictor_search
-from shake_ros.core.discovery.given_answer import GivenAnswer, selection_of
-from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, unstopped
+from shake_ros.core.discovery.forward_selection import (
+    forward_selection,
+    recentred,
+    with_predictor_search,
+)
+from shake_ros.core.discovery.given_answer import selection_of
+from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, Stopped, unstopped
+from shake_ros.core.discovery.refined_nodes import refined_function
 from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.discovery.second_quantities import function_of_two, with_second_quantity
 from shake_ros.core.discovery.selection import Selection
+from shake_ros.core.discovery.unlisted_functions import leaves_far_less, near_noise, or_function
 from shake_ros.core.discovery.verdict import EffectVerdict, with_verdicts
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.nuisance_estimates import estimated_null_shifts
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
-from shake_ros.core.identification.time_budget import never, within_budget
+from shake_ros.core.identification.time_budget import never, time_is_over, within_budget
 from shake_ros.explain.dependence import UNKNOWN, Remaining, remaining
 from shake_ros.explain.latent_force import LatentForce, latent_forces
+from shake_ros.fit.solver import Budget
+from shake_ros.search.answer import answer
 
 
 @dataclass(frozen=True)
@@ -62,7 +72,6 @@ def close_loop(
     progress: Progress,
     deadline_passed: Callable[[], bool] = never,
     failures: Failures = RAISING,
-    given: GivenAnswer | None = None,
 ) -> LoopClosure:
     """Find what the declared model lacks.
 
@@ -74,12 +83,12 @@ def close_loop(
         raises `Stopped`, the search ends with what it has.
     deadline_passed : whether what follows the search is to end as well; asked within its fits.
     failures : takes the errors of what comes after the fit of the declared model; the rest is done without it.
-    given : what another search has found, which takes the place of this one.
     """
     problem = SearchProblem.of(model, estimation, validation, settings, unstopped(progress))
-    if given is not None:
+    if model.simulator is FULL:
+        problem, found = search_over_sets(problem, model, estimation, validation, progress, failures)
         with within_budget(deadline_passed):
-            return concluded(problem, selection_of(problem, model, given), model, estimation, failures)
+            return concluded(problem, found, model, estimation, failures)
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
     reported = problem.progress
     problem, selection = forward_selection(replace(problem, progress=progress), declared, model, failures)
@@ -87,6 +96,50 @@ def close_loop(
         problem, selection = with_predictor_search(problem, selection, replace(model, shown=()))
     with within_budget(deadline_passed):  # the verdicts come from fits that have ended, as long as there is time
         return concluded(replace(problem, progress=reported), selection, model, estimation, failures)
+
+
+def search_over_sets(
+    problem: SearchProblem,
+    model: ModelStructure,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    progress: Progress,
+    failures: Failures,
+) -> tuple[SearchProblem, Selection]:
+    """The sets of listed effects that a declared table lacks, or an unlisted one; the problem beside process noise.
+
+    progress : of `problem` as well, but for `Stopped`, which it may raise.
+    """
+    budget = Budget(over=time_is_over)
+    given = answer(model, estimation, validation, budget, lambda line: problem.progress(line, 0.3), failures)
+    if given is None:
+        declared = problem.scored(fit_declared(problem, FreeParameters(model.table, model.free)))
+        return problem, Selection(declared, (), declared, stopped=True)
+    found = selection_of(problem, model, given)
+    with failures.step("search for an unlisted effect"), contextlib.suppress(Stopped):
+        found = with_function(replace(problem, progress=progress), model, found)
+    with failures.step("search beside process noise"):
+        problem, found = with_predictor_search(problem, found, replace(model, shown=(), candidates=()))
+    return problem, found
+
+
+def with_function(problem: SearchProblem, model: ModelStructure, found: Selection) -> Selection:
+    """The selection with a function of one or two quantities, where it leaves far less than the listed effects.
+
+    It takes their place where it leaves far less than they do without them, too: they stood in for it.
+    """
+    if found.stopped or near_noise(problem, found.final):
+        return found
+    declared = problem.scored(fit_declared(problem, FreeParameters(model.table, model.free)))
+    for base in (Selection(declared, (), declared), *((found,) if found.steps else ())):
+        step, functions = or_function(problem, base.final, None, ())
+        if step is None:
+            step = function_of_two(problem, base.final, (), functions)
+        if step is not None and leaves_far_less(problem, found.final, None, step.chosen.result):
+            step = with_second_quantity(problem, refined_function(problem, step))
+            return replace(base.with_step(step), functions=functions)
+        found = replace(found, functions=functions)
+    return found
 
 
 def concluded(

@@ -11,16 +11,16 @@ import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from shake_ros.core.discovery.decision import decide
-from shake_ros.core.discovery.elimination import eliminate, in_its_place
+from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.elimination import eliminate
 from shake_ros.core.discovery.forward_selection import stages
+from shake_ros.core.discovery.given_answer import with_rivals
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, Stopped, linearised, unstopped
-from shake_ros.core.discovery.refit import Refit, ranked
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.time_budget import never, within_budget
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.search.close_loop import LoopClosure, concluded
 from shake_ros.search.rival_models import RivalModel
 
@@ -54,7 +54,12 @@ def continued(
     found = replace(
         again, declared=declared if again.steps else again.final, rejected=(), functions=None, stopped=False
     )
-    found = with_rivals(problem, found, rivals)
+    instead: dict[str, list[tuple[CandidateEffect, TableParameters]]] = {}
+    for r in rivals:
+        if r.replaced is not None and r.candidate:
+            effect = found.steps[r.replaced].chosen.candidate.effect
+            instead.setdefault(effect, []).append((r.candidate, r.result.fit.table))
+    found = with_rivals(problem, found, instead)
     present = {step.chosen.candidate.effect for step in found.steps}
     left = replace(model, shown=(), candidates=tuple(c for c in model.candidates if c.effect not in present))
     searching = replace(problem, progress=progress)
@@ -65,16 +70,3 @@ def continued(
     found = replace(found, steps=steps, final=final, removed=(*found.removed, *removed))
     with within_budget(deadline_passed):
         return concluded(problem, found, model, estimation, failures)
-
-
-def with_rivals(problem: SearchProblem, found: Selection, rivals: Sequence[RivalModel]) -> Selection:
-    """The selection after the rivals of its model had their turn on the same recordings."""
-    noise = problem.validation.noise_cost()
-    for number, step in enumerate(found.steps):
-        others = [Refit(r.candidate, r.result, 0.0) for r in rivals if r.replaced == number and r.candidate]
-        tried = [in_its_place(problem, found.final, step, other) for other in others]
-        now = replace(step.chosen, result=found.final)
-        better = decide(ranked([now, *tried]), step.screened, problem.settings, noise)
-        steps = (*found.steps[:number], better, *found.steps[number + 1 :])
-        found = replace(found, steps=steps, final=better.chosen.result)
-    return found

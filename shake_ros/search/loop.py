@@ -7,6 +7,7 @@
         refit the best set of each size; keep the one with the best evidence
         take out what the set can do without
     until no set is worth it
+    refit what could stand in the place of each effect
 
 The evidence of one model against another is the gain in log likelihood, on estimation and on validation data, tempered
 by how much it varies from block to block, less a charge for each parameter and for the number of sets tried.
@@ -15,7 +16,7 @@ by how much it varies from block to block, less a charge for each parameter and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,13 +25,14 @@ from shake_ros.fit.model import FreeModel, TriedEffect
 from shake_ros.fit.prediction import Levels, Predictor, tuned
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import Budget, PredictorFit, fit
-from shake_ros.search.proposal import EffectSet, linearised, proposals, start
+from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start
 
 Progress = Callable[[str], None]
 PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
 OWN_LEVELS = ("force", "acceleration")  # levels of noise that are a recording's own
 SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one that goes on
-NO_FORCE, NO_NOISE = 0.004, 1.1  # random force in parts of the acceleration, and noise over the sensor's, that is none
+SETTLED = 3.0  # gain in log likelihood from which a fit goes on [nats]
+PROMISE, ALIKE = 0.5, 0.8  # part of an effect's gain that a rival has to promise at first order, and to take
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,23 @@ class SearchData:
 
 
 @dataclass(frozen=True)
+class Start:
+    """An effect at values by dotted name, from which a fit may start."""
+
+    effect: TriedEffect
+    values: Mapping[str, float]
+
+    def on(self, model: FreeModel) -> FreeModel:
+        """A model with it."""
+        return model.with_effect(self.effect, self.values)
+
+
+@dataclass(frozen=True)
 class Scored:
-    """A fitted model, and its log likelihood on the validation data at their own levels of noise, by block, (b,)."""
+    """A fitted model, its prediction of the validation data at their own levels of noise, and log likelihoods, (b,)."""
 
     fitted: PredictorFit
+    seen: Predictor
     validation: np.ndarray
 
     @property
@@ -82,48 +97,79 @@ def evidence(more: Scored, less: Scored) -> float:
 class SetSearch:
     """The search over one set of data.
 
-    listed : effects that the model may lack. functions : of what no listed effect explains, made for a fitted model.
-    budget : how long it may take. progress : called with a line of progress.
+    listed : effects that the model may lack. budget : how long it may take. progress : called with a line of progress.
     """
 
     def __init__(
         self,
         data: SearchData,
         listed: Sequence[TriedEffect],
-        functions: Callable[[PredictorFit], Sequence[TriedEffect]],
         budget: Budget,
         progress: Progress,
     ) -> None:
-        self.data, self.listed, self.functions, self.budget, self.progress = data, listed, functions, budget, progress
+        self.data, self.listed, self.budget, self.progress = data, listed, budget, progress
+        self.certain: tuple[str, ...] = ()
+        self._known: list[tuple[Scored, Linearised]] = []
 
     def scored(self, model: FreeModel, levels: Levels, steps: int) -> Scored:
         """A model fitted by so many steps, and scored."""
         fitted = fit(Predictor(self.data.estimation, levels), model, self.budget, steps=steps)
         vector = fitted.model.vectors(fitted.model.x)[0]
         seen = tuned(Predictor(self.data.validation, fitted.prediction.levels), vector, OWN_LEVELS)
-        return Scored(fitted, seen.log_likelihood())
+        return Scored(fitted, seen, seen.log_likelihood())
 
-    def run(self, model: FreeModel, levels: Levels) -> tuple[Scored, Scored]:
-        """The declared model and the best one that is found.
+    def settled(self, found: Scored) -> Scored:
+        """A model fitted until that gains no more."""
+        while not self.budget.over():
+            longer = self.scored(found.model, found.fitted.prediction.levels, LONG)
+            if not longer.fitted.total > found.fitted.total + SETTLED:
+                break
+            found = longer
+        return found
 
-        With listed effects, and where these do not reach the noise with a function of what no listed effect explains.
+    def run(self, model: FreeModel, levels: Levels, shown: Sequence[Start] = ()) -> Iterator[Scored]:
+        """The declared model, then each better one that is found.
+
+        shown : starts of an effect that the recordings show without a model.
         """
         self.progress("declared model: fit")
-        declared = best = self.scored(model, levels, LONG)
-        for candidates in (lambda _: self.listed, self.functions):
-            while not self.budget.over() and not at_noise(best):
-                found = self._step(best, candidates(best.fitted))
-                if found is None:
-                    break
-                best = found
-                self.progress(f"best so far: {names_of(best.model.effects)}")
-        return declared, best
+        best = self.scored(model, levels, LONG)
+        yield best
+        if shown:
+            self.progress(f"refit with {shown[0].effect.called}, which the recordings show")
+            starts = [self.scored(s.on(best.model), best.fitted.prediction.levels, SHORT) for s in shown]
+            best = self.settled(max(starts, key=lambda s: s.fitted.total))
+            yield best
+        self.certain = tuple(s.effect.name for s in shown)
+        while not self.budget.over():
+            found = self._step(best)
+            if found is None:
+                break
+            best = found
+            self.progress(f"best so far: {names_of(best.model.effects)}")
+            yield best
 
-    def _step(self, best: Scored, candidates: Sequence[TriedEffect]) -> Scored | None:
+    def rivals(self, declared: Scored, best: Scored) -> dict[str, list[Scored]]:
+        """Models with another effect in the place of each one found that explain nearly as much."""
+        found: dict[str, list[Scored]] = {}
+        for effect in best.model.effect_names:
+            if self.budget.over():
+                break
+            self.progress(f"what could stand in the place of {effect}?")
+            levels = best.fitted.prediction.levels
+            alone = len(best.model.effects) == 1
+            less = declared if alone else self.scored(best.model.without(effect), levels, SHORT)
+            taken = gain(best, less)
+            promised = {s.trials[0].candidate.name: s for s in proposals(self._screened(less), 1)[1]}
+            least = PROMISE * promised[effect].gain if effect in promised else math.inf
+            others = [s for n, s in promised.items() if s.gain > least and n not in best.model.effect_names]
+            tried = [self.scored(start(less.fitted, s), less.fitted.prediction.levels, SHORT) for s in others]
+            found[effect] = [t for t in tried if gain(t, less) > ALIKE * taken]
+        return found
+
+    def _step(self, best: Scored) -> Scored | None:
         """A better model with a set of effects more, or none."""
-        absent = [c for c in candidates if c.name not in best.model.effect_names]
-        self.progress(f"screening {len(absent)} effects")
-        lin = linearised(best.fitted, absent)
+        lin = self._screened(best)
         winner = best
         for s in worth_trying(proposals(lin), len(best.fitted.likelihood)):
             if self.budget.over():
@@ -133,15 +179,24 @@ class SetSearch:
             winner = result if evidence(result, winner) > 0.0 else winner
         if winner is best:
             return None
-        longer = self.scored(winner.model, winner.fitted.prediction.levels, LONG)
-        winner = self._reduced(longer if evidence(longer, winner) > 0.0 else winner)
+        winner = self._reduced(self.settled(winner))
         return winner if evidence(winner, best) > 0.0 else None
+
+    def _screened(self, found: Scored) -> Linearised:
+        """A model with every effect that it lacks, to first order; remembered, since rivals ask as well."""
+        for known, lin in self._known:
+            if known is found:
+                return lin
+        absent = [c for c in self.listed if c.name not in found.model.effect_names]
+        self.progress(f"screening {len(absent)} effects")
+        self._known.append((found, linearised(found.fitted, absent, beside=(found.seen,))))
+        return self._known[-1][1]
 
     def _reduced(self, found: Scored) -> Scored:
         """The model without what it can do without."""
         while len(found.model.effects) > 1 and not self.budget.over():
             tried = []
-            for effect in found.model.effect_names:
+            for effect in (e for e in found.model.effect_names if e not in self.certain):
                 self.progress(f"is {effect} needed?")
                 less = self.scored(found.model.without(effect), found.fitted.prediction.levels, SHORT)
                 tried.append((evidence(found, less), less))
@@ -152,10 +207,9 @@ class SetSearch:
         return found
 
 
-def at_noise(found: Scored) -> bool:
-    """Whether a model leaves no more than the noise of the sensors."""
-    levels = found.fitted.prediction.levels
-    return levels.force <= NO_FORCE and levels.acceleration <= NO_NOISE
+def gain(more: Scored, less: Scored) -> float:
+    """Gain in log likelihood on estimation and validation data [nats]."""
+    return more.fitted.total - less.fitted.total + float(np.sum(more.validation - less.validation))
 
 
 def worth_trying(found: dict[int, list[EffectSet]], blocks: int) -> list[EffectSet]:

@@ -17,25 +17,42 @@ from types import MappingProxyType
 import numpy as np
 
 from shake_ros.fit.model import FreeModel, TriedEffect
-from shake_ros.fit.prediction import LOST
+from shake_ros.fit.prediction import LOST, Predictor
 from shake_ros.fit.solver import DIFFERENCE, PART, PredictorFit, prior_residuals
 
-LARGEST = 4.0  # multiple of a trial up to which its linear prediction is followed
+LARGEST, SLIGHT = 4.0, 0.01  # multiple of a trial up to which its linear prediction is followed, and a slight one
 SCREENED = 9.0  # length of the segments that are linearised [s]
 BEAM = 16  # sets of each size that are kept
 MOST = 3  # effects of a set
 SHIFT = 3.0  # of a parameter, in scales (or parts of its value), that is followed at most
 MULTIPLES = (1.0, 0.5, 0.25, 0.1)  # of the linear prediction from which a refit may start
+FRICTION, OWN = "friction", "friction."  # place of an effect, and how the names of the table's own parameters begin
 RIDGE = 1e-3  # of directions that are alike
 NONE_MOVED: Mapping[int, TriedEffect] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
 class EffectTrial:
-    """One trial: an effect at some values, or at the combinations of several."""
+    """One trial: an effect at some values, or at the combinations of several. most : multiple that is followed."""
 
     candidate: TriedEffect
     directions: tuple[Mapping[str, float], ...]
+    most: float = LARGEST
+
+    def slight(self, reach: float) -> EffectTrial:
+        """The same so small that it shows the derivative, followed as far as one `reach` times as large.
+
+        Where other parameters compensate most of an effect, what is left of a finite one is mostly its curvature.
+        """
+        scaled = self.candidate.scaled
+        small = tuple({n: SLIGHT * v if n in scaled else v for n, v in d.items()} for d in self.directions)
+        return EffectTrial(self.candidate, small, self.most * reach / SLIGHT)
+
+    @property
+    def shape(self) -> tuple[tuple[str, float], ...]:
+        """Values that do not grow with the multiple."""
+        scaled = self.candidate.scaled
+        return tuple(sorted((n, v) for d in self.directions for n, v in d.items() if n not in scaled))
 
     def values(self, parts: Sequence[float]) -> dict[str, float]:
         """Values by dotted name at multiples of the directions."""
@@ -80,29 +97,40 @@ class Linearised:
 
 
 def linearised(
-    fitted: PredictorFit, candidates: Sequence[TriedEffect], moved: Mapping[int, TriedEffect] = NONE_MOVED
+    fitted: PredictorFit,
+    candidates: Sequence[TriedEffect],
+    moved: Mapping[int, TriedEffect] = NONE_MOVED,
+    beside: Sequence[Predictor] = (),
 ) -> Linearised:
     """Residuals of every trial beside a fitted model.
 
     Parameters
     ----------
     candidates : effects that it does not have. moved : its own parameters by their place that are tried as well, each
-        a unit further than its prior lets it go.
+        a unit further than its prior lets it go. beside : predictions of further data that count as well.
     """
     model, p = fitted.model, len(fitted.model.x)
-    trials = tuple(EffectTrial(c, directions) for c in candidates for directions in c.trials)
+    finite = [EffectTrial(c, directions) for c in candidates for directions in c.trials]
+    alike: dict[tuple[str, tuple[tuple[str, float], ...]], list[EffectTrial]] = {}
+    for t in finite:
+        alike.setdefault((t.candidate.name, t.shape), []).append(t)
+    slight = [
+        min(a, key=size).slight(size(max(a, key=size)) / max(size(min(a, key=size)), 1e-30)) for a in alike.values()
+    ]
+    trials = (*finite, *slight)
     rows, places, taken = list[np.ndarray](), list[tuple[int, ...]](), 0
     for t in trials:
         places.append(tuple(range(taken, taken + len(t.directions))))
         taken += len(t.directions)
         for values in t.directions:
-            bigger = model.with_effect(t.candidate, values)
+            bigger = before(model, t.candidate).with_effect(t.candidate, values)
             rows.append(bigger.vectors(bigger.x)[0])
     step = DIFFERENCE * np.maximum(1.0, np.abs(model.x))
     step = np.where(model.x + step > model.bounds[1], -step, step)
     at = model.vectors(np.vstack([model.x, model.x + np.diag(step)]))
-    few = fitted.prediction.part(SCREENED)
-    found = few.residuals(np.vstack([at, *rows]) if rows else at)
+    data = (fitted.prediction, *beside)
+    few = [p.part(SCREENED) for p in data]
+    found = np.hstack([p.residuals(np.vstack([at, *rows]) if rows else at) for p in few])
     r = found[0]
     j = (found[1 : p + 1] - r).T / step
     d = (found[p + 1 :] - r).T
@@ -117,9 +145,27 @@ def linearised(
     across = j.T @ d
     response = -np.linalg.solve(normal, across)
     own = -np.linalg.solve(normal, gradient)
-    whole = fitted.prediction.count / few.count
+    whole = sum(p.count for p in data) / sum(p.count for p in few)
     power, score = d.T @ d + across.T @ response, -(d.T @ r + across.T @ own)
     return Linearised(trials, tuple(places), whole * power, whole * score, response, own)
+
+
+def size(trial: EffectTrial) -> float:
+    """Largest of the values that grow with the multiple."""
+    return max(abs(d.get(n, 0.0)) for d in trial.directions for n in trial.candidate.scaled)
+
+
+def before(model: FreeModel, candidate: TriedEffect) -> FreeModel:
+    """A model as a candidate is tried on it: one of friction with the declared friction.
+
+    Friction bends first where it lacks something, and where it has gone to zero nothing that changes it shows.
+    """
+    if candidate.place != FRICTION:
+        return model
+    declared = [model.table.value(n) / s for n, s in zip(model.names, model.scale, strict=True) if n.startswith(OWN)]
+    x = model.x.copy()
+    x[[n.startswith(OWN) for n in model.names]] = declared
+    return model.at(x)
 
 
 def evaluate(lin: Linearised, members: Sequence[int]) -> tuple[float, np.ndarray]:
@@ -134,7 +180,8 @@ def evaluate(lin: Linearised, members: Sequence[int]) -> tuple[float, np.ndarray
         if width == 1 and s[place] <= 0.0 and not lin.trials[m].candidate.signed:
             return -1.0, s
         place += width
-    s = np.clip(s, -LARGEST, LARGEST)
+    most = np.concatenate([np.full(len(lin.places[m]), lin.trials[m].most) for m in members])
+    s = np.clip(s, -most, most)
     return float(s @ score - 0.5 * s @ power @ s), s
 
 
@@ -190,6 +237,8 @@ def start(fitted: PredictorFit, proposal: EffectSet) -> FreeModel:
     """The fitted model with a set of effects, at that part of the linear prediction that leaves least."""
     model, found = fitted.model, list[FreeModel]()
     most = SHIFT * np.maximum(1.0, PART * np.abs(model.x))
+    for trial in proposal.trials:
+        model = before(model, trial.candidate)
     for part in MULTIPLES:
         bigger = model.at(model.x + np.clip(part * proposal.change, -most, most))
         for trial, parts in zip(proposal.trials, proposal.parts, strict=True):

@@ -88,7 +88,7 @@ def _instead_of(
         close = [r for r in close if r.candidate.effect in verdict.alternatives]
 
     def instead(other: Refit) -> RivalModel:
-        result = in_its_place(problem, found.final, step, other).result
+        result = in_its_place(problem, found.final, step, other.candidate, other.result.fit.table)
         return RivalModel(f"{other.candidate.effect} instead of {effect}", result, number, other.candidate)
 
     made = list(side_by_side(instead, close))

@@ -19,7 +19,8 @@ from shake_ros.api import tune_table
 from shake_ros.cli.repair import discovery_lines
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep
-from shake_ros.core.discovery.problem import SearchProblem, linearised
+from shake_ros.core.discovery.declared_fit import fit_declared
+from shake_ros.core.discovery.problem import ModelStructure, SearchProblem, linearised
 from shake_ros.core.discovery.refined_nodes import refined_function
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.selection import Selection
@@ -41,6 +42,7 @@ from shake_ros.core.discovery.unlisted_functions import (
 from shake_ros.core.discovery.verdict import EffectVerdict, verdict_of
 from shake_ros.core.effects.unlisted import NODES
 from shake_ros.core.identification.fit import Fit
+from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.stages import StartingPoint
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
@@ -132,7 +134,13 @@ def kept(
 def test_unlisted_effect_ends_in_a_whole_report(
     model: str, kind: FunctionKind, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(closing, "forward_selection", search_for(kind))
+    search = search_for(kind)
+
+    def from_declared(problem: SearchProblem, model: ModelStructure, *_: object) -> tuple[SearchProblem, Selection]:
+        return search(problem, fit_declared(problem, FreeParameters(model.table, model.free)))
+
+    monkeypatch.setattr(closing, "forward_selection", search)
+    monkeypatch.setattr(closing, "search_over_sets", from_declared)
     monkeypatch.setattr(closing, "with_verdicts", kept)
     monkeypatch.setattr(tune_table, "neighbours", lambda table, *_: [table])
     monkeypatch.setattr(tune_table, "read_yaml", lambda path: {**read_yaml(path), "reference": "pulse"})

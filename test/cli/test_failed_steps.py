@@ -16,18 +16,18 @@ from shake_ros import __main__
 from shake_ros.api import close_loop as verb
 from shake_ros.api import discovery
 from shake_ros.cli import repair as cli
-from shake_ros.core.discovery import forward_selection as forward
-from shake_ros.core.discovery.decision import ForwardStep
-from shake_ros.core.discovery.problem import SearchProblem
-from shake_ros.core.discovery.refit import Refit
-from shake_ros.core.discovery.selection import Selection
 from shake_ros.declared import effect_candidates, model_structure
+from shake_ros.fit.model import FreeModel
+from shake_ros.fit.prediction import Levels
 from shake_ros.report import close_loop_page
 from shake_ros.search import close_loop as closing
+from shake_ros.search import loop
+from shake_ros.search.candidates import listed
+from shake_ros.search.loop import Scored, SetSearch
 from shake_ros.settings import load_table
 
 STEPS: list[tuple[ModuleType, str, str]] = [
-    (forward, "stages", "search"),
+    (loop, "proposals", "search"),
     (closing, "with_predictor_search", "search beside process noise"),
     (closing, "with_verdicts", "verdicts"),
     (closing, "centred", "final fit"),
@@ -110,13 +110,15 @@ def test_number_that_is_none_costs_itself_alone(closed: Any, monkeypatch: pytest
 def test_error_within_the_search_leaves_what_it_had_found(closed: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     (effect,) = (c for c in effect_candidates() if c.effect == "spool_deadband")
 
-    def stages(problem: SearchProblem, found: Selection, _: object) -> Iterator[Selection]:
-        free = found.final.fit.free.extended(effect.free)
-        added = Refit(effect, problem.fitted(free, free.start(), 1, 1e-2, near=True), 0.0)
-        yield found.with_step(ForwardStep(added, (added,)))
+    def run(search: SetSearch, model: FreeModel, levels: Levels, *_: object) -> Iterator[Scored]:
+        yield search.scored(model, levels, 1)
+        yield search.scored(model.with_effect(listed(effect), effect.trials[0]), levels, 1)
         raise KeyError("behind the first effect")
 
-    monkeypatch.setattr(forward, "stages", stages)
+    monkeypatch.setattr(SetSearch, "run", run)
+    monkeypatch.setattr(
+        verb, "model_structure", lambda *given: dataclasses.replace(model_structure(*given), candidates=(effect,))
+    )
     monkeypatch.setattr(closing, "with_verdicts", lambda problem, found, _: (found, (), ()))
     monkeypatch.setattr(discovery, "tracking", lambda *_: None)
     code, said, out = closed()

@@ -16,7 +16,8 @@ from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import FULL, Record
 from shake_ros.data.results import diagnosis_json
-from shake_ros.explain.diagnosis import SHARE, diagnose, share_of_dwells
+from shake_ros.explain.backlash import SHARE, share_of_dwells, width_of_gap
+from shake_ros.explain.diagnosis import diagnose
 from shake_ros.report.text import diagnosis_lines
 from shake_ros.settings import load_table
 
@@ -40,9 +41,16 @@ def test_the_acceleration_dwells_at_zero_where_the_table_has_backlash(effect: st
     assert (share_of_dwells(records(effect, 0.3, 2046)) > SHARE) is found
 
 
+@pytest.mark.parametrize("seed", [2046, 2047])
+def test_the_dwells_show_how_wide_the_gap_is(seed: int) -> None:
+    base, commands = hidden.declared_truth(seed), hidden.excitations(seed, 0.5)
+    gap = hidden.with_effect(base, "coupling_backlash", 0.3, commands, seed).coupling_backlash
+    assert 0.5 * gap < width_of_gap(records("coupling_backlash", 0.3, seed)) < 2.0 * gap
+
+
 def test_without_an_accelerometer_nothing_dwells() -> None:
     silent = [replace(r, acceleration=None) for r in records("coupling_backlash", 0.3, 2046)]
-    assert share_of_dwells(silent) == 0.0
+    assert share_of_dwells(silent) == width_of_gap(silent) == 0.0
 
 
 @pytest.mark.parametrize(("lacks", "said"), [(True, True), (False, False)])

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hidden_table import SAMPLE_TIME, Hidden, record
 
-from shake_ros.api.close_loop import close_loop
-from shake_ros.api.model import model
+from benchmarks.discovery import hidden_tables
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.quantities import ShakeError
 from shake_ros.declared import effect_candidates, model_structure
+from shake_ros.fit.model import start_of
+from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
-from shake_ros.search.answer import answer
-from shake_ros.search.loop import tempered
+from shake_ros.search.answer import DECLARED, answer
+from shake_ros.search.candidates import listed
+from shake_ros.search.loop import LONG, SearchData, SetSearch, tempered
+from shake_ros.search.proposal import linearised, proposals
 from shake_ros.settings import load_table
 
 AMONG = ("spool_deadband", "specimen_resonance", "asymmetric_flow_gain", "quadratic_drag", "supply_droop")
@@ -42,6 +46,36 @@ def test_two_effects_at_once_are_both_named() -> None:
     }
 
 
+@pytest.mark.parametrize("effect", ["dead_volume", "presliding_friction"])
+def test_what_other_parameters_nearly_compensate_is_proposed_first(effect: str) -> None:
+    """Bulk modulus stands for most of a dead volume; dry friction at zero hides what changes it."""
+    commands = hidden_tables.excitations(2201, 0.3)
+    truth = hidden_tables.with_effect(hidden_tables.declared_truth(2201), effect, 0.3, commands, 2201)
+    runs = []
+    for name, command in commands.items():
+        made = hidden_tables.record(truth, command, 1.0, np.random.default_rng(3))
+        runs.append(Record(name, hidden_tables.SAMPLE, made["command"], made["position"], made["acceleration"]))
+    structure = model_structure(load_table("bergamo"))
+    sets = ([r for r in runs if r.name.startswith(role)] for role in ("learn", "hold"))
+    data = SearchData(*(tuple(Segment.of(r) for r in pieces(found, 8.0, 3.5)) for found in sets))
+    search = SetSearch(data, [listed(c) for c in structure.candidates], Budget(), lambda _: None)
+    declared = search.scored(start_of(structure.table, (*structure.free, *structure.late)), DECLARED, LONG)
+    absent = linearised(declared.fitted, search.listed, beside=(declared.seen,))
+    assert proposals(absent, 1)[1][0].names == (effect,)
+
+
+def test_what_could_stand_in_the_place_of_an_effect_is_named_beside_it() -> None:
+    runs = [record(seed, 4.0, mass=750.0) for seed in (1, 2)]
+    given = [Record(f"run{i}", SAMPLE_TIME, r.commands, r.position, r.acceleration) for i, r in enumerate(runs)]
+    structure = model_structure(load_table("bergamo"))
+    among = ("payload_error", "tank_back_pressure", "spool_deadband")
+    structure = replace(structure, candidates=tuple(c for c in structure.candidates if c.effect in among))
+    found = answer(structure, given[:1], given[1:], Budget(), lambda _: None)
+    (effect,) = found.effects
+    (other,) = (candidate.effect for candidate, _ in found.rivals[effect.effect])
+    assert {effect.effect, other} == {"payload_error", "tank_back_pressure"}
+
+
 def test_search_whose_time_is_over_gives_the_declared_table() -> None:
     assert named(Hidden(dead_band=0.02), seconds=0.0) == ()
 
@@ -51,8 +85,3 @@ def test_gain_that_varies_from_block_to_block_counts_less() -> None:
     assert tempered(steady, np.zeros(50)) == pytest.approx(100.0)
     assert tempered(wild, np.zeros(50)) < 1.0
     assert tempered(np.zeros(50), steady) == pytest.approx(-100.0)
-
-
-def test_search_over_sets_is_refused_for_a_model_that_it_does_not_have() -> None:
-    with pytest.raises(ShakeError, match="the search sets is for the declared model full, not for reduced"):
-        close_loop(model("reduced"), [], [], search="sets", progress=False)

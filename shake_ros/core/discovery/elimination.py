@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from shake_ros.core.discovery.decision import ForwardStep, improves
 from shake_ros.core.discovery.problem import Reduced, ScoredFit, SearchProblem, linearised
 from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.plant.parameters import TableParameters
 
 MUCH_WORSE = 10.0  # times the score: without such an effect the model is so much worse that its fit need not converge
 FIRST, ROUGH = 10, 1e-2  # trial points and tolerance of the predictor and of the free fit that show whether it is
@@ -59,18 +59,18 @@ def eliminate(
     return tuple(kept), current, tuple(removed)
 
 
-def in_its_place(problem: SearchProblem, final: ScoredFit, step: ForwardStep, other: Refit) -> Refit:
-    """The final model with another effect in the place of a step's, all parameters refitted."""
+def in_its_place(
+    problem: SearchProblem, final: ScoredFit, step: ForwardStep, other: CandidateEffect, there: TableParameters
+) -> ScoredFit:
+    """The final model with another effect in the place of a step's, all parameters refitted; there : values of it."""
     start, own = final.fit, {f.name for f in step.chosen.candidate.free}
     keep = [i for i, name in enumerate(start.free.names) if name not in own]
-    there = other.result.fit.table
-    more = [f for f in other.candidate.free if f.name not in start.free.names]
+    more = [f for f in other.free if f.name not in start.free.names]
     base = start.free.base.with_values({f.name: there.value(f.name) for f in more})
     free = FreeParameters(base, [*(start.free.free[i] for i in keep), *more])
     x = np.append(start.x[keep], FreeParameters(base, more).start())
     settings = problem.settings
-    tried = problem.fitted(free, x, settings.converging_evaluations, settings.continued_tolerance)
-    return replace(other, result=tried)
+    return problem.fitted(free, x, settings.converging_evaluations, settings.continued_tolerance)
 
 
 def rivals(steps: Sequence[ForwardStep], step: ForwardStep, nearest: float, most: int) -> list[Refit]:

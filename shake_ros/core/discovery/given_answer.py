@@ -6,13 +6,14 @@ way, from the declared one to that with all effects, are fitted here from these 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.decision import ForwardStep, decide
+from shake_ros.core.discovery.elimination import in_its_place
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem
-from shake_ros.core.discovery.refit import Refit
+from shake_ros.core.discovery.refit import Refit, ranked
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.plant.parameters import TableParameters
@@ -27,12 +28,14 @@ class GivenAnswer:
     Attributes
     ----------
     declared : table without any of them, fitted. table : with all of them. effects : candidates, the one that explains
-    most first. stopped : whether the search ended before it was done.
+    most first. rivals : candidates that explain nearly as much in the place of an effect, each with a table that has
+    it. stopped : whether the search ended before it was done.
     """
 
     declared: TableParameters
     table: TableParameters
     effects: tuple[CandidateEffect, ...]
+    rivals: Mapping[str, Sequence[tuple[CandidateEffect, TableParameters]]]
     stopped: bool = False
 
 
@@ -53,7 +56,28 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
         final = problem.fitted(parameters, start, most, settings.converged, near=True)
         chosen = Refit(candidate, final, predicted_gain(steps, declared, final))
         steps.append(ForwardStep(chosen, (chosen,)))
-    return Selection(declared, tuple(steps), final, stopped=answer.stopped)
+    found = Selection(declared, tuple(steps), final, stopped=answer.stopped)
+    return found if answer.stopped else with_rivals(problem, found, answer.rivals)
+
+
+def with_rivals(
+    problem: SearchProblem,
+    found: Selection,
+    rivals: Mapping[str, Sequence[tuple[CandidateEffect, TableParameters]]],
+) -> Selection:
+    """The selection once what could stand in the place of each effect has had its turn, fitted to the same recordings.
+
+    rivals : by effect, each with a table that has it.
+    """
+    noise = problem.validation.noise_cost()
+    for number, step in enumerate(found.steps):
+        others = rivals.get(step.chosen.candidate.effect, ())
+        tried = [Refit(c, in_its_place(problem, found.final, step, c, there), 0.0) for c, there in others]
+        now = replace(step.chosen, result=found.final)
+        better = decide(ranked([now, *tried]), step.screened, problem.settings, noise)
+        steps = (*found.steps[:number], better, *found.steps[number + 1 :])
+        found = replace(found, steps=steps, final=better.chosen.result)
+    return found
 
 
 def absent_on(table: TableParameters, among: Sequence[CandidateEffect]) -> TableParameters:

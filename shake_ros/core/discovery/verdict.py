@@ -28,6 +28,7 @@ from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, distinguishable, improves
 from shake_ros.core.discovery.elimination import in_its_place, rivals, without
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
+from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.time_budget import time_is_over
 from shake_ros.core.identification.uncertainty import at_bound
@@ -68,8 +69,12 @@ def alternatives(problem: SearchProblem, found: Selection, step: ForwardStep) ->
         return step.alternatives
     settings, noise = problem.settings, problem.validation.noise_cost()
     close = rivals(found.steps, step, settings.rival, settings.most_continued)
-    tried = side_by_side(lambda r: in_its_place(problem, found.final, step, r), close)
-    return tuple(r.candidate.effect for r in tried if not distinguishable(found.final, r.result, settings, noise))
+
+    def instead(other: Refit) -> ScoredFit:
+        return in_its_place(problem, found.final, step, other.candidate, other.result.fit.table)
+
+    tried = zip(close, side_by_side(instead, close), strict=True)
+    return tuple(r.candidate.effect for r, fit in tried if not distinguishable(found.final, fit, settings, noise))
 
 
 def verdict_of(

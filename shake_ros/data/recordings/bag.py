@@ -189,7 +189,7 @@ class Bag:
             return [path]
         if not path.is_dir():
             raise ShakeError(f"{path}: no such recording")
-        found = sorted((file for file in path.iterdir() if file.name.endswith(SUFFIXES)), key=_natural)
+        found = sorted((file for file in path.iterdir() if file.name.endswith(SUFFIXES)), key=natural_order)
         if (path / METADATA).is_file():
             named = self._files_of_metadata()
             if named:
@@ -275,6 +275,6 @@ class Bag:
             self._damage(f"{METADATA} declares {declared} messages, the files hold {self.message_count}")
 
 
-def _natural(path: Path) -> list[tuple[int, str]]:
+def natural_order(path: Path) -> list[tuple[int, str]]:
     """Sort key by which part_10 follows part_9."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", path.name)]

@@ -38,7 +38,7 @@ def test_effect_that_the_table_has_is_the_one_named(case: str) -> None:
     assert steps[0].alternatives == ()
 
 
-@pytest.mark.parametrize("case", EFFECTS)
+@pytest.mark.parametrize("case", EFFECTS[1:])  # the first one's search is over sets
 def test_screening_already_puts_the_effect_first(case: str) -> None:
     screened = named(case).search.steps[0].screened
     assert screened[0].candidate.effect == case
