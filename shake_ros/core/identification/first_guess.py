@@ -68,10 +68,6 @@ class FirstGuess:
         of_mode = np.argsort(costs.reshape(len(modes), -1), axis=1) + len(made) * np.arange(len(modes))[:, None]
         return [tables[i] for equals in of_mode.T for i in equals[np.argsort(costs[equals])]]
 
-    def specimen(self, table: TableParameters) -> dict[str, float]:
-        """The specimen that the response shows, by dotted name, on a table; empty where none shows."""
-        return _on(table, self._modes()[0])
-
     def _modes(self) -> list[SpecimenMode | None]:
         """The specimen of the linear table, with several shares where the response does not determine it."""
         mode = self.linear.specimen

@@ -7,9 +7,8 @@ leaves least; where that leaves much, with backlash alone (by_bands.py) or with 
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
@@ -27,12 +26,11 @@ from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import windows
 from shake_ros.core.identification.sensor_filter import behind_filter, better_filter
-from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair
+from shake_ros.core.identification.sensor_pair import SensorPair
 from shake_ros.core.identification.shared_lag import with_lag_parted
 from shake_ros.core.identification.uncertainty import at_bound
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError
 
 PIECES, PIECE = 18.0, 6.0  # of the recordings that the first fit sees, and length of each [s]
 SLOW_PIECES, SLOW_PIECE = 9.0, 3.0  # the same of what a way from slow to fast motion sees [s]
@@ -74,18 +72,6 @@ class StartingPoint:
     def declared(cls, table: TableParameters, data: Prepared) -> StartingPoint:
         """A declared table, from which the fit begins as it is."""
         return cls(table, data, table)
-
-    def with_shown(self) -> StartingPoint:
-        """The same with what sensors and linear response show of the effects that the table lacks."""
-        lacks = tuple(e for e in SHOWN if e not in self.table.effects)
-        sensors = sensor_pair(self.data.estimation)
-        values = effects_between_sensors(self.table, sensors, lacks)
-        if SPECIMEN in lacks:
-            with contextlib.suppress(ShakeError):  # a sine alone, for one, is no response
-                values |= FirstGuess(self.data.estimation, sensors).specimen(self.table)
-        fitted = self.table.with_values(values)
-        shown = tuple(e for e in lacks if e in fitted.effects)
-        return replace(self, fitted=fitted, shown=shown, between=tuple(e for e in shown if e in BETWEEN_SENSORS))
 
 
 def staged_start(

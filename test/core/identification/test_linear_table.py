@@ -14,10 +14,8 @@ from shake_ros.core.identification.data_checks import contradictions
 from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.identified import velocity_gain
 from shake_ros.core.identification.linear_table import linear_table, response
-from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import BaseMode, SensorPair, sensor_pair
-from shake_ros.core.identification.stages import StartingPoint
 from shake_ros.core.quantities import ShakeError
 from shake_ros.settings import load_table
 
@@ -149,28 +147,3 @@ def test_a_turned_sign_is_said() -> None:
     good = record(0.0, 5)
     with pytest.raises(ShakeError, match="run5: the velocity goes against the command"):
         linear_table([Record("run5", good.sample_time, -good.commands, good.position)])
-
-
-def sine() -> Record:
-    time = np.arange(4000) / RATE
-    return Record("sine", 1.0 / RATE, 0.1 * np.sin(4.0 * time), -0.015 * np.cos(4.0 * time))
-
-
-@pytest.mark.parametrize(
-    ("records", "shown"),
-    [
-        ([record(SHARE, 1), record(SHARE, 2)], ("specimen_resonance",)),
-        ([record(0.0, 3), record(0.0, 4)], ()),
-        ([sine()], ()),
-    ],
-    ids=["specimen", "none", "sine alone"],
-)
-def test_a_declared_table_begins_with_the_specimen_that_shows(records: list[Record], shown: tuple[str, ...]) -> None:
-    table = load_table("bergamo")
-    start = StartingPoint.declared(table, Prepared(records, [], 1.0, ())).with_shown()
-    assert (start.table, start.shown, tuple(start.fitted.effects)) == (table, shown, shown)
-    if shown:
-        assert start.fitted.value("effects.specimen_resonance.frequency") == pytest.approx(FREQUENCY, rel=0.05)
-        assert start.fitted.value("effects.specimen_resonance.mass") == pytest.approx(
-            SHARE * table.moved_mass, rel=0.15
-        )

@@ -7,12 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair
-from shake_ros.core.identification.stages import StartingPoint
 from shake_ros.core.quantities import ShakeError
-from shake_ros.settings import load_table
 
 SAMPLE_TIME, COUNT = 0.002, 15000
 OMEGA = 2.0 * np.pi * np.fft.rfftfreq(COUNT, SAMPLE_TIME)
@@ -103,20 +100,6 @@ def test_base_that_gives_way_beside_slow_sensors(lag: float, position_lag: float
     assert found.base.compliance_mass == pytest.approx(MASS / STIFFNESS, rel=0.03)
     assert found.base.frequency == pytest.approx(FREQUENCY, rel=0.005)
     assert found.base.damping == pytest.approx(DAMPING, rel=0.15)
-
-
-@pytest.mark.parametrize(("responses", "shown"), [((), ()), ((receding,), ("base_flexibility",))])
-def test_a_declared_table_begins_with_what_its_sensors_show(
-    responses: tuple[Response, ...], shown: tuple[str, ...]
-) -> None:
-    table = load_table("bergamo")
-    start = StartingPoint.declared(table, Prepared([record(*responses)], [], 1.0, ())).with_shown()
-    assert (start.table, start.shown, start.between, tuple(start.fitted.effects)) == (table, shown, shown, shown)
-    if shown:
-        assert start.fitted.value("effects.base_flexibility.frequency") == pytest.approx(FREQUENCY, rel=0.005)
-        assert start.fitted.value("effects.base_flexibility.compliance") * table.moved_mass == pytest.approx(
-            MASS / STIFFNESS, rel=0.03
-        )
 
 
 def test_position_alone_tells_of_nothing() -> None:
