@@ -112,7 +112,7 @@ def linearised(
     model, p = fitted.model, len(fitted.model.x)
     finite = [EffectTrial(c, directions) for c in candidates for directions in c.trials]
     alike: dict[tuple[str, tuple[tuple[str, float], ...]], list[EffectTrial]] = {}
-    for t in finite:
+    for t in (t for t in finite if t.candidate.scaled):
         alike.setdefault((t.candidate.name, t.shape), []).append(t)
     slight = [
         min(a, key=size).slight(size(max(a, key=size)) / max(size(min(a, key=size)), 1e-30)) for a in alike.values()
