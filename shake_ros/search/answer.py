@@ -31,8 +31,8 @@ def answer(
     budget: Budget,
     progress: Callable[[str], None],
     failures: Failures = RAISING,
-) -> GivenAnswer | None:
-    """The effects that a declared table lacks; None where an error came before the declared model was fitted.
+) -> GivenAnswer:
+    """The effects that a declared table lacks.
 
     Parameters
     ----------
@@ -48,20 +48,18 @@ def answer(
     known = {c.effect: c for c in model.candidates}
     search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress)
     shown = backlash(known[BACKLASH], estimation) if BACKLASH in known else ()
+    begin = start_of(model.table, (*model.free, *model.late))
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
-        for better in search.run(start_of(model.table, (*model.free, *model.late)), DECLARED, shown):
+        for better in search.run(begin, DECLARED, shown):
             models.append(better)
         others, done = search.rivals(models[0], models[-1]), not budget.over()
-    if not models:
-        return None
-    declared, best = models[0].model, models[-1].model
     rivals = {
         effect: tuple((known[m.model.effects[-1].name], m.model.found_table()) for m in found)
         for effect, found in others.items()
     }
-    effects = tuple(known[c.name] for c in best.effects)
-    return GivenAnswer(declared.found_table(), best.found_table(), effects, rivals, not done)
+    best = models[-1].model if models else begin
+    return GivenAnswer(best.found_table(), tuple(known[c.name] for c in best.effects), rivals, not done)
 
 
 def backlash(effect: CandidateEffect, records: Sequence[Record]) -> tuple[Start, ...]:

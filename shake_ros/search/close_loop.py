@@ -112,26 +112,22 @@ def search_over_sets(
     """
     budget = Budget(over=time_is_over)
     given = answer(model, estimation, validation, budget, lambda line: problem.progress(line, 0.3), failures)
-    if given is None:
-        declared = problem.scored(fit_declared(problem, FreeParameters(model.table, model.free)))
-        return problem, Selection(declared, (), declared, stopped=True)
     found = selection_of(problem, model, given)
     with failures.step("search for an unlisted effect"), contextlib.suppress(Stopped):
-        found = with_function(replace(problem, progress=progress), model, found)
+        found = with_function(replace(problem, progress=progress), found)
     with failures.step("search beside process noise"):
         problem, found = with_predictor_search(problem, found, replace(model, shown=(), candidates=()))
     return problem, found
 
 
-def with_function(problem: SearchProblem, model: ModelStructure, found: Selection) -> Selection:
+def with_function(problem: SearchProblem, found: Selection) -> Selection:
     """The selection with a function of one or two quantities, where it leaves far less than the listed effects.
 
     It takes their place where it leaves far less than they do without them, too: they stood in for it.
     """
     if found.stopped or near_noise(problem, found.final):
         return found
-    declared = problem.scored(fit_declared(problem, FreeParameters(model.table, model.free)))
-    for base in (Selection(declared, (), declared), *((found,) if found.steps else ())):
+    for base in (Selection(found.declared, (), found.declared), found) if found.steps else (found,):
         step, functions = or_function(problem, base.final, None, ())
         if step is None:
             step = function_of_two(problem, base.final, (), functions)

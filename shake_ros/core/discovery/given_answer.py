@@ -10,7 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.convergence import with_late_parameters
 from shake_ros.core.discovery.decision import ForwardStep, decide
+from shake_ros.core.discovery.declared_fit import fit_declared
 from shake_ros.core.discovery.elimination import in_its_place
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem
 from shake_ros.core.discovery.refit import Refit, ranked
@@ -27,12 +29,11 @@ class GivenAnswer:
 
     Attributes
     ----------
-    declared : table without any of them, fitted. table : with all of them. effects : candidates, the one that explains
-    most first. rivals : candidates that explain nearly as much in the place of an effect, each with a table that has
-    it. stopped : whether the search ended before it was done.
+    table : with all of them. effects : candidates, the one that explains most first. rivals : candidates that explain
+    nearly as much in the place of an effect, each with a table that has it. stopped : whether the search ended before
+    it was done.
     """
 
-    declared: TableParameters
     table: TableParameters
     effects: tuple[CandidateEffect, ...]
     rivals: Mapping[str, Sequence[tuple[CandidateEffect, TableParameters]]]
@@ -42,9 +43,8 @@ class GivenAnswer:
 def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> Selection:
     """The models from the declared one to that with all effects, each fitted to free runs from the values given."""
     settings, free = problem.settings, (*model.free, *model.late)
-    problem.progress("fitting free runs of the declared model", 0.5)
-    whole = FreeParameters(answer.declared, free)
-    declared = problem.fitted(whole, whole.start(), settings.converging_evaluations, settings.converged, near=True)
+    declared = problem.scored(fit_declared(problem, FreeParameters(model.table, model.free)))
+    declared = with_late_parameters(problem, declared)
     steps, final = list[ForwardStep](), declared
     for count, candidate in enumerate(answer.effects, start=1):
         problem.progress(f"fitting free runs with {candidate.effect}", 0.5 + 0.4 * count / len(answer.effects))
