@@ -124,6 +124,7 @@ def stepped(row, step):
 
 
 VALVE_PART = 1e-4  # [s] largest interval over which the table takes the detailed valve's spool as moving evenly
+MOST_STEPS = 5000  # of one call: what asks for more would go on for minutes, and counts as a lost run
 SMALLEST_STEP = 1e-7  # [s] below it the step is taken whatever its error, so that nothing can hang
 LARGEST_GROWTH = 4.0  # of a step
 WHOLE = 0.24  # part of the wanted step from which a step's error tells of the next one; shorter ones were cut off
@@ -185,10 +186,14 @@ def integrate(p, y, wanted, force, duration, n, work, known, tolerance):
     acceleration = 0.0 if known else table_rates(p, y, y, force, n, work[0])
     h = max(y[STEP_SIZE], SMALLEST_STEP)
     smallest = math.inf
-    done, last, pace = 0.0, False, work[PACE]
+    done, last, pace, tried = 0.0, False, work[PACE], 0
     while not last:
+        tried += 1
+        if tried > MOST_STEPS:
+            y[VELOCITY] = math.nan
+            return math.nan
         rest, following = duration - done, pace[MODE] == FOLLOW
-        size = followed(pace, rest) if following else rest / max(math.ceil(rest / h - 1e-3), 1.0)
+        size = followed(pace, rest) if following else rest / max(math.ceil(rest / max(h, SMALLEST_STEP) - 1e-3), 1.0)
         step = spool_path(p, y, wanted, size, work[PATH])
         last = size == rest and step == size
         error, a_end = dormand_prince(p, y, work, step, force, n)
