@@ -224,7 +224,7 @@ def close(
     """Step 3: fit the declared model to the recordings, find and add what it lacks."""
     learn, hold = fit_records(recordings["excitation"]), fit_records(recordings["earthquake"])
     model = model_structure(load_table(settings["declared"]))
-    return close_loop(model, learn, hold, load_search().replace(most_effects=2), bar), learn, hold
+    return close_loop(model, learn, hold, load_search(), bar), learn, hold
 
 
 def summarise(found: DemoResult, seconds: float) -> dict[str, Any]:

@@ -46,12 +46,12 @@ def answer(
         tuple(Segment.of(r) for r in pieces(validation or estimation, VALIDATION_SECONDS, PIECE)),
     )
     known = {c.effect: c for c in model.candidates}
-    search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress)
     shown = backlash(known[BACKLASH], estimation) if BACKLASH in known else ()
+    search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress, shown)
     begin = start_of(model.table, (*model.free, *model.late))
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
-        for better in search.run(begin, DECLARED, shown):
+        for better in search.run(begin, DECLARED):
             models.append(better)
         others, done = search.rivals(models[0], models[-1]), not budget.over()
     rivals = {

@@ -10,11 +10,7 @@ import numpy as np
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model, unassessed_model
-from shake_ros.core.discovery.forward_selection import (
-    forward_selection,
-    recentred,
-    with_predictor_search,
-)
+from shake_ros.core.discovery.forward_selection import forward_selection, recentred, with_predictor_search
 from shake_ros.core.discovery.given_answer import selection_of
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, Stopped, unstopped
 from shake_ros.core.discovery.refined_nodes import refined_function
@@ -86,16 +82,25 @@ def close_loop(
     """
     problem = SearchProblem.of(model, estimation, validation, settings, unstopped(progress))
     if model.simulator is FULL:
-        problem, found = search_over_sets(problem, model, estimation, validation, progress, failures)
-        with within_budget(deadline_passed):
-            return concluded(problem, found, model, estimation, failures)
+        problem, selection = search_over_sets(problem, model, estimation, validation, progress, failures)
+    else:
+        problem, selection = search_one_by_one(problem, model, progress, failures)
+    with within_budget(deadline_passed):  # the verdicts come from fits that have ended, as long as there is time
+        return concluded(replace(problem, progress=unstopped(progress)), selection, model, estimation, failures)
+
+
+def search_one_by_one(
+    problem: SearchProblem, model: ModelStructure, progress: Progress, failures: Failures
+) -> tuple[SearchProblem, Selection]:
+    """What a model without such a search lacks, one effect after another; the problem beside process noise.
+
+    progress : of `problem` as well, but for `Stopped`, which it may raise.
+    """
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
-    reported = problem.progress
     problem, selection = forward_selection(replace(problem, progress=progress), declared, model, failures)
     with failures.step("search beside process noise"):
         problem, selection = with_predictor_search(problem, selection, replace(model, shown=()))
-    with within_budget(deadline_passed):  # the verdicts come from fits that have ended, as long as there is time
-        return concluded(replace(problem, progress=reported), selection, model, estimation, failures)
+    return problem, selection
 
 
 def search_over_sets(

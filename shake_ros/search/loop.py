@@ -98,6 +98,7 @@ class SetSearch:
     """The search over one set of data.
 
     listed : effects that the model may lack. budget : how long it may take. progress : called with a line of progress.
+    shown : starts of an effect that the recordings show without a model; it stays in the model.
     """
 
     def __init__(
@@ -106,9 +107,10 @@ class SetSearch:
         listed: Sequence[TriedEffect],
         budget: Budget,
         progress: Progress,
+        shown: Sequence[Start] = (),
     ) -> None:
         self.data, self.listed, self.budget, self.progress = data, listed, budget, progress
-        self.certain: tuple[str, ...] = ()
+        self.shown = shown
         self._known: list[tuple[Scored, Linearised]] = []
 
     def scored(self, model: FreeModel, levels: Levels, steps: int) -> Scored:
@@ -127,20 +129,16 @@ class SetSearch:
             found = longer
         return found
 
-    def run(self, model: FreeModel, levels: Levels, shown: Sequence[Start] = ()) -> Iterator[Scored]:
-        """The declared model, then each better one that is found.
-
-        shown : starts of an effect that the recordings show without a model.
-        """
+    def run(self, model: FreeModel, levels: Levels) -> Iterator[Scored]:
+        """The declared model, then each better one that is found."""
         self.progress("declared model: fit")
         best = self.scored(model, levels, LONG)
         yield best
-        if shown:
-            self.progress(f"refit with {shown[0].effect.called}, which the recordings show")
-            starts = [self.scored(s.on(best.model), best.fitted.prediction.levels, SHORT) for s in shown]
+        if self.shown:
+            self.progress(f"refit with {self.shown[0].effect.called}, which the recordings show")
+            starts = [self.scored(s.on(best.model), best.fitted.prediction.levels, SHORT) for s in self.shown]
             best = self.settled(max(starts, key=lambda s: s.fitted.total))
             yield best
-        self.certain = tuple(s.effect.name for s in shown)
         while not self.budget.over():
             found = self._step(best)
             if found is None:
@@ -194,9 +192,10 @@ class SetSearch:
 
     def _reduced(self, found: Scored) -> Scored:
         """The model without what it can do without."""
+        certain = {s.effect.name for s in self.shown}
         while len(found.model.effects) > 1 and not self.budget.over():
             tried = []
-            for effect in (e for e in found.model.effect_names if e not in self.certain):
+            for effect in (e for e in found.model.effect_names if e not in certain):
                 self.progress(f"is {effect} needed?")
                 less = self.scored(found.model.without(effect), found.fitted.prediction.levels, SHORT)
                 tried.append((evidence(found, less), less))

@@ -110,14 +110,7 @@ def linearised(
         a unit further than its prior lets it go. beside : predictions of further data that count as well.
     """
     model, p = fitted.model, len(fitted.model.x)
-    finite = [EffectTrial(c, directions) for c in candidates for directions in c.trials]
-    alike: dict[tuple[str, tuple[tuple[str, float], ...]], list[EffectTrial]] = {}
-    for t in (t for t in finite if t.candidate.scaled):
-        alike.setdefault((t.candidate.name, t.shape), []).append(t)
-    slight = [
-        min(a, key=size).slight(size(max(a, key=size)) / max(size(min(a, key=size)), 1e-30)) for a in alike.values()
-    ]
-    trials = (*finite, *slight)
+    trials = trials_of(candidates)
     rows, places, taken = list[np.ndarray](), list[tuple[int, ...]](), 0
     for t in trials:
         places.append(tuple(range(taken, taken + len(t.directions))))
@@ -128,9 +121,9 @@ def linearised(
     step = DIFFERENCE * np.maximum(1.0, np.abs(model.x))
     step = np.where(model.x + step > model.bounds[1], -step, step)
     at = model.vectors(np.vstack([model.x, model.x + np.diag(step)]))
-    data = (fitted.prediction, *beside)
-    few = [p.part(SCREENED) for p in data]
-    found = np.hstack([p.residuals(np.vstack([at, *rows]) if rows else at) for p in few])
+    data, vectors = (fitted.prediction, *beside), np.vstack([at, *rows])
+    few = [prediction.part(SCREENED) for prediction in data]
+    found = np.hstack([prediction.residuals(vectors) for prediction in few])
     r = found[0]
     j = (found[1 : p + 1] - r).T / step
     d = (found[p + 1 :] - r).T
@@ -145,9 +138,22 @@ def linearised(
     across = j.T @ d
     response = -np.linalg.solve(normal, across)
     own = -np.linalg.solve(normal, gradient)
-    whole = sum(p.count for p in data) / sum(p.count for p in few)
+    whole = sum(prediction.count for prediction in data) / sum(prediction.count for prediction in few)
     power, score = d.T @ d + across.T @ response, -(d.T @ r + across.T @ own)
     return Linearised(trials, tuple(places), whole * power, whole * score, response, own)
+
+
+def trials_of(candidates: Sequence[TriedEffect]) -> tuple[EffectTrial, ...]:
+    """The finite trials of candidates, then a slight one of each shape."""
+    finite = [EffectTrial(c, directions) for c in candidates for directions in c.trials]
+    alike: dict[tuple[str, tuple[tuple[str, float], ...]], list[EffectTrial]] = {}
+    for t in (t for t in finite if t.candidate.scaled):
+        alike.setdefault((t.candidate.name, t.shape), []).append(t)
+    slight = []
+    for each in alike.values():
+        least, largest = min(each, key=size), max(each, key=size)
+        slight.append(least.slight(size(largest) / max(size(least), 1e-30)))
+    return (*finite, *slight)
 
 
 def size(trial: EffectTrial) -> float:
