@@ -39,8 +39,6 @@ from shake_ros.settings import load_search, load_table
 
 SECONDS = 3.0
 LEAN = load_search().replace(
-    most_refits=3,
-    first_evaluations=4,
     most_continued=2,
     continued_evaluations=8,
     converging_evaluations=12,
@@ -122,7 +120,7 @@ def named(case: str) -> Named:
     problem = problem_of(learn.records, [recording(case, 2, "hold")])
     pool = [c for c in effect_candidates() if c.effect in SHORT_LISTS.get(case, (c.effect,))]
     return Named(
-        forward_selection(problem, declared, ModelStructure(load_table("bergamo"), (), candidates=tuple(pool)))[1],
+        forward_selection(problem, declared, ModelStructure(load_table("bergamo"), (), candidates=tuple(pool))),
         problem,
     )
 

@@ -199,9 +199,7 @@ class Discovery(fitted.FittedResult):
         with Progress("close_loop", progress) as bar, Ending(bar, minutes) as ending:
             settings = search_settings(declared)
             sets = data.estimation, data.validation
-            found = continued(
-                structure, self.closed, self.rivals, *sets, settings, ending, ending.deadline_passed, failures
-            )
+            found = continued(structure, self.closed, *sets, settings, ending, ending.deadline_passed, failures)
             data = data.with_nuisances(found.search.nuisances)
             asked = () if ending.deadline_passed() else recordings_to_make()
             return replace(completed(self.model, found, data, [], asked, bar, failures), unused=self.unused)

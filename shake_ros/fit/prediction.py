@@ -10,16 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
 from shake_ros.core.effects.structure import NO_GAP
-from shake_ros.core.plant.integration import MOST
-from shake_ros.core.plant.parameters import FULL_LAYOUT
+from shake_ros.core.plant.integration import MOST, spool_command
+from shake_ros.core.plant.parameters import FULL_LAYOUT, records
 from shake_ros.core.plant.prediction import BIAS, FILTER_RATE, FILTERED, FORCE, NULL, kalman, predict, relevelled
 from shake_ros.core.plant.sensors import filter_step
-from shake_ros.core.plant.simulation import NO_PACE, initial_state, workers
+from shake_ros.core.plant.simulation import NO_PACE, initial_state, weigh, workers
 from shake_ros.core.plant.states import (
     BASE,
     BASE_RATE,
@@ -32,12 +32,14 @@ from shake_ros.core.plant.states import (
     ROD_RATE,
     SPECIMEN,
     SPECIMEN_RATE,
+    SPOOL,
     VELOCITY,
 )
 from shake_ros.fit.model import TABLE
 from shake_ros.fit.segment import Segment
 
 INDEX = FULL_LAYOUT.index
+GAP = INDEX["effects.coupling_backlash.gap"]
 RESONANT = 8.0  # motion of a specimen over that of its table, with which a segment may begin
 LOST = 1e3  # weighted residual of a run that ends in no number
 TOLERANCE = 1e-6  # of a run
@@ -92,7 +94,7 @@ def coordinates(vector: np.ndarray) -> list[int]:
     found = [POSITION, VELOCITY, PRESSURE_A]
     if has("specimen_resonance.mass"):
         found += [SPECIMEN, SPECIMEN_RATE]
-    if vector[INDEX["effects.coupling_backlash.gap"]] > NO_GAP:
+    if vector[GAP] > NO_GAP:
         found += [ROD, ROD_RATE]
     if has("base_flexibility.compliance"):
         found += [BASE, BASE_RATE]
@@ -269,10 +271,18 @@ def chain_of(vector: np.ndarray, dt: float) -> np.ndarray:
     return filter_step(cutoff, dt)
 
 
-def start_state(table: np.ndarray, s: Segment) -> np.ndarray:
-    """State at a segment's first sample."""
+def start_state(vector: np.ndarray, s: Segment) -> np.ndarray:
+    """State at a segment's first sample: the spool has followed the command, and the acceleration gives the load.
+
+    Backlash is left out of that: within its gap nothing pushes the table.
+    """
+    table = vector.copy()
+    table[GAP] = 0.0
     state = initial_state(table, float(s.position[0]))
     state[VELOCITY], state[CLOCK] = s.velocity, s.begin
+    state[SPOOL] = spool_command(records(table)[0], state, s.command_before)
+    if math.isfinite(s.acceleration[0]):
+        weigh(table, state, float(s.acceleration[0]))
     return state
 
 
@@ -286,6 +296,7 @@ LIMITS = {  # within which levels of noise are estimated
 FACTORS = (4.0, 1.6)  # by which they are moved, as long as that helps
 GAIN = 1.0  # in log likelihood from which a move counts [nats]
 PASSES = 3  # of the levels, each about the path of the one before
+PARTS = (1.0, 0.5, 0.25)  # of the way that is tried: along a path the likelihood is foreseen only so far
 
 
 def tuned(prediction: Predictor, vector: np.ndarray, names: Sequence[str]) -> Predictor:
@@ -298,11 +309,22 @@ def tuned(prediction: Predictor, vector: np.ndarray, names: Sequence[str]) -> Pr
         levels = likeliest(best, vector, names)
         if levels == best.levels:
             break
-        moved = best.with_levels(levels).filtered(vector)
-        if not np.sum(moved.log_likelihood()) > np.sum(best.log_likelihood()) + GAIN:
+        before = float(np.sum(best.log_likelihood()))
+        for part in PARTS:
+            moved = best.with_levels(between(best.levels, levels, part)).filtered(vector)
+            if np.sum(moved.log_likelihood()) > before + GAIN:
+                best = moved
+                break
+        else:
             break
-        best = moved
     return best
+
+
+def between(one: Levels, other: Levels, part: float) -> Levels:
+    """Levels a part of the way from one to another, on a logarithmic scale."""
+    return Levels(
+        *(a ** (1.0 - part) * b**part if a != b else a for a, b in zip(astuple(one), astuple(other), strict=True))
+    )
 
 
 def likeliest(prediction: Predictor, vector: np.ndarray, names: Sequence[str]) -> Levels:

@@ -1,4 +1,4 @@
-"""The search over sets of effects, on a declared table and its recordings."""
+"""The search over sets of effects, on a table and its recordings."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.given_answer import GivenAnswer
 from shake_ros.core.discovery.problem import ModelStructure
 from shake_ros.core.failures import RAISING, Failures
+from shake_ros.core.identification.free_parameters import is_of_recording
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.sensor_filter import SensorFilter, filter_of
 from shake_ros.explain.backlash import BACKLASH, SHARE, share_of_dwells, width_of_gap
-from shake_ros.fit.model import start_of
+from shake_ros.fit.model import SENSOR_DELAY, SENSOR_FILTER, FreeModel, start_of
 from shake_ros.fit.prediction import Levels
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
@@ -22,6 +24,7 @@ SECONDS, PIECE = 14.0, 3.5  # of the estimation data that are fitted, and length
 VALIDATION_SECONDS = 10.0  # of the validation data
 GAPS = (1.0, 1.6)  # times the width that the dwells show, from which a backlash may start
 DECLARED = Levels(force=3.0, null=1e-6, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)  # offsets are effects here
+UNKNOWN = Levels(null=1e-3)  # the null shifts of whole recordings are in their commands by now
 
 
 def answer(
@@ -32,11 +35,11 @@ def answer(
     progress: Callable[[str], None],
     failures: Failures = RAISING,
 ) -> GivenAnswer:
-    """The effects that a declared table lacks.
+    """The effects that a table lacks.
 
     Parameters
     ----------
-    model : declared model with its free parameters and the effects that it may lack.
+    model : of a table, with its free parameters and the effects that it may lack.
     estimation, validation : recordings that are fitted, and recordings that choose between models.
     budget : how long it may take. progress : called with a line of progress.
     failures : takes an error of the search, which then ends with what it has found.
@@ -46,12 +49,14 @@ def answer(
         tuple(Segment.of(r) for r in pieces(validation or estimation, VALIDATION_SECONDS, PIECE)),
     )
     known = {c.effect: c for c in model.candidates}
-    shown = backlash(known[BACKLASH], estimation) if BACKLASH in known else ()
-    search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress, shown)
-    begin = start_of(model.table, (*model.free, *model.late))
+    shown = backlash(known[BACKLASH], estimation) if BACKLASH in known and BACKLASH not in model.shown else ()
+    certain = (BACKLASH,) if shown or BACKLASH in model.shown else ()
+    search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress, shown, certain)
+    behind, unknown = filter_of(estimation[0]), model.simulator.nuisances
+    begin = beginning(model, behind)
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
-        for better in search.run(begin, DECLARED):
+        for better in search.run(begin, UNKNOWN if unknown else DECLARED):
             models.append(better)
         others, done = search.rivals(models[0], models[-1]), not budget.over()
     rivals = {
@@ -59,7 +64,32 @@ def answer(
         for effect, found in others.items()
     }
     best = models[-1].model if models else begin
-    return GivenAnswer(best.found_table(), tuple(known[c.name] for c in best.effects), rivals, not done)
+    sensor = found_filter(best, behind) if unknown else None
+    return GivenAnswer(best.found_table(), tuple(known[c.name] for c in best.effects), rivals, not done, sensor)
+
+
+def beginning(model: ModelStructure, behind: SensorFilter) -> FreeModel:
+    """The model with the effects that show without a search, from which it begins.
+
+    behind : delay and filter of the accelerometer, which are free where the table is unknown.
+    """
+    own = [p for p in (*model.free, *model.late) if not is_of_recording(p.name)]
+    found = start_of(model.table, own)
+    if model.simulator.nuisances:
+        found = start_of(model.table, (*own, SENSOR_DELAY, SENSOR_FILTER))
+        x = found.x.copy()
+        x[-1] = behind.by_filter / SENSOR_FILTER.scale  # the delay beside it has been taken out of the recordings
+        found = found.at(x)
+    for c in model.candidates:
+        if model.fitted is not None and c.effect in model.shown:
+            found = found.with_effect(listed(c), {p.name: model.fitted.value(p.name) for p in c.free})
+    return found
+
+
+def found_filter(model: FreeModel, before: SensorFilter) -> SensorFilter:
+    """Delay and filter of the accelerometer of a fitted model."""
+    by_filter = model.value(SENSOR_FILTER.name)
+    return SensorFilter(before.pure + model.value(SENSOR_DELAY.name) + by_filter, by_filter)
 
 
 def backlash(effect: CandidateEffect, records: Sequence[Record]) -> tuple[Start, ...]:

@@ -9,21 +9,36 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
+from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model, unassessed_model
-from shake_ros.core.discovery.forward_selection import forward_selection, recentred, with_predictor_search
+from shake_ros.core.discovery.elimination import eliminate
+from shake_ros.core.discovery.forward_selection import forward_selection
 from shake_ros.core.discovery.given_answer import selection_of
-from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, Stopped, unstopped
+from shake_ros.core.discovery.problem import (
+    ModelStructure,
+    Progress,
+    ScoredFit,
+    SearchProblem,
+    Stopped,
+    linearised,
+    unstopped,
+)
 from shake_ros.core.discovery.refined_nodes import refined_function
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.discovery.second_quantities import function_of_two, with_second_quantity
 from shake_ros.core.discovery.selection import Selection
-from shake_ros.core.discovery.unlisted_functions import leaves_far_less, near_noise, or_function
+from shake_ros.core.discovery.unlisted_functions import best_function, leaves_far_less, near_noise
 from shake_ros.core.discovery.verdict import EffectVerdict, with_verdicts
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.nuisance_estimates import estimated_null_shifts
+from shake_ros.core.identification.nuisance_estimates import (
+    NuisanceEstimates,
+    estimated_null_shifts,
+    without_null_shifts,
+)
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.identification.time_budget import never, time_is_over, within_budget
+from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.explain.dependence import UNKNOWN, Remaining, remaining
 from shake_ros.explain.latent_force import LatentForce, latent_forces
 from shake_ros.fit.solver import Budget
@@ -81,29 +96,12 @@ def close_loop(
     failures : takes the errors of what comes after the fit of the declared model; the rest is done without it.
     """
     problem = SearchProblem.of(model, estimation, validation, settings, unstopped(progress))
-    if model.simulator is FULL:
-        problem, selection = search_over_sets(problem, model, estimation, validation, progress, failures)
-    else:
-        problem, selection = search_one_by_one(problem, model, progress, failures)
+    problem, selection = searched(problem, model, estimation, validation, progress, failures)
     with within_budget(deadline_passed):  # the verdicts come from fits that have ended, as long as there is time
         return concluded(replace(problem, progress=unstopped(progress)), selection, model, estimation, failures)
 
 
-def search_one_by_one(
-    problem: SearchProblem, model: ModelStructure, progress: Progress, failures: Failures
-) -> tuple[SearchProblem, Selection]:
-    """What a model without such a search lacks, one effect after another; the problem beside process noise.
-
-    progress : of `problem` as well, but for `Stopped`, which it may raise.
-    """
-    declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(model.shown))
-    problem, selection = forward_selection(replace(problem, progress=progress), declared, model, failures)
-    with failures.step("search beside process noise"):
-        problem, selection = with_predictor_search(problem, selection, replace(model, shown=()))
-    return problem, selection
-
-
-def search_over_sets(
+def searched(
     problem: SearchProblem,
     model: ModelStructure,
     estimation: Sequence[Record],
@@ -111,18 +109,71 @@ def search_over_sets(
     progress: Progress,
     failures: Failures,
 ) -> tuple[SearchProblem, Selection]:
-    """The sets of listed effects that a declared table lacks, or an unlisted one; the problem beside process noise.
+    """The listed effects that a model lacks, or an unlisted one; the problem with what they show of the recordings.
 
-    progress : of `problem` as well, but for `Stopped`, which it may raise.
+    A table is searched for sets of effects; a reduced model or an axis, which no predictor follows, for one after
+    another. progress : of `problem` as well, but for `Stopped`, which it may raise.
     """
-    budget = Budget(over=time_is_over)
-    given = answer(model, estimation, validation, budget, lambda line: problem.progress(line, 0.3), failures)
-    found = selection_of(problem, model, given)
+    stopping = replace(problem, progress=progress)
+    if model.simulator.layout is FULL_LAYOUT:
+        budget = Budget(over=time_is_over)
+        given = answer(model, estimation, validation, budget, lambda line: problem.progress(line, 0.3), failures)
+        known = NuisanceEstimates(given.behind)
+        problem = problem.with_nuisances(known)
+        found = replace(selection_of(problem, model, given), nuisances=known)
+    else:
+        found = forward_selection(
+            stopping, fit_declared(problem, FreeParameters(model.table, model.free)), model, failures
+        )
+    problem, found = with_nuisances(problem, found)
     with failures.step("search for an unlisted effect"), contextlib.suppress(Stopped):
         found = with_function(replace(problem, progress=progress), found)
     with failures.step("search beside process noise"):
-        problem, found = with_predictor_search(problem, found, replace(model, shown=(), candidates=()))
+        problem, found = beside_process_noise(problem, found)
     return problem, found
+
+
+def beside_process_noise(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
+    """The models scored by predictor runs beside the free ones, where equal commands still show process noise.
+
+    What free runs have found comes first: what depends on time differs between equal commands as well, and is no
+    process noise once the model has it.
+    """
+    with_predictor = problem.with_predictor(found.final.fit)
+    if with_predictor is problem:
+        return problem, found
+
+    def again(m: ScoredFit) -> ScoredFit:
+        return with_predictor.scored(m.fit)
+
+    found = found.on(again, again)
+    if not found.stopped:
+        steps, final, removed = eliminate(with_predictor, found.steps, found.final)
+        found = replace(found, steps=steps, final=final, removed=(*found.removed, *removed))
+    return with_predictor, found
+
+
+def with_nuisances(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
+    """Problem and models with the nuisance parameters that the final model gives the recordings."""
+    known, others = found.nuisances, problem.validation.records
+    estimates = known.updated(problem.estimation, others, found.final.fit)
+    if estimates is known:
+        return problem, found
+    updated = problem.with_nuisances(estimates)
+    again = recentred(problem, updated, found).on(
+        lambda m: updated.scored(linearised(updated.estimation, m.fit)), updated.converged_again
+    )
+    return updated, replace(again, nuisances=estimates)
+
+
+def recentred(problem: SearchProblem, updated: SearchProblem, found: Selection) -> Selection:
+    """The same models where null shifts that were their own have gone into the recordings' commands."""
+    before, after = problem.estimation.records, updated.estimation.records
+
+    def moved(m: ScoredFit) -> ScoredFit:
+        return replace(m, fit=without_null_shifts(m.fit, before, after))
+
+    return found.on(moved, moved)
 
 
 def with_function(problem: SearchProblem, found: Selection) -> Selection:
@@ -133,10 +184,12 @@ def with_function(problem: SearchProblem, found: Selection) -> Selection:
     if found.stopped or near_noise(problem, found.final):
         return found
     for base in (Selection(found.declared, (), found.declared), found) if found.steps else (found,):
-        step, functions = or_function(problem, base.final, None, ())
-        if step is None:
-            step = function_of_two(problem, base.final, (), functions)
-        if step is not None and leaves_far_less(problem, found.final, None, step.chosen.result):
+        functions = best_function(problem, base.final)
+        best, step = functions.best, None
+        if best is not None and leaves_far_less(problem, base.final, best.result):
+            step = ForwardStep(best, (best,))
+        step = step or function_of_two(problem, base.final, functions)
+        if step is not None and leaves_far_less(problem, found.final, step.chosen.result):
             step = with_second_quantity(problem, refined_function(problem, step))
             return replace(base.with_step(step), functions=functions)
         found = replace(found, functions=functions)

@@ -25,7 +25,7 @@ from shake_ros.fit.model import FreeModel, TriedEffect
 from shake_ros.fit.prediction import Levels, Predictor, tuned
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import Budget, PredictorFit, fit
-from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start
+from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start, weakest
 
 Progress = Callable[[str], None]
 PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
@@ -98,7 +98,8 @@ class SetSearch:
     """The search over one set of data.
 
     listed : effects that the model may lack. budget : how long it may take. progress : called with a line of progress.
-    shown : starts of an effect that the recordings show without a model; it stays in the model.
+    shown : starts of an effect that the recordings show without a model. certain : effects that stay in the model
+    whatever the evidence, since the predictor follows them badly; the free runs of the end decide on them.
     """
 
     def __init__(
@@ -108,9 +109,10 @@ class SetSearch:
         budget: Budget,
         progress: Progress,
         shown: Sequence[Start] = (),
+        certain: Sequence[str] = (),
     ) -> None:
         self.data, self.listed, self.budget, self.progress = data, listed, budget, progress
-        self.shown = shown
+        self.shown, self.certain = shown, certain
         self._known: list[tuple[Scored, Linearised]] = []
 
     def scored(self, model: FreeModel, levels: Levels, steps: int) -> Scored:
@@ -138,6 +140,9 @@ class SetSearch:
             self.progress(f"refit with {self.shown[0].effect.called}, which the recordings show")
             starts = [self.scored(s.on(best.model), best.fitted.prediction.levels, SHORT) for s in self.shown]
             best = self.settled(max(starts, key=lambda s: s.fitted.total))
+            yield best
+        if model.effects:
+            best = self._reduced(best, least=0)
             yield best
         while not self.budget.over():
             found = self._step(best)
@@ -190,18 +195,17 @@ class SetSearch:
         self._known.append((found, linearised(found.fitted, absent, beside=(found.seen,))))
         return self._known[-1][1]
 
-    def _reduced(self, found: Scored) -> Scored:
-        """The model without what it can do without."""
-        certain = {s.effect.name for s in self.shown}
-        while len(found.model.effects) > 1 and not self.budget.over():
-            tried = []
-            for effect in (e for e in found.model.effect_names if e not in certain):
-                self.progress(f"is {effect} needed?")
-                less = self.scored(found.model.without(effect), found.fitted.prediction.levels, SHORT)
-                tried.append((evidence(found, less), less))
-            value, less = min(tried, key=lambda t: t[0])
-            if value > 0.0:
-                return found
+    def _reduced(self, found: Scored, least: int = 1) -> Scored:
+        """The model without what it can do without; of so many effects at least."""
+        while not self.budget.over():
+            others = [c for c in found.model.effects if c.name not in self.certain]
+            if not others or len(found.model.effects) <= least:
+                break
+            effect = weakest(found.fitted, others)
+            self.progress(f"is {effect.called} needed?")
+            less = self.scored(found.model.without(effect.name), found.fitted.prediction.levels, SHORT)
+            if evidence(found, less) > 0.0:
+                break
             found = less
         return found
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from shake_ros.fit.model import FreeModel, TriedEffect
 from shake_ros.fit.prediction import LOST, Predictor
-from shake_ros.fit.solver import DIFFERENCE, PART, PredictorFit, prior_residuals
+from shake_ros.fit.solver import DIFFERENCE, PART, PredictorFit, jacobian, prior_residuals
 
 LARGEST, SLIGHT = 4.0, 0.01  # multiple of a trial up to which its linear prediction is followed, and a slight one
 SCREENED = 9.0  # length of the segments that are linearised [s]
@@ -172,6 +172,20 @@ def before(model: FreeModel, candidate: TriedEffect) -> FreeModel:
     x = model.x.copy()
     x[[n.startswith(OWN) for n in model.names]] = declared
     return model.at(x)
+
+
+def weakest(fitted: PredictorFit, effects: Sequence[TriedEffect]) -> TriedEffect:
+    """The effect whose absence would cost least to first order, once all other parameters have adjusted (Wald)."""
+    model = fitted.model
+    j, prior = jacobian(fitted.prediction.part(SCREENED), model, model.x)[1], model.prior[0]
+    normal = j.T @ j + prior.T @ prior
+    covariance = np.linalg.inv(normal + 1e-9 * np.diag(np.maximum(np.diag(normal), 1e-12)))
+
+    def cost(effect: TriedEffect) -> float:
+        own = [model.names.index(n) for n in effect.scaled]
+        return float(model.x[own] @ np.linalg.solve(covariance[np.ix_(own, own)], model.x[own]))
+
+    return min(effects, key=cost)
 
 
 def evaluate(lin: Linearised, members: Sequence[int]) -> tuple[float, np.ndarray]:

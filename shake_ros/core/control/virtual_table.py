@@ -207,7 +207,7 @@ class VirtualTable:
         vector = model.vector()
         self.record = FULL_LAYOUT.alone(vector)
         self.rest = initial_state(vector)
-        weigh(model, self.rest)
+        weigh(vector, self.rest)
         lead = model.value(DELAY) if predict else 0.0
         whole, fraction = (0, 0.0) if predict else dead_time(model, sample_time)
         samples = max(whole + 1, round(horizon / sample_time + (whole + fraction)))

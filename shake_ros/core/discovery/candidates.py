@@ -10,9 +10,9 @@ from typing import Any
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.identification.free_parameters import FreeParameter, free_parameter
 from shake_ros.core.plant.parameters import FIELDS, TableParameters
-from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
+from shake_ros.core.quantities import ShakeError, strict_keys
 
-OPTIONAL = {"resembles", "usual", "together", "where_far", "narrow"}
+OPTIONAL = {"usual", "narrow"}
 
 
 @dataclass(frozen=True)
@@ -20,9 +20,7 @@ class CandidateEffect:
     """One effect that may be missing.
 
     effect : its name. free : the parameters a refit frees. trials : values by dotted name, the strength first.
-    place, depends_on : where it acts and on what. resembles : effects that recordings can hardly tell from it, which
-    are refitted beside it though screening may pass them over. usual : values met on real tables by dotted name.
-    together : values from which it takes part in a fit with many effects at once; empty where it does not.
+    place, depends_on : where it acts and on what. usual : values met on real tables by dotted name.
     narrow : values from the best of which a fit of its own sets out, where its valley is hardly met otherwise.
     """
 
@@ -31,10 +29,7 @@ class CandidateEffect:
     trials: tuple[Mapping[str, float], ...]
     place: str
     depends_on: tuple[str, ...]
-    resembles: tuple[str, ...] = ()
     usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    together: Mapping[str, float] = field(default_factory=dict)
-    where_far: Mapping[str, float] = field(default_factory=dict)
     narrow: tuple[Mapping[str, float], ...] = ()
 
     @property
@@ -64,10 +59,6 @@ def candidates(
         if not isinstance(entry, Mapping) or set(entry) - OPTIONAL != {"free", "trials"}:
             more = "may have " + ", ".join(sorted(OPTIONAL))
             raise ShakeError(f"{where}: {effect}: needs the keys 'free' and 'trials', {more}")
-        resembles = tuple(entry.get("resembles", ()))
-        for other in resembles:
-            if other not in EFFECTS:
-                raise unknown_name("effect", other, EFFECTS, f"{where}: {effect}: resembles")
         prefix = f"effects.{effect}."
         free = tuple(free_parameter(prefix + name, c, where, fields) for name, c in entry["free"].items())
         trials = tuple({prefix + name: float(v) for name, v in trial.items()} for trial in entry["trials"])
@@ -79,19 +70,11 @@ def candidates(
         except (AttributeError, TypeError, ValueError):
             raise ShakeError(f"{where}: {effect}: usual: needs [low, high] for each name") from None
         strict_keys(usual, own, where)
-        together, where_far = (
-            {prefix + name: float(v) for name, v in entry.get(key, {}).items()} for key in ("together", "where_far")
-        )
-        strict_keys({**together, **where_far}, own, where)
         narrow = _each_with_each(prefix, entry.get("narrow", {}), f"{where}: {effect}: narrow")
         for point in narrow[:1]:
             strict_keys(point, own, where)
         kind = EFFECTS[effect]
-        result.append(
-            CandidateEffect(
-                effect, free, trials, kind.place, kind.depends_on, resembles, usual, together, where_far, narrow
-            )
-        )
+        result.append(CandidateEffect(effect, free, trials, kind.place, kind.depends_on, usual, narrow))
     return tuple(result)
 
 

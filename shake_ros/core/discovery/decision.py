@@ -116,14 +116,12 @@ def decide(
 ) -> ForwardStep:
     """The best refit, with those that are indistinguishable from it; of these the best with usual values is named.
 
-    A fit to pieces is none to go on from: it may be named beside the best, not instead of it.
-
     Parameters
     ----------
     ranking : refits, the best first. noise : validation cost that the sensor noise alone leaves [-]
     """
     best = ranking[0].result
     alike = [r for r in ranking if r is ranking[0] or not distinguishable(best, r.result, settings, noise)]
-    chosen = next((r for r in alike if r.usual and not r.result.preliminary), alike[0])
+    chosen = next((r for r in alike if r.usual), alike[0])
     ranking = (chosen, *(r for r in ranking if r is not chosen))
     return ForwardStep(chosen, ranking, tuple(r.candidate.effect for r in alike if r is not chosen), screened)

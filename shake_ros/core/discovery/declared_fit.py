@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from shake_ros.core.discovery.convergence import with_late_parameters
+from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, mean_square
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.approach import approached

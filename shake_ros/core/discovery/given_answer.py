@@ -10,14 +10,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.convergence import with_late_parameters
 from shake_ros.core.discovery.decision import ForwardStep, decide
 from shake_ros.core.discovery.declared_fit import fit_declared
 from shake_ros.core.discovery.elimination import in_its_place
+from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem
 from shake_ros.core.discovery.refit import Refit, ranked
 from shake_ros.core.discovery.selection import Selection
-from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.free_parameters import FreeParameters, is_of_recording
+from shake_ros.core.identification.sensor_filter import SensorFilter
 from shake_ros.core.plant.parameters import TableParameters
 
 ALONG = 6  # trial points of a model on the way, whose error is all that is asked
@@ -38,12 +39,13 @@ class GivenAnswer:
     effects: tuple[CandidateEffect, ...]
     rivals: Mapping[str, Sequence[tuple[CandidateEffect, TableParameters]]]
     stopped: bool = False
+    behind: SensorFilter | None = None
 
 
 def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> Selection:
     """The models from the declared one to that with all effects, each fitted to free runs from the values given."""
     settings, free = problem.settings, (*model.free, *model.late)
-    declared = problem.scored(fit_declared(problem, FreeParameters(model.table, model.free)))
+    declared = problem.scored(fit_declared(problem, FreeParameters(model.table, model.free), bool(answer.effects)))
     declared = with_late_parameters(problem, declared)
     steps, final = list[ForwardStep](), declared
     for count, candidate in enumerate(answer.effects, start=1):
@@ -51,7 +53,7 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
         among = answer.effects[:count]
         bare = answer.table.without([c.effect for c in answer.effects[count:]])
         parameters = FreeParameters(absent_on(bare, among), [*free, *(p for c in among for p in c.free)])
-        start = parameters.x_of({name: answer.table.value(name) for name in parameters.names})
+        start = parameters.x_of({n: answer.table.value(n) for n in parameters.names if not is_of_recording(n)})
         most = settings.converging_evaluations if count == len(answer.effects) else ALONG
         final = problem.fitted(parameters, start, most, settings.converged, near=True)
         chosen = Refit(candidate, final, predicted_gain(steps, declared, final))

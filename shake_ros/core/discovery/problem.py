@@ -17,7 +17,7 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification.approach import INJECTION, Approach, approached, arrived, predictor_start
+from shake_ros.core.identification.approach import INJECTION, approached
 from shake_ros.core.identification.equal_commands import FreeAndPredictor, process_noise
 from shake_ros.core.identification.fit import LOST, Fit, Problem, fit, jacobian
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
@@ -91,9 +91,8 @@ def mean_square(residuals: np.ndarray) -> float:
 class ScoredFit:
     """A fit with its costs on estimation and validation data [-].
 
-    validation_blocks : validation cost of each block of time, shape (b,); empty for a fit to pieces, whose costs are
-    too preliminary to be tested. innovation_blocks : the same of runs that are corrected towards the measurement, where
-    process noise shows; empty elsewhere.
+    validation_blocks : validation cost of each block of time, shape (b,). innovation_blocks : the same of runs that are
+    corrected towards the measurement, where process noise shows; empty elsewhere.
     """
 
     fit: Fit
@@ -101,11 +100,6 @@ class ScoredFit:
     validation_cost: float
     validation_blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
     innovation_blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
-
-    @property
-    def preliminary(self) -> bool:
-        """Whether it is a fit to pieces."""
-        return len(self.validation_blocks) == 0
 
     @property
     def score(self) -> float:
@@ -174,34 +168,6 @@ class SearchProblem:
         """A model fitted to these data from where it stands."""
         most, tolerance = self.settings.converging_evaluations, self.settings.converged
         return self.fitted(model.fit.free, model.fit.x, most, tolerance, near=True)
-
-    def way_to_pieces(self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float) -> Approach:
-        """The way to a fit to pieces of the estimation data."""
-        problem = self.estimation_pieces
-        near = self._much_left(problem)
-        return predictor_start(problem, free, start, evaluations=evaluations, tolerance=tolerance, near=near)
-
-    def leaves_much(self, way: Approach) -> bool:
-        """Whether predictor runs leave much above the noise."""
-        return way.predictor is not None and mean_square(way.predictor.residuals) > self._much_left(
-            self.estimation_pieces
-        )
-
-    def fitted_to_pieces(
-        self, free: FreeParameters, way: Approach, evaluations: int, tolerance: float, whole: float
-    ) -> ScoredFit:
-        """A fit to pieces of the estimation data; its validation cost is that of whole recordings all the same.
-
-        whole : cost of a model on all estimation data, over that on the pieces: they may be harder or easier [-].
-        """
-        result = arrived(self.estimation_pieces, free, way, evaluations=evaluations, tolerance=tolerance)
-        estimation = whole * mean_square(result.residuals)
-        return ScoredFit(result, estimation, mean_square(self._validation_residuals(result)))
-
-    def converged_at(self, reached: ScoredFit) -> float:
-        """Relative change at which a fit that goes on from there has converged: far from the noise models differ."""
-        far = reached.estimation_cost > self._much_left(self.estimation)
-        return self.settings.converged_far if far else self.settings.converged
 
     def _much_left(self, problem: RecordingProblem) -> float:
         """Cost from which much is left above the noise [-]."""

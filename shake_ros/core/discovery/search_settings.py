@@ -8,7 +8,7 @@ from typing import Any
 
 from shake_ros.core.quantities import Parameters, ShakeError, check, quantity
 
-MULTIPLES = ("start_multiples", "late_multiples", "function_multiples", "takeover_parts")
+MULTIPLES = ("start_multiples", "late_multiples", "function_multiples")
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,6 @@ class SearchSettings(Parameters):
     start_tolerance: float = quantity("-", "relative change at which such a fit stops", low=1e-12, high=1.0)
     declared_evaluations: int = quantity("-", "most trial points of the declared fit, if effects show", low=1)
     converged: float = quantity("-", "relative change at which a converged fit stops", low=1e-12, high=1.0)
-    converged_far: float = quantity("-", "the same where much is left", low=1e-12, high=1.0)
     # parameters freed late
     late_multiples: tuple[float, ...] = quantity("-", "multiples of a late parameter that are screened", low=0.0)
     late_promise: float = quantity("-", "part of what stands above the noise that freeing must promise", low=0.0)
@@ -39,28 +38,16 @@ class SearchSettings(Parameters):
     # screening
     largest_multiple: float = quantity("-", "multiple of a trial up to which its linear prediction holds", low=0.0)
     largest_shift: float = quantity("-", "predicted change of a parameter, in its scales, that is followed", low=0.0)
-    worth_telling: float = quantity("-", "predicted fall from which an effect is told of", low=0.0, high=1.0)
-    least_screened: float = quantity("-", "predicted fall below which an effect is not refitted at first", low=0.0)
-    much_left: float = quantity("-", "ratio to the noise from which all effects are refitted", low=0.0)
+    much_left: float = quantity("-", "ratio to the noise from which a fit begins with predictor runs", low=0.0)
     # refits
-    most_refits: int = quantity("-", "effects refitted at first in a step", low=1)
-    lead_promise: float = quantity("-", "predicted fall from which an effect may be refitted alone", low=0.0, high=1.0)
-    lead_rival: float = quantity("-", "part of it that no other effect may promise then", low=0.0, high=1.0)
-    lead_kept: float = quantity("-", "part of it that its refit must take for that", low=0.0)
     start_multiples: tuple[float, ...] = quantity("-", "multiples of a trial from which a refit may start", low=0.0)
-    first_evaluations: int = quantity("-", "most trial points of a first refit", low=1)
-    first_tolerance: float = quantity("-", "relative change at which a first refit stops", low=1e-12, high=1.0)
     hopeless: float = quantity("-", "ratio to the least cost of predictor runs from which a refit ends there", low=1.0)
     most_continued: int = quantity("-", "effects whose refit goes on, on the whole recordings", low=1)
-    worth_continuing: float = quantity("-", "ratio to the best score up to which a refit goes on", low=1.0)
     continued_evaluations: int = quantity("-", "most trial points of such a refit", low=1)
     continued_tolerance: float = quantity("-", "relative change at which such a refit stops", low=1e-12, high=1.0)
-    resembling_tolerance: float = quantity("-", "the same for what the best resembles", low=1e-12, high=1.0)
     # convergence
     converging_evaluations: int = quantity("-", "most trial points of a refit that is to converge", low=1)
     rival: float = quantity("-", "ratio to the best score up to which an effect is a rival", low=1.0)
-    takeover_parts: tuple[float, ...] = quantity("-", "parts of an effect left as another takes over", low=0.0)
-    takeover_tolerance: float = quantity("-", "relative change at which a fit on that path stops", low=1e-12, high=1.0)
     # decision
     process_noise: float = quantity("-", "what differs between equal commands over the noise, mean squares", low=1.0)
     most_effects: int = quantity("-", "effects added, at most", low=0)
@@ -76,11 +63,8 @@ class SearchSettings(Parameters):
     worth_of_likely: float = quantity("-", "part of what is unexplained that a likely effect is worth", low=0.0)
     # functions for what no listed effect explains
     function_above_noise: float = quantity("-", "ratio to the noise from which a function is estimated", low=0.0)
-    weak_effect: float = quantity("-", "part of the cost that a weak listed effect leaves", low=0.0, high=1.0)
     function_gain: float = quantity("-", "part of a listed effect's cost that a function may leave", low=0.0, high=1.0)
     function_promise: float = quantity("-", "predicted fall from which one goes before all effects", low=0.0, high=1.0)
-    function_rival: float = quantity("-", "part of it that no effect may promise then", low=0.0, high=1.0)
-    function_clear: float = quantity("-", "part of the score from which it goes before unpromising effects", low=0.0)
     function_ridge: float = quantity("-", "ridge on a node, of the mean power of all nodes' directions", low=0.0)
     function_multiples: tuple[float, ...] = quantity("-", "parts of the linear estimate to start from", low=0.0)
     most_functions: int = quantity("-", "kinds of function that are refitted", low=0)

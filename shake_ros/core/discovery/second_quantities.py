@@ -77,28 +77,26 @@ def with_second_quantity(problem: SearchProblem, step: ForwardStep) -> ForwardSt
     best = best_pair(problem, one, found, problem.settings.second_promise, step.chosen.candidate.free)
     if best is None or not improves(best.result, one, problem.settings, len(found)):
         return step
-    if not leaves_far_less(problem, one, None, best.result):
+    if not leaves_far_less(problem, one, best.result):
         return step
     return ForwardStep(best, (best, *step.ranking[1:]), step.alternatives, step.screened)
 
 
-def function_of_two(
-    problem: SearchProblem, current: ScoredFit, ranking: Sequence[Refit], tried: FunctionSearch | None
-) -> ForwardStep | None:
-    """A step that adds a function of two quantities, where no listed effect helps and those of one leave too much.
+def function_of_two(problem: SearchProblem, current: ScoredFit, tried: FunctionSearch) -> ForwardStep | None:
+    """A step that adds a function of two quantities, where those of one leave too much.
 
-    tried : functions of one quantity of this model; None where it needs none.
+    tried : functions of one quantity of this model.
     """
-    if tried is None or not may_have_functions(current) or near_noise(problem, current):
+    if not may_have_functions(current):
         return None
     settings, found = problem.settings, screen_pairs(problem, current.fit)
     least = max(settings.function_promise, settings.pair_rival * max(tried.gains.values(), default=0.0))
     if tried.best is not None and not (found and found[0].function.gain > least):
-        return grown(problem, current, ForwardStep(tried.best, (tried.best, *ranking)))
+        return grown(problem, current, ForwardStep(tried.best, (tried.best,)))
     best = best_pair(problem, current, found, least)
     if best is None or not improves(best.result, current, settings, len(found)):
         return None
-    return ForwardStep(best, (best, *ranking)) if leaves_far_less(problem, current, None, best.result) else None
+    return ForwardStep(best, (best,)) if leaves_far_less(problem, current, best.result) else None
 
 
 def grown(problem: SearchProblem, current: ScoredFit, one: ForwardStep) -> ForwardStep | None:
@@ -107,7 +105,7 @@ def grown(problem: SearchProblem, current: ScoredFit, one: ForwardStep) -> Forwa
         return None
     one = refined_function(problem, one)
     both = with_second_quantity(problem, one)
-    return both if both is not one and leaves_far_less(problem, current, None, both.chosen.result) else None
+    return both if both is not one and leaves_far_less(problem, current, both.chosen.result) else None
 
 
 def screen_seconds(problem: SearchProblem, function: Fit) -> list[ScreenedPair]:

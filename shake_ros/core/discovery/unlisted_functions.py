@@ -9,16 +9,14 @@ comes from the spectrum of the residual multiplied by its sensitivity to the sup
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearised
 from shake_ros.core.discovery.refit import Refit
-from shake_ros.core.discovery.screening import Screening
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.effects import unlisted as law
 from shake_ros.core.identification.approach import approached
@@ -90,38 +88,11 @@ class FunctionSearch:
     best: Refit | None
 
 
-def or_function(
-    problem: SearchProblem,
-    current: ScoredFit,
-    step: ForwardStep | None,
-    ranking: tuple[Refit, ...],
-    tried: FunctionSearch | None = None,
-    screened: Sequence[ScreenedFunction] = (),
-) -> tuple[ForwardStep | None, FunctionSearch | None]:
-    """The step, or one that adds a function where the listed effects explain too little; and the functions tried.
-
-    A function is estimated only where the validation cost stands clearly above the noise and the best listed effect
-    leaves most of it; it replaces a listed effect only where it leaves far less.
-
-    tried : functions of this model, where they are known. screened : what they promise, where that is known.
-    """
-    settings = problem.settings
-    before = current.validation_cost
-    listed = step.chosen.result.validation_cost if step else before
-    if near_noise(problem, current) or listed < settings.weak_effect * before:
-        return step, None
-    found = tried or best_function(problem, current, screened)
-    if found.best is None:
-        return step, found
-    if not leaves_far_less(problem, current, step, found.best.result):
-        return step, found
-    return ForwardStep(found.best, (found.best, *ranking)), found
-
-
-def leaves_far_less(problem: SearchProblem, current: ScoredFit, step: ForwardStep | None, function: ScoredFit) -> bool:
-    """Whether a function leaves far less than the model without it, and than the best listed effect."""
-    listed, most = (step.chosen.result if step else current).validation_cost, problem.settings.function_gain
-    return function.validation_cost <= most * listed and function.estimation_cost <= most * current.estimation_cost
+def leaves_far_less(problem: SearchProblem, current: ScoredFit, function: ScoredFit) -> bool:
+    """Whether a function leaves far less than the model without it."""
+    most = problem.settings.function_gain
+    fitted, chosen = function.estimation_cost / current.estimation_cost, function.validation_cost
+    return fitted <= most and chosen <= most * current.validation_cost
 
 
 def near_noise(problem: SearchProblem, current: ScoredFit) -> bool:
@@ -134,29 +105,12 @@ def may_have_functions(current: ScoredFit) -> bool:
     return PREFIX + "kind" in current.fit.free.base.fields
 
 
-def leading_functions(problem: SearchProblem, current: ScoredFit, screening: Screening) -> list[ScreenedFunction]:
-    """What functions promise, where the best of them promises far more than every listed effect; else empty."""
-    settings, effect = problem.settings, max((t.gain for t in screening.trials), default=0.0)
-    if not may_have_functions(current) or near_noise(problem, current):
-        return []
-    if effect > settings.function_rival:  # even of a function that promised all
-        return []
-    found = screen_functions(problem, screening.current)
-    best = found[0].gain if found else 0.0
-    return found if best > settings.function_promise and effect < settings.function_rival * best else []
-
-
-def best_function(
-    problem: SearchProblem, current: ScoredFit, screened: Sequence[ScreenedFunction] = ()
-) -> FunctionSearch:
-    """The kind of function that leaves the smallest validation cost, of those that promise most.
-
-    screened : what they promise, the most promising first, where that is known.
-    """
+def best_function(problem: SearchProblem, current: ScoredFit) -> FunctionSearch:
+    """The kind of function that leaves the smallest validation cost, of those that promise most."""
     settings, fitted = problem.settings, current.fit
     if not may_have_functions(current):
         return FunctionSearch({}, None)
-    found = screened or screen_functions(problem, linearised(problem.estimation_pieces, fitted))
+    found = screen_functions(problem, linearised(problem.estimation_pieces, fitted))
     least = max(settings.function_rank * found[0].gain, settings.least_function) if found else 0.0
     promising = [f for f in found[: settings.most_functions] if f.gain > least]
     records, model = problem.estimation.records, problem.estimation.model

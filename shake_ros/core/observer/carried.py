@@ -56,7 +56,7 @@ def copy_at(
     y[VELOCITY] = estimate[1]
     if command != 0.0:
         y[SPOOL] = spool_command(p, y, command)
-    weigh(model, y, float(estimate[2]))
+    weigh(vector, y, float(estimate[2]))
     whole, _ = dead_time(model, sample_time)
     return np.concatenate([y, np.full(whole + 2, command)])
 

@@ -71,20 +71,20 @@ def initial_state(
     return y
 
 
-def weigh(table: TableParameters, y: np.ndarray, acceleration: float = 0.0) -> None:
+def weigh(vector: np.ndarray, y: np.ndarray, acceleration: float = 0.0) -> None:
     """Give a state the load pressure that makes an acceleration [m/s²], as far as supply and tank allow, in place.
 
     So a table at rest is held by its oil against a constant force or a spring.
     """
-    p, rates = records(table.vector())[0], np.zeros(CONTINUOUS)
-    low, high = table.supply.tank_pressure, table.supply.supply_pressure
+    p, rates = records(vector)[0], np.zeros(CONTINUOUS)
+    low, high = p.supply_tank_pressure, p.supply_supply_pressure
+    push = (p.body_table_mass + p.body_specimen_mass) / ((1.0 + p.body_area_ratio) * p.body_piston_area)
     for _ in range(WEIGHED):
         missing = acceleration - acceleration_now(p, y, rates)
         if abs(missing) < BALANCED:
             break
-        push = table.moved_mass / table.body.acting_area * missing
-        y[PRESSURE_A] = min(max(y[PRESSURE_A] + push, low), high)
-        y[PRESSURE_B] = min(max(y[PRESSURE_B] - push, low), high)
+        y[PRESSURE_A] = min(max(y[PRESSURE_A] + push * missing, low), high)
+        y[PRESSURE_B] = min(max(y[PRESSURE_B] - push * missing, low), high)
 
 
 def series(name: str, values: np.ndarray, length: int) -> np.ndarray:

@@ -61,7 +61,6 @@ FREE = {"depth": {"scale": 0.1}}
         ({"soft_zone": {"free": FREE, "trials": [], "usual": {"dept": [0.0, 0.5]}}}, "did you mean 'effects.soft_zone"),
         ({"soft_zone": {"free": FREE, "trials": [], "usual": {"depth": 0.5}}}, "soft_zone: usual: needs [low, high]"),
         ({"soft_zone": {"free": {"depth": {}}, "trials": []}}, "needs a number 'scale'"),
-        ({"soft_zone": {"free": FREE, "trials": [], "resembles": ["dead_volum"]}}, "did you mean 'dead_volume'"),
         (
             {"soft_zone": {"free": FREE, "trials": [], "narrow": {"dept": [0.5]}}},
             "did you mean 'effects.soft_zone.depth'",

@@ -7,7 +7,6 @@ import pytest
 from closed_loops import named
 
 from shake_ros.core.discovery.problem import linearised, mean_square
-from shake_ros.core.identification.approach import Approach
 
 
 def test_the_same_solution_on_validation_data_has_their_residuals() -> None:
@@ -24,5 +23,3 @@ def test_blocks_of_the_validation_cost_average_to_it() -> None:
     scored = found.problem.scored(found.search.declared.fit)
     weights = np.bincount(found.problem.validation.blocks())
     assert np.average(scored.validation_blocks, weights=weights) == pytest.approx(scored.validation_cost)
-    short = found.problem.fitted_to_pieces(scored.fit.free, Approach(scored.fit.x), 1, 1e-2, 1.0)
-    assert len(short.validation_blocks) == 0

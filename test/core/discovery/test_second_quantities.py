@@ -15,10 +15,10 @@ import pytest
 from benchmarks.discovery import confusion, two_quantities
 from shake_ros.core.discovery.closed_form import learnt_function
 from shake_ros.core.discovery.decision import ForwardStep
-from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearised
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.discovery.second_form import fitted_changes
 from shake_ros.core.discovery.second_quantities import function_of_two, with_second_quantity
-from shake_ros.core.discovery.unlisted_functions import FunctionSearch, best_function, screen_functions
+from shake_ros.core.discovery.unlisted_functions import FunctionSearch, best_function
 from shake_ros.core.effects import unlisted as law
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.plant.parameters import FULL_LAYOUT
@@ -47,7 +47,7 @@ def residual_to_noise_ratio(problem: SearchProblem, fit: ScoredFit) -> float:
 @pytest.fixture(scope="module")
 def found() -> tuple[SearchProblem, ScoredFit, ForwardStep]:
     problem, current = posed("flow gain of opening and load pressure", 0.5)
-    step = function_of_two(problem, current, (), FunctionSearch({}, None))
+    step = function_of_two(problem, current, FunctionSearch({}, None))
     assert step is not None
     return problem, current, step
 
@@ -91,8 +91,7 @@ def test_the_learnt_change_has_nodes_with_standard_errors_and_a_closed_form(
 
 def test_nothing_of_two_quantities_is_offered_where_one_suffices() -> None:
     problem, current = posed("push at one place", 0.5)
-    kinds = screen_functions(problem, linearised(problem.estimation_pieces, current.fit))
-    best = best_function(problem, current, kinds).best
+    best = best_function(problem, current).best
     assert best is not None
     one = ForwardStep(best, (best,))
     assert best.candidate.depends_on == ("position",)
@@ -103,7 +102,7 @@ def test_model_without_a_place_for_functions_is_offered_none() -> None:
     reduced: Any = SimpleNamespace(fit=SimpleNamespace(free=SimpleNamespace(base=SimpleNamespace(fields={}))))
     problem: Any = SimpleNamespace(settings=load_search())
     assert best_function(problem, reduced) == FunctionSearch({}, None)
-    assert function_of_two(problem, reduced, (), FunctionSearch({}, None)) is None
+    assert function_of_two(problem, reduced, FunctionSearch({}, None)) is None
 
 
 def test_a_change_by_the_same_everywhere_is_a_sum_and_one_in_proportion_is_separable() -> None:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.problem import SearchProblem, linearised
-from shake_ros.core.discovery.screening import Screening
+from shake_ros.core.discovery.problem import SearchProblem
 from shake_ros.core.discovery.second_quantities import screen_pairs
-from shake_ros.core.discovery.unlisted_functions import best_function, leading_functions
+from shake_ros.core.discovery.unlisted_functions import best_function
 from shake_ros.core.identification.axis_model import AXIS, AxisModel
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -49,21 +46,6 @@ def test_a_function_that_the_force_confirms_is_offered_and_one_that_it_contradic
     assert found.result.validation_cost < 0.3 * current.validation_cost
     monkeypatch.setattr(AxisModel, "contradicted", lambda *_: True)
     assert best_function(problem, current).best is None
-
-
-@pytest.mark.parametrize(("effect", "ahead"), [(0.0, True), (0.2, True), (0.45, False), (0.6, False)])
-def test_functions_lead_where_the_best_promises_far_more_than_every_effect(
-    problem: SearchProblem, effect: float, ahead: bool
-) -> None:
-    free = FreeParameters(DECLARED, list(free_parameters(AXIS)))
-    current = problem.scored(fit(problem.estimation, free, free.start(), evaluations=20))
-    trials: Any = (SimpleNamespace(gain=effect),)
-    screening = Screening(linearised(problem.estimation_pieces, current.fit), (), trials)
-    found = leading_functions(problem, current, screening)
-    assert bool(found) is ahead
-    if found:
-        assert found[0].kind.depends_on == ("position",)
-        assert found[0].gain > 0.8
 
 
 def test_an_axis_has_functions_of_two_quantities_that_it_knows(problem: SearchProblem) -> None:

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.core.discovery.forward_selection import with_predictor_search
-from shake_ros.core.discovery.problem import ModelStructure, SearchProblem
+from shake_ros.core.discovery.problem import SearchProblem
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.approach import INJECTION
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import model_structure
+from shake_ros.search.close_loop import beside_process_noise
 from shake_ros.settings import load_search, load_table
 
 STRUCTURE = model_structure(load_table("bergamo"))
@@ -45,7 +45,7 @@ def test_without_process_noise_a_search_stays_as_it_is() -> None:
     assert problem.refitted(current) is current
     assert len(current.innovation_blocks) == 0
     found = Selection(current, (), current)
-    assert with_predictor_search(problem, found, STRUCTURE) == (problem, found)
+    assert beside_process_noise(problem, found) == (problem, found)
 
 
 def test_with_process_noise_both_kinds_of_runs_are_scored(rumbling: tuple[SearchProblem, Fit]) -> None:
@@ -72,8 +72,7 @@ def test_a_fit_to_both_lowers_the_error_of_predictor_runs(rumbling: tuple[Search
 def test_nothing_to_add_leaves_the_models_as_free_runs_have_found_them(rumbling: tuple[SearchProblem, Fit]) -> None:
     problem, true = rumbling
     current = problem.scored(true)
-    no_candidates = ModelStructure(STRUCTURE.table, STRUCTURE.free)
-    corrected, found = with_predictor_search(problem, Selection(current, (), current), no_candidates)
+    corrected, found = beside_process_noise(problem, Selection(current, (), current))
     assert corrected.predictor_rate == INJECTION
     assert found.steps == ()
     assert found.final.fit is true
