@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
+import numpy as np
+
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, decide
 from shake_ros.core.discovery.declared_fit import fit_declared
@@ -17,6 +19,7 @@ from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem
 from shake_ros.core.discovery.refit import Refit, ranked
 from shake_ros.core.discovery.selection import Selection
+from shake_ros.core.identification.fit import costs
 from shake_ros.core.identification.free_parameters import FreeParameters, is_of_recording
 from shake_ros.core.identification.sensor_filter import SensorFilter
 from shake_ros.core.plant.parameters import TableParameters
@@ -53,7 +56,12 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
         among = answer.effects[:count]
         bare = answer.table.without([c.effect for c in answer.effects[count:]])
         parameters = FreeParameters(absent_on(bare, among), [*free, *(p for c in among for p in c.free)])
-        start = parameters.x_of({n: answer.table.value(n) for n in parameters.names if not is_of_recording(n)})
+        tables = [answer.table]
+        if model.fitted is not None and {c.effect for c in among} == set(model.shown):
+            tables.append(model.fitted)  # a fit of free runs from where the search began
+        own = [n for n in parameters.names if not is_of_recording(n)]
+        starts = np.array([parameters.x_of({n: t.value(n) for n in own}) for t in tables])
+        start = starts[int(np.argmin(costs(problem.estimation, parameters, starts)))]
         most = settings.converging_evaluations if count == len(answer.effects) else ALONG
         final = problem.fitted(parameters, start, most, settings.converged, near=True)
         chosen = Refit(candidate, final, predicted_gain(steps, declared, final))
