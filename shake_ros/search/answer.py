@@ -50,7 +50,7 @@ def answer(
     )
     known = {c.effect: c for c in model.candidates}
     shown = backlash(known[BACKLASH], estimation) if BACKLASH in known and BACKLASH not in model.shown else ()
-    certain = (BACKLASH,) if shown or BACKLASH in model.shown else ()
+    certain = (*model.between, *((BACKLASH,) if shown or BACKLASH in model.shown else ()))
     search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress, shown, certain)
     behind, unknown = filter_of(estimation[0]), model.simulator.nuisances
     begin = beginning(model, behind)

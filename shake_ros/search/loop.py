@@ -99,7 +99,7 @@ class SetSearch:
 
     listed : effects that the model may lack. budget : how long it may take. progress : called with a line of progress.
     shown : starts of an effect that the recordings show without a model. certain : effects that stay in the model
-    whatever the evidence, since the predictor follows them badly; the free runs of the end decide on them.
+    whatever its evidence, as what shows without it is stronger; the free runs of the end decide on them.
     """
 
     def __init__(
