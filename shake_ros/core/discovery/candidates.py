@@ -12,7 +12,7 @@ from shake_ros.core.identification.free_parameters import FreeParameter, free_pa
 from shake_ros.core.plant.parameters import FIELDS, TableParameters
 from shake_ros.core.quantities import ShakeError, strict_keys
 
-OPTIONAL = {"usual", "narrow"}
+OPTIONAL = {"usual", "together", "where_far", "narrow"}
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,8 @@ class CandidateEffect:
 
     effect : its name. free : the parameters a refit frees. trials : values by dotted name, the strength first.
     place, depends_on : where it acts and on what. usual : values met on real tables by dotted name.
+    together : values from which it takes part in a fit with many effects at once; empty where it does not.
+    where_far : the same where that fit stays far from the noise.
     narrow : values from the best of which a fit of its own sets out, where its valley is hardly met otherwise.
     """
 
@@ -30,6 +32,8 @@ class CandidateEffect:
     place: str
     depends_on: tuple[str, ...]
     usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    together: Mapping[str, float] = field(default_factory=dict)
+    where_far: Mapping[str, float] = field(default_factory=dict)
     narrow: tuple[Mapping[str, float], ...] = ()
 
     @property
@@ -70,11 +74,17 @@ def candidates(
         except (AttributeError, TypeError, ValueError):
             raise ShakeError(f"{where}: {effect}: usual: needs [low, high] for each name") from None
         strict_keys(usual, own, where)
+        together, where_far = (
+            {prefix + name: float(v) for name, v in entry.get(key, {}).items()} for key in ("together", "where_far")
+        )
+        strict_keys({**together, **where_far}, own, where)
         narrow = _each_with_each(prefix, entry.get("narrow", {}), f"{where}: {effect}: narrow")
         for point in narrow[:1]:
             strict_keys(point, own, where)
         kind = EFFECTS[effect]
-        result.append(CandidateEffect(effect, free, trials, kind.place, kind.depends_on, usual, narrow))
+        result.append(
+            CandidateEffect(effect, free, trials, kind.place, kind.depends_on, usual, together, where_far, narrow)
+        )
     return tuple(result)
 
 

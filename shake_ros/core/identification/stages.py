@@ -1,8 +1,8 @@
 """The first stages of a fit to recordings of a table without a data sheet.
 
 The best first guesses are fitted briefly to pieces of the recordings, with the filter behind the accelerometer that
-leaves least; where that leaves much, with backlash (by_bands.py). The null shift of each recording is free in these
-fits, and stands in the recordings at their end.
+leaves least; where that leaves much, with backlash alone (by_bands.py) or with several effects at once
+(joint_start.py). The null shift of each recording is free in these fits, and stands in the recordings at their end.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Protocol
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from shake_ros.core.identification.explained_band import explained_band
 from shake_ros.core.identification.first_guess import FirstGuess
 from shake_ros.core.identification.fit import Fit, costs, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, null_shifts_of
+from shake_ros.core.identification.joint_start import JoiningEffect, joint_start
 from shake_ros.core.identification.late_command import moved_ahead
 from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates, estimated_null_shifts
 from shake_ros.core.identification.nuisances import Prepared
@@ -28,6 +28,7 @@ from shake_ros.core.identification.recordings import windows
 from shake_ros.core.identification.sensor_filter import behind_filter, better_filter
 from shake_ros.core.identification.sensor_pair import SensorPair
 from shake_ros.core.identification.shared_lag import with_lag_parted
+from shake_ros.core.identification.uncertainty import at_bound
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import TableParameters
 
@@ -39,22 +40,13 @@ EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
 ROUGH = 5e-3  # tolerance where it ends far from the noise, and of the predictor runs before
 SAME = 0.99  # part of the cost of predictor runs from which a second guess leads nowhere else
 HIGH_RATIO = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
-ALONE = 0.7  # part of the cost that an effect with a narrow valley may leave
-
-
-class TableEffect(Protocol):
-    """An effect that a table may lack. free : what a fit moves. narrow : see `CandidateEffect`."""
-
-    @property
-    def free(self) -> tuple[FreeParameter, ...]:
-        """Its parameters."""
-
-    @property
-    def narrow(self) -> tuple[Mapping[str, float], ...]:
-        """Values of some of them."""
-
-
-EffectsOf = Callable[[TableParameters], Mapping[str, TableEffect]]
+BOUND_RATIO = 2.0  # the same from which an effect on a bound is no finding
+JOINED = 0.5  # part of the cost that these may leave
+ALONE = 0.25  # the same of one alone from a narrow start that does not show at once
+CERTAIN = 0.1  # part that they leave where they are certain but for a bound or much that is left
+BEYOND = 0.03  # the same where they are beyond any
+JOINTS = 3  # times that they are looked for
+EffectsOf = Callable[[TableParameters], Mapping[str, JoiningEffect]]
 BETWEEN_SENSORS = ("accelerometer_lag", "position_sensor_lag", "accelerometer_scale", "base_flexibility")
 SPECIMEN = "specimen_resonance"
 SHOWN = (SPECIMEN, *BETWEEN_SENSORS)  # effects that show without a search
@@ -116,9 +108,21 @@ def staged_start(
     def moved(names: Sequence[str]) -> list[FreeParameter]:
         return with_effects(free, known, names)
 
-    if leaves_much(pieces, best):
-        best, more = with_narrow(pieces, moved(shown), known, first.guess, best, progress)
-        shown = (*shown, *more)
+    begin = first.guess
+    for _ in range(JOINTS):
+        if not leaves_much(pieces, best):
+            break
+        progress("first fit: several effects at once", 0.0)
+        joined, more = several_at_once(pieces, moved(shown), known, begin, best, progress)
+        if joined.cost > JOINED * best.cost:
+            break
+        best, shown, begin = joined, (*shown, *more), joined.table  # what is left shows others better
+        over = residual_to_noise_ratio(pieces, best)
+        progress(f"best so far: {' + '.join(shown)}, {over:.1f} × the noise in segments of the estimation data", 0.0)
+    if residual_to_noise_ratio(pieces, best) >= BOUND_RATIO and not any(known[e].narrow for e in shown):
+        progress("first fit: refitting friction", 0.0)
+        anew = _fitted(pieces, moved(shown), with_friction_of(first.guess, best.table, model))
+        best = min(best, anew, key=attrgetter("cost"))
     if not leaves_much(pieces, best):
         best = with_lag_parted(pieces, best, TOLERANCE)
     table, shifts = best.table, estimated_null_shifts(model, best, data.estimation, data.validation)
@@ -135,7 +139,7 @@ class _FirstFit:
     pieces: RecordingProblem
     guess: TableParameters
     best: Fit
-    known: Mapping[str, TableEffect]
+    known: Mapping[str, JoiningEffect]
     shown: tuple[str, ...]
 
 
@@ -191,40 +195,86 @@ def leaves_much(pieces: RecordingProblem, found: Fit) -> bool:
     return residual_to_noise_ratio(pieces, found) >= HIGH_RATIO
 
 
+def rests_on_bound(pieces: RecordingProblem, found: Fit) -> bool:
+    """Whether an effect rests on a bound and much is left: it stands for one that is not there."""
+    return residual_to_noise_ratio(pieces, found) >= BOUND_RATIO and any(
+        name.startswith("effects.") for name, rests in zip(found.free.names, at_bound(found), strict=True) if rests
+    )
+
+
+def is_no_answer(pieces: RecordingProblem, joined: Fit, before: float) -> bool:
+    """Whether the joint fit is no answer: it leaves more than CERTAIN of the cost, or BEYOND and much or at a bound."""
+    left = joined.cost / before
+    return left > CERTAIN or (left > BEYOND and (leaves_much(pieces, joined) or rests_on_bound(pieces, joined)))
+
+
 def with_effects(
-    free: Sequence[FreeParameter], known: Mapping[str, TableEffect], names: Sequence[str]
+    free: Sequence[FreeParameter], known: Mapping[str, JoiningEffect], names: Sequence[str]
 ) -> list[FreeParameter]:
     """What a fit moves with these effects."""
     return [*free, *(p for e in names for p in known[e].free)]
 
 
-def with_narrow(
+def several_at_once(
     pieces: RecordingProblem,
     free: Sequence[FreeParameter],
-    known: Mapping[str, TableEffect],
+    known: Mapping[str, JoiningEffect],
     begin: TableParameters,
     before: Fit,
-    progress: Callable[[str, float], None],
+    progress: Callable[[str, float], None] = lambda *_: None,
 ) -> tuple[Fit, tuple[str, ...]]:
-    """The fit with an effect whose valley is narrow and which shows at once, and its name; the fit before without one.
+    """The fit with the effects that hold where many are tried at once, and these; the one before where none does.
 
-    A search meets such an effect only by chance, and others bend to what it does. It stands where it leaves no more
-    than ALONE of the cost before.
+    An effect with narrow starts that shows at once is sought before: it stands where it leaves no more than JOINED of
+    the cost before. Where the fit with many leaves much, friction with a memory may join as well. Where that is no
+    answer yet, the fit from the best narrow start replaces it where it leaves less than JOINED of what that leaves, and
+    than ALONE of the cost before: a stiff contact between two bodies follows much that it is not.
     """
-    for name, effect in known.items():
-        if effect.narrow and shows_at_once(pieces, effect, before):
+    absent = {name: effect for name, effect in known.items() if name not in begin.effects}
+    narrow = [name for name, effect in absent.items() if effect.narrow]
+    at_once = [name for name in narrow if shows_at_once(pieces, known[name], before)]
+
+    def alone(names: Sequence[str], most: float) -> tuple[Fit, tuple[str, ...]] | None:
+        """The fit with the first of some effects that leaves no more than that from its best narrow start."""
+        for name in names:
             progress(f"first fit: {name}, slow motion first", 0.0)
             moved = with_effects(free, known, (name,))
-            found = from_narrow_start(pieces, moved, effect, begin, before, ALONE * before.cost)
-            if found is not None and found.cost <= ALONE * before.cost:
+            found = from_narrow_start(pieces, moved, known[name], begin, before, most)
+            if found is not None and found.cost <= most:
                 return found, (name,)
-    return before, ()
+        return None
+
+    if (first := alone(at_once, JOINED * before.cost)) is not None:
+        return first
+    best, more = _joined(pieces, free, known, begin, before)
+    if leaves_much(pieces, best) and any(effect.where_far for effect in absent.values()):
+        far = _joined(pieces, free, known, begin, before, far=True)
+        best, more = min((best, more), far, key=lambda found: found[0].cost)
+    if is_no_answer(pieces, best, before.cost):
+        others = [name for name in narrow if name not in at_once]
+        return alone(others, min(JOINED * best.cost, ALONE * before.cost)) or (best, more)
+    return best, more
+
+
+def _joined(
+    pieces: RecordingProblem,
+    free: Sequence[FreeParameter],
+    known: Mapping[str, JoiningEffect],
+    begin: TableParameters,
+    before: Fit,
+    far: bool = False,
+) -> tuple[Fit, tuple[str, ...]]:
+    """The fit with the effects that hold where many are tried at once, and these; the one before where none does."""
+    start, more = joint_start(pieces, free, known, begin, far)
+    if not more:
+        return before, more
+    return _fitted(pieces, with_effects(free, known, more), start), more
 
 
 def from_narrow_start(
     pieces: RecordingProblem,
     free: Sequence[FreeParameter],
-    effect: TableEffect,
+    effect: JoiningEffect,
     begin: TableParameters,
     before: Fit,
     most: float,
@@ -245,14 +295,14 @@ def from_narrow_start(
     return fit(pieces, parameters, x, evaluations=EVALUATIONS, tolerance=TOLERANCE)  # predictor runs would lead away
 
 
-def narrow_starts(parameters: FreeParameters, effect: TableEffect, before: Fit) -> np.ndarray:
+def narrow_starts(parameters: FreeParameters, effect: JoiningEffect, before: Fit) -> np.ndarray:
     """The effect's starts put on a fit without it as that stands, shape (m, p)."""
     rows = np.array([parameters.x_of(point) for point in effect.narrow])
     rows[:, [parameters.names.index(name) for name in before.free.names]] = before.x
     return rows
 
 
-def shows_at_once(pieces: RecordingProblem, effect: TableEffect, before: Fit) -> bool:
+def shows_at_once(pieces: RecordingProblem, effect: JoiningEffect, before: Fit) -> bool:
     """Whether an effect lowers what a fit leaves of slow motion as soon as it is put on it and nothing else moved.
 
     Most backlash of some hundredths of a millimetre and more does, and no other effect that was tried.

@@ -25,10 +25,10 @@ from shake_ros.core.identification.stages import (
     effects_between_sensors,
     from_narrow_start,
     quicker_than_sensor,
+    several_at_once,
     shows_at_once,
     staged_start,
     with_friction_of,
-    with_narrow,
 )
 from shake_ros.declared import effect_candidates, model_structure, unknown_model
 from shake_ros.settings import load_table
@@ -147,17 +147,92 @@ def test_backlash_shows_at_once_where_it_alone_lowers_what_is_left_of_slow_motio
     assert shows_at_once(pieces, backlash, before) is shows
 
 
-@pytest.mark.parametrize(("shows", "left", "taken"), [(True, 0.6, True), (True, 0.8, False), (False, 0.1, False)])
-def test_backlash_that_shows_at_once_is_taken_where_it_leaves_less(
-    shows: bool, left: float, taken: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    known = {c.effect: c for c in effect_candidates() if c.effect in ("coupling_backlash", "soft_zone")}
-    found: Any = SimpleNamespace(cost=left)
-    before: Any = SimpleNamespace(cost=1.0)
-    monkeypatch.setattr(stages, "shows_at_once", lambda *_: shows)
+def test_backlash_that_shows_at_once_is_sought_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    backlash = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
+    base = load_table("bergamo")
+    monkeypatch.setattr(stages, "shows_at_once", lambda *_: True)
+    monkeypatch.setattr(stages, "joint_start", lambda *_: pytest.fail("joined"))
+    found: Any = SimpleNamespace(cost=1.0)
     monkeypatch.setattr(stages, "from_narrow_start", lambda *_: found)
-    best = with_narrow(SimpleNamespace(), [], known, load_table("bergamo"), before, lambda *_: None)  # type: ignore[arg-type]
-    assert best == ((found, ("coupling_backlash",)) if taken else (before, ()))
+    before: Any = SimpleNamespace(cost=5.0)
+    pieces: Any = SimpleNamespace()
+    assert several_at_once(pieces, [], {"coupling_backlash": backlash}, base, before) == (found, ("coupling_backlash",))
+    before.cost = 1.5  # of which it leaves more than half
+    monkeypatch.setattr(stages, "joint_start", lambda *_: (base, ()))
+    monkeypatch.setattr(stages, "leaves_much", lambda *_: False)
+    asked = list[float]()
+    monkeypatch.setattr(stages, "from_narrow_start", lambda *a: asked.append(a[-1]) or found)
+    assert several_at_once(pieces, [], {"coupling_backlash": backlash}, base, before) == (before, ())
+    assert asked == [0.75]  # half of that, and not once more
+
+
+@pytest.mark.parametrize(
+    ("cost", "left", "depth", "alone", "taken"),
+    [
+        (0.5 * 1.5**2, 0.05, 0.97, 0.1, False),  # near the noise a bound does not matter
+        (0.5 * 3.0**2, 0.05, 0.5, 0.1, False),
+        (0.5 * 3.0**2, 0.05, 0.97, 0.45, True),  # on its bound, and much is left
+        (0.5 * 6.0**2, 0.05, 0.5, 0.45, True),
+        (0.5 * 6.0**2, 0.05, 0.5, 0.55, False),  # little better than what joined
+        (0.5 * 6.0**2, 0.02, 0.97, 0.1, False),  # of so much as was taken backlash takes no part
+        (0.5 * 1.5**2, 0.2, 0.5, 0.45, True),
+        (0.5 * 6.0**2, 0.9, 0.5, 0.3, False),  # far better, but it leaves more than a quarter of all
+    ],
+)
+def test_backlash_is_kept_where_the_joint_fit_is_no_answer_and_it_leaves_far_less(
+    cost: float, left: float, depth: float, alone: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    zone, backlash = (next(c for c in effect_candidates() if c.effect == e) for e in ("soft_zone", "coupling_backlash"))
+    free = FreeParameters(load_table("bergamo").with_values(zone.trials[0]), zone.free)
+    joined = Fit(free, free.x_of({"effects.soft_zone.depth": depth}), np.zeros(1), np.zeros((1, 3)), cost, 1)
+    other: Any = SimpleNamespace(cost=alone * cost)
+    pieces: Any = SimpleNamespace(noise_cost=lambda: 1.0, count=1)
+    monkeypatch.setattr(stages, "joint_start", lambda *_: (free.base, ("soft_zone",)))
+    monkeypatch.setattr(stages, "_fitted", lambda *_: joined)
+    monkeypatch.setattr(stages, "from_narrow_start", lambda *_: other)
+    monkeypatch.setattr(stages, "shows_at_once", lambda *_: False)
+    known = {c.effect: c for c in (zone, backlash)}
+    before: Any = SimpleNamespace(cost=cost / left)
+    found, effects = several_at_once(pieces, [], known, load_table("bergamo"), before)
+    assert (found is other, effects) == ((True, ("coupling_backlash",)) if taken else (False, ("soft_zone",)))
+
+
+@pytest.mark.parametrize(("over", "asked"), [(4.0, 1), (6.0, 2)])
+def test_friction_with_a_memory_joins_only_where_others_leave_a_table_far(
+    over: float, asked: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = {c.effect: c for c in effect_candidates() if c.effect in ("presliding_friction", "soft_zone")}
+    free = FreeParameters(load_table("bergamo"), ())
+    left = {False: 0.5 * over**2, True: 0.5 * 1.2**2}
+    seen = list[bool]()
+
+    def joint_start(*arguments: Any) -> tuple[Any, tuple[str, ...]]:
+        seen.append(arguments[-1])
+        return free.base, ("presliding_friction",) if arguments[-1] else ("soft_zone",)
+
+    def fitted(*_: Any) -> Fit:
+        return Fit(free, np.zeros(0), np.zeros(1), np.zeros((1, 0)), left[seen[-1]], 1)
+
+    pieces: Any = SimpleNamespace(noise_cost=lambda: 1.0, count=1)
+    monkeypatch.setattr(stages, "joint_start", joint_start)
+    monkeypatch.setattr(stages, "_fitted", fitted)
+    before: Any = SimpleNamespace(cost=0.5 * 20.0**2)
+    found, effects = several_at_once(pieces, [], known, free.base, before)
+    assert seen == [False, True][:asked]
+    assert (found.cost, effects) == (
+        (left[True], ("presliding_friction",)) if asked > 1 else (left[False], ("soft_zone",))
+    )
+
+
+def test_backlash_is_not_sought_on_a_table_that_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    backlash = next(c for c in effect_candidates() if c.effect == "coupling_backlash")
+    free = FreeParameters(load_table("bergamo").with_values(backlash.trials[0]), ())
+    before = Fit(free, np.zeros(0), np.zeros(1), np.zeros((1, 0)), 18.0, 1)
+    pieces: Any = SimpleNamespace(noise_cost=lambda: 1.0, count=1)
+    monkeypatch.setattr(stages, "joint_start", lambda *_: (free.base, ()))
+    monkeypatch.setattr(stages, "_fitted", lambda *_: pytest.fail("fitted once more"))
+    monkeypatch.setattr(stages, "from_narrow_start", lambda *_: pytest.fail("sought"))
+    assert several_at_once(pieces, [], {"coupling_backlash": backlash}, free.base, before) == (before, ())
 
 
 def test_what_the_sensors_show_stays_known_to_the_search_as_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
