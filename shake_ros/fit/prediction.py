@@ -322,9 +322,8 @@ def tuned(prediction: Predictor, vector: np.ndarray, names: Sequence[str]) -> Pr
 
 def between(one: Levels, other: Levels, part: float) -> Levels:
     """Levels a part of the way from one to another, on a logarithmic scale."""
-    return Levels(
-        *(a ** (1.0 - part) * b**part if a != b else a for a, b in zip(astuple(one), astuple(other), strict=True))
-    )
+    pairs = zip(astuple(one), astuple(other), strict=True)
+    return Levels(*(a if a == b else a ** (1.0 - part) * b**part for a, b in pairs))
 
 
 def likeliest(prediction: Predictor, vector: np.ndarray, names: Sequence[str]) -> Levels:

@@ -114,7 +114,6 @@ def searched(
     A table is searched for sets of effects; a reduced model or an axis, which no predictor follows, for one after
     another. progress : of `problem` as well, but for `Stopped`, which it may raise.
     """
-    stopping = replace(problem, progress=progress)
     if model.simulator.layout is FULL_LAYOUT:
         budget = Budget(over=time_is_over)
         given = answer(model, estimation, validation, budget, lambda line: problem.progress(line, 0.3), failures)
@@ -122,10 +121,10 @@ def searched(
         problem = problem.with_nuisances(known)
         found = replace(selection_of(problem, model, given), nuisances=known)
     else:
-        found = forward_selection(
-            stopping, fit_declared(problem, FreeParameters(model.table, model.free)), model, failures
-        )
-    problem, found = with_nuisances(problem, found)
+        declared = fit_declared(problem, FreeParameters(model.table, model.free))
+        found = forward_selection(replace(problem, progress=progress), declared, model, failures)
+    with failures.step("nuisance parameters"):
+        problem, found = with_nuisances(problem, found)
     with failures.step("search for an unlisted effect"), contextlib.suppress(Stopped):
         found = with_function(replace(problem, progress=progress), found)
     with failures.step("search beside process noise"):

@@ -160,8 +160,8 @@ class SetSearch:
                 break
             self.progress(f"what could stand in the place of {effect}?")
             levels = best.fitted.prediction.levels
-            alone = len(best.model.effects) == 1
-            less = declared if alone else self.scored(best.model.without(effect), levels, SHORT)
+            known = len(best.model.effects) == 1 and not declared.model.effects
+            less = declared if known else self.scored(best.model.without(effect), levels, SHORT)
             taken = gain(best, less)
             promised = {s.trials[0].candidate.name: s for s in proposals(self._screened(less), 1)[1]}
             least = PROMISE * promised[effect].gain if effect in promised else math.inf
