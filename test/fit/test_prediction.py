@@ -1,0 +1,54 @@
+"""A predictor on a table that the package did not simulate: where a segment begins, and the levels of noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hidden_table import SAMPLE_TIME, TRUE, record
+
+from shake_ros.core.identification.recordings import Record
+from shake_ros.declared import free_parameters
+from shake_ros.fit.model import start_of
+from shake_ros.fit.prediction import Levels, Predictor, between, tuned
+from shake_ros.fit.segment import Segment
+from shake_ros.settings import load_table
+
+TABLE = load_table("bergamo").with_values({"body.specimen_mass": 200.0, **TRUE})
+VECTOR = start_of(TABLE, free_parameters()).vectors(start_of(TABLE, free_parameters()).x)[0]
+LOOSE = Levels(force=0.3)
+
+
+@pytest.fixture(scope="module")
+def within() -> Segment:
+    """A segment that begins in full motion."""
+    made = record(1, 4.0)
+    whole = Record("run", SAMPLE_TIME, made.commands, made.position, made.acceleration)
+    begin = 500 + int(np.argmax(np.abs(whole.acceleration[500:2000])))  # type: ignore[index]
+    return Segment.of(whole.part(slice(begin, begin + 2000)))
+
+
+def test_a_segment_that_begins_in_full_motion_is_followed_from_its_first_samples(within: Segment) -> None:
+    (run,) = Predictor([within], LOOSE).filtered(VECTOR).runs
+    white = run.whitening[:, 1] * run.innovations[:, 0] + run.whitening[:, 2] * run.innovations[:, 1]
+    first = float(np.sqrt(np.mean(white[:100] ** 2)))
+    later = float(np.sqrt(np.mean(white[1000:] ** 2)))
+    print(
+        f"whitened innovations of the acceleration: {first:.2f} in the first 0.1 s, {later:.2f} after the first second"
+    )
+    assert first < 5.0 * later
+
+
+def test_levels_of_noise_are_found_though_they_are_far_and_the_path_foresees_too_much(within: Segment) -> None:
+    loose = Predictor([within], LOOSE)
+    found = tuned(loose, VECTOR, ("force", "null_drift", "memory"))
+    at = [Predictor([within], replace(LOOSE, force=f)).filtered(VECTOR) for f in (0.3, 0.1, 0.03)]
+    best = max(float(np.sum(p.log_likelihood())) for p in at)
+    assert float(np.sum(found.log_likelihood())) > best - 50.0
+
+
+def test_levels_between_two_are_so_on_a_logarithmic_scale() -> None:
+    half = between(Levels(force=1.0), Levels(force=0.01), 0.5)
+    assert half.force == pytest.approx(0.1)
+    assert half.memory == Levels().memory
