@@ -139,8 +139,7 @@ def test_unlisted_effect_ends_in_a_whole_report(
     def from_declared(problem: SearchProblem, model: ModelStructure, *_: object) -> tuple[SearchProblem, Selection]:
         return search(problem, fit_declared(problem, FreeParameters(model.table, model.free)))
 
-    monkeypatch.setattr(closing, "forward_selection", search)
-    monkeypatch.setattr(closing, "search_over_sets", from_declared)
+    monkeypatch.setattr(closing, "searched", from_declared)
     monkeypatch.setattr(closing, "with_verdicts", kept)
     monkeypatch.setattr(tune_table, "neighbours", lambda table, *_: [table])
     monkeypatch.setattr(tune_table, "read_yaml", lambda path: {**read_yaml(path), "reference": "pulse"})

@@ -28,7 +28,8 @@ from shake_ros.settings import load_table
 
 STEPS: list[tuple[ModuleType, str, str]] = [
     (loop, "proposals", "search"),
-    (closing, "with_predictor_search", "search beside process noise"),
+    (closing, "with_nuisances", "nuisance parameters"),
+    (closing, "beside_process_noise", "search beside process noise"),
     (closing, "with_verdicts", "verdicts"),
     (closing, "centred", "final fit"),
     (closing, "passed_through", "errors"),
