@@ -80,7 +80,7 @@ def forward_step(
     effects = [t.candidate.effect for t in screening.best]
     problem.progress(f"fitting with {len(effects)} effects, each alone", 0.1)
     refits = ranked(side_by_side(lambda effect: refitted(problem, screening, effect), effects))
-    if not refits or not improves(refits[0].result, current, settings, tried):
+    if not refits:
         return None, refits, current
     current = reconverged(problem, current, refits[0])
     if not improves(refits[0].result, current, settings, tried):

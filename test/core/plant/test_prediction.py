@@ -8,8 +8,8 @@ from hidden_table import OWN, SAMPLE_TIME, TRUE, record
 
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.simulation import run
-from shake_ros.fit.model import FreeModel, start_of
-from shake_ros.fit.prediction import Levels, Predictor
+from shake_ros.fit.model import TABLE, FreeModel, start_of
+from shake_ros.fit.prediction import Levels, Predictor, start_state
 from shake_ros.fit.segment import Segment
 from shake_ros.settings import load_table
 
@@ -34,8 +34,7 @@ def test_predictor_without_gains_is_the_free_run() -> None:
     made.gains[:] = 0.0
     made.whitening[:] = (1.0, 0.0, 1.0)
     left = prediction.residuals(vector[None, :])[0].reshape(-1, 2)
-    state = np.array(piece.position[0])
-    free = run(model.table, piece.commands, piece.dt, position=float(state), tolerance=1e-6)
+    free = run(model.table, piece.commands, piece.dt, state=start_state(vector[:TABLE], piece), tolerance=1e-6)
     start = piece.start
     assert left[:, 0] == pytest.approx(piece.position[start:] - free[start:, 0], abs=1e-6)
     assert left[:, 1] == pytest.approx(piece.acceleration[start:] - free[start:, 2], abs=0.03)
