@@ -1,7 +1,7 @@
 """Hidden tables closed once per session, for all tests that look at a side of the result.
 
 `named(case)` searches a short recording with another held out; `command(case)` runs the whole command on bags. Both
-screen the full list of effects (but for SHORT_LISTS) and refit few of them.
+try the full list of effects (but for SHORT_LISTS) with short fits.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ import numpy as np
 
 from benchmarks.discovery import hidden_tables as hidden
 from benchmarks.plant import reference_model as reference
-from shake_ros.core.discovery.late_parameters import with_late_parameters
+from shake_ros.core.discovery.declared_fit import with_late_parameters
 from shake_ros.core.discovery.problem import SearchProblem
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters

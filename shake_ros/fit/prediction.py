@@ -15,11 +15,11 @@ from dataclasses import astuple, dataclass, field, replace
 import numpy as np
 
 from shake_ros.core.effects.structure import NO_GAP
-from shake_ros.core.plant.integration import MOST, spool_command
-from shake_ros.core.plant.parameters import FULL_LAYOUT, records
+from shake_ros.core.plant.integration import MOST
+from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.plant.prediction import BIAS, FILTER_RATE, FILTERED, FORCE, NULL, kalman, predict, relevelled
 from shake_ros.core.plant.sensors import filter_step
-from shake_ros.core.plant.simulation import NO_PACE, initial_state, weigh, workers
+from shake_ros.core.plant.simulation import NO_PACE, moving_state, workers
 from shake_ros.core.plant.states import (
     BASE,
     BASE_RATE,
@@ -32,7 +32,6 @@ from shake_ros.core.plant.states import (
     ROD_RATE,
     SPECIMEN,
     SPECIMEN_RATE,
-    SPOOL,
     VELOCITY,
 )
 from shake_ros.fit.model import TABLE
@@ -278,11 +277,8 @@ def start_state(vector: np.ndarray, s: Segment) -> np.ndarray:
     """
     table = vector.copy()
     table[GAP] = 0.0
-    state = initial_state(table, float(s.position[0]))
-    state[VELOCITY], state[CLOCK] = s.velocity, s.begin
-    state[SPOOL] = spool_command(records(table)[0], state, s.command_before)
-    if math.isfinite(s.acceleration[0]):
-        weigh(table, state, float(s.acceleration[0]))
+    state = moving_state(table, float(s.position[0]), s.velocity, float(s.acceleration[0]), s.command_before)
+    state[CLOCK] = s.begin
     return state
 
 

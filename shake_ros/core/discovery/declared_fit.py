@@ -1,6 +1,10 @@
 """The declared model fitted to recordings: from several starts, or (a force-driven axis) by its inverse dynamics.
 
 Errors are those of free-running simulations from the recorded command, relative to the measured signal.
+
+Some parameters are freed late, only once they explain much of what a model leaves above the noise. How dry friction
+passes through rest (the transition velocity) shows at every reversal, but weakly. Free from the start, it would bend to
+whatever else the model lacks; kept for ever, it would leave a residual that other effects explain in its place.
 """
 
 from __future__ import annotations
@@ -10,13 +14,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from shake_ros.core.discovery.late_parameters import with_late_parameters
-from shake_ros.core.discovery.problem import ModelStructure, Progress, SearchProblem, mean_square
+from shake_ros.core.discovery.problem import ModelStructure, Progress, ScoredFit, SearchProblem, mean_square
+from shake_ros.core.discovery.screening import ScoreTest
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.axis_model import InverseDynamics
 from shake_ros.core.identification.fit import Fit, fit
-from shake_ros.core.identification.free_parameters import FreeParameters, is_of_recording
+from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, is_of_recording
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate, estimates, form_errors
@@ -102,6 +106,38 @@ def fit_declared(problem: SearchProblem, free: FreeParameters, shown: bool = Fal
     most, tolerance = settings.declared_evaluations, settings.start_tolerance if shown else settings.converged
     most = most if shown else max(most, settings.converging_evaluations)
     return fit(problem.estimation, free, best.x, evaluations=most, tolerance=tolerance)
+
+
+def promise(problem: SearchProblem, current: ScoredFit, parameter: FreeParameter) -> float:
+    """Fall of the estimation cost that freeing a parameter promises, everything else adjusting to first order."""
+    settings, result = problem.settings, current.fit
+    vectors = np.repeat(result.free.vectors(result.x), len(settings.late_multiples), axis=0)
+    column = list(result.free.base.fields).index(parameter.name)
+    vectors[:, column] = np.clip(vectors[:, column] * settings.late_multiples, parameter.low, parameter.high)
+    moved = np.nan_to_num(problem.estimation.residuals(vectors), nan=1e3, posinf=1e3, neginf=-1e3)
+    r, test = result.residuals, ScoreTest(result.residuals, result.jacobian)
+    return max(test.gain(m - r, True, settings.largest_multiple)[0] for m in moved) * current.estimation_cost
+
+
+def with_late_parameters(problem: SearchProblem, current: ScoredFit) -> ScoredFit:
+    """The fit with late parameters freed as well, each where it takes much of what stands above the noise; else as is.
+
+    The cost on the validation data must fall too.
+    """
+    settings = problem.settings
+    for parameter in problem.late:
+        above = current.estimation_cost - problem.estimation.noise_cost()
+        if above <= 0.0 or parameter.name in current.fit.free.names:
+            continue
+        if promise(problem, current, parameter) < settings.late_promise * above:
+            continue
+        free = current.fit.free.extended([parameter])
+        start = np.append(current.fit.x, free.start()[-1])
+        tried = problem.fitted(free, start, settings.converging_evaluations, settings.converged, near=True)
+        helps = current.estimation_cost - tried.estimation_cost > settings.late_gain * above
+        if helps and tried.validation_cost < current.validation_cost:
+            current = tried
+    return current
 
 
 def identify(

@@ -16,8 +16,8 @@ from dataclasses import replace
 from shake_ros.core.discovery.answers import found_by_now
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, decide, improves
+from shake_ros.core.discovery.declared_fit import with_late_parameters
 from shake_ros.core.discovery.elimination import eliminate
-from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, Stopped, side_by_side
 from shake_ros.core.discovery.refit import Refit, ranked, refitted
 from shake_ros.core.discovery.screening import screen

@@ -13,9 +13,8 @@ import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, decide
-from shake_ros.core.discovery.declared_fit import fit_declared
+from shake_ros.core.discovery.declared_fit import fit_declared, with_late_parameters
 from shake_ros.core.discovery.elimination import in_its_place
-from shake_ros.core.discovery.late_parameters import with_late_parameters
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem
 from shake_ros.core.discovery.refit import Refit, ranked
 from shake_ros.core.discovery.selection import Selection
@@ -35,7 +34,7 @@ class GivenAnswer:
     ----------
     table : with all of them. effects : candidates, the one that explains most first. rivals : candidates that explain
     nearly as much in the place of an effect, each with a table that has it. stopped : whether the search ended before
-    it was done.
+    it was done. behind : delay and filter of the accelerometer, where the search has fitted them.
     """
 
     table: TableParameters

@@ -1,6 +1,6 @@
 """What a search stands on, built once: estimation and validation data, pieces of both, settings; and how a fit scores.
 
-Estimation data are fitted, validation data judge. Pieces of both are a cheaper problem for starts and first refits.
+Estimation data are fitted, validation data judge. Pieces of both are a cheaper problem for starts and screening.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ class SearchProblem:
         """A fit to the estimation data from `start`, which may be `near` its end, scored."""
         if near:
             return self.scored(fit(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance))
-        least = self._much_left(self.estimation)
+        least = self.settings.much_left * self.estimation.noise_cost()
         result = approached(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance, near=least)
         return self.scored(result)
 
@@ -168,10 +168,6 @@ class SearchProblem:
         """A model fitted to these data from where it stands."""
         most, tolerance = self.settings.converging_evaluations, self.settings.converged
         return self.fitted(model.fit.free, model.fit.x, most, tolerance, near=True)
-
-    def _much_left(self, problem: RecordingProblem) -> float:
-        """Cost from which much is left above the noise [-]."""
-        return self.settings.much_left * problem.noise_cost()
 
     def scored(self, result: Fit) -> ScoredFit:
         """A fit with its costs, the validation cost block by block as well."""
@@ -210,10 +206,6 @@ class SearchProblem:
 
     def _validation_residuals(self, result: Fit) -> np.ndarray:
         return np.nan_to_num(self.validation.residuals(self.validation.centred(result.vector)[None, :])[0], nan=LOST)
-
-    def unstopped(self) -> SearchProblem:
-        """The same for what is done to its end even where the search is to stop."""
-        return replace(self, progress=unstopped(self.progress))
 
     def with_nuisances(self, nuisances: NuisanceEstimates) -> SearchProblem:
         """The problem with nuisance parameters applied to its recordings."""

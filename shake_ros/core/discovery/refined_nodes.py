@@ -14,7 +14,7 @@ import numpy as np
 
 from shake_ros.core.discovery.closed_form import FORMS, FunctionForm, fitted_forms
 from shake_ros.core.discovery.decision import ForwardStep
-from shake_ros.core.discovery.late_parameters import with_late_parameters
+from shake_ros.core.discovery.declared_fit import with_late_parameters
 from shake_ros.core.discovery.problem import SearchProblem
 from shake_ros.core.discovery.unlisted_functions import NODE_NAMES, PREFIX
 from shake_ros.core.effects.unlisted import FORCE_OF_POSITION, NODES, SUPPLY_OF_PHASE

@@ -36,9 +36,9 @@ class Refit:
         return all(low <= table.value(name) <= high for name, (low, high) in self.candidate.usual.items())
 
 
-def ranked(*groups: Iterable[Refit]) -> tuple[Refit, ...]:
-    """All refits, the best score first."""
-    return tuple(sorted((r for group in groups for r in group), key=lambda r: r.score))
+def ranked(refits: Iterable[Refit]) -> tuple[Refit, ...]:
+    """Refits, the best score first."""
+    return tuple(sorted(refits, key=lambda r: r.score))
 
 
 def refitted(problem: SearchProblem, screening: Screening, effect: str) -> Refit:

@@ -41,10 +41,12 @@ class SearchSettings(Parameters):
     much_left: float = quantity("-", "ratio to the noise from which a fit begins with predictor runs", low=0.0)
     # refits
     start_multiples: tuple[float, ...] = quantity("-", "multiples of a trial from which a refit may start", low=0.0)
-    hopeless: float = quantity("-", "ratio to the least cost of predictor runs from which a refit ends there", low=1.0)
-    most_continued: int = quantity("-", "effects whose refit goes on, on the whole recordings", low=1)
-    continued_evaluations: int = quantity("-", "most trial points of such a refit", low=1)
-    continued_tolerance: float = quantity("-", "relative change at which such a refit stops", low=1e-12, high=1.0)
+    hopeless: float = quantity("-", "ratio to the least cost on pieces from which a function is dropped", low=1.0)
+    most_continued: int = quantity("-", "rivals of an effect that are compared, at most", low=1)
+    continued_evaluations: int = quantity("-", "most trial points of a fit without an effect", low=1)
+    continued_tolerance: float = quantity(
+        "-", "relative change at which one with another effect stops", low=1e-12, high=1.0
+    )
     # convergence
     converging_evaluations: int = quantity("-", "most trial points of a refit that is to converge", low=1)
     rival: float = quantity("-", "ratio to the best score up to which an effect is a rival", low=1.0)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
-from shake_ros.core.plant.integration import acceleration_now, advance_sample, hold, position_sensor, spool_command
-from shake_ros.core.plant.parameters import TableParameters, dead_time, records
+from shake_ros.core.plant.integration import acceleration_now, advance_sample, hold, position_sensor
+from shake_ros.core.plant.parameters import TableParameters, dead_time
 from shake_ros.core.plant.right_hand_side import active_states
-from shake_ros.core.plant.simulation import TOLERANCE, initial_state, weigh
+from shake_ros.core.plant.simulation import TOLERANCE, moving_state
 from shake_ros.core.plant.states import (
     BASE,
     BASE_RATE,
@@ -22,7 +22,6 @@ from shake_ros.core.plant.states import (
     POSITION,
     PRESSURE_A,
     PRESSURE_B,
-    SPOOL,
     STATES,
     VELOCITY,
 )
@@ -50,13 +49,8 @@ def copy_at(
     The spool has followed the command, and the load pressure is the one that makes the acceleration, as far as
     supply and tank allow.
     """
-    vector = model.vector()
-    p = records(vector)[0]
-    y = initial_state(vector, float(estimate[0]))
-    y[VELOCITY] = estimate[1]
-    if command != 0.0:
-        y[SPOOL] = spool_command(p, y, command)
-    weigh(vector, y, float(estimate[2]))
+    position, velocity, acceleration = (float(value) for value in estimate[:3])
+    y = moving_state(model.vector(), position, velocity, acceleration, command or None)
     whole, _ = dead_time(model, sample_time)
     return np.concatenate([y, np.full(whole + 2, command)])
 

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from shake_ros.core.plant.cylinder import rest_pressures
-from shake_ros.core.plant.integration import MOST, OUTPUTS, acceleration_now, simulate
+from shake_ros.core.plant.integration import MOST, OUTPUTS, acceleration_now, simulate, spool_command
 from shake_ros.core.plant.parameters import INDEX, TableParameters, records
 from shake_ros.core.plant.sensors import filter_step
 from shake_ros.core.plant.states import (
@@ -28,6 +28,7 @@ from shake_ros.core.plant.states import (
     STATES,
     STEP_SIZE,
     VALVE,
+    VELOCITY,
 )
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.valve.detailed import CODE as DETAILED
@@ -85,6 +86,26 @@ def weigh(vector: np.ndarray, y: np.ndarray, acceleration: float = 0.0) -> None:
             break
         y[PRESSURE_A] = min(max(y[PRESSURE_A] + push * missing, low), high)
         y[PRESSURE_B] = min(max(y[PRESSURE_B] - push * missing, low), high)
+
+
+def moving_state(
+    vector: np.ndarray, position: float, velocity: float, acceleration: float, command: float | None
+) -> np.ndarray:
+    """State of a table in motion under a command that has stood, as far as supply and tank allow.
+
+    Parameters
+    ----------
+    vector : parameters in the order of `parameters.NAMES`. position [m]. velocity [m/s].
+    acceleration : that the load pressure makes [m/s²]; NaN: the pressures are those at rest.
+    command : that the spool has followed [-]; None: it is at null.
+    """
+    y = initial_state(vector, position)
+    y[VELOCITY] = velocity
+    if command is not None:
+        y[SPOOL] = spool_command(records(vector)[0], y, command)
+    if math.isfinite(acceleration):
+        weigh(vector, y, acceleration)
+    return y
 
 
 def series(name: str, values: np.ndarray, length: int) -> np.ndarray:

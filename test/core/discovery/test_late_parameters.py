@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.late_parameters import with_late_parameters
+from shake_ros.core.discovery.declared_fit import with_late_parameters
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
