@@ -15,6 +15,7 @@ from dataclasses import astuple, dataclass, field, replace
 import numpy as np
 
 from shake_ros.core.effects.structure import NO_GAP
+from shake_ros.core.identification.velocity_filter import low_pass
 from shake_ros.core.plant.integration import MOST
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.plant.prediction import BIAS, FILTER_RATE, FILTERED, FORCE, NULL, kalman, predict, relevelled
@@ -43,6 +44,9 @@ RESONANT = 8.0  # motion of a specimen over that of its table, with which a segm
 LOST = 1e3  # weighted residual of a run that ends in no number
 TOLERANCE = 1e-6  # of a run
 ROUGH = 1e-4  # of the runs that make the gains
+DIFFERENCE, OVER_RIPPLES = 2e-4, 2e-2  # step of differences, the latter over what ripples in a free run with contacts
+SETTLING = 0.3  # random force while the state of a segment is found, in parts of its acceleration
+SLOW = 40.0  # below which free runs are compared [Hz]
 
 
 @dataclass(frozen=True)
@@ -107,13 +111,16 @@ def coordinates(vector: np.ndarray) -> list[int]:
 class Predictor:
     """Whitened innovations of a model over segments, under gains made at one parameter vector."""
 
+    own_levels: tuple[str, ...] = ("force", "acceleration")  # levels of noise that are a recording's own
+    difference = DIFFERENCE  # step of differences, as a part of a parameter's scale or of its value if that is larger
+
     def __init__(self, segments: Sequence[Segment], levels: Levels) -> None:
         self.segments, self.levels = tuple(segments), levels
         self.runs: list[FilteredSegment] = []
 
     def filtered(self, vector: np.ndarray) -> Predictor:
         """The same with the gains of a parameter vector, shape (WIDTH,)."""
-        made = Predictor(self.segments, self.levels)
+        made = type(self)(self.segments, self.levels)
         with ThreadPoolExecutor(workers()) as pool:
             made.runs = list(pool.map(lambda s: self._filter(vector, s), self.segments))
         return made
@@ -122,16 +129,29 @@ class Predictor:
         """Some of its segments, of about so many seconds, from the loudest to the calmest, with their gains."""
         every = max(int(sum(s.seconds for s in self.segments) / seconds), 1)
         order = sorted(range(len(self.segments)), key=lambda i: -self.segments[i].loudness)[::every]
-        made = Predictor([self.segments[i] for i in order], self.levels)
+        made = type(self)([self.segments[i] for i in order], self.levels)
         made.runs = [self.runs[i] for i in order] if self.runs else []
         return made
 
     def with_levels(self, levels: Levels) -> Predictor:
         """The same at other levels of noise; without gains."""
-        return Predictor(self.segments, levels)
+        return type(self)(self.segments, levels)
+
+    def tuned(self, vector: np.ndarray, names: Sequence[str]) -> Predictor:
+        """The same with the gains of a parameter vector, at levels of noise of a larger likelihood if there are any.
+
+        names : of the levels.
+        """
+        best = self.filtered(vector)
+        levels, before = likeliest(best, vector, names), float(np.sum(best.log_likelihood()))
+        for part in PARTS if levels != best.levels else ():
+            moved = best.with_levels(between(best.levels, levels, part)).filtered(vector)
+            if np.sum(moved.log_likelihood()) > before + GAIN:
+                return moved
+        return best
 
     def _filter(self, vector: np.ndarray, s: Segment) -> FilteredSegment:
-        table, n = vector[:TABLE], len(s.commands)
+        table, n, levels = vector[:TABLE], len(s.commands), self.levels
         chain = chain_of(vector, s.dt)
         codes = [*coordinates(table), FORCE, NULL, BIAS, *([FILTERED, FILTER_RATE] if len(chain) else [])]
         numbers = np.array(codes, dtype=np.int64)
@@ -140,8 +160,8 @@ class Predictor:
         transition, sensing = np.zeros((n, size, size)), np.zeros((n, size, 2))
         path = kalman(
             *(FULL_LAYOUT.alone(table)[0], s.commands, s.command_before, s.measured(vector[TABLE]), numbers),
-            *(*deviations(table, s, self.levels, numbers), start_state(table, s), self.decay(s), s.dt, ROUGH, chain),
-            *(gains, whitening, out, transition, sensing),
+            *(*deviations(table, s, levels, numbers), s.found_by, start_state(table, s), self.decay(s), s.dt, ROUGH),
+            *(chain, gains, whitening, out, transition, sensing),
         )
         return FilteredSegment(s, numbers, gains, whitening, out, path, transition, sensing)
 
@@ -154,6 +174,7 @@ class Predictor:
         other = Predictor(self.segments, levels)
 
         def one(run: FilteredSegment) -> float:
+            path = run.gains, run.whitening, run.innovations
             s, force = run.segment, int(np.flatnonzero(run.codes == FORCE)[0])
             transition = run.transition
             if levels.memory != self.levels.memory:
@@ -164,8 +185,8 @@ class Predictor:
             return float(
                 np.sum(
                     relevelled(
-                        *(s.measured(vector[TABLE]), run.gains, run.innovations, transition, run.sensing),
-                        *(*given, s.start, block),
+                        *(s.measured(vector[TABLE]), *path, transition, run.sensing),
+                        *(*given, s.found_by, s.start, block),
                     )
                 )
             )
@@ -177,21 +198,33 @@ class Predictor:
         """Log likelihood of the filter's own innovations by block of a second, shape (b,); −inf where a run is lost."""
         found = []
         for run in self.runs:
-            s, w = run.segment, run.whitening
-            white_x = w[:, 0] * run.innovations[:, 0]
-            white_a = w[:, 1] * run.innovations[:, 0] + w[:, 2] * run.innovations[:, 1]
+            w, white = self._seen(run.segment, run.whitening[:, [0, 2]]), self._white(run, run.innovations)
             with np.errstate(divide="ignore"):
-                terms = np.where(w[:, 0] > 0.0, np.log(w[:, 0]) - 0.5 * white_x**2, 0.0)
-                terms = terms + np.where(w[:, 2] > 0.0, np.log(w[:, 2]) - 0.5 * white_a**2, 0.0)
-            terms = np.nan_to_num(terms[s.start :], nan=-(LOST**2))
-            blocks = np.arange(len(terms)) // max(round(1.0 / s.dt), 1)
-            found.append(np.bincount(blocks, terms))
+                terms = np.sum(np.where(w > 0.0, np.log(w) - 0.5 * white**2, 0.0), axis=1)
+            found.append(np.bincount(self._blocks(run), np.nan_to_num(terms, nan=-(LOST**2))))
         return np.concatenate(found)
+
+    def _seen(self, s: Segment, samples: np.ndarray) -> np.ndarray:
+        """The samples of a segment that count, of shape (n, …)."""
+        return samples[s.start :]
+
+    def _white(self, run: FilteredSegment, innovations: np.ndarray) -> np.ndarray:
+        """Innovations (n, 2) whitened, of the samples that count."""
+        w = run.whitening
+        white = np.column_stack(
+            [w[:, 0] * innovations[:, 0], w[:, 1] * innovations[:, 0] + w[:, 2] * innovations[:, 1]]
+        )
+        return self._seen(run.segment, white)
+
+    def _blocks(self, run: FilteredSegment) -> np.ndarray:
+        """Number of the block of a second of each sample that counts."""
+        places = self._seen(run.segment, np.arange(len(run.segment.commands)))
+        return (places - places[0]) // max(round(1.0 / run.segment.dt), 1)
 
     @property
     def count(self) -> int:
         """Number of residuals that count."""
-        return sum(int(np.count_nonzero(r.whitening[r.segment.start :, [0, 2]])) for r in self.runs)
+        return sum(int(np.count_nonzero(self._seen(r.segment, r.whitening[:, [0, 2]]))) for r in self.runs)
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Whitened innovations for rows of parameter vectors, shape (m, WIDTH) → (m, N)."""
@@ -214,28 +247,60 @@ class Predictor:
         following = i > 0 and len(run.pace) > 0
         predict(
             *(FULL_LAYOUT.alone(vector[:TABLE])[0], s.commands, s.command_before, s.measured(vector[TABLE]), run.codes),
-            *(run.gains, start_state(vector[:TABLE], s), self.decay(s), s.dt, TOLERANCE),
+            *(run.gains, run.whitening, start_state(vector[:TABLE], s), self.decay(s), s.dt, TOLERANCE),
             *(chain_of(vector, s.dt), run.pace, following, out),
         )
-        w = run.whitening
-        white = np.column_stack([w[:, 0] * out[:, 0], w[:, 1] * out[:, 0] + w[:, 2] * out[:, 1]])[s.start :]
-        return np.clip(np.nan_to_num(white, nan=LOST, posinf=LOST, neginf=-LOST), -LOST, LOST).ravel()
+        return np.clip(np.nan_to_num(self._white(run, out), nan=LOST, posinf=LOST, neginf=-LOST), -LOST, LOST).ravel()
 
     def blocks(self) -> np.ndarray:
         """Number of the block of a second that each residual belongs to, shape (N,)."""
         found, first = [], 0
         for run in self.runs:
-            s = run.segment
-            numbers = first + np.arange(len(s.commands) - s.start) // max(round(1.0 / s.dt), 1)
+            numbers = first + self._blocks(run)
             found.append(np.repeat(numbers, 2))
             first = int(numbers[-1]) + 1
         return np.concatenate(found)
 
 
+class SlowRuns(Predictor):
+    """Free runs, and what they leave below a frequency: of a model whose contacts no predictor follows.
+
+    The ringing of contacts follows their parameters so fast that a whole free run is a maze within some per cent of the
+    truth; what is slow is a single valley from far off.
+    """
+
+    own_levels = ("position", "acceleration")
+    difference = OVER_RIPPLES
+
+    def _every(self, s: Segment) -> int:
+        """Samples from one that counts to the next: as many as are independent in the band."""
+        return max(int(0.5 / (SLOW * s.dt)), 1)
+
+    def _seen(self, s: Segment, samples: np.ndarray) -> np.ndarray:
+        return samples[s.start :: self._every(s)]
+
+    def _white(self, run: FilteredSegment, innovations: np.ndarray) -> np.ndarray:
+        s, w = run.segment, run.whitening
+        white = np.nan_to_num(w[:, [0, 2]] * innovations, nan=LOST, posinf=LOST, neginf=-LOST)
+        return self._seen(s, low_pass(white.T, s.dt, SLOW).T) * math.sqrt(self._every(s))
+
+    def tuned(self, vector: np.ndarray, names: Sequence[str]) -> Predictor:
+        """The same with the gains of a parameter vector, at the sensors' levels that its residuals show."""
+        white = np.concatenate([self._white(run, run.innovations) for run in self.filtered(vector).runs])
+        sizes = np.sqrt(np.mean(np.minimum(white, LOST) ** 2, axis=0))
+        levels = self.levels
+        for name, size in zip(self.own_levels, sizes, strict=True):
+            levels = moved_level(levels, name, float(size)) if name in names else levels
+        return self.with_levels(levels).filtered(vector)
+
+
 def deviations(
     table: np.ndarray, s: Segment, levels: Levels, codes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Standard deviations of the coordinates at the first sample, of what a sample adds to them, and of the sensors."""
+    """Standard deviations of the coordinates at the first sample, of what a sample adds to them, and of the sensors.
+
+    What a sample adds is of shape (2, s): while the state is found, when a loose filter follows the sensors, and then.
+    """
     swing, rock = (
         max(2.0 * math.pi * float(table[INDEX[f"effects.{e}.frequency"]]), 1.0)
         for e in ("specimen_resonance", "base_flexibility")
@@ -259,7 +324,9 @@ def deviations(
         FILTERED: (1.0, 0.0),
         FILTER_RATE: (100.0, 0.0),
     }
-    first, process = (np.array([size[int(c)][i] for c in codes]) for i in (0, 1))
+    first, settled = (np.array([size[int(c)][i] for c in codes]) for i in (0, 1))
+    loose = max(force, SETTLING * s.loudness) * math.sqrt(1.0 - left**2)
+    process = np.array([np.where(codes == FORCE, loose, settled), settled])
     return first, process, np.array([levels.position * s.noise[0], levels.acceleration * s.noise[1]])
 
 
@@ -291,29 +358,7 @@ LIMITS = {  # within which levels of noise are estimated
 }
 FACTORS = (4.0, 1.6)  # by which they are moved, as long as that helps
 GAIN = 1.0  # in log likelihood from which a move counts [nats]
-PASSES = 3  # of the levels, each about the path of the one before
 PARTS = (1.0, 0.5, 0.25)  # of the way that is tried: along a path the likelihood is foreseen only so far
-
-
-def tuned(prediction: Predictor, vector: np.ndarray, names: Sequence[str]) -> Predictor:
-    """The prediction at the levels of noise of the largest likelihood at a parameter vector, with their gains.
-
-    names : of the levels.
-    """
-    best = prediction.filtered(vector)
-    for _ in range(PASSES):
-        levels = likeliest(best, vector, names)
-        if levels == best.levels:
-            break
-        before = float(np.sum(best.log_likelihood()))
-        for part in PARTS:
-            moved = best.with_levels(between(best.levels, levels, part)).filtered(vector)
-            if np.sum(moved.log_likelihood()) > before + GAIN:
-                best = moved
-                break
-        else:
-            break
-    return best
 
 
 def between(one: Levels, other: Levels, part: float) -> Levels:

@@ -13,7 +13,7 @@ from scipy.signal import savgol_filter
 from shake_ros.core.identification.recordings import Record
 
 Array = np.ndarray
-SETTLE = 0.3  # start of a segment that counts in no likelihood: its state is found there [s]
+FINDING, SETTLE = 0.3, 0.5  # start of a segment in which its state is found, and which counts in no likelihood [s]
 LINEARITY = 1e-3  # of a position transducer, in parts of the motion: no model predicts it more closely than that
 LEAST_STEPS = 20  # samples that settle at least
 
@@ -88,6 +88,11 @@ class Segment:
             return max(float(np.nanstd(self.acceleration)), 1e-9)
         slow = savgol_filter(self.position, 2 * max(round(0.02 / self.dt), 2) + 1, 2, deriv=2, delta=self.dt)
         return max(float(np.std(slow)), 1e-9)
+
+    @property
+    def found_by(self) -> int:
+        """First sample by which the state is found."""
+        return min(max(round(FINDING / self.dt), LEAST_STEPS), self.start)
 
     @property
     def start(self) -> int:

@@ -9,18 +9,16 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from shake_ros.fit.model import FreeModel
-from shake_ros.fit.prediction import Predictor, tuned
+from shake_ros.fit.prediction import Predictor
 
-DIFFERENCE = 2e-4  # difference step as a part of a parameter's scale or of its value, whichever is larger
 REACH, NARROWER = 1.0, 4.0  # first step in scales (or parts of a value, below); ratio of the two that are tried
 STEPS = 4  # Jacobians between two estimates of the levels of noise
-LOOSENED = 3.0  # times the most likely random force, under which a fit goes its way until the last steps
 NARROWEST = 1e-3  # reach at which a fit ends
 KEPT, LEAST = 3, 0.5  # steps for which a Jacobian is kept, corrected by Broyden, while the foreseen fall comes within
 PART = 0.25  # of a value that counts as one scale where it is more
@@ -72,7 +70,7 @@ def prior_residuals(model: FreeModel, x: np.ndarray) -> np.ndarray:
 
 def jacobian(prediction: Predictor, model: FreeModel, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Residuals, shape (N,), and their differences per unit of x, shape (N, p)."""
-    step = DIFFERENCE * np.maximum(1.0, np.abs(x))
+    step = prediction.difference * np.maximum(1.0, np.abs(x))
     step = np.where(x + step > model.bounds[1], -step, step)
     rows = prediction.residuals(model.vectors(np.vstack([x, x + np.diag(step)])))
     return rows[0], (rows[1:] - rows[0]).T / step
@@ -151,30 +149,27 @@ def fit(
     tolerance: float = 3.0,
     levels: tuple[str, ...] = LEVELS,
 ) -> PredictorFit:
-    """Fit a model: gains and levels of noise where it stands, least squares under them, and again.
+    """Fit a model: least squares under the gains where it stands, then gains and levels of noise anew, and again.
 
     Under held gains the way is that of a smooth least-squares problem; the likelihood need not rise on it, so the
-    best model on the way is kept.
+    best model on the way is kept. The levels come after: where a model stands before its fit they would be far too
+    large, and hold it there.
 
     Parameters
     ----------
     steps : Jacobians at most. tolerance : gain in log likelihood at which it stops. levels : of noise that are
     estimated.
     """
-    current, best, taken, loose = model, None, 0, True
-    while True:
-        vector = current.vectors(current.x)[0]
-        prediction = tuned(prediction, vector, levels)
-        now = PredictorFit(current, prediction, prediction.log_likelihood())
-        gained = math.inf if best is None else now.total - best.total
-        best = now if best is None or gained > 0.0 else best
-        if taken >= steps or budget.over() or (gained < tolerance and not loose):
-            return best
-        loose = loose and gained >= tolerance and steps - taken > STEPS
-        if loose:
-            wide = replace(prediction.levels, force=LOOSENED * prediction.levels.force)
-            held = prediction.with_levels(wide).filtered(vector)
-        else:
-            current, held = best.model, best.prediction
-        current, used = descend(held, current, min(STEPS, steps - taken), tolerance, budget)
-        taken += used
+
+    def at(prediction: Predictor, model: FreeModel) -> PredictorFit:
+        return PredictorFit(model, prediction, prediction.log_likelihood())
+
+    best, taken = at(prediction.filtered(model.vectors(model.x)[0]), model), 0
+    while taken < steps and not budget.over():
+        moved, used = descend(best.prediction, best.model, min(STEPS, steps - taken), tolerance, budget)
+        now = at(best.prediction.tuned(moved.vectors(moved.x)[0], levels), moved)
+        taken, gained = taken + used, now.total - best.total
+        best = now if gained > 0.0 else best
+        if gained < tolerance:
+            break
+    return best

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.given_answer import GivenAnswer
@@ -13,7 +14,7 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_filter import SensorFilter, filter_of
 from shake_ros.explain.backlash import BACKLASH, SHARE, share_of_dwells, width_of_gap
 from shake_ros.fit.model import SENSOR_DELAY, SENSOR_FILTER, FreeModel, start_of
-from shake_ros.fit.prediction import Levels
+from shake_ros.fit.prediction import Levels, Predictor, SlowRuns
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
 from shake_ros.search.candidates import listed
@@ -24,7 +25,7 @@ SECONDS, PIECE = 14.0, 3.5  # of the estimation data that are fitted, and length
 VALIDATION_SECONDS = 10.0  # of the validation data
 GAPS = (1.0, 1.6)  # times the width that the dwells show, from which a backlash may start
 DECLARED = Levels(force=3.0, null=1e-6, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)  # offsets are effects here
-UNKNOWN = Levels(null=1e-3)  # the null shifts of whole recordings are in their commands by now
+UNKNOWN = Levels(null=1e-4)  # the null shifts of whole recordings are in their commands by now
 
 
 def answer(
@@ -51,12 +52,15 @@ def answer(
     known = {c.effect: c for c in model.candidates}
     shown = backlash(known[BACKLASH], estimation) if BACKLASH in known and BACKLASH not in model.shown else ()
     certain = (*model.between, *((BACKLASH,) if shown or BACKLASH in model.shown else ()))
-    search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress, shown, certain)
+    slow = bool(shown or BACKLASH in model.shown)
+    runs = SlowRuns if slow else Predictor
+    search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress, shown, certain, runs)
     behind, unknown = filter_of(estimation[0]), model.simulator.nuisances
     begin = beginning(model, behind)
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
-        for better in search.run(begin, UNKNOWN if unknown else DECLARED):
+        levels = UNKNOWN if unknown else DECLARED
+        for better in search.run(begin, replace(levels, force=1e-4) if slow else levels):
             models.append(better)
         others, done = search.rivals(models[0], models[-1]), not budget.over()
     rivals = {

@@ -22,14 +22,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.fit.model import FreeModel, TriedEffect
-from shake_ros.fit.prediction import Levels, Predictor, tuned
+from shake_ros.fit.prediction import Levels, Predictor
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import Budget, PredictorFit, fit
 from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start, weakest
 
 Progress = Callable[[str], None]
 PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
-OWN_LEVELS = ("force", "acceleration")  # levels of noise that are a recording's own
 SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one that goes on
 SETTLED = 3.0  # gain in log likelihood from which a fit goes on [nats]
 PROMISE, ALIKE = 0.5, 0.8  # part of an effect's gain that a rival has to promise at first order, and to take
@@ -100,6 +99,7 @@ class SetSearch:
     listed : effects that the model may lack. budget : how long it may take. progress : called with a line of progress.
     shown : starts of an effect that the recordings show without a model. certain : effects that stay in the model
     whatever its evidence, as what shows without it is stronger; the free runs of the end decide on them.
+    predictor : what compares a model with the data.
     """
 
     def __init__(
@@ -110,17 +110,25 @@ class SetSearch:
         progress: Progress,
         shown: Sequence[Start] = (),
         certain: Sequence[str] = (),
+        predictor: type[Predictor] = Predictor,
     ) -> None:
         self.data, self.listed, self.budget, self.progress = data, listed, budget, progress
-        self.shown, self.certain = shown, certain
+        self.shown, self.certain, self.predictor = shown, certain, predictor
         self._known: list[tuple[Scored, Linearised]] = []
+        self._fits = dict[frozenset[str], Scored]()
+        self._loose = Levels()
 
     def scored(self, model: FreeModel, levels: Levels, steps: int) -> Scored:
-        """A model fitted by so many steps, and scored."""
-        fitted = fit(Predictor(self.data.estimation, levels), model, self.budget, steps=steps)
+        """A model fitted by so many steps, and scored; the best fit of the same effects so far if that is better."""
+        known = self._fits.get(frozenset(model.effect_names))
+        levels = levels if known is None else known.fitted.prediction.levels
+        fitted = fit(self.predictor(self.data.estimation, levels), model, self.budget, steps=steps)
         vector = fitted.model.vectors(fitted.model.x)[0]
-        seen = tuned(Predictor(self.data.validation, fitted.prediction.levels), vector, OWN_LEVELS)
-        return Scored(fitted, seen, seen.log_likelihood())
+        seen = self.predictor(self.data.validation, fitted.prediction.levels).tuned(vector, self.predictor.own_levels)
+        found = Scored(fitted, seen, seen.log_likelihood())
+        best = found if known is None or found.fitted.total > known.fitted.total else known
+        self._fits[frozenset(model.effect_names)] = best
+        return best
 
     def settled(self, found: Scored) -> Scored:
         """A model fitted until that gains no more."""
@@ -133,6 +141,7 @@ class SetSearch:
 
     def run(self, model: FreeModel, levels: Levels) -> Iterator[Scored]:
         """The declared model, then each better one that is found."""
+        self._loose = levels
         self.progress("declared model: fit")
         best = self.scored(model, levels, LONG)
         yield best
@@ -148,20 +157,21 @@ class SetSearch:
             found = self._step(best)
             if found is None:
                 break
-            best = found
+            same, best = set(found.model.effect_names) == set(best.model.effect_names), found
             self.progress(f"best so far: {names_of(best.model.effects)}")
             yield best
+            if same:  # nothing but a better fit
+                break
 
     def rivals(self, declared: Scored, best: Scored) -> dict[str, list[Scored]]:
         """Models with another effect in the place of each one found that explain nearly as much."""
         found: dict[str, list[Scored]] = {}
-        for effect in best.model.effect_names:
+        for effect in (n for n in best.model.effect_names if n not in self.certain):
             if self.budget.over():
                 break
             self.progress(f"what could stand in the place of {effect}?")
-            levels = best.fitted.prediction.levels
             known = len(best.model.effects) == 1 and not declared.model.effects
-            less = declared if known else self.scored(best.model.without(effect), levels, SHORT)
+            less = declared if known else self.scored(best.model.without(effect), self._loose, SHORT)
             taken = gain(best, less)
             promised = {s.trials[0].candidate.name: s for s in proposals(self._screened(less), 1)[1]}
             least = PROMISE * promised[effect].gain if effect in promised else math.inf
@@ -182,7 +192,7 @@ class SetSearch:
             winner = result if evidence(result, winner) > 0.0 else winner
         if winner is best:
             return None
-        winner = self._reduced(self.settled(winner))
+        winner = self.settled(self._reduced(self.settled(winner)))
         return winner if evidence(winner, best) > 0.0 else None
 
     def _screened(self, found: Scored) -> Linearised:
@@ -203,7 +213,7 @@ class SetSearch:
                 break
             effect = weakest(found.fitted, others)
             self.progress(f"is {effect.called} needed?")
-            less = self.scored(found.model.without(effect.name), found.fitted.prediction.levels, SHORT)
+            less = self.scored(found.model.without(effect.name), self._loose, SHORT)
             if evidence(found, less) > 0.0:
                 break
             found = less

@@ -18,14 +18,14 @@ import numpy as np
 
 from shake_ros.fit.model import FreeModel, TriedEffect
 from shake_ros.fit.prediction import LOST, Predictor
-from shake_ros.fit.solver import DIFFERENCE, PART, PredictorFit, jacobian, prior_residuals
+from shake_ros.fit.solver import PART, PredictorFit, jacobian, prior_residuals
 
 LARGEST, SLIGHT = 4.0, 0.01  # multiple of a trial up to which its linear prediction is followed, and a slight one
 SCREENED = 9.0  # length of the segments that are linearised [s]
 BEAM = 16  # sets of each size that are kept
 MOST = 3  # effects of a set
 SHIFT = 3.0  # of a parameter, in scales (or parts of its value), that is followed at most
-MULTIPLES = (1.0, 0.5, 0.25, 0.1)  # of the linear prediction from which a refit may start
+MULTIPLES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)  # of the linear prediction from which a refit may start
 FRICTION, OWN = "friction", "friction."  # place of an effect, and how the names of the table's own parameters begin
 RIDGE = 1e-3  # of directions that are alike
 NONE_MOVED: Mapping[int, TriedEffect] = MappingProxyType({})
@@ -118,7 +118,7 @@ def linearised(
         for values in t.directions:
             bigger = before(model, t.candidate).with_effect(t.candidate, values)
             rows.append(bigger.vectors(bigger.x)[0])
-    step = DIFFERENCE * np.maximum(1.0, np.abs(model.x))
+    step = fitted.prediction.difference * np.maximum(1.0, np.abs(model.x))
     step = np.where(model.x + step > model.bounds[1], -step, step)
     at = model.vectors(np.vstack([model.x, model.x + np.diag(step)]))
     data, vectors = (fitted.prediction, *beside), np.vstack([at, *rows])
@@ -260,10 +260,11 @@ def start(fitted: PredictorFit, proposal: EffectSet) -> FreeModel:
     for trial in proposal.trials:
         model = before(model, trial.candidate)
     for part in MULTIPLES:
-        bigger = model.at(model.x + np.clip(part * proposal.change, -most, most))
-        for trial, parts in zip(proposal.trials, proposal.parts, strict=True):
-            bigger = bigger.with_effect(trial.candidate, trial.values([part * s for s in parts]))
-        found.append(bigger)
+        for beside in (np.clip(part * proposal.change, -most, most), 0.0):
+            bigger = model.at(model.x + beside)
+            for trial, parts in zip(proposal.trials, proposal.parts, strict=True):
+                bigger = bigger.with_effect(trial.candidate, trial.values([part * s for s in parts]))
+            found.append(bigger)
     rows = np.array([m.vectors(m.x)[0] for m in found])
     left = np.sum(fitted.prediction.residuals(rows) ** 2, axis=1)
     return found[int(np.argmin(left))]

@@ -15,7 +15,7 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_filter import CUTOFFS
 from shake_ros.core.plant.sensors import FILTER_DELAY
 from shake_ros.fit.model import SENSOR_FILTER, TABLE, FreeModel
-from shake_ros.fit.prediction import LIMITS, Levels, Predictor, tuned
+from shake_ros.fit.prediction import LIMITS, Levels, Predictor
 from shake_ros.fit.segment import Segment
 from shake_ros.twin.change import KnownState, pooled
 from shake_ros.twin.evidence import QUIET, WindowEvidence, evidence, segment_of
@@ -74,8 +74,8 @@ def noise_levels(few: Sequence[Segment], model: FreeModel, begin: Levels) -> Lev
     steady = [_Steady(**{f.name: getattr(s, f.name) for f in fields(s)}, usual=usual) for s in few]
     begin = replace(begin, force=max(begin.force, begin.least_force / usual), least_force=0.0)
     begin = _likeliest_memory(few[len(few) // 2], vector, begin)
-    own = tuned(Predictor(few, begin), vector, LEVELS)
-    same = tuned(Predictor(steady, own.levels), vector, LEVELS)
+    own = Predictor(few, begin).tuned(vector, LEVELS)
+    same = Predictor(steady, own.levels).tuned(vector, LEVELS)
     least = same.levels.force * usual
     if np.sum(same.log_likelihood()) > np.sum(own.log_likelihood()):
         return replace(same.levels, force=LIMITS["force"][0], least_force=least)
@@ -88,7 +88,7 @@ def _likeliest_memory(segment: Segment, vector: np.ndarray, begin: Levels) -> Le
     What a recording shows above its motion is noise of the sensor or a force of short memory. The likelihood has a
     maximum for each, and the parameters are biased at the wrong one.
     """
-    kinds = [tuned(Predictor([segment], replace(begin, memory=m)), vector, ("force", "acceleration")) for m in MEMORIES]
+    kinds = [Predictor([segment], replace(begin, memory=m)).tuned(vector, ("force", "acceleration")) for m in MEMORIES]
     return max(kinds, key=lambda k: float(np.sum(k.log_likelihood()))).levels
 
 

@@ -12,7 +12,7 @@ from hidden_table import SAMPLE_TIME, TRUE, record
 from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import free_parameters
 from shake_ros.fit.model import start_of
-from shake_ros.fit.prediction import Levels, Predictor, between, tuned
+from shake_ros.fit.prediction import Levels, Predictor, between
 from shake_ros.fit.segment import Segment
 from shake_ros.settings import load_table
 
@@ -63,7 +63,7 @@ class Misleading:
 
 def test_levels_of_noise_go_only_so_far_as_the_filter_follows() -> None:
     predictor: Any = Misleading(LOOSE)
-    found = tuned(predictor, VECTOR, ("force",))
+    found = Predictor.tuned(predictor, VECTOR, ("force",))
     assert 0.05 < found.levels.force < 0.15
 
 

@@ -18,6 +18,7 @@ from shake_ros.core.discovery.elimination import in_its_place
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem
 from shake_ros.core.discovery.refit import Refit, ranked
 from shake_ros.core.discovery.selection import Selection
+from shake_ros.core.identification.by_bands import from_slow_to_fast
 from shake_ros.core.identification.fit import costs
 from shake_ros.core.identification.free_parameters import FreeParameters, is_of_recording
 from shake_ros.core.identification.sensor_filter import SensorFilter
@@ -61,7 +62,11 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
         own = [n for n in parameters.names if not is_of_recording(n)]
         starts = np.array([parameters.x_of({n: t.value(n) for n in own}) for t in tables])
         start = starts[int(np.argmin(costs(problem.estimation, parameters, starts)))]
-        most = settings.converging_evaluations if count == len(answer.effects) else ALONG
+        last = count == len(answer.effects)
+        if last and (own := [p.name for c in among if c.narrow for p in reversed(c.free)]):
+            problem.progress("slow motion first, then faster", 0.9)
+            start = from_slow_to_fast(problem.estimation_pieces, parameters, [start], own)
+        most = settings.converging_evaluations if last else ALONG
         final = problem.fitted(parameters, start, most, settings.converged, near=True)
         chosen = Refit(candidate, final, predicted_gain(steps, declared, final))
         steps.append(ForwardStep(chosen, (chosen,)))

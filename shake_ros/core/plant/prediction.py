@@ -45,6 +45,7 @@ from shake_ros.core.plant.states import (
 FORCE, NULL, BIAS, FILTERED, FILTER_RATE = -1, -2, -3, -4, -5
 AUXILIARY = 6  # length of the array that holds them, at minus their code
 LEAST_DEVIATION = 1e-12  # of a coordinate, in its unit
+TRUSTED = 6.0  # of an innovation, in standard deviations, up to which it corrects
 LARGEST_NULL = 0.3  # of the full command, up to which a null shift is corrected [-]
 
 
@@ -109,14 +110,30 @@ def shown(p, y, aux, now, chain, row):
 
 
 @njit
-def predict(p, commands, command_before, measured, codes, gains, y0, decay, dt, tolerance, chain, pace, following, out):
+def predict(
+    p,
+    commands,
+    command_before,
+    measured,
+    codes,
+    gains,
+    whitening,
+    y0,
+    decay,
+    dt,
+    tolerance,
+    chain,
+    pace,
+    following,
+    out,
+):
     """Predicted position and acceleration of each sample from all that was measured before it.
 
     Parameters
     ----------
     p : parameter record. commands : shape (n,) [-]. command_before : before the first one [-].
     measured : position [m] and acceleration [m/s²], shape (n, 2); NaN where not measured.
-    codes : corrected coordinates, shape (s,). gains : K of every sample, shape (n, s, 2).
+    codes : corrected coordinates, shape (s,). gains, whitening : K and W of every sample, shapes (n, s, 2) and (n, 3).
     y0 : state at the first sample. decay : of the random force over a sample [-]. dt : [s].
     tolerance, chain, pace, following : as in `simulate`.
     out : innovations, shape (n, 2); 0 where nothing was measured.
@@ -131,8 +148,9 @@ def predict(p, commands, command_before, measured, codes, gains, y0, decay, dt, 
         for c in range(2):
             e = measured[i, c] - row[c]
             out[i, c] = e if math.isfinite(measured[i, c]) else 0.0
+        e_x, e_a = trusted(out[i, 0], out[i, 1], whitening[i, 0], whitening[i, 1], whitening[i, 2])
         for j in range(codes.shape[0]):
-            shift(p, y, aux, codes[j], gains[i, j, 0] * out[i, 0] + gains[i, j, 1] * out[i, 1])
+            shift(p, y, aux, codes[j], gains[i, j, 0] * e_x + gains[i, j, 1] * e_a)
         if pacing:
             begin_sample(work[PACE], pace[i], following)
         now = advance_all(p, y, aux, commands, i, command_before, decay, dt, work, tolerance, chain, now)
@@ -166,6 +184,21 @@ def whitener(s_11, s_21, s_22, has_x, has_a):
         w_22 = 1.0 / math.sqrt(max(s_22 - (s_21 * s_21 / s_11 if has_x else 0.0), 1e-30))
         w_21 = -s_21 / s_11 * w_22 if has_x else 0.0
     return w_11, w_21, w_22
+
+
+@kernel
+def trusted(e_x, e_a, w_11, w_21, w_22):
+    """Innovations of position and acceleration with the whitened ones within what a filter trusts.
+
+    Where a model fails for an instant its covariance knows nothing of that, and the whole correction would throw the
+    state out of the range within which its derivatives hold. Source: C. Masreliez, R. Martin, Robust Bayesian
+    estimation for the linear model and robustifying the Kalman filter, IEEE Trans. Automatic Control 22 (1977) 361.
+    """
+    a, b = w_11 * e_x, w_21 * e_x + w_22 * e_a
+    if abs(a) <= TRUSTED and abs(b) <= TRUSTED:
+        return e_x, e_a
+    x = min(max(a, -TRUSTED), TRUSTED) / w_11 if w_11 > 0.0 else 0.0
+    return x, (min(max(b, -TRUSTED), TRUSTED) - w_21 * x) / w_22 if w_22 > 0.0 else 0.0
 
 
 @kernel
@@ -222,6 +255,7 @@ def kalman(
     first,
     process,
     sensor,
+    found_by,
     y0,
     decay,
     dt,
@@ -238,7 +272,8 @@ def kalman(
     Parameters
     ----------
     first : standard deviation of each coordinate at the first sample, shape (s,).
-    process : standard deviation that each coordinate gains over a sample, shape (s,).
+    process : standard deviation that each coordinate gains over a sample, shape (2, s): before the sample `found_by`,
+        while the state is found, and from it on.
     sensor : standard deviation of the noise of position [m] and acceleration [m/s²], shape (2,).
     gains, out : as in `predict`, results here.
     whitening : result, shape (n, 3): w_11, w_21, w_22 of the lower factor W with W S Wᵀ = 1, S the covariance of the
@@ -270,7 +305,8 @@ def kalman(
         out[i, 0], out[i, 1] = e_x, e_a
         w_11, w_21, w_22 = whitener(s_11, s_21, s_22, has_x, has_a)
         whitening[i, 0], whitening[i, 1], whitening[i, 2] = w_11, w_21, w_22
-        correct(cov, cross, s_11, s_21, s_22, w_11, w_21, w_22, process, gains[i])
+        correct(cov, cross, s_11, s_21, s_22, w_11, w_21, w_22, process[int(i >= found_by)], gains[i])
+        e_x, e_a = trusted(e_x, e_a, w_11, w_21, w_22)
         for j in range(s):
             shift(p, y, aux, codes[j], gains[i, j, 0] * e_x + gains[i, j, 1] * e_a)
         for j in range(s):
@@ -319,15 +355,28 @@ def kalman(
 
 
 @njit
-def relevelled(measured, gains, innovations, transition, sensing, first, process, sensor, start, block):
+def relevelled(
+    measured,
+    gains,
+    whitening,
+    innovations,
+    transition,
+    sensing,
+    first,
+    process,
+    sensor,
+    found_by,
+    start,
+    block,
+):
     """Log likelihood of the same path at other levels of noise, to first order, by block of samples [nats].
 
     The filter is run again on the derivatives of a run of `kalman`; the path's change with the gains follows them.
 
     Parameters
     ----------
-    measured, gains, innovations, transition, sensing : of that run. first, process, sensor : the other levels.
-    start : first sample that counts. block : samples of a block.
+    measured, gains, whitening, innovations, transition, sensing : of that run. first, process, sensor, found_by : as
+        of `kalman`, at the other levels. start : first sample that counts. block : samples of a block.
     """
     n, s = gains.shape[0], gains.shape[1]
     found = np.zeros((n - start - 1) // block + 1)
@@ -350,10 +399,13 @@ def relevelled(measured, gains, innovations, transition, sensing, first, process
             if has_a:
                 value += math.log(w_22)
             found[(i - start) // block] += value
-        correct(cov, cross, s_11, s_21, s_22, w_11, w_21, w_22, process, gain)
+        correct(cov, cross, s_11, s_21, s_22, w_11, w_21, w_22, process[int(i >= found_by)], gain)
+        e_x, e_a = trusted(e_x, e_a, w_11, w_21, w_22)
+        w = whitening[i]
+        o_x, o_a = trusted(innovations[i, 0], innovations[i, 1], w[0], w[1], w[2])
         for j in range(s):
             corrected[j] = moved[j] + gain[j, 0] * e_x + gain[j, 1] * e_a
-            corrected[j] -= gains[i, j, 0] * innovations[i, 0] + gains[i, j, 1] * innovations[i, 1]
+            corrected[j] -= gains[i, j, 0] * o_x + gains[i, j, 1] * o_a
         shift_x = shift_a = 0.0
         for j in range(s):
             shift_x += sensing[i, j, 0] * corrected[j]
