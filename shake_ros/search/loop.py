@@ -148,7 +148,7 @@ class SetSearch:
         if self.shown:
             self.progress(f"refit with {self.shown[0].effect.called}, which the recordings show")
             starts = [self.scored(s.on(best.model), best.fitted.prediction.levels, SHORT) for s in self.shown]
-            best = self.settled(max(starts, key=lambda s: s.fitted.total))
+            best = max(starts, key=lambda s: s.fitted.total)
             yield best
         if model.effects:
             best = self._reduced(best, least=0)
