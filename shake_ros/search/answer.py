@@ -23,8 +23,9 @@ from shake_ros.search.loop import Scored, SearchData, SetSearch, Start
 STIFFNESS = "effects.coupling_backlash.stiffness"
 SECONDS, PIECE = 14.0, 3.5  # of the estimation data that are fitted, and length of each piece [s]
 VALIDATION_SECONDS = 10.0  # of the validation data
-GAPS = (1.0, 1.6)  # times the width that the dwells show, from which a backlash may start
+GAP = 1.25  # times the width that the dwells show, from which a backlash starts: a dwell is noticed late
 DECLARED = Levels(force=3.0, null=1e-6, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)  # offsets are effects here
+FREE = 1e-4  # random force of a run that is free
 UNKNOWN = Levels(null=1e-4)  # the null shifts of whole recordings are in their commands by now
 
 
@@ -50,17 +51,16 @@ def answer(
         tuple(Segment.of(r) for r in pieces(validation or estimation, VALIDATION_SECONDS, PIECE)),
     )
     known = {c.effect: c for c in model.candidates}
-    shown = backlash(known[BACKLASH], estimation) if BACKLASH in known and BACKLASH not in model.shown else ()
+    shown = None if BACKLASH in model.shown else backlash(known.get(BACKLASH), estimation)
     certain = (*model.between, *((BACKLASH,) if shown or BACKLASH in model.shown else ()))
-    slow = bool(shown or BACKLASH in model.shown)
-    runs = SlowRuns if slow else Predictor
+    runs = SlowRuns if BACKLASH in certain else Predictor
     search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress, shown, certain, runs)
     behind, unknown = filter_of(estimation[0]), model.simulator.nuisances
     begin = beginning(model, behind)
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
         levels = UNKNOWN if unknown else DECLARED
-        for better in search.run(begin, replace(levels, force=1e-4) if slow else levels):
+        for better in search.run(begin, replace(levels, force=FREE) if runs is SlowRuns else levels):
             models.append(better)
         others, done = search.rivals(models[0], models[-1]), not budget.over()
     rivals = {
@@ -96,9 +96,9 @@ def found_filter(model: FreeModel, before: SensorFilter) -> SensorFilter:
     return SensorFilter(before.pure + model.value(SENSOR_DELAY.name) + by_filter, by_filter)
 
 
-def backlash(effect: CandidateEffect, records: Sequence[Record]) -> tuple[Start, ...]:
-    """Starts of a backlash that the acceleration shows; none where it shows none."""
-    if share_of_dwells(records) <= SHARE:
-        return ()
-    width, softest = width_of_gap(records), min(effect.trials, key=lambda t: t[STIFFNESS])
-    return tuple(Start(listed(effect), {**softest, effect.strength.name: factor * width}) for factor in GAPS)
+def backlash(effect: CandidateEffect | None, records: Sequence[Record]) -> Start | None:
+    """Start of a backlash that the acceleration shows; none where it shows none."""
+    if effect is None or share_of_dwells(records) <= SHARE:
+        return None
+    softest = min(effect.trials, key=lambda t: t[STIFFNESS])
+    return Start(listed(effect), {**softest, effect.strength.name: GAP * width_of_gap(records)})

@@ -96,7 +96,7 @@ def close_loop(
     failures : takes the errors of what comes after the fit of the declared model; the rest is done without it.
     """
     problem = SearchProblem.of(model, estimation, validation, settings, unstopped(progress))
-    problem, selection = searched(problem, model, estimation, validation, progress, failures)
+    problem, selection = searched(problem, model, estimation, validation, progress, deadline_passed, failures)
     with within_budget(deadline_passed):  # the verdicts come from fits that have ended, as long as there is time
         return concluded(replace(problem, progress=unstopped(progress)), selection, model, estimation, failures)
 
@@ -107,6 +107,7 @@ def searched(
     estimation: Sequence[Record],
     validation: Sequence[Record],
     progress: Progress,
+    deadline_passed: Callable[[], bool],
     failures: Failures,
 ) -> tuple[SearchProblem, Selection]:
     """The listed effects that a model lacks, or an unlisted one; the problem with what they show of the recordings.
@@ -119,7 +120,8 @@ def searched(
         given = answer(model, estimation, validation, budget, lambda line: problem.progress(line, 0.3), failures)
         known = NuisanceEstimates(given.behind)
         problem = problem.with_nuisances(known)
-        found = replace(selection_of(problem, model, given), nuisances=known)
+        with within_budget(deadline_passed):  # what the search has found is fitted even where it was stopped
+            found = replace(selection_of(problem, model, given), nuisances=known)
     else:
         declared = fit_declared(problem, FreeParameters(model.table, model.free))
         found = forward_selection(replace(problem, progress=progress), declared, model, failures)

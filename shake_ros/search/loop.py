@@ -31,6 +31,7 @@ Progress = Callable[[str], None]
 PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
 SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one that goes on
 SETTLED = 3.0  # gain in log likelihood from which a fit goes on [nats]
+CLOSEST = 3  # single effects that are refitted, the most promising ones
 PROMISE, ALIKE = 0.5, 0.8  # part of an effect's gain that a rival has to promise at first order, and to take
 
 
@@ -97,7 +98,7 @@ class SetSearch:
     """The search over one set of data.
 
     listed : effects that the model may lack. budget : how long it may take. progress : called with a line of progress.
-    shown : starts of an effect that the recordings show without a model. certain : effects that stay in the model
+    shown : start of an effect that the recordings show without a model. certain : effects that stay in the model
     whatever its evidence, as what shows without it is stronger; the free runs of the end decide on them.
     predictor : what compares a model with the data.
     """
@@ -108,7 +109,7 @@ class SetSearch:
         listed: Sequence[TriedEffect],
         budget: Budget,
         progress: Progress,
-        shown: Sequence[Start] = (),
+        shown: Start | None = None,
         certain: Sequence[str] = (),
         predictor: type[Predictor] = Predictor,
     ) -> None:
@@ -146,9 +147,8 @@ class SetSearch:
         best = self.scored(model, levels, LONG)
         yield best
         if self.shown:
-            self.progress(f"refit with {self.shown[0].effect.called}, which the recordings show")
-            starts = [self.scored(s.on(best.model), best.fitted.prediction.levels, SHORT) for s in self.shown]
-            best = max(starts, key=lambda s: s.fitted.total)
+            self.progress(f"refit with {self.shown.effect.called}, which the recordings show")
+            best = self.scored(self.shown.on(best.model), best.fitted.prediction.levels, LONG)
             yield best
         if model.effects:
             best = self._reduced(best, least=0)
@@ -175,7 +175,7 @@ class SetSearch:
             taken = gain(best, less)
             promised = {s.trials[0].candidate.name: s for s in proposals(self._screened(less), 1)[1]}
             least = PROMISE * promised[effect].gain if effect in promised else math.inf
-            others = [s for n, s in promised.items() if s.gain > least and n not in best.model.effect_names]
+            others = [s for n, s in promised.items() if s.gain > least and n not in best.model.effect_names][:CLOSEST]
             tried = [self.scored(start(less.fitted, s), less.fitted.prediction.levels, SHORT) for s in others]
             found[effect] = [t for t in tried if gain(t, less) > ALIKE * taken]
         return found
@@ -234,7 +234,7 @@ def worth_trying(found: dict[int, list[EffectSet]], blocks: int) -> list[EffectS
     chosen = list[EffectSet]()
     singles = [p for p in found.get(1, []) if net(p) > 0.0]
     if singles:
-        chosen += [p for p in singles[:3] if net(p) > 0.5 * net(singles[0])]
+        chosen += [p for p in singles[:CLOSEST] if net(p) > 0.5 * net(singles[0])]
     for size in (2, 3):
         best = max(found.get(size, []), key=net, default=None)
         if best is not None and chosen and net(best) > 1.05 * max(net(c) for c in chosen):
