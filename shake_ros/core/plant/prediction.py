@@ -79,10 +79,14 @@ def coordinate(p, y, aux, code):
 
 
 @kernel
-def advance_all(p, y, aux, commands, k, command_before, decay, dt, work, tolerance, chain, before):
-    """One sample of the table with its disturbances, in place; returns the felt acceleration at its end [m/s²].
+def advance_table(p, y, aux, commands, k, command_before, dt, work, tolerance, before):
+    """One sample of the table under its disturbances, in place.
 
-    before : the felt acceleration at the sample's start [m/s²], which the anti-aliasing filter takes.
+    before : felt acceleration at the sample's start [m/s²].
+
+    Returns
+    -------
+    (felt acceleration at its end, and the mean that the anti-aliasing filter takes) [m/s²]
     """
     late, timely, fraction = delayed(commands, k, p.command_delay_delay / dt, command_before)
     force = aux[1] * (p.body_table_mass + p.body_specimen_mass)
@@ -90,15 +94,24 @@ def advance_all(p, y, aux, commands, k, command_before, decay, dt, work, toleran
     null = aux[2]
     acceleration = advance_sample(p, y, late + null, timely + null, fraction, force, dt, work, False, tolerance)
     now = felt(p, y, acceleration)
+    if p.accelerometer_lag_time_constant > 0.0:
+        return now, 0.5 * (before + now)
+    return now, (y[VELOCITY] + y[BASE_RATE] - speed) / dt
+
+
+@kernel
+def advance_auxiliary(aux, decay, chain, before, now, mean):
+    """One sample of the random force and of the anti-aliasing filter, in place; arguments as of `advance_table`."""
     if chain.shape[0] > 0:
-        mean = (
-            0.5 * (before + now)
-            if p.accelerometer_lag_time_constant > 0.0
-            else (y[VELOCITY] + y[BASE_RATE] - speed) / dt
-        )
-        z = aux[4:6]
-        advance_filter(chain, z, before, now, mean)
+        advance_filter(chain, aux[4:6], before, now, mean)
     aux[1] *= decay
+
+
+@kernel
+def advance_all(p, y, aux, commands, k, command_before, decay, dt, work, tolerance, chain, before):
+    """One sample of the table with its disturbances, in place; returns the felt acceleration at its end [m/s²]."""
+    now, mean = advance_table(p, y, aux, commands, k, command_before, dt, work, tolerance, before)
+    advance_auxiliary(aux, decay, chain, before, now, mean)
     return now
 
 
@@ -289,6 +302,7 @@ def kalman(
     y, aux, row = y0.copy(), np.zeros(AUXILIARY), np.zeros(2)
     work = workspace()
     tried, tried_aux = y0.copy(), np.zeros(AUXILIARY)
+    begun, begun_aux = y0.copy(), np.zeros(AUXILIARY)
     cov, lower = np.zeros((s, s)), np.zeros((s, s))
     state_change, sensor_change = np.zeros((s, s)), np.zeros((s, 2))
     cross, path = np.zeros((s, 2)), np.zeros((n, s))
@@ -312,25 +326,32 @@ def kalman(
         for j in range(s):
             path[i, j] = coordinate(p, y, aux, codes[j])
         factor(cov, s, lower)
+        begun[:], begun_aux[:] = y, aux
+        after, mean = advance_table(p, y, aux, commands, i, command_before, dt, work, tolerance, now)
+        advance_auxiliary(aux, decay, chain, now, after, mean)
         for j in range(s):
+            apart = codes[j] > BIAS  # the others, which stand last, do not move the table
             for sign in (1.0, -1.0):
                 for k in range(y.shape[0]):
-                    tried[k] = y[k]
+                    tried[k] = begun[k] if apart else y[k]
                 for k in range(AUXILIARY):
-                    tried_aux[k] = aux[k]
+                    tried_aux[k] = begun_aux[k]
                 for k in range(j, s):
                     shift(p, tried, tried_aux, codes[k], sign * lower[k, j])
-                after = advance_all(
-                    p, tried, tried_aux, commands, i, command_before, decay, dt, work, tolerance, chain, now
-                )
-                shown(p, tried, tried_aux, after, chain, row)
+                there, its_mean = after, mean
+                if apart:
+                    there, its_mean = advance_table(
+                        p, tried, tried_aux, commands, i, command_before, dt, work, tolerance, now
+                    )
+                advance_auxiliary(tried_aux, decay, chain, now, there, its_mean)
+                shown(p, tried, tried_aux, there, chain, row)
                 for k in range(s):
                     value = 0.5 * sign * coordinate(p, tried, tried_aux, codes[k])
                     state_change[k, j] = value if sign > 0.0 else state_change[k, j] + value
                 for c in range(2):
                     value = 0.5 * sign * row[c]
                     sensor_change[j, c] = value if sign > 0.0 else sensor_change[j, c] + value
-        now = advance_all(p, y, aux, commands, i, command_before, decay, dt, work, tolerance, chain, now)
+        now = after
         by_coordinates(state_change, sensor_change, lower, transition[i], sensing[i])
         s_11, s_21, s_22 = sensor[0] ** 2, 0.0, sensor[1] ** 2
         for j in range(s):
