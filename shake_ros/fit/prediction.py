@@ -39,8 +39,9 @@ from shake_ros.fit.model import TABLE
 from shake_ros.fit.segment import Segment
 
 INDEX = FULL_LAYOUT.index
-GAP = INDEX["effects.coupling_backlash.gap"]
+GAP, LATE = INDEX["effects.coupling_backlash.gap"], INDEX["effects.position_sensor_lag.time_constant"]
 RESONANT = 8.0  # motion of a specimen over that of its table, with which a segment may begin
+SPEED = 0.05  # standard deviation of the velocity with which a segment begins [m/s]
 LOST = 1e3  # weighted residual of a run that ends in no number
 TOLERANCE = 1e-6  # of a run
 ROUGH = 1e-4  # of the runs that make the gains
@@ -174,7 +175,7 @@ class Predictor:
         other = Predictor(self.segments, levels)
 
         def one(run: FilteredSegment) -> float:
-            path = run.gains, run.whitening, run.innovations
+            path = run.gains, run.innovations
             s, force = run.segment, int(np.flatnonzero(run.codes == FORCE)[0])
             transition = run.transition
             if levels.memory != self.levels.memory:
@@ -247,7 +248,7 @@ class Predictor:
         following = i > 0 and len(run.pace) > 0
         predict(
             *(FULL_LAYOUT.alone(vector[:TABLE])[0], s.commands, s.command_before, s.measured(vector[TABLE]), run.codes),
-            *(run.gains, run.whitening, start_state(vector[:TABLE], s), self.decay(s), s.dt, TOLERANCE),
+            *(run.gains, start_state(vector[:TABLE], s), self.decay(s), s.dt, TOLERANCE),
             *(chain_of(vector, s.dt), run.pace, following, out),
         )
         return np.clip(np.nan_to_num(self._white(run, out), nan=LOST, posinf=LOST, neginf=-LOST), -LOST, LOST).ravel()
@@ -263,7 +264,7 @@ class Predictor:
 
 
 class SlowRuns(Predictor):
-    """Free runs, and what they leave below a frequency: of a model whose contacts no predictor follows.
+    """What free runs leave of velocity and acceleration below a frequency: where no predictor follows the contacts.
 
     The ringing of contacts follows their parameters so fast that a whole free run is a maze within some per cent of the
     truth; what is slow is a single valley from far off.
@@ -282,7 +283,9 @@ class SlowRuns(Predictor):
     def _white(self, run: FilteredSegment, innovations: np.ndarray) -> np.ndarray:
         s, w = run.segment, run.whitening
         white = np.nan_to_num(w[:, [0, 2]] * innovations, nan=LOST, posinf=LOST, neginf=-LOST)
-        return self._seen(s, low_pass(white.T, s.dt, SLOW).T) * math.sqrt(self._every(s))
+        slow = low_pass(white.T, s.dt, SLOW).T * math.sqrt(self._every(s))
+        slow[:, 0] = np.gradient(slow[:, 0], s.dt) * math.sqrt(3.0) / (2.0 * math.pi * SLOW)  # as of the velocity
+        return self._seen(s, slow)
 
     def tuned(self, vector: np.ndarray, names: Sequence[str]) -> Predictor:
         """The same with the gains of a parameter vector, at the sensors' levels that its residuals show."""
@@ -307,8 +310,8 @@ def deviations(
     )
     force, left = max(levels.force * s.loudness, levels.least_force), math.exp(-s.dt / levels.memory)
     size = {
-        POSITION: (s.noise[0], 0.02 * s.noise[0]),
-        VELOCITY: (0.05, 0.0),
+        POSITION: (math.hypot(s.noise[0], SPEED * table[LATE]), 0.02 * s.noise[0]),
+        VELOCITY: (SPEED, 0.0),
         PRESSURE_A: (0.2 * table[INDEX["supply.supply_pressure"]], 0.0),
         SPECIMEN: (RESONANT * s.loudness / swing**2, 0.0),
         SPECIMEN_RATE: (RESONANT * s.loudness / swing, 0.0),
@@ -340,11 +343,14 @@ def chain_of(vector: np.ndarray, dt: float) -> np.ndarray:
 def start_state(vector: np.ndarray, s: Segment) -> np.ndarray:
     """State at a segment's first sample: the spool has followed the command, and the acceleration gives the load.
 
-    Backlash is left out of that: within its gap nothing pushes the table.
+    A table whose transducer is late has moved on since. Backlash is left out: within its gap nothing pushes the table.
     """
-    table = vector.copy()
+    table, late, a = vector.copy(), float(vector[LATE]), float(s.acceleration[0])
     table[GAP] = 0.0
-    state = moving_state(table, float(s.position[0]), s.velocity, float(s.acceleration[0]), s.command_before)
+    moved = late * s.velocity
+    gained = late * a if math.isfinite(a) else 0.0
+    state = moving_state(table, float(s.position[0]) + moved, s.velocity + gained, a, s.command_before)
+    state[LAGGED_POSITION] -= moved
     state[CLOCK] = s.begin
     return state
 

@@ -13,7 +13,7 @@ from shake_ros.core.identification.free_parameters import is_of_recording
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_filter import SensorFilter, filter_of
 from shake_ros.explain.backlash import BACKLASH, SHARE, share_of_dwells, width_of_gap
-from shake_ros.fit.model import SENSOR_DELAY, SENSOR_FILTER, FreeModel, start_of
+from shake_ros.fit.model import SENSOR_DELAY, SENSOR_FILTER, FreeModel, TriedEffect, start_of
 from shake_ros.fit.prediction import Levels, Predictor, SlowRuns
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
@@ -86,7 +86,8 @@ def beginning(model: ModelStructure, behind: SensorFilter) -> FreeModel:
         found = found.at(x)
     for c in model.candidates:
         if model.fitted is not None and c.effect in model.shown:
-            found = found.with_effect(listed(c), {p.name: model.fitted.value(p.name) for p in c.free})
+            values = {p.name: model.fitted.value(p.name) for p in c.free}
+            found = found.with_effect(slow_one(c) if c.effect == BACKLASH else listed(c), values)
     return found
 
 
@@ -96,9 +97,15 @@ def found_filter(model: FreeModel, before: SensorFilter) -> SensorFilter:
     return SensorFilter(before.pure + model.value(SENSOR_DELAY.name) + by_filter, by_filter)
 
 
+def slow_one(backlash: CandidateEffect) -> TriedEffect:
+    """A backlash as slow motion shows it, which leaves the mass on the piston's side, its last parameter, open."""
+    effect = listed(backlash)
+    return replace(effect, free=effect.free[:-1])
+
+
 def backlash(effect: CandidateEffect | None, records: Sequence[Record]) -> Start | None:
     """Start of a backlash that the acceleration shows; none where it shows none."""
     if effect is None or share_of_dwells(records) <= SHARE:
         return None
     softest = min(effect.trials, key=lambda t: t[STIFFNESS])
-    return Start(listed(effect), {**softest, effect.strength.name: GAP * width_of_gap(records)})
+    return Start(slow_one(effect), {**softest, effect.strength.name: GAP * width_of_gap(records)})

@@ -45,7 +45,6 @@ from shake_ros.core.plant.states import (
 FORCE, NULL, BIAS, FILTERED, FILTER_RATE = -1, -2, -3, -4, -5
 AUXILIARY = 6  # length of the array that holds them, at minus their code
 LEAST_DEVIATION = 1e-12  # of a coordinate, in its unit
-TRUSTED = 6.0  # of an innovation, in standard deviations, up to which it corrects
 LARGEST_NULL = 0.3  # of the full command, up to which a null shift is corrected [-]
 
 
@@ -130,7 +129,6 @@ def predict(
     measured,
     codes,
     gains,
-    whitening,
     y0,
     decay,
     dt,
@@ -146,7 +144,7 @@ def predict(
     ----------
     p : parameter record. commands : shape (n,) [-]. command_before : before the first one [-].
     measured : position [m] and acceleration [m/s²], shape (n, 2); NaN where not measured.
-    codes : corrected coordinates, shape (s,). gains, whitening : K and W of every sample, shapes (n, s, 2) and (n, 3).
+    codes : corrected coordinates, shape (s,). gains : K of every sample, shape (n, s, 2).
     y0 : state at the first sample. decay : of the random force over a sample [-]. dt : [s].
     tolerance, chain, pace, following : as in `simulate`.
     out : innovations, shape (n, 2); 0 where nothing was measured.
@@ -161,9 +159,8 @@ def predict(
         for c in range(2):
             e = measured[i, c] - row[c]
             out[i, c] = e if math.isfinite(measured[i, c]) else 0.0
-        e_x, e_a = trusted(out[i, 0], out[i, 1], whitening[i, 0], whitening[i, 1], whitening[i, 2])
         for j in range(codes.shape[0]):
-            shift(p, y, aux, codes[j], gains[i, j, 0] * e_x + gains[i, j, 1] * e_a)
+            shift(p, y, aux, codes[j], gains[i, j, 0] * out[i, 0] + gains[i, j, 1] * out[i, 1])
         if pacing:
             begin_sample(work[PACE], pace[i], following)
         now = advance_all(p, y, aux, commands, i, command_before, decay, dt, work, tolerance, chain, now)
@@ -197,21 +194,6 @@ def whitener(s_11, s_21, s_22, has_x, has_a):
         w_22 = 1.0 / math.sqrt(max(s_22 - (s_21 * s_21 / s_11 if has_x else 0.0), 1e-30))
         w_21 = -s_21 / s_11 * w_22 if has_x else 0.0
     return w_11, w_21, w_22
-
-
-@kernel
-def trusted(e_x, e_a, w_11, w_21, w_22):
-    """Innovations of position and acceleration with the whitened ones within what a filter trusts.
-
-    Where a model fails for an instant its covariance knows nothing of that, and the whole correction would throw the
-    state out of the range within which its derivatives hold. Source: C. Masreliez, R. Martin, Robust Bayesian
-    estimation for the linear model and robustifying the Kalman filter, IEEE Trans. Automatic Control 22 (1977) 361.
-    """
-    a, b = w_11 * e_x, w_21 * e_x + w_22 * e_a
-    if abs(a) <= TRUSTED and abs(b) <= TRUSTED:
-        return e_x, e_a
-    x = min(max(a, -TRUSTED), TRUSTED) / w_11 if w_11 > 0.0 else 0.0
-    return x, (min(max(b, -TRUSTED), TRUSTED) - w_21 * x) / w_22 if w_22 > 0.0 else 0.0
 
 
 @kernel
@@ -320,7 +302,6 @@ def kalman(
         w_11, w_21, w_22 = whitener(s_11, s_21, s_22, has_x, has_a)
         whitening[i, 0], whitening[i, 1], whitening[i, 2] = w_11, w_21, w_22
         correct(cov, cross, s_11, s_21, s_22, w_11, w_21, w_22, process[int(i >= found_by)], gains[i])
-        e_x, e_a = trusted(e_x, e_a, w_11, w_21, w_22)
         for j in range(s):
             shift(p, y, aux, codes[j], gains[i, j, 0] * e_x + gains[i, j, 1] * e_a)
         for j in range(s):
@@ -379,7 +360,6 @@ def kalman(
 def relevelled(
     measured,
     gains,
-    whitening,
     innovations,
     transition,
     sensing,
@@ -396,7 +376,7 @@ def relevelled(
 
     Parameters
     ----------
-    measured, gains, whitening, innovations, transition, sensing : of that run. first, process, sensor, found_by : as
+    measured, gains, innovations, transition, sensing : of that run. first, process, sensor, found_by : as
         of `kalman`, at the other levels. start : first sample that counts. block : samples of a block.
     """
     n, s = gains.shape[0], gains.shape[1]
@@ -421,12 +401,9 @@ def relevelled(
                 value += math.log(w_22)
             found[(i - start) // block] += value
         correct(cov, cross, s_11, s_21, s_22, w_11, w_21, w_22, process[int(i >= found_by)], gain)
-        e_x, e_a = trusted(e_x, e_a, w_11, w_21, w_22)
-        w = whitening[i]
-        o_x, o_a = trusted(innovations[i, 0], innovations[i, 1], w[0], w[1], w[2])
         for j in range(s):
             corrected[j] = moved[j] + gain[j, 0] * e_x + gain[j, 1] * e_a
-            corrected[j] -= gains[i, j, 0] * o_x + gains[i, j, 1] * o_a
+            corrected[j] -= gains[i, j, 0] * innovations[i, 0] + gains[i, j, 1] * innovations[i, 1]
         shift_x = shift_a = 0.0
         for j in range(s):
             shift_x += sensing[i, j, 0] * corrected[j]

@@ -7,7 +7,6 @@ import pytest
 from hidden_table import OWN, SAMPLE_TIME, TRUE, record
 
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.prediction import TRUSTED, trusted
 from shake_ros.core.plant.simulation import run
 from shake_ros.fit.model import TABLE, FreeModel, start_of
 from shake_ros.fit.prediction import Levels, Predictor, start_state
@@ -83,12 +82,3 @@ def test_random_force_follows_a_force_that_no_command_determines() -> None:
     force = made.path[piece.start :, list(made.codes).index(-1)]
     assert float(np.median(force)) == pytest.approx(-1.0, abs=0.35)  # it makes up for 650 N on 650 kg
     assert float(np.sum(quiet.log_likelihood())) > float(np.sum(loud.log_likelihood()))
-
-
-@pytest.mark.parametrize(("e_x", "e_a"), [(2.0, -3.0), (40.0, 1.0), (-1.0, 500.0), (30.0, -90.0)])
-def test_innovations_correct_no_further_than_they_are_trusted(e_x: float, e_a: float) -> None:
-    w_11, w_21, w_22 = 1.0, 0.5, 0.2
-    x, a = trusted(e_x, e_a, w_11, w_21, w_22)
-    white = np.array([w_11 * x, w_21 * x + w_22 * a])
-    whole = np.array([w_11 * e_x, w_21 * e_x + w_22 * e_a])
-    assert white == pytest.approx(np.clip(whole, -TRUSTED, TRUSTED))
