@@ -15,7 +15,7 @@ from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, decide
 from shake_ros.core.discovery.declared_fit import fit_declared, with_late_parameters
 from shake_ros.core.discovery.elimination import in_its_place
-from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem
+from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, mean_square
 from shake_ros.core.discovery.refit import Refit, ranked
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.by_bands import from_slow_to_fast
@@ -72,6 +72,21 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
         steps.append(ForwardStep(chosen, (chosen,)))
     found = Selection(declared, tuple(steps), final, stopped=answer.stopped)
     return found if answer.stopped else with_rivals(problem, found, answer.rivals)
+
+
+def beginning(problem: SearchProblem, model: ModelStructure, found: Selection) -> GivenAnswer | None:
+    """The effects with which a search began, where these leave less of the validation data than what it has found.
+
+    A predictor may lose a model that it cannot follow; the free runs that led to its beginning have not.
+    """
+    effects = tuple(c for c in model.candidates if c.effect in model.shown)
+    if model.fitted is None or {c.effect for c in effects} == {s.chosen.candidate.effect for s in found.steps}:
+        return None
+    own = FreeParameters(model.fitted, model.free)
+    left = problem.validation_residuals(own.vectors(own.start())[0])
+    if mean_square(left) >= found.final.validation_cost:
+        return None
+    return GivenAnswer(model.fitted, effects, {}, found.stopped)
 
 
 def with_rivals(

@@ -171,7 +171,7 @@ class SearchProblem:
 
     def scored(self, result: Fit) -> ScoredFit:
         """A fit with its costs, the validation cost block by block as well."""
-        r = self._validation_residuals(result)
+        r = self.validation_residuals(result.vector)
         number = self.validation.blocks()
         blocks = np.bincount(number, r**2) / np.maximum(np.bincount(number), 1)
         predictor = np.zeros(0)
@@ -204,8 +204,9 @@ class SearchProblem:
         result = fit(both, current.fit.free, current.fit.x, evaluations=most, tolerance=tolerance)
         return self.scored(linearised(self.estimation, result))
 
-    def _validation_residuals(self, result: Fit) -> np.ndarray:
-        return np.nan_to_num(self.validation.residuals(self.validation.centred(result.vector)[None, :])[0], nan=LOST)
+    def validation_residuals(self, vector: np.ndarray) -> np.ndarray:
+        """Weighted residuals of a parameter vector on the validation data, at the null shifts that leave least."""
+        return np.nan_to_num(self.validation.residuals(self.validation.centred(vector)[None, :])[0], nan=LOST)
 
     def with_nuisances(self, nuisances: NuisanceEstimates) -> SearchProblem:
         """The problem with nuisance parameters applied to its recordings."""
