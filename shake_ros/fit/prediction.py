@@ -113,6 +113,7 @@ class Predictor:
     """Whitened innovations of a model over segments, under gains made at one parameter vector."""
 
     own_levels: tuple[str, ...] = ("force", "acceleration")  # levels of noise that are a recording's own
+    floor = 0.0  # fall of the logarithm of what is left by which an effect counts, whatever the noise
     difference = DIFFERENCE  # step of differences, as a part of a parameter's scale or of its value if that is larger
 
     def __init__(self, segments: Sequence[Segment], levels: Levels) -> None:
@@ -271,6 +272,7 @@ class SlowRuns(Predictor):
     """
 
     own_levels = ("position", "acceleration")
+    floor = 0.05  # contacts leave more than the noise of any model, and every effect takes some of that
     difference = OVER_RIPPLES
 
     def _every(self, s: Segment) -> int:

@@ -91,7 +91,8 @@ def evidence(more: Scored, less: Scored) -> float:
     blocks = len(more.fitted.likelihood)
     on_estimation = tempered(more.fitted.likelihood, less.fitted.likelihood) - 0.5 * parameters * math.log(10 * blocks)
     on_validation = tempered(more.validation, less.validation)
-    return on_estimation + on_validation - effects * PRIOR
+    floor = more.seen.floor * (more.fitted.prediction.count + more.seen.count)
+    return on_estimation + on_validation - effects * (PRIOR + floor)
 
 
 class SetSearch:
