@@ -13,7 +13,7 @@ from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model, unassessed_model
 from shake_ros.core.discovery.elimination import eliminate
 from shake_ros.core.discovery.forward_selection import forward_selection
-from shake_ros.core.discovery.given_answer import beginning, selection_of
+from shake_ros.core.discovery.given_answer import better_beginning, selection_of
 from shake_ros.core.discovery.problem import (
     ModelStructure,
     Progress,
@@ -122,7 +122,7 @@ def searched(
         problem = problem.with_nuisances(known)
         with within_budget(deadline_passed):  # what the search has found is fitted even where it was stopped
             found = replace(selection_of(problem, model, given), nuisances=known)
-            if (better := beginning(begun, model, found)) is not None:
+            if (better := better_beginning(begun, model, found)) is not None:
                 problem, found = begun, selection_of(begun, model, better)
     else:
         declared = fit_declared(problem, FreeParameters(model.table, model.free))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.given_answer import absent_on, beginning
+from shake_ros.core.discovery.given_answer import absent_on, better_beginning
 from shake_ros.core.discovery.problem import ModelStructure
 from shake_ros.core.discovery.unlisted_functions import OF_MOTION
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -55,7 +55,7 @@ def test_search_that_leaves_more_than_it_began_with_ends_with_its_beginning(
     problem: Any = SimpleNamespace(validation_residuals=lambda _vector: np.full(10, np.sqrt(left)))
     step = SimpleNamespace(chosen=SimpleNamespace(candidate=SimpleNamespace(effect=found or began)))
     selection: Any = SimpleNamespace(steps=[step], final=SimpleNamespace(validation_cost=1.0), stopped=False)
-    answer = beginning(problem, model, selection)
+    answer = better_beginning(problem, model, selection)
     assert (answer is not None) == again
     if answer is not None:
         assert [c.effect for c in answer.effects] == [began]

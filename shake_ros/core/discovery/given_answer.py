@@ -74,13 +74,14 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
     return found if answer.stopped else with_rivals(problem, found, answer.rivals)
 
 
-def beginning(problem: SearchProblem, model: ModelStructure, found: Selection) -> GivenAnswer | None:
+def better_beginning(problem: SearchProblem, model: ModelStructure, found: Selection) -> GivenAnswer | None:
     """The effects with which a search began, where these leave less of the validation data than what it has found.
 
     A predictor may lose a model that it cannot follow; the free runs that led to its beginning have not.
     """
     effects = tuple(c for c in model.candidates if c.effect in model.shown)
-    if model.fitted is None or {c.effect for c in effects} == {s.chosen.candidate.effect for s in found.steps}:
+    named = {s.chosen.candidate.effect for s in found.steps}
+    if model.fitted is None or not effects or {c.effect for c in effects} == named:
         return None
     own = FreeParameters(model.fitted, model.free)
     left = problem.validation_residuals(own.vectors(own.start())[0])
