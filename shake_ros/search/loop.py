@@ -89,10 +89,14 @@ def evidence(more: Scored, less: Scored) -> float:
     parameters = len(more.model.x) - len(less.model.x)
     effects = len(more.model.effects) - len(less.model.effects)
     blocks = len(more.fitted.likelihood)
-    on_estimation = tempered(more.fitted.likelihood, less.fitted.likelihood) - 0.5 * parameters * math.log(10 * blocks)
-    on_validation = tempered(more.validation, less.validation)
-    floor = more.seen.floor * (more.fitted.prediction.count + more.seen.count)
-    return on_estimation + on_validation - effects * (PRIOR + floor)
+
+    def beyond(better: np.ndarray, worse: np.ndarray, count: int) -> float:
+        """Gain beyond that which so many residuals ask of each effect in any case."""
+        return tempered(better, worse + effects * more.seen.floor * count / len(better))
+
+    on_estimation = beyond(more.fitted.likelihood, less.fitted.likelihood, more.fitted.prediction.count)
+    on_validation = beyond(more.validation, less.validation, more.seen.count)
+    return on_estimation + on_validation - 0.5 * parameters * math.log(10 * blocks) - effects * PRIOR
 
 
 class SetSearch:
