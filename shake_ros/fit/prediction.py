@@ -176,7 +176,6 @@ class Predictor:
         other = Predictor(self.segments, levels)
 
         def one(run: FilteredSegment) -> float:
-            path = run.gains, run.innovations
             s, force = run.segment, int(np.flatnonzero(run.codes == FORCE)[0])
             transition = run.transition
             if levels.memory != self.levels.memory:
@@ -187,7 +186,7 @@ class Predictor:
             return float(
                 np.sum(
                     relevelled(
-                        *(s.measured(vector[TABLE]), *path, transition, run.sensing),
+                        *(s.measured(vector[TABLE]), run.gains, run.innovations, transition, run.sensing),
                         *(*given, s.found_by, s.start, block),
                     )
                 )
@@ -274,6 +273,9 @@ class SlowRuns(Predictor):
     own_levels = ("position", "acceleration")
     floor = 0.05  # contacts leave more than the noise of any model, and every effect takes some of that
     difference = OVER_RIPPLES
+
+    def __init__(self, segments: Sequence[Segment], levels: Levels) -> None:
+        super().__init__(segments, replace(levels, force=LIMITS["force"][0]))
 
     def _every(self, s: Segment) -> int:
         """Samples from one that counts to the next: as many as are independent in the band."""

@@ -68,11 +68,17 @@ def prior_residuals(model: FreeModel, x: np.ndarray) -> np.ndarray:
     return np.asarray(rows @ x - targets)
 
 
-def jacobian(prediction: Predictor, model: FreeModel, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals, shape (N,), and their differences per unit of x, shape (N, p)."""
+def differences(prediction: Predictor, model: FreeModel, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Parameter vectors at x and a step along each parameter, shape (1 + p, WIDTH), and these steps, shape (p,)."""
     step = prediction.difference * np.maximum(1.0, np.abs(x))
     step = np.where(x + step > model.bounds[1], -step, step)
-    rows = prediction.residuals(model.vectors(np.vstack([x, x + np.diag(step)])))
+    return model.vectors(np.vstack([x, x + np.diag(step)])), step
+
+
+def jacobian(prediction: Predictor, model: FreeModel, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals, shape (N,), and their differences per unit of x, shape (N, p)."""
+    tried, step = differences(prediction, model, x)
+    rows = prediction.residuals(tried)
     return rows[0], (rows[1:] - rows[0]).T / step
 
 

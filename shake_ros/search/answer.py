@@ -25,7 +25,6 @@ SECONDS, PIECE = 14.0, 3.5  # of the estimation data that are fitted, and length
 VALIDATION_SECONDS = 10.0  # of the validation data
 GAP = 1.25  # times the width that the dwells show, from which a backlash starts: a dwell is noticed late
 DECLARED = Levels(force=3.0, null=1e-6, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)  # offsets are effects here
-FREE = 1e-4  # random force of a run that is free
 UNKNOWN = Levels(null=1e-4)  # the null shifts of whole recordings are in their commands by now
 
 
@@ -59,8 +58,7 @@ def answer(
     begin = beginning(model, behind)
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
-        levels = UNKNOWN if unknown else DECLARED
-        for better in search.run(begin, replace(levels, force=FREE) if runs is SlowRuns else levels):
+        for better in search.run(begin, UNKNOWN if unknown else DECLARED):
             models.append(better)
         others, done = search.rivals(models[0], models[-1]), not budget.over()
     rivals = {

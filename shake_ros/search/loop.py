@@ -55,7 +55,7 @@ class Start:
         return model.with_effect(self.effect, self.values)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scored:
     """A fitted model, its prediction of the validation data at their own levels of noise, and log likelihoods, (b,)."""
 
@@ -120,7 +120,7 @@ class SetSearch:
     ) -> None:
         self.data, self.listed, self.budget, self.progress = data, listed, budget, progress
         self.shown, self.certain, self.predictor = shown, certain, predictor
-        self._known: list[tuple[Scored, Linearised]] = []
+        self._known = dict[Scored, Linearised]()
         self._fits = dict[frozenset[str], Scored]()
         self._loose = Levels()
 
@@ -202,13 +202,11 @@ class SetSearch:
 
     def _screened(self, found: Scored) -> Linearised:
         """A model with every effect that it lacks, to first order; remembered, since rivals ask as well."""
-        for known, lin in self._known:
-            if known is found:
-                return lin
-        absent = [c for c in self.listed if c.name not in found.model.effect_names]
-        self.progress(f"screening {len(absent)} effects")
-        self._known.append((found, linearised(found.fitted, absent, beside=(found.seen,))))
-        return self._known[-1][1]
+        if found not in self._known:
+            absent = [c for c in self.listed if c.name not in found.model.effect_names]
+            self.progress(f"screening {len(absent)} effects")
+            self._known[found] = linearised(found.fitted, absent, beside=(found.seen,))
+        return self._known[found]
 
     def _reduced(self, found: Scored, least: int = 1) -> Scored:
         """The model without what it can do without; of so many effects at least."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from shake_ros.fit.model import FreeModel, TriedEffect
 from shake_ros.fit.prediction import LOST, Predictor
-from shake_ros.fit.solver import PART, PredictorFit, jacobian, prior_residuals
+from shake_ros.fit.solver import PART, PredictorFit, differences, jacobian, prior_residuals
 
 LARGEST, SLIGHT = 4.0, 0.01  # multiple of a trial up to which its linear prediction is followed, and a slight one
 SCREENED = 9.0  # length of the segments that are linearised [s]
@@ -118,9 +118,7 @@ def linearised(
         for values in t.directions:
             bigger = before(model, t.candidate).with_effect(t.candidate, values)
             rows.append(bigger.vectors(bigger.x)[0])
-    step = fitted.prediction.difference * np.maximum(1.0, np.abs(model.x))
-    step = np.where(model.x + step > model.bounds[1], -step, step)
-    at = model.vectors(np.vstack([model.x, model.x + np.diag(step)]))
+    at, step = differences(fitted.prediction, model, model.x)
     data, vectors = (fitted.prediction, *beside), np.vstack([at, *rows])
     few = [prediction.part(SCREENED) for prediction in data]
     found = np.hstack([prediction.residuals(vectors) for prediction in few])

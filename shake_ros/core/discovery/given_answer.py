@@ -63,9 +63,9 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
         starts = np.array([parameters.x_of({n: t.value(n) for n in own}) for t in tables])
         start = starts[int(np.argmin(costs(problem.estimation, parameters, starts)))]
         last = count == len(answer.effects)
-        if last and (own := [p.name for c in among if c.narrow for p in reversed(c.free)]):
+        if last and (least_known := [p.name for c in among if c.narrow for p in reversed(c.free)]):
             problem.progress("slow motion first, then faster", 0.9)
-            start = from_slow_to_fast(problem.estimation_pieces, parameters, [start], own)
+            start = from_slow_to_fast(problem.estimation_pieces, parameters, [start], least_known)
         most = settings.converging_evaluations if last else ALONG
         final = problem.fitted(parameters, start, most, settings.converged, near=True)
         chosen = Refit(candidate, final, predicted_gain(steps, declared, final))

@@ -122,22 +122,7 @@ def shown(p, y, aux, now, chain, row):
 
 
 @njit
-def predict(
-    p,
-    commands,
-    command_before,
-    measured,
-    codes,
-    gains,
-    y0,
-    decay,
-    dt,
-    tolerance,
-    chain,
-    pace,
-    following,
-    out,
-):
+def predict(p, commands, command_before, measured, codes, gains, y0, decay, dt, tolerance, chain, pace, following, out):
     """Predicted position and acceleration of each sample from all that was measured before it.
 
     Parameters
@@ -240,6 +225,39 @@ def by_coordinates(change, sensor_change, lower, transition, sensing):
             sensing[j, c] = value / lower[j, j]
 
 
+@kernel
+def foreseen(change, sensor_change, sensor, cov, cross):
+    """Covariance at the next sample, of the coordinates and with the innovations, into `cov` and `cross`.
+
+    Parameters
+    ----------
+    change, sensor_change : as of `by_coordinates`. sensor : standard deviations of the sensors' noise, shape (2,).
+    cov, cross : results, shapes (s, s) and (s, 2).
+
+    Returns
+    -------
+    (s_11, s_21, s_22), the covariance of the innovations
+    """
+    s = cov.shape[0]
+    s_11, s_21, s_22 = sensor[0] ** 2, 0.0, sensor[1] ** 2
+    for j in range(s):
+        s_11 += sensor_change[j, 0] ** 2
+        s_21 += sensor_change[j, 0] * sensor_change[j, 1]
+        s_22 += sensor_change[j, 1] ** 2
+    for j in range(s):
+        cross[j, 0] = cross[j, 1] = 0.0
+        for m in range(s):
+            cross[j, 0] += change[j, m] * sensor_change[m, 0]
+            cross[j, 1] += change[j, m] * sensor_change[m, 1]
+        for k in range(j + 1):
+            value = 0.0
+            for m in range(s):
+                value += change[j, m] * change[k, m]
+            cov[j, k] = value
+            cov[k, j] = value
+    return s_11, s_21, s_22
+
+
 @njit
 def kalman(
     p,
@@ -334,22 +352,7 @@ def kalman(
                     sensor_change[j, c] = value if sign > 0.0 else sensor_change[j, c] + value
         now = after
         by_coordinates(state_change, sensor_change, lower, transition[i], sensing[i])
-        s_11, s_21, s_22 = sensor[0] ** 2, 0.0, sensor[1] ** 2
-        for j in range(s):
-            s_11 += sensor_change[j, 0] ** 2
-            s_21 += sensor_change[j, 0] * sensor_change[j, 1]
-            s_22 += sensor_change[j, 1] ** 2
-        for j in range(s):
-            cross[j, 0] = cross[j, 1] = 0.0
-            for m in range(s):
-                cross[j, 0] += state_change[j, m] * sensor_change[m, 0]
-                cross[j, 1] += state_change[j, m] * sensor_change[m, 1]
-            for k in range(j + 1):
-                value = 0.0
-                for m in range(s):
-                    value += state_change[j, m] * state_change[k, m]
-                cov[j, k] = value
-                cov[k, j] = value
+        s_11, s_21, s_22 = foreseen(state_change, sensor_change, sensor, cov, cross)
         if not (math.isfinite(now) and math.isfinite(s_11) and math.isfinite(s_22)):
             out[i:] = math.nan
             break
@@ -357,19 +360,7 @@ def kalman(
 
 
 @njit
-def relevelled(
-    measured,
-    gains,
-    innovations,
-    transition,
-    sensing,
-    first,
-    process,
-    sensor,
-    found_by,
-    start,
-    block,
-):
+def relevelled(measured, gains, innovations, transition, sensing, first, process, sensor, found_by, start, block):
     """Log likelihood of the same path at other levels of noise, to first order, by block of samples [nats].
 
     The filter is run again on the derivatives of a run of `kalman`; the path's change with the gains follows them.
