@@ -24,8 +24,8 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.reference.motion import smooth_step
 from shake_ros.settings import load_table, load_variant
 from shake_ros.twin.followed import TwinSettings, load_twin
+from shake_ros.twin.page import asks_for_action
 from shake_ros.twin.release import Release, for_table
-from shake_ros.twin.text import asks_for_action
 from shake_ros.twin.twin import WATCHING, Twin
 
 DT = 1e-3

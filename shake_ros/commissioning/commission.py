@@ -20,11 +20,13 @@ from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.read import Recordings
 from shake_ros.api.simulate import Simulation
 from shake_ros.api.tune_table import TunedTable, tune_table
-from shake_ros.commissioning.stage import CommissionStage, LiveStage, SimulatedStage
 from shake_ros.commissioning.steps import (
     UNITS,
     Array,
     CommissionSettings,
+    CommissionStage,
+    LiveStage,
+    SimulatedStage,
     Step,
     announced,
     interlock_of,

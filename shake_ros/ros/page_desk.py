@@ -17,11 +17,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Float64MultiArray
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.page.desk import Answer, Line
+from shake_ros.page.desk import Answer, Line, TwinHistory, TwinStatus
 from shake_ros.page.library import Library
-from shake_ros.page.runs import RunMeter, amplitude_spectrum
-from shake_ros.page.samples import SampleStore
-from shake_ros.page.twin import TwinHistory, TwinStatus
+from shake_ros.page.samples import RunMeter, SampleStore, amplitude_spectrum
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import LEVELS
 from shake_ros.ros.frame import Frame

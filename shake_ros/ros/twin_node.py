@@ -223,13 +223,13 @@ class TwinNode(Behaviour):
 
     def _changed(self, change: Change) -> None:
         """A change: a line, and the light that stays."""
-        from shake_ros.twin import text
+        from shake_ros.twin.page import action_text, asks_for_action, change_text, error_text, rivals_text, what_text
 
-        named, words = change.named, text.change_text(change)
-        level = ERROR if text.asks_for_action(change) else WARN
+        named, words = change.named, change_text(change)
+        level = ERROR if asks_for_action(change) else WARN
         values = {"since": change.since, "verdict": named.verdict, "place": named.place}
-        values |= {"change": text.what_text(change), "rivals": text.rivals_text(change)}
-        values |= {"error": text.error_text(change), "action": text.action_text(change)}
+        values |= {"change": what_text(change), "rivals": rivals_text(change)}
+        values |= {"error": error_text(change), "action": action_text(change)}
         self._changes.append((level, words, values))
         self.frame.say(level, words)
 

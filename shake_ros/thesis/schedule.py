@@ -29,8 +29,7 @@ from shake_ros.report.page import Page
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.report.sections import made_of
 from shake_ros.settings import find, load_table, read_yaml
-from shake_ros.thesis.network import Training, radial_basis, train
-from shake_ros.thesis.window_fits import WINDOW, pieces, run_scheduled, window_fits
+from shake_ros.thesis.network import WINDOW, Training, pieces, radial_basis, run_scheduled, train, window_fits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

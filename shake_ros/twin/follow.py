@@ -21,7 +21,7 @@ from shake_ros.settings import load_table, save_table
 from shake_ros.twin.followed import TwinSettings, load_twin
 from shake_ros.twin.months import DAY, Readings, readings
 from shake_ros.twin.naming import Hypothesis
-from shake_ros.twin.text import A_DATE, change_text, instant, month_lines
+from shake_ros.twin.page import A_DATE, change_text, instant, month_lines
 from shake_ros.twin.twin import LEARNING, NO_MOTION, Change, Twin, TwinWindow
 
 SCHEMA = "shake_ros.follow/1"

@@ -8,8 +8,8 @@ import pytest
 
 from shake_ros.__main__ import main
 from shake_ros.settings import load_table
+from shake_ros.thesis.network import pieces
 from shake_ros.thesis.schedule import read_settings, simulated
-from shake_ros.thesis.window_fits import pieces
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shake_ros.page.runs import amplitude_spectrum
-from shake_ros.page.samples import CURVES, HEADER, LONGEST_GAP, ROW, Prediction, SampleStore
+from shake_ros.page.samples import CURVES, HEADER, LONGEST_GAP, ROW, Prediction, SampleStore, amplitude_spectrum
 from shake_ros.settings import load_table
 
 MS = 1_000_000

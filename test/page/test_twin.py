@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from shake_ros.page.twin import MOST, TwinHistory, TwinStatus
+from shake_ros.page.desk import MOST, TwinHistory, TwinStatus
 
 LEAKAGE = "leakage.internal"
 

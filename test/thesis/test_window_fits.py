@@ -8,10 +8,10 @@ import pytest
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
 from shake_ros.core.identification.recordings import FULL, Record
 from shake_ros.settings import load_table
-from shake_ros.thesis.network import Network
-from shake_ros.thesis.window_fits import (
+from shake_ros.thesis.network import (
     HOP,
     WINDOW,
+    Network,
     dominant,
     run_scheduled,
     schedule_of,

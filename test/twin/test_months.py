@@ -17,7 +17,7 @@ from shake_ros.settings import load_table
 from shake_ros.twin.follow import follow
 from shake_ros.twin.followed import load_twin
 from shake_ros.twin.months import DAY, TREND, Readings
-from shake_ros.twin.text import month_lines
+from shake_ros.twin.page import month_lines
 
 START = 1_767_225_600 * 10**9  # 2026-01-01
 INTERNAL, FLOW = "leakage.internal", "valve.flow_coefficient"

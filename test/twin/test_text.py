@@ -11,8 +11,7 @@ from named_changes import LEAKAGE, SENSOR, change, hypothesis
 from shake_ros.declared import effect_candidates
 from shake_ros.twin.follow import Following
 from shake_ros.twin.naming import PLACES
-from shake_ros.twin.page import _lead
-from shake_ros.twin.text import ACTIONS, action_text, asks_for_action, change_text
+from shake_ros.twin.page import ACTIONS, _lead, action_text, asks_for_action, change_text
 
 SPECIMEN = hypothesis("specimen.frequency", "structure")
 

@@ -7,11 +7,12 @@ config/reference/*.yaml, and it is under test.
 from __future__ import annotations
 
 from shake_ros.core.reference.motion import ReferenceParameters
-from shake_ros.core.reference.periodic import MultisineParameters, RandomBinaryParameters
 from shake_ros.core.reference.recorded import DriveParameters, EarthquakeParameters
 from shake_ros.core.reference.waves import (
+    MultisineParameters,
     NoneParameters,
     PulseParameters,
+    RandomBinaryParameters,
     SineBeatParameters,
     SineParameters,
     StepParameters,

@@ -9,9 +9,16 @@ from scipy.integrate import solve_ivp
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference import program as reference_filter
 from shake_ros.core.reference.motion import smooth_step
-from shake_ros.core.reference.periodic import ORDER, MultisineParameters, RandomBinaryParameters, binary_period
 from shake_ros.core.reference.program import window
-from shake_ros.core.reference.waves import PulseParameters, SineBeatParameters, SweepParameters
+from shake_ros.core.reference.waves import (
+    ORDER,
+    MultisineParameters,
+    PulseParameters,
+    RandomBinaryParameters,
+    SineBeatParameters,
+    SweepParameters,
+    binary_period,
+)
 
 MULTISINE = MultisineParameters(
     period=4.0,
