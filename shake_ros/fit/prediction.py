@@ -43,8 +43,7 @@ GAP, LATE = INDEX["effects.coupling_backlash.gap"], INDEX["effects.position_sens
 RESONANT = 8.0  # motion of a specimen over that of its table, with which a segment may begin
 SPEED = 0.05  # standard deviation of the velocity with which a segment begins [m/s]
 LOST = 1e3  # weighted residual of a run that ends in no number
-TOLERANCE = 1e-6  # of a run
-ROUGH = 1e-4  # of the runs that make the gains
+TOLERANCE = 1e-6  # of a run; a hundred times more would make likelihoods wrong by a hundred nats
 DIFFERENCE, OVER_RIPPLES = 2e-4, 2e-2  # step of differences, the latter over what ripples in a free run with contacts
 SETTLING = 0.3  # random force while the state of a segment is found, in parts of its acceleration
 SLOW = 40.0  # below which free runs are compared [Hz]
@@ -162,8 +161,8 @@ class Predictor:
         transition, sensing = np.zeros((n, size, size)), np.zeros((n, size, 2))
         path = kalman(
             *(FULL_LAYOUT.alone(table)[0], s.commands, s.command_before, s.measured(vector[TABLE]), numbers),
-            *(*deviations(table, s, levels, numbers), s.found_by, start_state(table, s), self.decay(s), s.dt, ROUGH),
-            *(chain, gains, whitening, out, transition, sensing),
+            *(*deviations(table, s, levels, numbers), s.found_by, start_state(table, s), self.decay(s)),
+            *(s.dt, TOLERANCE, chain, gains, whitening, out, transition, sensing),
         )
         return FilteredSegment(s, numbers, gains, whitening, out, path, transition, sensing)
 

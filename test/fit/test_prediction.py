@@ -10,7 +10,9 @@ import pytest
 from hidden_table import SAMPLE_TIME, TRUE, record
 
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.plant.simulation import run
 from shake_ros.declared import free_parameters
+from shake_ros.fit import prediction
 from shake_ros.fit.model import start_of
 from shake_ros.fit.prediction import Levels, Predictor, between
 from shake_ros.fit.segment import Segment
@@ -31,14 +33,38 @@ def within() -> Segment:
 
 
 def test_a_segment_that_begins_in_full_motion_is_followed_from_its_first_samples(within: Segment) -> None:
-    (run,) = Predictor([within], LOOSE).filtered(VECTOR).runs
-    white = run.whitening[:, 1] * run.innovations[:, 0] + run.whitening[:, 2] * run.innovations[:, 1]
+    (filtered,) = Predictor([within], LOOSE).filtered(VECTOR).runs
+    white = (
+        filtered.whitening[:, 1] * filtered.innovations[:, 0] + filtered.whitening[:, 2] * filtered.innovations[:, 1]
+    )
     first = float(np.sqrt(np.mean(white[:100] ** 2)))
     later = float(np.sqrt(np.mean(white[1000:] ** 2)))
     print(
         f"whitened innovations of the acceleration: {first:.2f} in the first 0.1 s, {later:.2f} after the first second"
     )
     assert first < 5.0 * later
+
+
+def test_a_likelihood_does_not_depend_on_the_tolerance_of_its_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(3)
+    commands = record(1, 2.0).commands
+    commands = commands + 0.1 * rng.standard_normal(len(commands))  # as from a controller that acts on noise
+    table = load_table("bergamo")
+    made = run(table, commands, SAMPLE_TIME)
+    noise = rng.standard_normal((2, len(made)))
+    measured = made[:, 0] + 1e-5 * noise[0], made[:, 2] + 0.05 * noise[1]
+    segment = Segment.of(Record("run", SAMPLE_TIME, commands, *measured))
+    start = start_of(table, free_parameters())
+
+    def likelihood() -> float:
+        found = Predictor([segment], Levels(force=1e-3)).filtered(start.vectors(start.x)[0])
+        return float(np.sum(found.log_likelihood()))
+
+    found = likelihood()
+    monkeypatch.setattr(prediction, "TOLERANCE", 1e-10)
+    exact = likelihood()
+    print(f"log likelihood: {found:.2f}, {exact:.2f} from runs of tolerance 1e-10")
+    assert abs(found - exact) < 1.0
 
 
 class Misleading:
