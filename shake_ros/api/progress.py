@@ -102,8 +102,8 @@ class Progress:
             self._bar.close()
 
 
-ASSESSING = 0.25  # part of the time until a search is ended early that its verdicts may take
-LEAST_ASSESSING = 20.0  # [s] and at least
+ASSESSING = 0.2  # part of the minutes given that is kept for the verdicts
+INTERRUPTED = 20.0  # that they may take after Ctrl-C [s]
 
 
 class Ending:
@@ -112,23 +112,24 @@ class Ending:
     Parameters
     ----------
     progress : called as well.
-    minutes : time budget of the search; None for no limit.
+    minutes : time budget of the search and of the verdicts on what it finds; None for no limit.
     """
 
     def __init__(self, progress: Progress, minutes: float | None = None) -> None:
         if minutes is not None and not minutes > 0.0:
             raise ShakeError(f"minutes = {minutes:g}: must be above 0")
         self._progress = progress
-        self._began = time.monotonic()
-        self._last = None if minutes is None else self._began + 60.0 * minutes
-        self._asked: float | None = None
+        seconds = math.inf if minutes is None else 60.0 * minutes
+        self._last = time.monotonic() + seconds
+        self._reserved = ASSESSING * seconds if minutes else 0.0
+        self._asked = math.inf
         self._before: object = None
         self._budget = contextlib.ExitStack()
         self._watching = threading.current_thread() is threading.main_thread()
 
     def __call__(self, text: str, part: float) -> None:
         """Report the progress, and end the search where it is time."""
-        if self._last is not None:
+        if self._last < math.inf:
             self._progress.left((self._last - time.monotonic()) / 60.0)
         self._progress(text, part)
         if self.over():
@@ -136,15 +137,11 @@ class Ending:
 
     def over(self) -> bool:
         """Whether it is time to end the search."""
-        return time.monotonic() > self._end
+        return time.monotonic() > min(self._asked, self._last - self._reserved)
 
     def deadline_passed(self) -> bool:
         """Whether it is time to end all that follows the search as well."""
-        return time.monotonic() > self._end + max(ASSESSING * (self._end - self._began), LEAST_ASSESSING)
-
-    @property
-    def _end(self) -> float:
-        return min((t for t in (self._asked, self._last) if t is not None), default=math.inf)
+        return time.monotonic() > min(self._asked + INTERRUPTED, self._last)
 
     def __enter__(self) -> Ending:
         self._budget.enter_context(within_budget(self.over))
@@ -160,7 +157,7 @@ class Ending:
             signal.signal(signal.SIGINT, self._before)  # type: ignore[arg-type]
 
     def _interrupted(self, *_: object) -> None:
-        if self._asked is not None:
+        if self._asked < math.inf:
             raise KeyboardInterrupt
         self._asked = time.monotonic()
         self._progress("ending with what has been found; press Ctrl-C again to discard it", 0.0)

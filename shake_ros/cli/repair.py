@@ -199,7 +199,7 @@ def close_loop_command(arguments: Sequence[str]) -> int:
         "--minutes",
         type=float,
         metavar="N",
-        help="end the search after N minutes with the best answer so far; the verdict may take a quarter more",
+        help="end after N minutes with the best answer so far; a fifth of them is kept for the verdicts",
     )
     command.add_argument(
         "--test", type=Path, nargs="+", default=[], metavar="BAG", help="recordings that no decision uses: test data"

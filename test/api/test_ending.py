@@ -1,4 +1,4 @@
-"""A search that is told to end."""
+"""Ending a search early."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ def test_without_a_limit_it_goes_on_and_what_is_unstopped_always_does() -> None:
         unstopped(over)("step", 0.5)
 
 
-def test_what_follows_the_search_has_a_quarter_of_its_time_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fifth_of_the_minutes_is_kept_for_what_follows_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [100.0]
     monkeypatch.setattr(time, "monotonic", lambda: clock[0])
     with Progress("search", False) as bar:
-        late, brief, endless = Ending(bar, 4.0), Ending(bar, 0.5), Ending(bar)
-        clock[0] += 61.0
-        assert (late.over(), brief.over(), brief.deadline_passed()) == (False, True, True)  # 30 s and 20 more
-        clock[0] += 230.0
-        assert (late.over(), late.deadline_passed()) == (True, False)
-        clock[0] += 10.0
-        assert late.deadline_passed() and not endless.over() and not endless.deadline_passed()
+        limited, endless = Ending(bar, 5.0), Ending(bar)
+        clock[0] += 239.0
+        assert not limited.over()
+        clock[0] += 2.0
+        assert (limited.over(), limited.deadline_passed()) == (True, False)
+        clock[0] += 60.0
+        assert limited.deadline_passed() and not endless.over() and not endless.deadline_passed()
 
 
 def test_ctrl_c_ends_it_with_what_is_found_and_interrupts_when_pressed_again() -> None:
@@ -42,6 +42,7 @@ def test_ctrl_c_ends_it_with_what_is_found_and_interrupts_when_pressed_again() -
         signal.raise_signal(signal.SIGINT)
         with pytest.raises(Stopped):
             ending("step", 0.5)
+        assert not ending.deadline_passed()
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
