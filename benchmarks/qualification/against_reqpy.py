@@ -36,7 +36,7 @@ def ours(record: Array, required: RequiredSpectrum, parameters: MotionParameters
 
 def theirs(record: Array, required: RequiredSpectrum, parameters: MotionParameters) -> Array:
     """By reqpy-M, which takes accelerations in g."""
-    import reqpy_M  # type: ignore[import-not-found, unused-ignore]
+    import reqpy_M
 
     f, levels = aimed(required, parameters.per_octave, parameters.aim, parameters.aim_last)
     periods, target = 1.0 / f[::-1], levels[::-1] / GRAVITY
@@ -50,9 +50,8 @@ def theirs(record: Array, required: RequiredSpectrum, parameters: MotionParamete
 
 def line(name: str, motion: Array, seconds: float, required: RequiredSpectrum, parameters: MotionParameters) -> str:
     """What a motion came to."""
-    f = np.geomspace(
-        *required.frequencies[[0, -1]], round(PER_DECADE * np.log10(np.ptp(required.frequencies[[0, -1]])))
-    )
+    lowest, highest = required.frequencies[[0, -1]]
+    f = np.geomspace(lowest, highest, round(PER_DECADE * np.log10(highest / lowest)))
     at, levels = aimed(required, parameters.per_octave, parameters.aim, parameters.aim_last)
     target = np.exp(np.interp(np.log(f), np.log(at), np.log(levels)))
     found = response_spectrum(motion, STEP, f, required.damping, band_limited=True)
