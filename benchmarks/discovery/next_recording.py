@@ -44,7 +44,7 @@ def measure(table: str, seed: int, minutes: float) -> dict[str, Any]:
     rng = np.random.default_rng([seed, 45])
     hides, kind = (DeclaredTable, "full") if table == "declared" else (ForeignTable, "unknown")
     effect = str(rng.choice(hides.EFFECTS))
-    hidden_table = hides.hiding(effect, seed, rng)
+    hidden_table = hides(effect, seed, rng)
     first, second = hidden_table.quake()
     found = close_loop(model(kind), first, second, minutes=minutes, progress=False)
     before = verdict(found, effect)
@@ -100,19 +100,19 @@ class HiddenTable(ABC):
 
 
 class DeclaredTable(HiddenTable):
-    """Of hidden_tables.py, whose numbers are declared, under its own weak position loop."""
+    """Of hidden_tables.py, whose numbers are declared, under its own weak position loop.
+
+    Its effect is so strong that it changes the first recording by SEVERITY where it can.
+    """
 
     EFFECTS = tuple(name for name, kind in hidden.HIDDEN.items() if kind.listed)
     sample_time = hidden.SAMPLE
 
-    @classmethod
-    def hiding(cls, effect: str, seed: int, rng: Any) -> DeclaredTable:
-        """With an effect, so strong that it changes the first recording by SEVERITY where it can."""
-        table = cls(seed, rng)
-        table.command = small_quake(10.0, rng)
-        felt = dict.fromkeys(("learn_ladder", "learn_multisine"), table.command)
-        table.truth = hidden.with_effect(hidden.declared_truth(seed), effect, SEVERITY, felt, seed)
-        return table
+    def __init__(self, effect: str, seed: int, rng: Any) -> None:
+        super().__init__(seed, rng)
+        self.command = small_quake(10.0, rng)
+        felt = dict.fromkeys(("learn_ladder", "learn_multisine"), self.command)
+        self.truth = hidden.with_effect(hidden.declared_truth(seed), effect, SEVERITY, felt, seed)
 
     def quake(self) -> tuple[Recordings, Recordings]:
         split = round(6.0 / hidden.SAMPLE)
@@ -133,17 +133,18 @@ class DeclaredTable(HiddenTable):
 
 
 class ForeignTable(HiddenTable):
-    """Of foreign_tables.py, of which nothing is known, in volts and under its laboratory's loop."""
+    """Of foreign_tables.py, of which nothing is known, in volts and under its laboratory's loop.
+
+    Its effect has a strength as in the study of unknown tables.
+    """
 
     EFFECTS = foreign.EFFECTS
 
-    @classmethod
-    def hiding(cls, effect: str, seed: int, rng: Any) -> ForeignTable:
-        """With an effect of a strength as in the study of unknown tables."""
-        table, truth = cls(seed, rng), foreign.table(rng)
+    def __init__(self, effect: str, seed: int, rng: Any) -> None:
+        super().__init__(seed, rng)
+        truth = foreign.table(rng)
         bare = foreign.Case(seed, truth, foreign.laboratory(truth, rng), ())
-        table.case = foreign.Case(seed, foreign.hide(bare, effect, rng), bare.laboratory, (effect,))
-        return table
+        self.case = foreign.Case(seed, foreign.hide(bare, effect, rng), bare.laboratory, (effect,))
 
     @property
     def sample_time(self) -> float:
