@@ -68,17 +68,17 @@ class Condition:
 
     Attributes
     ----------
-    name : in a few words. table : key of SEEDS. laboratory, truth : what is changed of them.
-    disturb : changes the columns of a run. arguments : of the import, instead of those of the four columns.
+    name : in a few words. disturb : changes the columns of a run. table : key of SEEDS.
+    laboratory, truth : what is changed of them. arguments : of the import, instead of those of the four columns.
     split : signals that go to a second file, with their disturbance. runs : that are made. expected : effects that the
     condition itself brings, and that are right to name.
     """
 
     name: str
+    disturb: Disturbance = lambda run, rng: run
     table: str = "nothing"
     laboratory: Mapping[str, float] = field(default_factory=lambda: RATE)
     truth: Mapping[str, float] = field(default_factory=dict)
-    disturb: Disturbance = lambda run, rng: run
     arguments: tuple[str, ...] = ("--time", "t", "--command", "u", "--position", "x", "--acceleration", "a")
     split: Disturbance | None = None
     runs: tuple[str, ...] = RUNS
@@ -96,65 +96,60 @@ def columns(**changes: str) -> tuple[str, ...]:
     return tuple(w for name, column in (SIGNALS | changes).items() if column for w in (f"--{name}", column))
 
 
-def condition(name: str, disturb: Disturbance | None = None, **more: Any) -> Condition:
-    """A condition by its disturbance."""
-    return Condition(name, **({} if disturb is None else {"disturb": disturb}), **more)
-
-
 CONDITIONS = (
-    condition("clean"),
-    condition("clean, 500 Hz with a filter of 100 Hz", laboratory=FINE),
-    condition("two files, own clocks", split=own_clock, arguments=TWO_FILES, laboratory=FINE),
-    condition("4 to 20 mA, not told", scaled("u", 8.0, 12.0)),
-    condition("4 to 20 mA", scaled("u", 8.0, 12.0), arguments=columns(command="u*0.125-1.5")),
-    condition("command in mA about zero", scaled("u", 20.0)),
-    condition("command in per cent", scaled("u", 100.0)),
-    condition("2 % of rows absent", rows_absent(0.02)),
-    condition("2 % of rows absent, bridged", rows_absent(0.02), arguments=(*FOUR, "--bridge", "3")),
-    condition("0.1 % of rows absent", rows_absent(0.001)),
-    condition("0.1 % of cells empty", cells_empty(0.001)),
-    condition("2 % of cells empty, bridged", cells_empty(0.02), arguments=(*FOUR, "--bridge", "3")),
-    condition("rows twice", rows_twice),
-    condition("stamps off by 5 %", jitter(0.05)),
-    condition("stamps off by 30 %", jitter(0.3)),
-    condition("time from 1e9 s", every(lambda t, rng: t + 1e9, "t")),
-    condition("time in ms", scaled("t", 1e3), arguments=columns(time="t*0.001")),
-    condition("time in ms, not told", scaled("t", 1e3)),
-    condition("spikes in the command", spikes),
-    condition("command recorded 4 ms late", moved(1)),
-    condition("command recorded 8 ms late", moved(2)),
-    condition("command recorded 4 ms early", moved(-1)),
-    condition("acceleration clipped at 60 %", clipped("a", 0.6)),
-    condition("command clipped at 60 %", clipped("u", 0.6)),
-    condition("no acceleration", without("a"), arguments=columns(acceleration="")),
-    condition("no position", without("x"), arguments=columns(position="")),
-    condition("100 Hz", laboratory={"rate": 100.0, "anti_alias": 40.0}),
-    condition("200 Hz", laboratory={"rate": 200.0, "anti_alias": 80.0}),
-    condition("200 Hz, accelerometer filter of 8 ms", laboratory={"rate": 200.0, "anti_alias": 28.1}),
-    condition("1000 Hz", laboratory={"rate": 1000.0, "anti_alias": 400.0}),
-    condition("5000 Hz", laboratory={"rate": 5000.0, "anti_alias": 2000.0}),
-    condition("10000 Hz", laboratory={"rate": 10000.0, "anti_alias": 4000.0}),
-    condition("position in steps of 10 µm", laboratory=RATE | {"step": 1e-5}),
-    condition("position in steps of 100 µm", laboratory=RATE | {"step": 1e-4}),
-    condition("acceleration of 12 bit", steps("a", 40.0 / 4096)),
-    condition("bias of the acceleration drifts by 0.2 m/s²", drifting("a", 0.2)),
-    condition("zero of the position drifts by 1 mm", drifting("x", 1e-3)),
-    condition("slow position transducer", truth={"position_sensor_lag": 4e-3}, expected=("position_sensor_lag",)),
-    condition("position in mm, not told", scaled("x", 1e3)),
-    condition("acceleration in g, not told", scaled("a", 1.0 / 9.80665)),
-    condition("acceleration with its sign turned", scaled("a", -1.0)),
-    condition("command and position swapped", swapped),
-    condition("recordings of two tables", runs=(*RUNS, "other")),
-    condition("5 s of data", runs=("learn_quake", "hold_quake"), seconds=5.0),
-    condition("a sine alone", sine),
-    condition("clean, with a drag", table="drag"),
-    condition("two files, own clocks, with a drag", table="drag", split=own_clock, arguments=TWO_FILES),
-    condition("spikes in the command, with a drag", spikes, table="drag"),
-    condition("command recorded 4 ms late, with a drag", moved(1), table="drag"),
-    condition("acceleration clipped at 60 %, with a drag", clipped("a", 0.6), table="drag"),
-    condition("no acceleration, with a drag", without("a"), table="drag", arguments=columns(acceleration="")),
-    condition("100 Hz, with a drag", table="drag", laboratory={"rate": 100.0, "anti_alias": 40.0}),
-    condition("position in steps of 100 µm, with a drag", table="drag", laboratory=RATE | {"step": 1e-4}),
+    Condition("clean"),
+    Condition("clean, 500 Hz with a filter of 100 Hz", laboratory=FINE),
+    Condition("two files, own clocks", split=own_clock, arguments=TWO_FILES, laboratory=FINE),
+    Condition("4 to 20 mA, not told", scaled("u", 8.0, 12.0)),
+    Condition("4 to 20 mA", scaled("u", 8.0, 12.0), arguments=columns(command="u*0.125-1.5")),
+    Condition("command in mA about zero", scaled("u", 20.0)),
+    Condition("command in per cent", scaled("u", 100.0)),
+    Condition("2 % of rows absent", rows_absent(0.02)),
+    Condition("2 % of rows absent, bridged", rows_absent(0.02), arguments=(*FOUR, "--bridge", "3")),
+    Condition("0.1 % of rows absent", rows_absent(0.001)),
+    Condition("0.1 % of cells empty", cells_empty(0.001)),
+    Condition("2 % of cells empty, bridged", cells_empty(0.02), arguments=(*FOUR, "--bridge", "3")),
+    Condition("rows twice", rows_twice),
+    Condition("stamps off by 5 %", jitter(0.05)),
+    Condition("stamps off by 30 %", jitter(0.3)),
+    Condition("time from 1e9 s", every(lambda t, rng: t + 1e9, "t")),
+    Condition("time in ms", scaled("t", 1e3), arguments=columns(time="t*0.001")),
+    Condition("time in ms, not told", scaled("t", 1e3)),
+    Condition("spikes in the command", spikes),
+    Condition("command recorded 4 ms late", moved(1)),
+    Condition("command recorded 8 ms late", moved(2)),
+    Condition("command recorded 4 ms early", moved(-1)),
+    Condition("acceleration clipped at 60 %", clipped("a", 0.6)),
+    Condition("command clipped at 60 %", clipped("u", 0.6)),
+    Condition("no acceleration", without("a"), arguments=columns(acceleration="")),
+    Condition("no position", without("x"), arguments=columns(position="")),
+    Condition("100 Hz", laboratory={"rate": 100.0, "anti_alias": 40.0}),
+    Condition("200 Hz", laboratory={"rate": 200.0, "anti_alias": 80.0}),
+    Condition("200 Hz, accelerometer filter of 8 ms", laboratory={"rate": 200.0, "anti_alias": 28.1}),
+    Condition("1000 Hz", laboratory={"rate": 1000.0, "anti_alias": 400.0}),
+    Condition("5000 Hz", laboratory={"rate": 5000.0, "anti_alias": 2000.0}),
+    Condition("10000 Hz", laboratory={"rate": 10000.0, "anti_alias": 4000.0}),
+    Condition("position in steps of 10 µm", laboratory=RATE | {"step": 1e-5}),
+    Condition("position in steps of 100 µm", laboratory=RATE | {"step": 1e-4}),
+    Condition("acceleration of 12 bit", steps("a", 40.0 / 4096)),
+    Condition("bias of the acceleration drifts by 0.2 m/s²", drifting("a", 0.2)),
+    Condition("zero of the position drifts by 1 mm", drifting("x", 1e-3)),
+    Condition("slow position transducer", truth={"position_sensor_lag": 4e-3}, expected=("position_sensor_lag",)),
+    Condition("position in mm, not told", scaled("x", 1e3)),
+    Condition("acceleration in g, not told", scaled("a", 1.0 / 9.80665)),
+    Condition("acceleration with its sign turned", scaled("a", -1.0)),
+    Condition("command and position swapped", swapped),
+    Condition("recordings of two tables", runs=(*RUNS, "other")),
+    Condition("5 s of data", runs=("learn_quake", "hold_quake"), seconds=5.0),
+    Condition("a sine alone", sine),
+    Condition("clean, with a drag", table="drag"),
+    Condition("two files, own clocks, with a drag", table="drag", split=own_clock, arguments=TWO_FILES),
+    Condition("spikes in the command, with a drag", spikes, table="drag"),
+    Condition("command recorded 4 ms late, with a drag", moved(1), table="drag"),
+    Condition("acceleration clipped at 60 %, with a drag", clipped("a", 0.6), table="drag"),
+    Condition("no acceleration, with a drag", without("a"), table="drag", arguments=columns(acceleration="")),
+    Condition("100 Hz, with a drag", table="drag", laboratory={"rate": 100.0, "anti_alias": 40.0}),
+    Condition("position in steps of 100 µm, with a drag", table="drag", laboratory=RATE | {"step": 1e-4}),
 )
 
 
