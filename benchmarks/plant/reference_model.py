@@ -146,11 +146,11 @@ def at_rest(c: Constants) -> np.ndarray:
 class Pieces(NamedTuple):
     """Stretches of time in which the spool's position of rest stays, for n samples of at most PIECES.
 
-    count : (n,). duration : (n, PIECES) [s]. target : (n, PIECES) [-]. From the second piece of a sample on the spool
+    counts : (n,). duration : (n, PIECES) [s]. target : (n, PIECES) [-]. From the second piece of a sample on the spool
     starts at rest.
     """
 
-    count: np.ndarray
+    counts: np.ndarray
     duration: np.ndarray
     target: np.ndarray
 
@@ -166,15 +166,15 @@ def spool_pieces(commands: np.ndarray, sample_time: float, c: Constants) -> Piec
     return Pieces(*_spool_pieces(np.clip(commands, -1.0, 1.0), sample_time, c.friction, step))
 
 
-@numba.njit
-def _rest(x, v, u, friction):  # type: ignore[no-untyped-def]
+@numba.njit()
+def _rest(x, v, u, friction):
     if v == 0.0:
         return x if abs(u - x) <= friction else u - np.sign(u - x) * friction
     return u - np.sign(v) * friction
 
 
-@numba.njit
-def _spool_pieces(commands, sample_time, friction, step):  # type: ignore[no-untyped-def]
+@numba.njit()
+def _spool_pieces(commands, sample_time, friction, step):
     n = len(commands)
     count, duration, target = np.ones(n, np.int64), np.zeros((n, PIECES)), np.zeros((n, PIECES))
     x, v, fine = 0.0, 0.0, sample_time / FINE
@@ -226,7 +226,7 @@ def _radau(
     pieces = spool_pieces(commands, sample_time, c)
     for k in range(len(commands)):
         result[k] = rhs(y, pieces.target[k, 0])[1]
-        for i in range(pieces.count[k]):
+        for i in range(pieces.counts[k]):
             target, end = float(pieces.target[k, i]), float(pieces.duration[k, i])
             if i > 0:
                 y[5] = 0.0
@@ -308,12 +308,12 @@ def fine_steps(commands: np.ndarray, sample_time: float, c: Constants, steps: in
     return _fine_steps(*spool_pieces(commands, sample_time, c), sample_time / steps, at_rest(c), c)
 
 
-_edge_flow = numba.njit(edge_flow)
-compiled_rates = numba.njit(types.FunctionType(rates.__code__, {**globals(), "edge_flow": _edge_flow}, "rates"))
+_edge_flow = numba.njit()(edge_flow)
+compiled_rates = numba.njit()(types.FunctionType(rates.__code__, {**globals(), "edge_flow": _edge_flow}, "rates"))
 
 
-@numba.njit
-def _fine_steps(count, duration, target, longest, y, c):  # type: ignore[no-untyped-def]
+@numba.njit()
+def _fine_steps(count, duration, target, longest, y, c):
     out = np.empty((len(count), 7))
     for k in range(len(count)):
         out[k, :6] = y
