@@ -144,7 +144,7 @@ def test_core_in_a_process_of_its_own_brings_no_ros_and_no_plotting() -> None:
 
 def test_only_compiled_kernels_go_without_annotations() -> None:
     wrong = []
-    for path in sources():
+    for path in [*sources(), *sources(ROOT / "benchmarks")]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if not isinstance(node, ast.FunctionDef):
                 continue
@@ -197,6 +197,12 @@ def test_benchmarks_import_neither_commands_nor_by_an_edited_path() -> None:
     wrong += [str(path.relative_to(ROOT)) for path in files if "sys.path" in path.read_text(encoding="utf-8")]
     assert files
     assert not wrong, "\n".join(wrong)
+
+
+def test_independent_simulators_import_nothing_of_the_package() -> None:
+    files = [ROOT / "benchmarks" / f"{n}.py" for n in ("discovery/hidden_tables", "discovery/foreign_tables")]
+    files.append(ROOT / "benchmarks" / "plant" / "reference_model.py")
+    assert not [name for path in files for _, name in imports(path) if name.startswith("shake_ros")]
 
 
 def test_no_drawers_for_odds_and_ends() -> None:
