@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.linear import kalman_gain
+from shake_ros.core.observer.linear import LinearObserver, kalman_gain
 from shake_ros.settings import load_variant
 
 SAMPLE_TIME = 0.001
@@ -20,7 +19,7 @@ GAINS = (0.3, 20.0, 2000.0)  # λ [m/s], [m/s²], [m/s³]
 
 def boundary_layers(jerk_noise: float, gains: tuple[float, float, float]) -> tuple[float, float, float]:
     """Boundary layers within which the sliding-mode observer with λ = `gains` has the Kalman filter's gain."""
-    _, parameters = load_variant("observer", "linear_bergamo", OBSERVERS)
+    _, parameters = load_variant("observer", "linear_bergamo", {"linear": LinearObserver})
     changed = parameters.replace(jerk_noise=jerk_noise, disturbance_noise=DISTURBANCE_NOISE)
     first, second, third, _ = kalman_gain(changed, SAMPLE_TIME)
     lambda1, lambda2, lambda3 = gains

@@ -26,7 +26,8 @@ from typing import Any
 import numpy as np
 
 from shake_ros.api.loops import Combination, Setup, load_setup
-from shake_ros.api.tune import Cost, gains_of, rounded, text_of
+from shake_ros.api.tune import Cost, gains_of, rounded
+from shake_ros.api.tune_table import text_of
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.closed_loop import tune
 from shake_ros.core.control.runner import Controller

@@ -35,9 +35,11 @@ from shake_ros.core.control.closed_loop import normalised_error
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.compiled import Loop, simulate
 from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.linear import kalman_gain
+from shake_ros.core.observer.linear import LinearObserver, kalman_gain
+from shake_ros.core.observer.model_sliding_mode import ModelSlidingModeObserver
 from shake_ros.core.observer.robust_exact_differentiator import GAINS, worst_case
 from shake_ros.core.observer.runner import Observer
+from shake_ros.core.observer.sliding_mode import SlidingModeObserver
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.program import Program
@@ -148,7 +150,7 @@ def estimate(
 
 
 @njit
-def explicit_differentiator(positions, gains, dt, estimates):  # type: ignore[no-untyped-def]
+def explicit_differentiator(positions, gains, dt, estimates):
     """Levant's differentiator of second order by forward Euler."""
     x, v, a = positions[0], 0.0, 0.0
     for k in range(positions.shape[0]):
@@ -161,7 +163,7 @@ def explicit_differentiator(positions, gains, dt, estimates):  # type: ignore[no
 
 
 @njit
-def explicit_sliding_mode(positions, commands, beta, gains, gated, dt, estimates):  # type: ignore[no-untyped-def]
+def explicit_sliding_mode(positions, commands, beta, gains, gated, dt, estimates):
     """(6.38), (6.39) by forward Euler; `gated`: a stage is fed once the one before is zero, (5.49)."""
     x, v, a = positions[0], 0.0, 0.0
     for k in range(positions.shape[0]):
@@ -183,7 +185,7 @@ def forward_euler(name: str, run: Run) -> Array:
         gains = np.array([g * EXPLICIT_BOUND ** ((i + 1.0) / 3.0) for i, g in enumerate(GAINS[2])])
         explicit_differentiator(run.measured, gains, SAMPLE_TIME, found)
     else:
-        _, p = load_variant("observer", "sliding_mode", OBSERVERS)
+        _, p = load_variant("observer", "sliding_mode", {"sliding_mode": SlidingModeObserver})
         gains = np.array([p.lambda1, p.lambda2, p.lambda3])
         beta = np.array([p.beta1, p.beta2, p.beta3, p.beta4, p.beta5])
         explicit_sliding_mode(run.measured, run.command, beta, gains, "5.49" in name, SAMPLE_TIME, found)
@@ -275,8 +277,8 @@ def bound(runs: list[Run]) -> str:
 
 def layers() -> str:
     """The boundary layers within which `model_sliding_mode` has the Kalman gain of half the table's β."""
-    _, table = load_variant("observer", "linear_bergamo", OBSERVERS)
-    _, p = load_variant("observer", "model_sliding_mode", OBSERVERS)
+    _, table = load_variant("observer", "linear_bergamo", {"linear": LinearObserver})
+    _, p = load_variant("observer", "model_sliding_mode", {"model_sliding_mode": ModelSlidingModeObserver})
     half = {f"beta{i}": 0.5 * getattr(table, f"beta{i}") for i in range(1, 6)}
     g1, g2, g3, g4 = kalman_gain(table.replace(**half, jerk_noise=0.3, disturbance_noise=60.0), SAMPLE_TIME)
     ratios = (SAMPLE_TIME * (1.0 / g1 - 1.0), g1 / g2 - SAMPLE_TIME, g2 / g3 - SAMPLE_TIME, g3 / g4 - SAMPLE_TIME)

@@ -72,7 +72,8 @@ def rows() -> list[str]:
             states = program.samples(0, samples)
             loops = [Loop(truth, estimator, law, states, seed=3, delay=1) for estimator, law in pairs]
             line = f"{reference:14s} {effect:21s}"
-            for x, v, a in run_batch(loops, lambda _, run, first=first: 100.0 * run.tracking_error(first)):
+            for run in run_batch(loops, lambda _, run: run):
+                x, v, a = 100.0 * run.tracking_error(first)
                 line += f"   {x:5.2f} {v:5.2f} {a:5.1f}"
             lines.append(line)
             print(line, flush=True)

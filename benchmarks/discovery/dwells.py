@@ -13,6 +13,7 @@ from benchmarks.discovery import foreign_tables, hidden_tables
 from shake_ros.api import fitted
 from shake_ros.api.read import recording
 from shake_ros.core.identification.recordings import Record
+from shake_ros.data.recordings import TableRecording
 from shake_ros.explain.backlash import BACKLASH, LONG, SHARE, dwells, share_of_dwells
 
 FIRST, SHARES = 3000, (0.1, 0.3)
@@ -23,7 +24,7 @@ def declared(seed: int, effect: str, part: float) -> list[Record]:
     """The estimation data of a declared table with one effect."""
     commands = hidden_tables.excitations(seed)
     table = hidden_tables.with_effect(hidden_tables.declared_truth(seed), effect, part, commands, seed)
-    runs = []
+    runs = list[TableRecording]()
     for name in (n for n in commands if n.startswith("learn")):
         made = hidden_tables.record(table, commands[name], 1.0, np.random.default_rng([seed, 7]))
         times = np.arange(len(commands[name])) * hidden_tables.SAMPLE
@@ -33,7 +34,7 @@ def declared(seed: int, effect: str, part: float) -> list[Record]:
 
 def foreign(case: foreign_tables.Case) -> list[Record]:
     """The estimation data of a table without a data sheet."""
-    runs = []
+    runs = list[TableRecording]()
     for name in (n for n in foreign_tables.RUNS if n.startswith("learn")):
         made = foreign_tables.record(case, name, 16.0)
         made.pop("noise")

@@ -26,16 +26,15 @@ def measure(seed: int, seconds: float, minutes: float, most: int = max(foreign.C
     most : effects hidden at most.
     """
     case = foreign.case_of(seed, most)
-    runs, noise = {}, {}
+    runs, floor = {}, {}
     for name in foreign.RUNS:
         made = foreign.record(case, name, seconds)
-        noise[name] = float(made.pop("noise"))
+        floor[name] = float(made.pop("noise") / np.std(made["acceleration"]))
         runs[name] = recording(name, **made)
     learn, hold = ([n for n in foreign.RUNS if n.startswith(role)] for role in ("learn", "hold"))
     data = ([runs[n][0] for n in role] for role in (learn, hold))
     found = close_loop(model("unknown"), *data, minutes=minutes, progress=False)
     named = found.effects.names
-    floor = {n: noise[n] / float(np.std(runs[n][0].acceleration)) for n in hold}
     over = {
         f"{which}_over_noise": float(np.mean([m.validation[n]["acceleration"] / floor[n] for n in hold]))
         for which, m in (("before", found.closed.baseline), ("after", found.closed.final))

@@ -141,7 +141,7 @@ def emps(data: Path, out: Path) -> None:
     both = ("--model", "axis", "--learn", bags[0], "--hold", bags[1])
     printed, _ = command("identify", *both, "--method", "inverse_dynamics", "--out", out / "emps_identify", "--force")
     print("\n".join("  " + line for line in printed.splitlines() if "axis." in line))
-    for name, learn, hold in (("emps", *bags), ("emps_swapped", *reversed(bags))):
+    for name, (learn, hold) in (("emps", bags), ("emps_swapped", bags[::-1])):
         arguments = ("--model", "axis", "--learn", learn, "--hold", hold, "--out", out / name, "--force")
         printed, seconds = command("close_loop", *arguments)
         shown = ("free run, ", "of its own, ", "effects.")

@@ -69,10 +69,13 @@ def errors(found: Fit, truth: hidden.Truth) -> dict[str, float]:
     return {name: value / true[name] - 1.0 for name, value in told.items()}
 
 
-def recordings(seed: int, truth: hidden.Truth, length: float = 1.0, effect: str = "none") -> list[list[Record]]:
+def recordings(
+    seed: int, truth: hidden.Truth, length: float = 1.0, effect: str = "none"
+) -> tuple[list[Record], list[Record]]:
     """Those to learn from and those held out."""
     made = confusion.recordings(effect, seed, 1.0, truth, hidden.excitations(seed, length))
-    return [[r for n, r in made.items() if n.startswith(role)] for role in ("learn", "hold")]
+    learn, hold = ([r for n, r in made.items() if n.startswith(role)] for role in ("learn", "hold"))
+    return learn, hold
 
 
 def fitted(seed: int, force: float) -> tuple[float | None, dict[str, float], dict[str, float]]:
@@ -107,7 +110,7 @@ def parameter_table(seeds: Sequence[int]) -> None:
         rows = [fitted(seed, force) for seed in seeds]
         shown = sum(ratio is not None for ratio, _, _ in rows)
         for name in rows[0][1]:
-            alone, both = (np.array([row[k][name] for row in rows]) for k in (1, 2))
+            alone, both = np.array([(free[name], both[name]) for _, free, both in rows]).T
             nearer, differ = int(np.sum(abs(both) < abs(alone))), int(np.sum(both != alone))
             part = str(Share(nearer, differ)) if differ else "the same fit"
             sizes = "".join(f"{100.0 * float(np.sqrt(np.mean(e**2))):>7.2f} %" for e in (alone, both))
@@ -122,7 +125,7 @@ def named(seed: int, effect: str, with_predictor: bool) -> tuple[str, ...]:
     truth = confusion.truth(effect, SEVERITY, seed, commands)._replace(rumble=NAMES_FORCE)
     structure = replace(model_structure(load_table("bergamo")), candidates=confusion.candidates(AMONG))
     settings = load_search() if with_predictor else load_search().replace(process_noise=NEVER)
-    with Progress("close_loop", told=False) as silent:
+    with Progress("close_loop", shown=False) as silent:
         found = close_loop(structure, *recordings(seed, truth, 0.8, effect), settings, silent)
     return tuple(step.chosen.candidate.effect for step in found.search.steps)
 

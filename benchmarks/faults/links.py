@@ -198,8 +198,8 @@ class Link:
             operator.set_parameter("plant", values)
         else:
             assert self.emulator is not None and self.emulator.stdin is not None
-            value = "" if case.value is True else f"={case.value}"
-            self.emulator.stdin.write(f"{case.what}{value}\n" if on else f"{case.what} off\n")
+            setting = "" if case.value is True else f"={case.value}"
+            self.emulator.stdin.write(f"{case.what}{setting}\n" if on else f"{case.what} off\n")
             self.emulator.stdin.flush()
 
     def truth(self, listener: Any, since: int) -> np.ndarray:

@@ -30,18 +30,18 @@ SINGLE_ROD = {"body.area_ratio": 0.6, "body.volume_share": 0.625}
 
 def measure() -> str:
     """Milliseconds of the declared table and of a single rod, nan where there is none, and a hash of the results."""
-    from shake_ros.core.plant.parameters import NAMES
+    from shake_ros.core.plant.parameters import NAMES, TableParameters
     from shake_ros.core.plant.simulation import run
     from shake_ros.settings import load_table
 
     table = load_table("bergamo")
     commands = 0.5 * np.sin(4.0 * np.pi * SAMPLE * np.arange(2000))
 
-    def best(one: object) -> float:
+    def best(one: TableParameters) -> float:
         times = []
         for _ in range(REPEATS):
             begun = time.thread_time()
-            run(one, commands, SAMPLE)  # type: ignore[arg-type]
+            run(one, commands, SAMPLE)
             times.append(time.thread_time() - begun)
         return 1e3 * min(times)
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import ctypes
-import functools
 import os
 import platform
 import shutil
@@ -22,6 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -84,7 +84,7 @@ def thesis_runs(full: bool) -> Iterator[str]:
             constants = reference.constants(depth)
             solution = reference.fine_steps(commands, SAMPLE, constants)[:, 6]
             result = run(table, commands, SAMPLE)[:, 2]
-            speed = len(commands) * SAMPLE / best(lambda table=table, commands=commands: run(table, commands, SAMPLE))
+            speed = len(commands) * SAMPLE / best(partial(run, table, commands, SAMPLE))
             count = len(commands) if full else 60
             start = 80 if name == "pulse" and not full else 0
             radau = reference.radau(commands[start : start + count], SAMPLE, constants)
@@ -147,7 +147,7 @@ def by_cvode(commands: np.ndarray, fineness: float) -> np.ndarray:
     return result
 
 
-@functools.cache
+@cache
 def compiled_c(_folder: tempfile.TemporaryDirectory[str]) -> ctypes.CDLL:
     """benchmarks/declared_table.c made by the system's compiler; ImportError where there is none."""
     compiler = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
@@ -214,7 +214,7 @@ def other_solvers(full: bool) -> Iterator[str]:
             found = reference.nrmse(solution, solve(commands, fineness))
             spent = time.thread_time() - start
             if spent < 0.1:  # too short for one measurement
-                spent = best(lambda solve=solve, fineness=fineness: solve(commands, fineness))
+                spent = best(partial(solve, commands, fineness))
             spent = min(IN_C[-3:]) if solve is by_c else spent
             if found <= error:
                 break
@@ -226,19 +226,18 @@ def growth() -> Iterator[str]:
     parts = []
     for seconds in (1.0, 10.0, 60.0):
         commands = reference.sine(0.5, 2.0, seconds)
-        parts.append(f"{seconds:g} s {1e3 * best(lambda u=commands: run(BERGAMO, u, SAMPLE)):.1f} ms")
+        parts.append(f"{seconds:g} s {1e3 * best(partial(run, BERGAMO, commands, SAMPLE)):.1f} ms")
     yield "simulated time: " + ", ".join(parts)
     commands = reference.sine(0.5, 2.0, 5.0)
     parts = []
     for count in (0, 1, 3, 5, 6, 9, len(SEVERAL)):
         table = BERGAMO.with_values(dict(list(SEVERAL.items())[:count]))
-        parts.append(f"{count} {5.0 / best(lambda table=table: run(table, commands, SAMPLE)):.0f} x")
+        parts.append(f"{count} {5.0 / best(partial(run, table, commands, SAMPLE)):.0f} x")
     yield f"effects switched on, of {len(EFFECTS)} compiled in: " + ", ".join(parts)
     parts = []
     for size in (1, 2, 8, 32, 128):
         vectors, starts = batch(size)
-        short = commands[:1000]
-        wall, _ = both_clocks(lambda v=vectors, s=starts, u=short: run_batch(v, s, u, SAMPLE))
+        wall, _ = both_clocks(partial(run_batch, vectors, starts, commands[:1000], SAMPLE))
         parts.append(f"{size} {1e3 * wall / size:.2f} ms")
     yield f"batch on {workers()} cores, wall clock for each run of 1 s: " + ", ".join(parts)
 

@@ -20,7 +20,7 @@ from shake_ros.core.quantities import ShakeError
 TABLES = ("bergamo", "bergamo_cavitation", "bergamo_measured", "bergamo_table_6_9")
 RECORDS = ("earthquake", "earthquake_rock", "earthquake_stiff_soil", "earthquake_soft_soil")
 LOADS = (0.0, 200.0, 500.0)
-FIXED = {"observer": "model_soft_zone", "controller": "super_twisting_model"}
+OWN, FIXED = ("own", "own"), ("model_soft_zone", "super_twisting_model")  # observer, controller
 
 
 def iterated(played: sr.SimulatedTable, record: str, runs: int) -> tuple[str, bool]:
@@ -47,7 +47,7 @@ def main() -> None:
     print(lines[0])
     good = 0
     for table in given.tables:
-        played = sr.SimulatedTable(table, delay=1, progress=False, **(FIXED if given.fixed_gains else {}))
+        played = sr.SimulatedTable(table, *(FIXED if given.fixed_gains else OWN), delay=1, progress=False)
         for load in LOADS:
             played.changes = {"body.specimen_mass": load}
             for record in RECORDS:

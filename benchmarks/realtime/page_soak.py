@@ -45,7 +45,7 @@ from shake_ros.ros.interface import DIAGNOSTICS
 SAVED = Path(__file__).with_suffix(".txt")
 READ = SAVED.with_name("page_soak_reader.txt")
 TIMER = Path(__file__).with_name("bare_timer.py")
-SHAKE = (sys.executable, "-m", "shake_ros")
+SHAKE: Sequence[str] = (sys.executable, "-m", "shake_ros")
 SETTLING = 60.0  # at most, before anything counts [s]
 ENDING = 180.0  # of an orderly stop, which is slow where lock-step is [s]
 STARTING = 180.0  # timeout until the table runs [s]

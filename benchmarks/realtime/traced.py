@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from shake_ros.__main__ import main as shake
+from shake_ros.bridge.table_link import Sample
 from shake_ros.ros import loop
 from shake_ros.ros.diagnostics import Diagnostics
 from shake_ros.ros.frame import Reader
@@ -117,20 +118,20 @@ def trace(node: str) -> Tracer:
     if node in STEPPED_BY:
         arrived = Reader._arrived
 
-        def hear(reader: Any, data: bytes) -> None:
-            if reader.input.name == STEPPED_BY[node]:
+        def hear(self: Reader, data: bytes) -> None:
+            if self.input.name == STEPPED_BY[node]:
                 tracer.step()
-            arrived(reader, data)
+            arrived(self, data)
 
-        Reader._arrived = hear  # type: ignore[method-assign]
+        Reader._arrived = hear  # type: ignore[method-assign]  # what is traced
     elif node == "hardware_bridge":
         publish = HardwareBridge._publish
 
-        def send(bridge: Any, sample: Any) -> None:
+        def send(self: HardwareBridge, sample: Sample) -> None:
             tracer.step()
-            publish(bridge, sample)
+            publish(self, sample)
 
-        HardwareBridge._publish = send  # type: ignore[method-assign]
+        HardwareBridge._publish = send  # type: ignore[method-assign]  # what is traced
     else:
         sleep = loop.sleep_until
 

@@ -38,8 +38,8 @@ def run_ticks(self: loop.NodeLoop, ticking: list[Any]) -> None:
 def use() -> None:
     """Put the usual pattern in place of ours, in this process."""
     loop.make_executor = lambda context: SingleThreadedExecutor(context=context)
-    loop.NodeLoop._run_ticks = run_ticks  # type: ignore[method-assign]
-    conversions.Codec._agrees_with_middleware = lambda self: False  # type: ignore[method-assign]
+    loop.NodeLoop._run_ticks = run_ticks  # type: ignore[method-assign]  # the usual one
+    conversions.Codec._agrees_with_middleware = lambda self: False  # type: ignore[method-assign]  # the usual one
 
 
 if __name__ == "__main__":

@@ -40,8 +40,7 @@ def main() -> int:
     said = [f"python -m benchmarks.recordings.tables --rows {given.rows}", ""]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.csv"
-        form = {"fmt": ["%.3f", "%.6f", "%.5f"], "delimiter": ",", "comments": ""}
-        np.savetxt(file, table, header="Time [s],Valve [V],Disp [mm]", **form)
+        np.savetxt(file, table, ["%.3f", "%.6f", "%.5f"], ",", header="Time [s],Valve [V],Disp [mm]", comments="")
         points = file.read_text()
         base = least(lambda: np.loadtxt(file, delimiter=",", skiprows=1))
         said.append(f"numpy.loadtxt: {base:.2f} s")

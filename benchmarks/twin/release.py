@@ -47,8 +47,8 @@ def loop(names: tuple[str, str, bool], file: TableParameters, now: TableParamete
     controller, observer, carries = names
     kind, law = load_variant("controller", controller, CONTROLLERS)
     sort, watched = load_variant("observer", observer, OBSERVERS)
-    law, watched = (p.replace(**for_table(p, file, now)) for p in (law, watched))
-    law = law.replace(model="given" if carries else "")
+    law = law.replace(**for_table(law, file, now), model="given" if carries else "")
+    watched = watched.replace(**for_table(watched, file, now))
     return Observer(sort, watched, DT, now), Controller(kind, law, DT, now if carries else None)
 
 
