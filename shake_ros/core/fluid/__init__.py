@@ -1,4 +1,4 @@
-"""The hydraulic fluid: viscosity, density, flow through pipes and orifices; one file per law.
+"""The hydraulic fluid: one oil with its viscosity and density, and its flow through pipes and orifices.
 
 Every function takes numbers or numpy arrays and is compiled, so that figures and the plant use the same code.
 """

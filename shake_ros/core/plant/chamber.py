@@ -19,7 +19,7 @@ Pipelines between the valve and the chambers: the inertia of the oil, its fricti
     (ρ L/A) Q̇ = P_1 − P_2 − Δp(Q),  Ṗ_valve = E/(A L/2) (Q_valve − Q)
 
 One lump per line, the cylinder's half of the line's volume counting as dead volume; valid well below the frequency of
-a pressure wave, a/(4 L). Δp is that of fluid/pipe_flow.py, laminar or turbulent. Absent at length 0.
+a pressure wave, a/(4 L). Δp is that of fluid/flow.py, laminar or turbulent. Absent at length 0.
 Source: thesis 2.6. Verified against the line's own frequency and the steady drop.
 """
 
@@ -29,7 +29,7 @@ import math
 from dataclasses import dataclass
 
 from shake_ros.core.compiled import kernel, njit
-from shake_ros.core.fluid.pipe_flow import pressure_drop
+from shake_ros.core.fluid.flow import pressure_drop
 from shake_ros.core.quantities import Parameters, quantity
 
 

@@ -3,7 +3,7 @@
     viscous friction ∝ η,  laminar leakage ∝ 1/η,  flow coefficient ∝ 1/√ρ,  laminar pressure ∝ η²/ρ,
     bulk modulus · (1 − γ (T − T_0)),  oil of the pipelines and the pilot stage ∝ η, ρ
 
-η and ρ follow from fluid/viscosity.py and fluid/density.py; the laminar pressure is the drop at which the jet of an
+η and ρ follow from fluid/oil.py; the laminar pressure is the drop at which the jet of an
 edge has its Reynolds number of transition, v d/ν with v = √(2Δp/ρ). γ is a few thousandths per kelvin (Eggerth's
 formula gives 3.8e-3 between 20 and 50 °C at 100 bar). The result is a table like any other, so temperature costs a
 simulation nothing. A table's file asks for it by its section `fluid`.
@@ -14,8 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from shake_ros.core.fluid import density, viscosity
-from shake_ros.core.fluid.oil import OilParameters
+from shake_ros.core.fluid.oil import OilParameters, density_at_temperature, viscosity_at_temperature
 from shake_ros.core.plant.parameters import INDEX, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 
@@ -56,9 +55,9 @@ def at_temperature(
     stiffness = 1.0 - modulus_slope * warmer
     if stiffness <= 0.0:
         raise ShakeError(f"temperature = {temperature:g} K: no bulk modulus left, slope {modulus_slope:g} 1/K")
-    thickness = viscosity.at_temperature(1.0, oil.viscosity_decay, temperature, reference_temperature)
+    thickness = viscosity_at_temperature(1.0, oil.viscosity_decay, temperature, reference_temperature)
     rho, rho_0 = (
-        density.at_temperature(oil.density, oil.expansion, t, oil.reference_temperature)
+        density_at_temperature(oil.density, oil.expansion, t, oil.reference_temperature)
         for t in (temperature, reference_temperature)
     )
     factors = dict.fromkeys(VISCOUS, float(thickness)) | dict.fromkeys(LAMINAR, 1.0 / float(thickness))

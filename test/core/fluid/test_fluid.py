@@ -9,7 +9,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from shake_ros.core.fluid import density, orifice, pipe_flow, viscosity
+from shake_ros.core.fluid import flow as fluid_flow
+from shake_ros.core.fluid import oil
 from shake_ros.core.fluid.oil import Oil
 from shake_ros.core.quantities import ShakeError
 from shake_ros.settings import find, read_yaml
@@ -19,121 +20,123 @@ PIPE = {"length": 2.0, "diameter": 0.012, "viscosity": 0.03, "density": 850.0}
 
 
 def test_viscosity_falls_by_the_same_factor_with_every_degree() -> None:
-    warm = viscosity.at_temperature(0.04, 0.05, 300.0 + 1.0 / 0.05, 300.0)
+    warm = oil.viscosity_at_temperature(0.04, 0.05, 300.0 + 1.0 / 0.05, 300.0)
     assert warm == pytest.approx(0.04 / math.e)
     temperatures = np.array([290.0, 300.0, 310.0])
-    eta = viscosity.at_temperature(0.04, 0.05, temperatures, 300.0)
+    eta = oil.viscosity_at_temperature(0.04, 0.05, temperatures, 300.0)
     assert eta[0] / eta[1] == pytest.approx(eta[1] / eta[2])
 
 
 def test_viscosity_doubles_at_the_pressure_that_table_2_1_says() -> None:
     # 20 °C: α = 2.595e-8 1/Pa, so ln 2 / α = 267 bar; with the printed power of ten it would be 27 Pa
-    alpha = viscosity.pressure_coefficient(293.15, np.array(HLP_32.temperatures), np.array(HLP_32.coefficients))
+    alpha = oil.viscosity_coefficient(293.15, np.array(HLP_32.temperatures), np.array(HLP_32.coefficients))
     assert alpha == pytest.approx(2.595e-8)
-    doubling = brentq(lambda p: viscosity.at_pressure(1.0, alpha, p) - 2.0, 1e5, 1e9)
+    doubling = brentq(lambda p: oil.viscosity_at_pressure(1.0, alpha, p) - 2.0, 1e5, 1e9)
     assert doubling == pytest.approx(267e5, rel=0.01)
 
 
 def test_coefficient_is_linear_between_rows_and_held_beyond_them() -> None:
     rows = np.array(HLP_32.temperatures), np.array(HLP_32.coefficients)
-    assert viscosity.pressure_coefficient(298.15, *rows) == pytest.approx(0.5 * (2.595e-8 + 2.339e-8))
-    assert viscosity.pressure_coefficient(200.0, *rows) == 3.268e-8
-    assert viscosity.pressure_coefficient(500.0, *rows) == 1.283e-8
+    assert oil.viscosity_coefficient(298.15, *rows) == pytest.approx(0.5 * (2.595e-8 + 2.339e-8))
+    assert oil.viscosity_coefficient(200.0, *rows) == 3.268e-8
+    assert oil.viscosity_coefficient(500.0, *rows) == 1.283e-8
 
 
 def test_the_oil_has_its_viscosity_grade_at_40_degrees() -> None:
     eta = HLP_32.viscosity(313.15, 0.0)
-    assert viscosity.kinematic(eta, 850.0) * 1e6 == pytest.approx(32.0, rel=1e-6)  # mm²/s
+    assert oil.kinematic(eta, 850.0) * 1e6 == pytest.approx(32.0, rel=1e-6)  # mm²/s
     assert HLP_32.viscosity(313.15, 200e5) > 1.4 * eta
 
 
 def test_density_by_hand_and_the_two_families_agree_to_second_order() -> None:
-    assert density.at_temperature(850.0, 0.65e-3, 340.0, 290.0) == pytest.approx(850.0 / 1.0325)
-    assert density.at_pressure(850.0, 0.7e-9, 201e5, 1e5) == pytest.approx(850.0 / (1.0 - 0.014))
-    assert density.at_constant_temperature(850.0, 1.7e9, 17e6) == pytest.approx(858.5)
+    assert oil.density_at_temperature(850.0, 0.65e-3, 340.0, 290.0) == pytest.approx(850.0 / 1.0325)
+    assert oil.density_at_pressure(850.0, 0.7e-9, 201e5, 1e5) == pytest.approx(850.0 / (1.0 - 0.014))
+    assert oil.density_at_constant_temperature(850.0, 1.7e9, 17e6) == pytest.approx(858.5)
     modulus = 1.0 / 0.7e-9
-    assert density.compressibility(modulus) == pytest.approx(0.7e-9)
+    assert oil.compressibility(modulus) == pytest.approx(0.7e-9)
     for pressure, temperature in ((1e5, 290.0), (200e5, 290.0), (1e5, 320.0), (200e5, 320.0)):
-        one = density.linearised(850.0, modulus, 0.65e-3, pressure, temperature, 1e5, 290.0)
-        other = density.at_pressure_and_temperature(850.0, 0.65e-3, 0.7e-9, pressure, temperature, 1e5, 290.0)
+        one = oil.linearised_density(850.0, modulus, 0.65e-3, pressure, temperature, 1e5, 290.0)
+        other = oil.density_at_both(850.0, 0.65e-3, 0.7e-9, pressure, temperature, 1e5, 290.0)
         assert one == pytest.approx(other, rel=1e-3)
     assert HLP_32.density(288.15, 1e5) == 850.0
 
 
 def test_laminar_flow_is_the_integral_of_its_profile() -> None:
     radius, gradient, eta = 0.005, -3e4, 0.03
-    flow, _ = quad(lambda r: 2.0 * math.pi * r * pipe_flow.velocity_profile(r, radius, eta, gradient), 0.0, radius)
-    assert pipe_flow.laminar_flow(3e4, 1.0, 0.01, eta) == pytest.approx(flow, rel=1e-10)
-    assert pipe_flow.mean_velocity(radius, eta, gradient) == pytest.approx(flow / (math.pi * radius**2), rel=1e-10)
-    middle = pipe_flow.velocity_profile(0.0, radius, eta, gradient)
-    assert middle == pytest.approx(2.0 * pipe_flow.mean_velocity(radius, eta, gradient))  # (2.68)
+    flow, _ = quad(lambda r: 2.0 * math.pi * r * fluid_flow.velocity_profile(r, radius, eta, gradient), 0.0, radius)
+    assert fluid_flow.laminar_flow(3e4, 1.0, 0.01, eta) == pytest.approx(flow, rel=1e-10)
+    assert fluid_flow.mean_velocity(radius, eta, gradient) == pytest.approx(flow / (math.pi * radius**2), rel=1e-10)
+    middle = fluid_flow.velocity_profile(0.0, radius, eta, gradient)
+    assert middle == pytest.approx(2.0 * fluid_flow.mean_velocity(radius, eta, gradient))  # (2.68)
 
 
 def test_slow_flow_loses_pressure_as_Hagen_and_Poiseuille_say() -> None:
-    drop = pipe_flow.pressure_drop(1e-4, **PIPE)
-    assert pipe_flow.reynolds(1e-4 / (math.pi * 0.006**2), 0.012, 0.03, 850.0) < 2000.0
-    assert pipe_flow.laminar_flow(drop, 2.0, 0.012, 0.03) == pytest.approx(1e-4, rel=1e-12)
+    drop = fluid_flow.pressure_drop(1e-4, **PIPE)
+    assert fluid_flow.reynolds(1e-4 / (math.pi * 0.006**2), 0.012, 0.03, 850.0) < 2000.0
+    assert fluid_flow.laminar_flow(drop, 2.0, 0.012, 0.03) == pytest.approx(1e-4, rel=1e-12)
 
 
 def test_friction_factor_is_continuous_and_has_the_published_ends() -> None:
-    assert pipe_flow.friction_factor(1000.0) == 0.064
-    assert pipe_flow.friction_factor(1e4) == pytest.approx(0.03164)
+    assert fluid_flow.friction_factor(1000.0) == 0.064
+    assert fluid_flow.friction_factor(1e4) == pytest.approx(0.03164)
     for corner in (2000.0, 4000.0):
-        below, above = (pipe_flow.friction_factor(corner * (1.0 + e)) for e in (-1e-9, 1e-9))
+        below, above = (fluid_flow.friction_factor(corner * (1.0 + e)) for e in (-1e-9, 1e-9))
         assert below == pytest.approx(above, rel=1e-6)
 
 
 def test_pressure_drop_rises_with_the_flow_through_the_transition_and_is_odd() -> None:
     flows = np.linspace(1e-5, 5e-3, 4000)
-    drops = np.array([pipe_flow.pressure_drop(q, **PIPE) for q in flows])
+    drops = np.array([fluid_flow.pressure_drop(q, **PIPE) for q in flows])
     assert np.all(np.diff(drops) > 0.0)
-    assert pipe_flow.pressure_drop(-1e-3, **PIPE) == -pipe_flow.pressure_drop(1e-3, **PIPE)
-    assert pipe_flow.pressure_drop(0.0, **PIPE) == 0.0
+    assert fluid_flow.pressure_drop(-1e-3, **PIPE) == -fluid_flow.pressure_drop(1e-3, **PIPE)
+    assert fluid_flow.pressure_drop(0.0, **PIPE) == 0.0
 
 
 @pytest.mark.parametrize("wanted", [1e-6, 3e-4, 7e-4, 9e-4, 1.2e-3, 4e-3, -1e-3])
 def test_flow_is_the_inverse_of_the_pressure_drop(wanted: float) -> None:
-    assert pipe_flow.flow(pipe_flow.pressure_drop(wanted, **PIPE), **PIPE) == pytest.approx(wanted, rel=1e-9)
+    assert fluid_flow.pipe_flow(fluid_flow.pressure_drop(wanted, **PIPE), **PIPE) == pytest.approx(wanted, rel=1e-9)
 
 
 def test_a_square_duct_is_as_wide_as_its_side() -> None:
-    assert pipe_flow.hydraulic_diameter(0.02**2, 4 * 0.02) == pytest.approx(0.02)
+    assert fluid_flow.hydraulic_diameter(0.02**2, 4 * 0.02) == pytest.approx(0.02)
 
 
 def test_pressure_rises_with_what_flows_in_and_is_not_given_way() -> None:
-    assert pipe_flow.pressure_rate(1e9, 1e-3, 1e-4, 0.0) == pytest.approx(1e8)
-    assert pipe_flow.pressure_rate(1e9, 1e-3, 1e-4, 1e-4) == 0.0
+    assert fluid_flow.pressure_rate(1e9, 1e-3, 1e-4, 0.0) == pytest.approx(1e8)
+    assert fluid_flow.pressure_rate(1e9, 1e-3, 1e-4, 1e-4) == 0.0
 
 
 def test_a_sharp_edge_passes_61_per_cent() -> None:
-    assert pytest.approx(0.611, abs=5e-4) == orifice.SHARP_EDGE
+    assert pytest.approx(0.611, abs=5e-4) == fluid_flow.SHARP_EDGE
 
 
 def test_orifice_is_turbulent_at_high_and_laminar_at_low_pressure() -> None:
-    k_2 = 1.0 / orifice.SHARP_EDGE**2
+    k_2 = 1.0 / fluid_flow.SHARP_EDGE**2
     numbers = {"diameter": 1e-3, "viscosity": 0.03, "density": 850.0, "k_1": 150.0, "k_2": k_2}
-    turbulent = orifice.turbulent_flow(500e5, orifice.area(1e-3), 850.0, orifice.SHARP_EDGE)
-    assert orifice.flow(500e5, **{**numbers, "viscosity": 1e-5}) == pytest.approx(turbulent, rel=2e-3)
-    assert orifice.flow(2.0, **numbers) == pytest.approx(2.0 * orifice.flow(1.0, **numbers), rel=1e-4)
-    laminar = orifice.area(1e-3) * 2.0 * 1e-3 / (150.0 * 0.03)  # Δp = ρ/2 k_1 ν/d v at 1 Pa
-    assert orifice.flow(1.0, **numbers) == pytest.approx(laminar, rel=1e-4)
-    assert orifice.flow(-1e5, **numbers) == -orifice.flow(1e5, **numbers)
-    assert orifice.flow(0.0, **numbers) == 0.0
+    turbulent = fluid_flow.orifice_turbulent_flow(500e5, fluid_flow.area(1e-3), 850.0, fluid_flow.SHARP_EDGE)
+    assert fluid_flow.orifice_flow(500e5, **{**numbers, "viscosity": 1e-5}) == pytest.approx(turbulent, rel=2e-3)
+    assert fluid_flow.orifice_flow(2.0, **numbers) == pytest.approx(
+        2.0 * fluid_flow.orifice_flow(1.0, **numbers), rel=1e-4
+    )
+    laminar = fluid_flow.area(1e-3) * 2.0 * 1e-3 / (150.0 * 0.03)  # Δp = ρ/2 k_1 ν/d v at 1 Pa
+    assert fluid_flow.orifice_flow(1.0, **numbers) == pytest.approx(laminar, rel=1e-4)
+    assert fluid_flow.orifice_flow(-1e5, **numbers) == -fluid_flow.orifice_flow(1e5, **numbers)
+    assert fluid_flow.orifice_flow(0.0, **numbers) == 0.0
 
 
 @pytest.mark.parametrize("drop", [1e3, 1e5, 5e6])
 def test_orifice_flow_leaves_no_residual_in_the_loss_equation(drop: float) -> None:
     d, eta, rho, k_1, k_2 = 1e-3, 0.03, 850.0, 150.0, 2.68
-    velocity = orifice.flow(drop, d, eta, rho, k_1, k_2) / orifice.area(d)
-    factor = orifice.loss_factor(pipe_flow.reynolds(velocity, d, eta, rho), k_1, k_2)
-    assert orifice.loss(factor, velocity, rho) == pytest.approx(drop, rel=1e-9)
+    velocity = fluid_flow.orifice_flow(drop, d, eta, rho, k_1, k_2) / fluid_flow.area(d)
+    factor = fluid_flow.loss_factor(fluid_flow.reynolds(velocity, d, eta, rho), k_1, k_2)
+    assert fluid_flow.orifice_loss(factor, velocity, rho) == pytest.approx(drop, rel=1e-9)
 
 
 def test_Bernoulli_loses_nothing_in_a_fall_without_friction() -> None:
     height = 3.0
     velocity = math.sqrt(2.0 * 9.80665 * height)
-    assert orifice.energy_loss(1e5, 0.0, 1e5, velocity, 850.0, height) == pytest.approx(0.0, abs=1e-6)
-    assert orifice.energy_loss(3e5, 2.0, 1e5, 2.0, 850.0, 0.0) == pytest.approx(2e5)
+    assert fluid_flow.energy_loss(1e5, 0.0, 1e5, velocity, 850.0, height) == pytest.approx(0.0, abs=1e-6)
+    assert fluid_flow.energy_loss(3e5, 2.0, 1e5, 2.0, 850.0, 0.0) == pytest.approx(2e5)
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,18 @@
-"""Flow in round pipes, laminar and turbulent, and the storage of oil in a volume, (2.60)–(2.72).
+"""Flow of oil through round pipes and orifices, and its storage in a volume, (2.60)–(2.78).
 
-Below Re = 2000 the flow is laminar (Hagen–Poiseuille, f = 64/Re), above 4000 turbulent in a smooth pipe (Blasius,
-f = 0.3164/Re^0.25, up to Re = 1e5). Between them the thesis gives no law; here f Re² is a power of Re through both
-ends, so that the pressure drop is continuous, rises with the flow and has an explicit inverse.
+Pipes, (2.60)–(2.72): below Re = 2000 the flow is laminar (Hagen–Poiseuille, f = 64/Re), above 4000 turbulent in a
+smooth pipe (Blasius, f = 0.3164/Re^0.25, up to Re = 1e5). Between them the thesis gives no law; here f Re² is a power
+of Re through both ends, so that the pressure drop is continuous, rises with the flow and has an explicit inverse.
 Source: thesis, sections 2.5, 2.6. Verified against the integral of the velocity profile (2.67) and against each other.
+
+Orifices, (2.73)–(2.78): turbulent with a constant discharge coefficient, or laminar at first. With ξ(Re) = k_1/Re + k_2
+(2.75) and Re = v d/ν the loss (2.74) is quadratic in the velocity,
+
+    Δp = (ρ/2) (k_2 v² + k_1 (ν/d) v),
+
+so the flow follows without iteration: linear in Δp near zero (laminar), with the root of Δp far from it. α_d of (2.78)
+is 1/√k_2 there. Range: sharp edges; α_d = π/(π+2) for a small hole in a large wall. Source: thesis, section 2.6.3.
+Verified against (2.78), the laminar limit and the residual of (2.74).
 """
 
 from __future__ import annotations
@@ -12,6 +21,8 @@ import math
 
 from shake_ros.core.compiled import njit
 
+STANDARD_GRAVITY = 9.80665  # [m/s²]
+SHARP_EDGE = math.pi / (math.pi + 2.0)  # α_d of a sharp-edged orifice, potential flow (2.78)
 LAMINAR = 2000.0  # Re up to which the flow is laminar
 TURBULENT = 4000.0  # Re from which it is turbulent
 AT_LAMINAR = 64.0 * LAMINAR  # f Re² at both ends of the transition
@@ -101,7 +112,7 @@ def pressure_drop(flow, length, diameter, viscosity, density):
 
 
 @njit
-def flow(pressure_drop, length, diameter, viscosity, density):
+def pipe_flow(pressure_drop, length, diameter, viscosity, density):
     """Flow through a round pipe under a pressure drop, the inverse of (2.70) [m³/s]."""
     drive = 2.0 * abs(pressure_drop) * diameter**3 * density / (length * viscosity * viscosity)  # f Re²
     if drive <= AT_LAMINAR:
@@ -111,4 +122,58 @@ def flow(pressure_drop, length, diameter, viscosity, density):
     else:
         reynolds_number = LAMINAR * (drive / AT_LAMINAR) ** (1.0 / EXPONENT)
     size = 0.25 * math.pi * diameter * viscosity / density * reynolds_number
+    return size if pressure_drop > 0.0 else -size
+
+
+@njit
+def energy_loss(upstream_pressure, upstream_velocity, downstream_pressure, downstream_velocity, density, descent):
+    """Bernoulli's loss between two sections, `descent` = z_1 − z_2 [m] (2.73) [Pa]."""
+    kinetic = 0.5 * density * (upstream_velocity**2 - downstream_velocity**2)
+    return upstream_pressure - downstream_pressure + kinetic + density * STANDARD_GRAVITY * descent  # (2.73)
+
+
+@njit
+def orifice_loss(factor, velocity, density):
+    """Δp = ξ ρ v²/2 (2.74) [Pa]."""
+    return 0.5 * factor * density * velocity * velocity  # (2.74)
+
+
+@njit
+def loss_factor(reynolds_number, k_1, k_2):
+    """ξ(Re) = k_1/Re + k_2 (2.75) [-]."""
+    return k_1 / reynolds_number + k_2  # (2.75)
+
+
+@njit
+def area(diameter):
+    """A = π d²/4 (2.76) [m²]."""
+    return 0.25 * math.pi * diameter * diameter  # (2.76)
+
+
+@njit
+def orifice_flow(pressure_drop, diameter, viscosity, density, k_1, k_2):
+    """Flow with the laminar–turbulent transition of (2.75), solved for v in (2.77) [m³/s].
+
+    Parameters
+    ----------
+    pressure_drop : [Pa].
+    diameter : [m].
+    viscosity : dynamic [Pa·s].
+    density : [kg/m³].
+    k_1, k_2 : of (2.75) [-].
+    """
+    laminar = k_1 * viscosity / (density * diameter)
+    drive = 8.0 * k_2 * abs(pressure_drop) / density
+    velocity = drive / (laminar + math.sqrt(laminar * laminar + drive)) / (2.0 * k_2)
+    return area(diameter) * velocity if pressure_drop > 0.0 else -area(diameter) * velocity  # (2.77)
+
+
+@njit
+def orifice_turbulent_flow(pressure_drop, opening_area, density, discharge_coefficient):
+    """Q = α_d A √(2 Δp/ρ) (2.78) [m³/s].
+
+    >>> round(float(orifice_turbulent_flow(1e6, 1e-6, 800.0, 0.6)), 9)  # 0.6e-6·50
+    3e-05
+    """
+    size = discharge_coefficient * opening_area * math.sqrt(2.0 * abs(pressure_drop) / density)  # (2.78)
     return size if pressure_drop > 0.0 else -size
