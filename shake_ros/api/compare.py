@@ -14,8 +14,10 @@ from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.loop.metrics import MEANINGS, UNITS, Outcome, Summary, judge, summarise
 from shake_ros.core.quantities import unknown_name
-from shake_ros.data.result_folder import write_folder, write_json
-from shake_ros.report.comparison_page import HEAD, load_rows, summary_rows, trouble
+from shake_ros.data.result_folder import new_folder, write_json
+from shake_ros.report.chart import static_figure
+from shake_ros.report.comparison_page import HEAD, comparison_page, error_chart, load_rows, summary_rows, trouble
+from shake_ros.report.page import write_page
 from shake_ros.report.result_table import aligned
 
 if TYPE_CHECKING:
@@ -97,22 +99,14 @@ class Comparison:
 
     def plot(self) -> Figure:
         """Errors of each controller over the case that is drawn."""
-        from shake_ros.report.chart import static_figure
-        from shake_ros.report.comparison_page import error_chart
-
         return static_figure(error_chart(self.runs, self.drawn))
 
     def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
         """Write compare.json and report.html into a new folder; options as of `Discovery.report`."""
-        from shake_ros.report.comparison_page import comparison_page
-        from shake_ros.report.page import write_page
-
-        def fill(folder: Path) -> None:
+        with new_folder(Path(out), force=force) as folder:
             write_json(folder / "compare.json", comparison_json(self.outcomes, self.summaries, self.settings))
             page = comparison_page(self.outcomes, self.runs, self.drawn, self.plant, command)
             write_page(page, folder, figures)
-
-        write_folder(Path(out), fill, force=force)
 
     def __repr__(self) -> str:
         bad = trouble(self.outcomes) or ["no run was unstable or touched an end stop"]

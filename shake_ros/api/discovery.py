@@ -30,7 +30,7 @@ from shake_ros.core.loop.robust import Uncertainty
 from shake_ros.core.loop.trials import TrackingBenefit
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.data.results import (
     accounts_json,
     axis_json,
@@ -44,6 +44,8 @@ from shake_ros.data.results import (
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
 from shake_ros.explain.dependence import Remaining
 from shake_ros.explain.diagnosis import Diagnosis, diagnose
+from shake_ros.report.chart import static_figure
+from shake_ros.report.page import write_page
 from shake_ros.report.result_table import ResultTable
 from shake_ros.report.text import error_table
 from shake_ros.search.close_loop import LoopClosure
@@ -290,7 +292,6 @@ class Discovery(fitted.FittedResult):
 
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, before and after; the first one validated."""
-        from shake_ros.report.chart import static_figure
         from shake_ros.report.charts_fit import free_runs, history_chart
 
         record = fitted.chosen_record([*self.validation, *self.estimation, *self.test], recording)
@@ -309,7 +310,6 @@ class Discovery(fitted.FittedResult):
 
         """
         from shake_ros.report.close_loop_page import close_loop_page
-        from shake_ros.report.page import write_page
 
         sets = self.estimation, self.validation, self.test
         names = [fitted.names_of(records) for records in sets]
@@ -328,7 +328,7 @@ class Discovery(fitted.FittedResult):
                 content |= {"position_error": errors, **axis_json(self.table, self.records)}
         added = ", ".join(self.effects.names) or "nothing to add"
 
-        def fill(out: Path) -> None:
+        with new_folder(Path(folder), force=force) as out:
             comment = f"Fitted to {', '.join(names[0])} by close_loop: {added}.{fitted.command_comment(self.data)}"
             save_table(out / "table.yaml", self.table, comment)
             with step("diagnosis.json"):
@@ -352,8 +352,6 @@ class Discovery(fitted.FittedResult):
             with step("numbers of report.json"):
                 json.dumps(content, allow_nan=False)
             write_json(out / "report.json", {**content, "failed": failures_json(self.failures)})
-
-        write_folder(Path(folder), fill, force=force)
         return Path(folder)
 
     def _parts(self) -> list[tuple[str, Any]]:

@@ -22,7 +22,7 @@ from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.data.results import (
     IDENTIFY_SCHEMA,
     axis_json,
@@ -33,6 +33,8 @@ from shake_ros.data.results import (
 )
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
 from shake_ros.explain.diagnosis import Diagnosis, diagnose
+from shake_ros.report.chart import static_figure
+from shake_ros.report.page import write_page
 from shake_ros.report.result_table import ResultTable
 from shake_ros.report.text import error_table
 from shake_ros.settings import save_table
@@ -82,7 +84,6 @@ class Identification(fitted.FittedResult):
 
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, as declared, as fitted; the first one validated."""
-        from shake_ros.report.chart import static_figure
         from shake_ros.report.charts_fit import free_runs, history_chart
 
         record = fitted.chosen_record([*self.validation, *self.estimation], recording)
@@ -96,7 +97,6 @@ class Identification(fitted.FittedResult):
         `command` is the line that the page names as its origin.
         """
         from shake_ros.report.close_loop_page import identify_page
-        from shake_ros.report.page import write_page
 
         names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
         content = {
@@ -111,7 +111,7 @@ class Identification(fitted.FittedResult):
         if self.model.kind == "axis":
             content |= {"position_error": self.position_error, **axis_json(self.table, self.records)}
 
-        def fill(out: Path) -> None:
+        with new_folder(Path(folder), force=force) as out:
             write_json(out / "report.json", content)
             write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
             data, unknown = (self.estimation, self.validation), (identified, self.data)
@@ -119,8 +119,6 @@ class Identification(fitted.FittedResult):
             write_page(page, out, figures)
             comment = f"Fitted to {', '.join(names[0])} by identify.{fitted.command_comment(self.data)}"
             save_table(out / "table.yaml", self.table, comment)
-
-        write_folder(Path(folder), fill, force=force)
         return Path(folder)
 
     def _parts(self) -> list[tuple[str, Any]]:

@@ -23,6 +23,7 @@ from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.reference_file import load_reference
 from shake_ros.data.result_folder import writing
+from shake_ros.report.chart import static_figure
 from shake_ros.report.result_table import ResultTable
 from shake_ros.settings import find, load_table, read_yaml
 
@@ -89,7 +90,6 @@ class ScaledRecord:
 
     def plot(self) -> Figure:
         """Histories of the record and of the motion for the table."""
-        from shake_ros.report.chart import static_figure
         from shake_ros.report.signal_pages import record_chart
 
         return static_figure(record_chart("motion", self._curves()))

@@ -18,6 +18,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.result_folder import refuse_existing, writing
+from shake_ros.report.chart import static_figure
 from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
@@ -60,7 +61,6 @@ class ResponseSpectrum:
 
     def plot(self) -> Figure:
         """Absolute acceleration and relative displacement over the period."""
-        from shake_ros.report.chart import static_figure
         from shake_ros.report.signal_pages import spectrum_chart
 
         spectra = {self.name: (self.periods, self.displacement, self.acceleration)}

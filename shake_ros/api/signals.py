@@ -22,7 +22,9 @@ from shake_ros.core.analysis.thd import Harmonics, fundamental_frequency, nearby
 from shake_ros.core.analysis.thd import harmonics as harmonics_of
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
-from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.result_folder import new_folder, write_json
+from shake_ros.report.chart import static_figure
+from shake_ros.report.page import write_page
 from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
@@ -208,8 +210,6 @@ class RecordedResponse:
 
     def plot(self) -> Figure:
         """Gain with two standard deviations and delay on coherent lines, coherence on all."""
-        from shake_ros.report.chart import static_figure
-
         return static_figure(self._chart())
 
     def _chart(self) -> Chart:
@@ -220,10 +220,6 @@ class RecordedResponse:
 
     def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
         """Write report.json and report.html into a new folder; options as of `Discovery.report`."""
-        write_folder(Path(out), lambda folder: self._fill(folder, figures, command), force=force)
-
-    def _fill(self, folder: Path, figures: str | None, command: str) -> None:
-        from shake_ros.report.page import write_page
         from shake_ros.report.signal_pages import response_page
 
         lines = {
@@ -235,8 +231,9 @@ class RecordedResponse:
         }
         at = [dict(zip(("frequency_hz", "gain", "delay_s", "coherence"), row, strict=True)) for row in self.rows]
         content = {"schema": SCHEMA, "recording": self.name, "gain_unit": self.unit, "at": at, "lines": lines}
-        write_json(folder / "report.json", content)
-        write_page(response_page(self.title, self.table, self._chart(), command), folder, figures)
+        with new_folder(Path(out), force=force) as folder:
+            write_json(folder / "report.json", content)
+            write_page(response_page(self.title, self.table, self._chart(), command), folder, figures)
 
     def __repr__(self) -> str:
         return f"{self.title}\n{self.table}"

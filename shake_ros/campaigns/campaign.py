@@ -22,7 +22,7 @@ from shake_ros.campaigns.tables import against, groups, in_both, numbers, sectio
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import writing
 from shake_ros.report.chart import Chart, ChartSeries, Panel
-from shake_ros.report.page import Made, Page
+from shake_ros.report.page import Made, Page, write_page
 from shake_ros.report.result_table import ResultTable
 
 
@@ -77,8 +77,6 @@ class Campaign:
 
         `figures` adds static copies of the charts, as "pdf", "svg" or "png"; `command` is the line that the page names.
         """
-        from shake_ros.report.page import write_page
-
         other = None if compare is None else rows_of(compare, self.study)
         page = campaign_page(self, other, command)
         with writing():

@@ -42,7 +42,7 @@ from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program
-from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.experiment_design.next_recording import next_recording
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page
@@ -88,8 +88,7 @@ class Commission:
         ------
         ShakeError : the folder is there and `force` is not given.
         """
-
-        def fill(out: Path) -> None:
+        with new_folder(Path(folder), force=force) as out:
             if self.tuned is not None:
                 save_table(out / "table.yaml", self.tuned.table, "Found by commission.")
                 self.tuned.write(out)
@@ -101,8 +100,6 @@ class Commission:
             write_json(out / "commission.json", self.content())
             for step in self.steps:
                 Simulation(step.run).write(out / "recordings" / step.run.name)
-
-        write_folder(Path(folder), fill, force=force)
         return Path(folder)
 
     def summary(self) -> tuple[str, list[str]]:

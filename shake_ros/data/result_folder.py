@@ -7,7 +7,7 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -39,8 +39,9 @@ def check_folder(out: Path, force: bool) -> None:
         raise ShakeError(f"{out}: cannot be created (no permission to write in {above})")
 
 
-def write_folder(out: Path, fill: Callable[[Path], None], *, force: bool = False) -> None:
-    """Make a result folder whole or not at all: `fill` writes into a hidden neighbour which then takes its place.
+@contextmanager
+def new_folder(out: Path, *, force: bool = False) -> Iterator[Path]:
+    """Make a result folder whole or not at all: the block fills a hidden neighbour, which then takes its place.
 
     Raises
     ------
@@ -53,7 +54,7 @@ def write_folder(out: Path, fill: Callable[[Path], None], *, force: bool = False
     except OSError as error:
         raise ShakeError(f"{out}: cannot be created ({error.strerror})") from None
     try:
-        fill(workshop)
+        yield workshop
         workshop.chmod(0o755)
         if out.exists():
             _exchange(workshop, out)

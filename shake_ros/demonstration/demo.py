@@ -24,7 +24,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.fit_records import fit_records
 from shake_ros.data.recordings import TableRecording, read_table_recording
-from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.data.results import close_loop_json
 from shake_ros.declared import model_structure
 from shake_ros.measured.models import MeasuredRuns
@@ -151,12 +151,8 @@ def demo(
     started = time.monotonic()
     settings = read_yaml(find("demo", "default"))
     table = hide(settings, seed, hidden)
-
-    def fill(work: Path) -> None:
+    with Progress("demo", progress) as bar, new_folder(folder, force=True) as work:
         _run(work, settings, table, bar, started, figures, command)
-
-    with Progress("demo", progress) as bar:
-        write_folder(folder, fill, force=True)
     return Demo(folder, json.loads((folder / "summary.json").read_text(encoding="utf-8")))
 
 

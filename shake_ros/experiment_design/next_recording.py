@@ -22,13 +22,13 @@ from shake_ros.core.reference.motion import Envelope, envelope
 from shake_ros.core.safety.causes import InterlockParameters
 from shake_ros.core.safety.rehearsal import tightened
 from shake_ros.data.reference_file import write_drive
-from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.declared import effect_candidates
 from shake_ros.experiment_design.design import ENOUGH, Designer, PredictedExcitation, Separation
 from shake_ros.experiment_design.further_sensors import FurtherSensor, further_sensors, lacking
 from shake_ros.experiment_design.motions import library
 from shake_ros.report.chart import Chart, ChartSeries, Panel
-from shake_ros.report.page import Page
+from shake_ros.report.page import Page, write_page
 from shake_ros.report.text import sentence
 from shake_ros.settings import load_interlock
 
@@ -142,15 +142,11 @@ class NextRecording:
 
     def write(self, folder: str | Path, force: bool = False) -> Path:
         """Write next.json, report.html and, where a motion helps, drive.yaml, a reference to play."""
-        from shake_ros.report.page import write_page
-
-        def fill(out: Path) -> None:
+        with new_folder(Path(folder), force=force) as out:
             if self.motion is not None:
                 write_drive(out, Path(folder), self.motion, self.sample_time)
             write_json(out / "next.json", self.content(Path(folder)))
             write_page(next_page(self), out, None)
-
-        write_folder(Path(folder), fill, force=force)
         return Path(folder)
 
     def content(self, folder: Path | None = None) -> dict[str, Any]:

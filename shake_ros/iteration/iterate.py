@@ -18,7 +18,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program, write_drive
-from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.iteration.drive import (
     Iteration,
@@ -32,8 +32,8 @@ from shake_ros.iteration.drive import (
 )
 from shake_ros.iteration.drive import iterate as corrected
 from shake_ros.iteration.table import SimulatedTable
-from shake_ros.report.chart import Chart, ChartSeries, Panel
-from shake_ros.report.page import Made, Page
+from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
+from shake_ros.report.page import Made, Page, write_page
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
@@ -145,8 +145,6 @@ class Iterated:
 
     def plot(self) -> Figure:
         """Errors of the runs in their order."""
-        from shake_ros.report.chart import static_figure
-
         return static_figure(self.charts()[0])
 
     def charts(self) -> list[Chart]:
@@ -160,19 +158,14 @@ class Iterated:
 
     def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
         """Write drive.csv and drive.yaml, or model.yaml; iteration.json; report.html. Options as `Discovery.report`."""
-        from shake_ros.report.page import write_page
-
         out = Path(folder)
-
-        def fill(work: Path) -> None:
+        with new_folder(out, force=force) as work:
             if self.model is not None:
                 save_table(work / "model.yaml", self.model, "The model of the next run, by iterate.")
             if self.drive is not None:
                 write_drive(work, out, self.drive, self.sample_time)
             write_json(work / "iteration.json", {"schema": "shake_ros.iterate/1", "error_in_band": list(self.missed)})
             write_page(iteration_page(self, command), work, figures)
-
-        write_folder(out, fill, force=force)
         return out
 
 

@@ -14,11 +14,13 @@ from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.identification.free_parameters import free_parameter
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.declared import DEFAULT_TABLE, free_parameters
 from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, PrintedParameters, measured_distortion
 from shake_ros.measured.models import HarmonicComparison, MeasuredModel, MeasuredRuns, Variant, compare, study
-from shake_ros.measured.page import comparison_lines
+from shake_ros.measured.page import comparison_lines, harmonics_chart, measured_page, shown
+from shake_ros.report.chart import static_figure
+from shake_ros.report.page import write_page
 from shake_ros.report.result_table import ResultTable
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
@@ -136,28 +138,19 @@ class MeasuredComparison:
 
     def plot(self) -> Figure:
         """Measured and simulated harmonics of every run."""
-        from shake_ros.measured.page import harmonics_chart, shown
-        from shake_ros.report.chart import static_figure
-
         models = [(m.name, m.account.amplitudes, colour) for m, colour in shown(self.comparison)]
         return static_figure(harmonics_chart(self.comparison.problem, models))
 
     def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
         """Write report.html, tables and the fitted table into a new folder; options as of `Discovery.report`."""
-        write_folder(Path(out), lambda folder: self._fill(folder, figures, command), force=force)
-
-    def _fill(self, folder: Path, figures: str | None, command: str) -> None:
-        from shake_ros.measured.page import measured_page
-        from shake_ros.report.page import write_page
-
         found = self.comparison
-        write_page(measured_page(found, command), folder, figures)
-        (folder / "measured_runs.txt").write_text(f"{self!r}\n", encoding="utf-8")
-        write_json(folder / "measured_runs.json", comparison_json(found))
-        (folder / "harmonics.csv").write_text(comparison_csv(found), encoding="utf-8")
-        save_table(
-            folder / "fitted_table.yaml", self.table, f"{found.chosen.name} to the measured runs by measured_runs."
-        )
+        comment = f"{found.chosen.name} to the measured runs by measured_runs."
+        with new_folder(Path(out), force=force) as folder:
+            write_page(measured_page(found, command), folder, figures)
+            (folder / "measured_runs.txt").write_text(f"{self!r}\n", encoding="utf-8")
+            write_json(folder / "measured_runs.json", comparison_json(found))
+            (folder / "harmonics.csv").write_text(comparison_csv(found), encoding="utf-8")
+            save_table(folder / "fitted_table.yaml", self.table, comment)
 
     def __repr__(self) -> str:
         return "\n".join(comparison_lines(self.comparison))

@@ -11,7 +11,7 @@ import numpy as np
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
-from shake_ros.data.result_folder import write_folder, write_json, writing
+from shake_ros.data.result_folder import new_folder, write_json, writing
 from shake_ros.qualification.asked import Tested, assessment_json, checksums, missed, required_json
 from shake_ros.qualification.assessment import Rules, SpectrumAssessment, assess, measured_motion
 from shake_ros.qualification.required import RequiredSpectrum
@@ -140,8 +140,7 @@ class Qualification:
     def report(self, folder: str | Path, force: bool = False) -> Path:
         """Write certificate.html, .pdf and .json and the recordings; `force` replaces an existing folder."""
         out = Path(folder)
-
-        def fill(work: Path) -> None:
+        with new_folder(out, force=force) as work:
             for run in self.recordings:
                 signals: Any = {name: getattr(run, name) for name in SIGNALS}
                 write_table_recording(
@@ -153,8 +152,6 @@ class Qualification:
                     **signals,
                 )
             self.certify(work, checksums(work / "recordings"))
-
-        write_folder(out, fill, force=force)
         return out
 
     def certify(self, folder: Path, sums: dict[str, str]) -> None:

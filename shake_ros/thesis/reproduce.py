@@ -15,9 +15,9 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import unknown_name
-from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.report.chart import Chart
-from shake_ros.report.page import Made, Page
+from shake_ros.report.page import Made, Page, write_page
 from shake_ros.report.result_table import ResultTable, aligned
 from shake_ros.settings import find, read_yaml
 
@@ -223,18 +223,14 @@ class Reproduction:
 
     def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
         """Write index.html, a page for each experiment, claims.txt, claims.json, tables.txt; as Discovery.report."""
-        write_folder(Path(out), lambda folder: self._fill(folder, figures, command), force=force)
-
-    def _fill(self, folder: Path, figures: str | None, command: str) -> None:
-        from shake_ros.report.page import write_page
-
-        write_page(index_page(self.experiments, command, figure_list()), folder, name="index")
-        for name, experiment in self.experiments.items():
-            write_page(experiment_page(experiment, command), folder, figures, name)
-        (folder / "claims.txt").write_text(f"{self!r}\n", encoding="utf-8")
-        (folder / "tables.txt").write_text(tables_text(self.experiments), encoding="utf-8")
-        content = {name: [c._asdict() for c in e.claims] for name, e in self.experiments.items()}
-        write_json(folder / "claims.json", {"schema": "shake_ros.reproduce/1", "claims": content})
+        with new_folder(Path(out), force=force) as folder:
+            write_page(index_page(self.experiments, command, figure_list()), folder, name="index")
+            for name, experiment in self.experiments.items():
+                write_page(experiment_page(experiment, command), folder, figures, name)
+            (folder / "claims.txt").write_text(f"{self!r}\n", encoding="utf-8")
+            (folder / "tables.txt").write_text(tables_text(self.experiments), encoding="utf-8")
+            content = {name: [c._asdict() for c in e.claims] for name, e in self.experiments.items()}
+            write_json(folder / "claims.json", {"schema": "shake_ros.reproduce/1", "claims": content})
 
     def __repr__(self) -> str:
         return claims_text(self.experiments)

@@ -22,10 +22,10 @@ from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import ShakeError, strict_keys
-from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.declared import effect_candidates, free_parameters
-from shake_ros.report.chart import Chart, ChartSeries, Panel
-from shake_ros.report.page import Page
+from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
+from shake_ros.report.page import Page, write_page
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.report.sections import made_of
 from shake_ros.settings import find, load_table, read_yaml
@@ -362,22 +362,15 @@ class ScheduleComparison:
 
     def plot(self, recording: int = 0) -> Figure:
         """Running error of the acceleration of all models over a recording, by its number."""
-        from shake_ros.report.chart import static_figure
-
         chosen = self.compared[recording]
         return static_figure(running_chart(chosen.record, chosen.runs, self.change if recording == 0 else None))
 
     def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
         """Write report.json and report.html; options as of `Discovery.report`."""
-        from shake_ros.report.page import write_page
-
         page = schedule_page(self, command)
-
-        def fill(out: Path) -> None:
+        with new_folder(Path(folder), force=force) as out:
             write_json(out / "report.json", self.content)
             write_page(page, out, figures)
-
-        write_folder(Path(folder), fill, force=force)
         return Path(folder)
 
 

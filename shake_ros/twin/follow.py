@@ -15,7 +15,8 @@ from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
-from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.result_folder import new_folder, write_json
+from shake_ros.report.page import write_page
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import load_table, save_table
 from shake_ros.twin.followed import TwinSettings, load_twin
@@ -100,17 +101,14 @@ class Following:
         `force` replaces an existing folder; `figures` adds static copies of the charts, as "pdf", "svg" or "png";
         `command` is the line that the page names as its origin.
         """
-        from shake_ros.report.page import write_page
         from shake_ros.twin.page import follow_page
 
-        def fill(out: Path) -> None:
+        with new_folder(Path(folder), force=force) as out:
             save_table(
                 out / "table.yaml", self.table, f"As followed over {', '.join(r.name for r in self.recordings)}."
             )
             write_json(out / "report.json", self.content())
             write_page(follow_page(self, command), out, figures)
-
-        write_folder(Path(folder), fill, force=force)
         return Path(folder)
 
     def content(self) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from shake_ros.core.effects import EFFECTS, PLACES
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data import result_folder
-from shake_ros.data.result_folder import write_folder, write_json
+from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.data.results import close_loop_json, parameters_json
 
 QUANTITIES = {"position", "velocity", "direction", "load_pressure", "valve_opening", "flow", "time", "frequency"}
@@ -148,8 +148,11 @@ def test_parameter_on_a_bound_has_null_for_a_standard_error() -> None:
     }
 
 
-def leave_a_file(folder: Path) -> None:
-    (folder / "new.txt").write_text("new", encoding="utf-8")
+def make(out: Path, *, force: bool = False, interruption: BaseException | None = None) -> None:
+    with new_folder(out, force=force) as folder:
+        (folder / "new.txt").write_text("new", encoding="utf-8")
+        if interruption is not None:
+            raise interruption
 
 
 def names(folder: Path) -> list[str]:
@@ -157,7 +160,7 @@ def names(folder: Path) -> list[str]:
 
 
 def test_folder_appears_with_its_content(tmp_path: Path) -> None:
-    write_folder(tmp_path / "deep" / "out", leave_a_file)
+    make(tmp_path / "deep" / "out")
     assert names(tmp_path / "deep") == ["out"]
     assert names(tmp_path / "deep" / "out") == ["new.txt"]
     assert (tmp_path / "deep" / "out").stat().st_mode & 0o777 == 0o755
@@ -165,25 +168,16 @@ def test_folder_appears_with_its_content(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("interruption", [KeyboardInterrupt(), ShakeError("bad"), OSError(28, "No space left")])
 def test_interrupted_run_leaves_no_half_written_folder(tmp_path: Path, interruption: BaseException) -> None:
-    def fill(folder: Path) -> None:
-        leave_a_file(folder)
-        raise interruption
-
     with pytest.raises(type(interruption)):
-        write_folder(tmp_path / "out", fill)
+        make(tmp_path / "out", interruption=interruption)
     assert names(tmp_path) == []
 
 
 def test_interrupted_replacement_leaves_the_earlier_folder_as_it_was(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "old.txt").write_text("old", encoding="utf-8")
-
-    def fill(folder: Path) -> None:
-        leave_a_file(folder)
-        raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        write_folder(tmp_path / "out", fill, force=True)
+        make(tmp_path / "out", force=True, interruption=KeyboardInterrupt())
     assert names(tmp_path) == ["out"]
     assert names(tmp_path / "out") == ["old.txt"]
 
@@ -202,7 +196,7 @@ def test_replacement_that_fails_at_the_last_moment_puts_the_earlier_folder_back(
 
     monkeypatch.setattr(result_folder.os, "replace", fail)
     with pytest.raises(ShakeError, match="out: cannot be replaced"):
-        write_folder(tmp_path / "out", leave_a_file, force=True)
+        make(tmp_path / "out", force=True)
     assert names(tmp_path) == ["out"]
     assert names(tmp_path / "out") == ["old.txt"]
 
@@ -210,7 +204,7 @@ def test_replacement_that_fails_at_the_last_moment_puts_the_earlier_folder_back(
 def test_folder_that_one_stands_in_is_not_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ShakeError, match="cannot be replaced"):
-        write_folder(Path("."), leave_a_file, force=True)
+        make(Path("."), force=True)
     assert names(tmp_path) == []
 
 
@@ -218,7 +212,7 @@ def test_existing_folder_is_not_touched_without_force(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "old.txt").write_text("old", encoding="utf-8")
     with pytest.raises(ShakeError, match=r"out: exists already \(--force replaces it\)"):
-        write_folder(tmp_path / "out", leave_a_file)
+        make(tmp_path / "out")
     assert names(tmp_path) == ["out"]
     assert names(tmp_path / "out") == ["old.txt"]
 
@@ -226,7 +220,7 @@ def test_existing_folder_is_not_touched_without_force(tmp_path: Path) -> None:
 def test_force_replaces_the_whole_folder(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "old.txt").write_text("old", encoding="utf-8")
-    write_folder(tmp_path / "out", leave_a_file, force=True)
+    make(tmp_path / "out", force=True)
     assert names(tmp_path) == ["out"]
     assert names(tmp_path / "out") == ["new.txt"]
 
@@ -234,7 +228,7 @@ def test_force_replaces_the_whole_folder(tmp_path: Path) -> None:
 def test_folder_below_a_file_is_one_clear_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(ShakeError, match="cannot be created") as caught:
-        write_folder(tmp_path / "file" / "out", leave_a_file)
+        make(tmp_path / "file" / "out")
     assert "\n" not in str(caught.value)
 
 
@@ -246,8 +240,8 @@ def test_json_holds_null_for_a_number_that_is_none(tmp_path: Path, value: float)
 
 
 def test_result_that_json_cannot_hold_leaves_no_folder(tmp_path: Path) -> None:
-    with pytest.raises(TypeError, match="not JSON serializable"):
-        write_folder(tmp_path / "out", lambda folder: write_json(folder / "report.json", {"error": object()}))
+    with pytest.raises(TypeError, match="not JSON serializable"), new_folder(tmp_path / "out") as folder:
+        write_json(folder / "report.json", {"error": object()})
     assert names(tmp_path) == []
 
 
@@ -255,16 +249,14 @@ TERMINATED = """
 import sys, time
 from pathlib import Path
 from shake_ros.__main__ import leave_on_terminate
-from shake_ros.data.result_folder import write_folder
+from shake_ros.data.result_folder import new_folder
 
-def fill(folder):
+leave_on_terminate()
+with new_folder(Path(sys.argv[1])) as folder:
     (folder / "half").write_text("half")
     print("filling", flush=True)
     while True:  # a signal just before one long sleep would be heard at its end only
         time.sleep(0.01)
-
-leave_on_terminate()
-write_folder(Path(sys.argv[1]), fill)
 """
 
 
