@@ -34,8 +34,7 @@ from shake_ros.declared import free_parameters
 from shake_ros.measured.runs import PRINTED, printed_tables
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.settings import find, load_table, read_yaml
-from shake_ros.thesis.charts import motions
-from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, recorded, sine, words
+from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, motions, moved, recorded, sine, words
 
 STEPS = 400  # of each side of the cycle, by the midpoint rule
 
@@ -224,14 +223,9 @@ def _motions(number: str, wave: Mapping[str, Any], record: Record, models: Mappi
     dt, count = record.sample_time, len(record.commands)
     end = round((wave["doubled_at"] + 1.2) / dt) if "doubled_at" in wave else count
     span = slice(end - round((2.4 if "doubled_at" in wave else SHOWN) / dt), end)
-    assert record.acceleration is not None
-    runs = {MODIFIED: (record.velocity[span], record.acceleration[span])}
-    for name in (IFAS, AGAIN):
-        own = recorded("", models[name], record.commands, dt)
-        assert own.acceleration is not None
-        runs[name] = (own.velocity[span], own.acceleration[span])
+    runs = {name: moved(models[name], record) for name in (IFAS, AGAIN)}
     caption = f"As figure {number}: {_words(wave)} with {wave['mass']:g} kg"
-    return motions(f"figure_{number}", np.arange(count)[span] * dt, runs, caption)
+    return motions(f"figure_{number}", MODIFIED, record, runs, span, caption)
 
 
 def _figure_6_30(number: str, wave: Mapping[str, Any], plant: TableParameters, asked: Mapping[str, Any]) -> Chart:

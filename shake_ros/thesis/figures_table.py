@@ -19,7 +19,14 @@ from shake_ros.core.valve.ports import steady_force
 from shake_ros.core.valve.response import linear_response, valve_response
 from shake_ros.report.chart import BEFORE, COLOURS, GREY, name_decades, new_figure, tidy
 from shake_ros.settings import find, load_table, load_variant, read_yaml
-from shake_ros.thesis.charts import HIGHEST_HARMONIC, LOWEST_SHOWN, ROWS, SHOWN_PERIODS, ParameterStudy, value_label
+from shake_ros.thesis.sensitivity import (
+    HIGHEST_HARMONIC,
+    LOWEST_SHOWN,
+    ROWS,
+    SHOWN_PERIODS,
+    ParameterStudy,
+    value_label,
+)
 
 HARMONICS = 15  # of the figures of effects
 LOWEST_OF_EFFECT = 3e-3  # [m/s²]

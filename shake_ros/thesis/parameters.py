@@ -18,8 +18,18 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.declared import free_parameters
 from shake_ros.report.chart import Chart
 from shake_ros.settings import find, load_table, load_variant, read_yaml
-from shake_ros.thesis.charts import motions
-from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, difference, inputs, recorded, sine, words
+from shake_ros.thesis.reproduce import (
+    Claim,
+    ExperimentReport,
+    Rows,
+    difference,
+    inputs,
+    motions,
+    moved,
+    recorded,
+    sine,
+    words,
+)
 
 KEYS = ("sample_time", "seed", "friction", "linear")
 FRICTION_KEYS = ("table", "theta_5", "inputs", "seconds", "laws", "starts", "recovered_within")
@@ -126,18 +136,10 @@ def _law(
         f"the plant has, leave {truth:.3f}.",
     )  # fmt: skip
     last, span = records[-1], slice(-round(SHOWN / dt), None)
-    time = np.arange(len(last.commands), dtype=np.float64) * dt
-    again_run = recorded("", table, last.commands, dt)
-    assert last.acceleration is not None
-    assert again_run.acceleration is not None
-    runs = {
-        "plant, printed friction": (last.velocity[span], last.acceleration[span]),
-        "fitted": (again_run.velocity[span], again_run.acceleration[span]),
-    }
     caption = f"As figures 6.12 to 6.15: the law of table {number} under u = {last.name}"
     return (
         Rows(f"Table {number}", ("parameter", "printed", "here", "difference"), rows),
-        motions(f"table_{number}", time[span], runs, caption),
+        motions(f"table_{number}", "plant, printed friction", last, {"fitted": moved(table, last)}, span, caption),
         claim,
         [_beside(number, law, problem, table), *_tustin(number, problem, plant)],
     )
@@ -232,12 +234,6 @@ def _thetas(asked: Mapping[str, Any], dt: float) -> tuple[Rows, list[Chart], lis
 
 
 def _theta_chart(number: str, wave: str, record: Record, printed: TableParameters, table: TableParameters) -> Chart:
-    dt, span = record.sample_time, slice(-round(SHOWN / 2.0 / record.sample_time), None)
-    assert record.acceleration is not None
-    runs = {"plant of table 6.9": (record.velocity[span], record.acceleration[span])}
-    for name, t in (("(6.15), printed θ", printed), ("(6.15), fitted θ", table)):
-        own = recorded("", t, record.commands, dt)
-        assert own.acceleration is not None
-        runs[name] = (own.velocity[span], own.acceleration[span])
-    time = np.arange(len(record.commands), dtype=np.float64)[span] * dt
-    return motions(f"figure_{number}", time, runs, f"As figure {number}: {wave}")
+    span = slice(-round(SHOWN / 2.0 / record.sample_time), None)
+    runs = {"(6.15), printed θ": moved(printed, record), "(6.15), fitted θ": moved(table, record)}
+    return motions(f"figure_{number}", "plant of table 6.9", record, runs, span, f"As figure {number}: {wave}")

@@ -22,8 +22,18 @@ from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.declared import free_parameters
 from shake_ros.report.chart import Chart
 from shake_ros.settings import find, load_table, load_variant, read_yaml
-from shake_ros.thesis.charts import motions, over_frequency
-from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, difference, inputs, recorded, sine, words
+from shake_ros.thesis.reproduce import (
+    Claim,
+    ExperimentReport,
+    Rows,
+    difference,
+    inputs,
+    motions,
+    over_frequency,
+    recorded,
+    sine,
+    words,
+)
 
 KEYS = (
     "plant", "printed", "fitted_to", "sample_time", "seconds", "frequencies", "amplitude", "shown",
@@ -142,15 +152,11 @@ def _frequency_figure(asked: Mapping[str, Any], curves: Mapping[str, Sequence[Er
 
 
 def _motion_chart(number: str, record: Record, models: Mapping[str, TableParameters]) -> Chart:
-    dt, span = record.sample_time, slice(-round(SHOWN / record.sample_time), None)
-    time = np.arange(len(record.commands), dtype=np.float64) * dt
-    assert record.acceleration is not None
-    runs = {"full model": (record.velocity[span], record.acceleration[span])}
-    for name, table in models.items():
-        out = REDUCED.run(table, record)
-        runs[f"(6.36), {name}"] = (out[span, 1], out[span, 2])
+    span = slice(-round(SHOWN / record.sample_time), None)
+    found = {name: REDUCED.run(table, record) for name, table in models.items()}
+    runs = {f"(6.36), {name}": (out[:, 1], out[:, 2]) for name, out in found.items()}
     caption = f"Figure {number}: full model and (6.36) under {record.name}"
-    return motions(f"figure_{number}", time[span], runs, caption)
+    return motions(f"figure_{number}", "full model", record, runs, span, caption)
 
 
 def _claims(
@@ -176,15 +182,20 @@ def _observer(
     rows, drawn = [], []
     for record in shown.values():
         span = slice(-round(SHOWN / record.sample_time), None)
-        time = np.arange(len(record.commands), dtype=np.float64) * record.sample_time
-        assert record.acceleration is not None
-        runs = {"full model": (record.velocity[span], record.acceleration[span])}
+        runs = {}
         for label, table in models.items():
             errors, estimate = observed(name, table, record)
             rows.append([record.name, label, *(f"{100.0 * e:.1f} %" for e in errors)])
-            runs[f"observer, {label}"] = (estimate[span, 1], estimate[span, 2])
+            runs[f"observer, {label}"] = (estimate[:, 1], estimate[:, 2])
         drawn.append(
-            motions("observer", time[span], runs, f"As figure 6.40: sliding-mode observer under {record.name}")
+            motions(
+                "observer",
+                "full model",
+                record,
+                runs,
+                span,
+                f"As figure 6.40: sliding-mode observer under {record.name}",
+            )
         )
     head = ("input", "β of the observer", "velocity", "acceleration")
     return Rows("Error of the sliding-mode observer, λ of table 6.12, open loop without noise", head, rows), drawn

@@ -16,7 +16,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import unknown_name
 from shake_ros.data.result_folder import new_folder, write_json
-from shake_ros.report.chart import Chart
+from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page, write_page
 from shake_ros.report.result_table import ResultTable, aligned
 from shake_ros.settings import find, read_yaml
@@ -204,6 +204,67 @@ def claims_text(experiments: Mapping[str, ExperimentReport]) -> str:
             aligned([HEAD, *claim_rows(experiment.claims)], [False] * len(HEAD)),
         ]
     return "\n".join(parts)
+
+
+CHANNELS = ("velocity", "acceleration")
+UNITS = {"velocity": "m/s", "acceleration": "m/s²"}
+RUN_COLOURS = ("measured", "before", "after", "c3")
+
+
+def moved(table: TableParameters, record: Record) -> tuple[Array, Array]:
+    """Velocity [m/s] and acceleration [m/s²] of a table under a recording's commands, each (n,)."""
+    own = recorded("", table, record.commands, record.sample_time)
+    assert own.acceleration is not None
+    return own.velocity, own.acceleration
+
+
+def motions(
+    name: str, truth: str, record: Record, runs: Mapping[str, tuple[Array, Array]], span: slice, caption: str
+) -> Chart:
+    """Velocity above, acceleration below, over a part of a recording.
+
+    Parameters
+    ----------
+    name, caption : of the chart.
+    truth, record : what the others should be, and its name.
+    runs : velocity [m/s] and acceleration [m/s²], each (n,), by name.
+    span : the samples that are drawn.
+    """
+    assert record.acceleration is not None
+    time = np.arange(len(record.commands), dtype=np.float64)[span] * record.sample_time
+    drawn = {truth: (record.velocity, record.acceleration), **runs}
+    panels = [
+        Panel(
+            f"{channel} [{UNITS[channel]}]",
+            time,
+            tuple(
+                ChartSeries(title, run[k][span], colour, width=2.0 if colour == "measured" else 1.2)
+                for (title, run), colour in zip(drawn.items(), RUN_COLOURS, strict=False)
+            ),
+        )
+        for k, channel in enumerate(CHANNELS)
+    ]
+    return Chart(name, "time [s]", tuple(panels), caption)
+
+
+def over_frequency(
+    name: str, frequencies: Sequence[float], errors: Mapping[str, Mapping[str, Sequence[float]]], caption: str
+) -> Chart:
+    """Relative error of velocity and acceleration over frequency, one curve for each model."""
+    x = np.array(frequencies, dtype=np.float64)
+    panels = [
+        Panel(
+            f"error of the {channel} [%]",
+            x,
+            tuple(
+                ChartSeries(title, 100.0 * np.array(found[channel]), f"c{k}", kind="marks")
+                for k, (title, found) in enumerate(errors.items())
+            ),
+            log=True,
+        )
+        for channel in CHANNELS
+    ]
+    return Chart(name, "frequency [Hz]", tuple(panels), caption)
 
 
 ALL = "all"
