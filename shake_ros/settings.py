@@ -175,14 +175,9 @@ def load_interlock(name: str) -> InterlockParameters:
     return InterlockParameters.from_mapping(read_yaml(path), str(path))
 
 
-def load_search(name: str = "search", changes: str | None = None) -> SearchSettings:
-    """The thresholds of config/discovery/<name>.yaml, or of a YAML file given by path.
-
-    Parameters
-    ----------
-    changes : another such file, with those that differ.
-    """
-    path = find("discovery", name)
+def load_search(changes: str | None = None) -> SearchSettings:
+    """The thresholds of config/discovery/search.yaml, and those that differ in config/discovery/<changes>.yaml."""
+    path = find("discovery", "search")
     content = read_yaml(path)
     if changes is not None:
         path = find("discovery", changes)

@@ -234,10 +234,10 @@ POINT = 0.72  # of a line's width in pixels [point]
 UNDATED = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": None}
 
 
-def static_figure(chart: Chart, width: float = 9.5) -> Figure:
-    """The chart at its first view; width [inch]."""
+def static_figure(chart: Chart) -> Figure:
+    """The chart at its first view."""
     heights = [p.height for p in chart.panels]
-    figure = new_figure(width, 0.5 + sum(heights) / 80.0)
+    figure = new_figure(9.5, 0.5 + sum(heights) / 80.0)
     rows = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     for axes, panel in zip(rows, chart.panels, strict=True):
         seen = np.ones(len(panel.x), dtype=bool)

@@ -274,9 +274,7 @@ class Frame:
         self._said: dict[str, float] = {}  # key of a line → when it was last said
         self.pause = Pause()
 
-    def settings(
-        self, kind: type[P], section: str = "", *, accept: Callable[[P], object] = lambda _: None, file: str = ""
-    ) -> LiveSet[P]:
+    def settings(self, kind: type[P], section: str = "", *, file: str = "") -> LiveSet[P]:
         """Declare what config/node/<name>.yaml holds: one of its sections, or all that stands outside of them."""
         path = find("node", file or self.name)
         content = read_yaml(path)
@@ -284,12 +282,12 @@ class Frame:
             raise ShakeError(f"{path}: expected names and values")
         sections = {name: content.pop(name) for name in list(content) if isinstance(content[name], dict)}
         if not section:
-            declared = self.parameters.declare(kind.from_mapping(content, str(path)), accept=accept)
+            declared = self.parameters.declare(kind.from_mapping(content, str(path)))
             if not file:
                 self.start_line = self._start_line(declared.value)
             return declared
         found = kind.from_mapping(sections.get(section, {}), f"{path}: {section}")
-        return self.parameters.declare(found, f"{section}.", accept)
+        return self.parameters.declare(found, f"{section}.")
 
     def _start_line(self, own: Parameters) -> str:
         """What a node is configured as, how it runs, what it waits for."""
@@ -314,21 +312,21 @@ class Frame:
         """Number of the sample at a lock-step stamp [ns]."""
         return round((stamp - FIRST_STAMP) / self.period)
 
-    def publisher(self, topic: Topic, name: str = "") -> Publisher[Any]:
-        """A publisher on a topic, or with its type on another, whose quality of service `qos_overrides` may change.
+    def publisher(self, topic: Topic) -> Publisher[Any]:
+        """A publisher on a topic, whose quality of service `qos_overrides` may change.
 
         The only one on this machine, but on what every graph writes: see `ExclusiveWriter`.
         """
         if topic not in SHARED:
-            self.exclusive.take("topic", self.resolved(name or topic.name))
+            self.exclusive.take("topic", self.resolved(topic.name))
         profile = topic.qos(self.lockstep)
         options = overriding(topic, self.lockstep)
-        return self.node.create_publisher(topic.type, name or topic.name, profile, qos_overriding_options=options)
+        return self.node.create_publisher(topic.type, topic.name, profile, qos_overriding_options=options)
 
     def subscription(
         self, topic: Topic, arrived: Callable[[bytes], None], name: str = "", profile: QoSProfile | None = None
     ) -> Subscription[Any]:
-        """A subscription for serialised messages, likewise."""
+        """A subscription for serialised messages on a topic, or with its type on another, likewise."""
         chosen = profile or topic.qos(self.lockstep)
         options = overriding(topic, self.lockstep)
         return self.node.create_subscription(

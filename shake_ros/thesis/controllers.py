@@ -127,12 +127,10 @@ def spectral_error(found: Comparison, entry: str, column: int) -> float:
 def _claims(found: Comparison, loop: str, words: Mapping[str, Any]) -> list[Claim]:
     """The claims of 6.4 under one loop."""
 
-    def least(
-        source: str, text: str, values: Mapping[str, float], write: Callable[[float], str], remark: str = ""
-    ) -> Claim:
+    def least(source: str, text: str, values: Mapping[str, float], write: Callable[[float], str]) -> Claim:
         shown = ", ".join(f"{law} {write(value)}" for law, value in values.items())
         holds = min(values, key=lambda law: values[law]) == "super-twisting"
-        return Claim(source, f"{text} ({loop})", "figure only", shown, holds, remark)
+        return Claim(source, f"{text} ({loop})", "figure only", shown, holds)
 
     def share(value: float) -> str:
         return f"{100.0 * value:.1f} %"

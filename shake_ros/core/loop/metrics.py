@@ -28,7 +28,7 @@ LOWEST, HIGHEST, FREQUENCIES = 0.5, 15.0, 30  # of the response spectrum [Hz], e
 ORDERS = 25  # harmonics of the THD
 AT_LIMIT = 1.0 - 1e-9  # share of the limit from which a command counts as limited
 STILL_MOVING = 0.5  # rms acceleration at the final rest, over that of the reference, from which a loop is unstable
-RINGING_ABOVE, RINGING_WINDOW = 15.0, 0.5  # [Hz], [s] of `ringing`
+RINGING_ABOVE, RINGING_WINDOW = 15.0, 0.5  # [Hz] beyond a reference's band, [s] of `ringing`
 FADE, REST = 1.0, 1.0  # [s] of `come_to_rest`
 SETTLING = 2.0  # [s] of `settle_first`
 ASIDE = 0.002  # [m] from its reference at which a loop is closed that is looked at: a limit cycle needs a push to begin
@@ -89,16 +89,11 @@ def spectrum_of(acceleration: Array, sample_time: float) -> Array:
     return np.abs(response_spectrum(acceleration, sample_time, frequencies, DAMPING).acceleration)
 
 
-def ringing(run: ClosedLoop, above: float = RINGING_ABOVE, window: float = RINGING_WINDOW) -> float:
-    """How much the table shakes where the reference does not: the part of the acceleration's error above a frequency.
+def ringing(run: ClosedLoop) -> float:
+    """How much the table shakes where the reference does not: the part of the acceleration's error above RINGING_ABOVE.
 
     Largest rms of it over a window, relative to the rms of the reference's acceleration over the whole run [-];
     infinite for a run that was lost.
-
-    Parameters
-    ----------
-    above : [Hz], beyond the reference's band.
-    window : [s]
 
     >>> t = np.arange(4000) * 1e-3
     >>> wanted = np.column_stack([0 * t, 0 * t, np.sin(12.0 * t)])
@@ -111,9 +106,9 @@ def ringing(run: ClosedLoop, above: float = RINGING_ABOVE, window: float = RINGI
     if not (np.isfinite(error).all() and size > 0.0):
         return math.inf
     spectrum = np.fft.rfft(error)
-    spectrum[np.fft.rfftfreq(len(error), run.sample_time) < above] = 0.0
+    spectrum[np.fft.rfftfreq(len(error), run.sample_time) < RINGING_ABOVE] = 0.0
     square = np.cumsum(np.append(0.0, np.fft.irfft(spectrum, len(error)) ** 2))
-    n = min(round(window / run.sample_time), len(error))
+    n = min(round(RINGING_WINDOW / run.sample_time), len(error))
     return float(np.sqrt(np.max(square[n:] - square[:-n]) / n)) / size
 
 

@@ -116,9 +116,9 @@ class Text:
             line += 1
         return values, line
 
-    def free(self, first: int, what: str, stop: int | None = None) -> list[float]:
+    def free(self, first: int, what: str) -> list[float]:
         """All numbers from a line on, separated by blanks, commas or semicolons."""
-        rows = enumerate(self.lines[first:stop], first)
+        rows = enumerate(self.lines[first:], first)
         return [self.number(word, i, what) for i, row in rows for word in re.split(r"[\s,;]+", row.strip()) if word]
 
 

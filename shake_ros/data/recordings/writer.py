@@ -19,7 +19,6 @@ import os
 import shutil
 import struct
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -356,17 +355,11 @@ def _storage(path: Path) -> bool:
     return path.is_file() and path.name.endswith((*SUFFIXES, ".db3-wal", ".db3-shm"))
 
 
-def recover(
-    path: Path | str, out: Path | str | None = None, progress: Callable[[int], None] | None = None
-) -> tuple[Path, int]:
+def recover(path: Path | str, out: Path | str | None = None) -> tuple[Path, int]:
     """Make a killed or damaged recording whole.
 
     The messages that can be read are written into a new recording beside the old one. Where `out` is not given, the
     new one takes the old one's name and the old one is kept under that name with `.killed` added.
-
-    Parameters
-    ----------
-    progress : called with the number of messages now and then.
 
     Returns
     -------
@@ -375,7 +368,7 @@ def recover(
     source = Path(path)
     target = Path(out) if out is not None else source.with_name(source.name.split(".")[0] + ".recovered")
     with Bag(source) as bag:
-        count = _copy(bag, target, progress)
+        count = _copy(bag, target)
     if out is not None:
         return target, count
     kept = source.with_name(source.name + ".killed")
@@ -387,7 +380,7 @@ def recover(
     return final, count
 
 
-def _copy(bag: Bag, target: Path, progress: Callable[[int], None] | None) -> int:
+def _copy(bag: Bag, target: Path) -> int:
     count = 0
     with BagWriter(target) as writer:
         numbers = {}
@@ -401,8 +394,6 @@ def _copy(bag: Bag, target: Path, progress: Callable[[int], None] | None) -> int
         for message in bag.messages():
             writer.write(numbers[message.topic], message.received, message.data)
             count += 1
-            if progress is not None and count % 100_000 == 0:
-                progress(count)
     return count
 
 

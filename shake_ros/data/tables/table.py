@@ -199,9 +199,7 @@ def _bare(name: str) -> str:
     return re.split(r"[,;:/]", BRACKETS.sub("", _folded(name)))[0].strip(" _")
 
 
-def read_table(
-    path: Path | str, skip: int | None = None, decimal: str = "", largest: float = float("inf")
-) -> ColumnTable:
+def read_table(path: Path | str, skip: int | None = None, decimal: str = "") -> ColumnTable:
     """Read a table.
 
     Parameters
@@ -209,7 +207,6 @@ def read_table(
     path : text, .xlsx, .tdms, or .mat.
     skip : lines above the table that are not looked at; None: what is above is found.
     decimal : point or comma, if the numbers do not decide it.
-    largest : size of a text that is read [bytes].
 
     Raises
     ------
@@ -221,7 +218,7 @@ def read_table(
     if reader := containers.reader_of(path, first_bytes(path)):
         names, units, columns = reader(path)
         return ColumnTable(path, names, units, lambda places: [columns(i) for i in places], tuple(range(len(names))))
-    return table_of(path, read_text(path, largest).split("\n"), skip, decimal)
+    return table_of(path, read_text(path).split("\n"), skip, decimal)
 
 
 def _of_workbook(path: Path) -> ColumnTable:
