@@ -104,7 +104,9 @@ def best_of(
     return fit(problem, free, best.x, evaluations=LONG, tolerance=1e-4)
 
 
-def extended_fit(problem: HarmonicProblem, base: Fit, others: Sequence[np.ndarray], variant: Variant) -> Fit:
+def extended_fit(
+    problem: HarmonicProblem, base: Fit, others: Sequence[np.ndarray], variant: Variant, starts: int = STARTS
+) -> Fit:
     """A fitted model extended by a variant: from each of its trials at each of `others`.
 
     Parameters
@@ -119,14 +121,14 @@ def extended_fit(problem: HarmonicProblem, base: Fit, others: Sequence[np.ndarra
             x = extended.x_of(values)
             x[: len(other)] = other
             centres.append(x)
-    return best_of(problem, extended, centres, STARTS, variant.seed)
+    return best_of(problem, extended, centres, starts, variant.seed)
 
 
-def second_effect(runs: MeasuredRuns, variant: Variant) -> FittedVariant:
+def second_effect(runs: MeasuredRuns, variant: Variant, starts: int = STARTS) -> FittedVariant:
     """The best model of a study with one more extension, fitted from that model's solution."""
     best = runs.best
     name = f"{best.name} + {variant.name}" if best.name else variant.name
-    return FittedVariant(name, variant.effect, extended_fit(runs.problem, best.fit, [best.fit.x], variant))
+    return FittedVariant(name, variant.effect, extended_fit(runs.problem, best.fit, [best.fit.x], variant, starts))
 
 
 def study(
@@ -136,6 +138,7 @@ def study(
     problem: HarmonicProblem,
     progress: Progress,
     first: Sequence[Mapping[str, float]] = (),
+    starts: int = STARTS,
 ) -> MeasuredRuns:
     """Fit the declared model and every variant; the best variant once more from starts around its solution.
 
@@ -145,23 +148,24 @@ def study(
     free : its parameters that may move.
     variants : extensions to try.
     first : values by dotted name from which the declared model is fitted too.
+    starts : random starts looked at around each centre.
     """
     declared_free = FreeParameters(table, free)
     progress("declared model", 0.0)
     centres = [declared_free.start(), *(declared_free.x_of(values) for values in first)]
-    declared = best_of(problem, declared_free, centres, 2 * STARTS, 0)
+    declared = best_of(problem, declared_free, centres, 2 * starts, 0)
     result = []
     for i, variant in enumerate(variants):
         progress(variant.name, (i + 1) / (len(variants) + 2))
         others = [declared.x, *(declared_free.x_of(values) for values in first)]
-        best = extended_fit(problem, declared, others, variant)
+        best = extended_fit(problem, declared, others, variant, starts)
         result.append(FittedVariant(variant.name, variant.effect, best))
     if not result:
         return MeasuredRuns(problem, FittedVariant("", "", declared), ())
     progress("the best one again", (len(variants) + 1) / (len(variants) + 2))
     best_index = min(range(len(result)), key=lambda i: result[i].criterion)
     leader = result[best_index]
-    again = best_of(problem, leader.fit.free, [leader.fit.x] * 5, STARTS, AGAIN)
+    again = best_of(problem, leader.fit.free, [leader.fit.x] * 5, starts, AGAIN)
     if again.cost < leader.fit.cost:
         result[best_index] = FittedVariant(leader.name, leader.effect, again)
     return MeasuredRuns(problem, FittedVariant("", "", declared), tuple(sorted(result, key=lambda v: v.criterion)))
