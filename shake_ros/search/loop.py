@@ -192,6 +192,8 @@ class SetSearch:
         for s in worth_trying(proposals(lin), len(best.fitted.likelihood)):
             if self.budget.over():
                 break
+            if len(s.trials) > 1 and s.gain < gain(winner, best):
+                continue  # fewer effects have gained more than it promises; what they leave is screened anew
             self.progress(f"refit with {' + '.join(s.names)}")
             result = self.scored(start(best.fitted, s), best.fitted.prediction.levels, SHORT)
             winner = result if evidence(result, winner) > 0.0 else winner

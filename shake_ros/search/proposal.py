@@ -124,8 +124,7 @@ def linearised(
     found = np.hstack([prediction.residuals(vectors) for prediction in few])
     r = found[0]
     j = (found[1 : p + 1] - r).T / step
-    d = (found[p + 1 :] - r).T
-    d = np.where(np.max(np.abs(d), axis=0, initial=0.0) < LOST, d, 0.0)
+    d = without_lost_runs((found[p + 1 :] - r).T, np.concatenate([prediction.run_numbers() for prediction in few]))
     d = np.hstack([d, j[:, list(moved)]])
     trials += tuple(EffectTrial(c, ({c.strength.name: c.strength.scale},)) for c in moved.values())
     places += [(taken + i,) for i in range(len(moved))]
@@ -139,6 +138,19 @@ def linearised(
     whole = sum(prediction.count for prediction in data) / sum(prediction.count for prediction in few)
     power, score = d.T @ d + across.T @ response, -(d.T @ r + across.T @ own)
     return Linearised(trials, tuple(places), whole * power, whole * score, response, own)
+
+
+def without_lost_runs(changes: np.ndarray, runs: np.ndarray) -> np.ndarray:
+    """Changes of residuals by trials, shape (n, d), without those in runs that end in no number.
+
+    runs : number of the run of each residual, shape (n,), whose neighbours differ from run to run.
+
+    >>> without_lost_runs(np.array([[0.1, 0.2], [0.3, 2e3], [0.5, 0.6]]), np.array([0, 0, 1])).tolist()
+    [[0.1, 0.0], [0.3, 0.0], [0.5, 0.6]]
+    """
+    first = np.flatnonzero(np.diff(runs, prepend=-1))
+    lost = np.maximum.reduceat(np.abs(changes), first, axis=0) >= LOST
+    return np.where(np.repeat(lost, np.diff(first, append=len(runs)), axis=0), 0.0, changes)
 
 
 def trials_of(candidates: Sequence[TriedEffect]) -> tuple[EffectTrial, ...]:
