@@ -31,6 +31,7 @@ Progress = Callable[[str], None]
 PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
 SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one that goes on
 SETTLED = 3.0  # gain in log likelihood from which a fit goes on [nats]
+MORE = 1.1  # times what fewer effects promise, from which a larger set is refitted: less is mostly curvature
 CLOSEST = 3  # single effects that are refitted, the most promising ones
 PROMISE, ALIKE = 0.5, 0.8  # part of an effect's gain that a rival has to promise at first order, and to take
 
@@ -192,8 +193,6 @@ class SetSearch:
         for s in worth_trying(proposals(lin), len(best.fitted.likelihood)):
             if self.budget.over():
                 break
-            if len(s.trials) > 1 and s.gain < gain(winner, best):
-                continue  # fewer effects have gained more than it promises; what they leave is screened anew
             self.progress(f"refit with {' + '.join(s.names)}")
             result = self.scored(start(best.fitted, s), best.fitted.prediction.levels, SHORT)
             winner = result if evidence(result, winner) > 0.0 else winner
@@ -242,7 +241,7 @@ def worth_trying(found: dict[int, list[EffectSet]], blocks: int) -> list[EffectS
         chosen += [p for p in singles[:CLOSEST] if net(p) > 0.5 * net(singles[0])]
     for size in (2, 3):
         best = max(found.get(size, []), key=net, default=None)
-        if best is not None and chosen and net(best) > 1.05 * max(net(c) for c in chosen):
+        if best is not None and chosen and net(best) > MORE * max(net(c) for c in chosen):
             chosen.append(best)
     return chosen
 
