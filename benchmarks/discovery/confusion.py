@@ -56,7 +56,7 @@ def measure(
     learn, hold = fitted_parts(records, "learn"), fitted_parts(records, "hold")
     model = replace(model_structure(load_table("bergamo")), candidates=candidates(among))
     with Progress("close_loop", shown=False) as silent, Ending(silent, minutes) as progress:
-        result = close_loop(model, learn, hold, load_search(), progress)
+        result = close_loop(model, learn, hold, load_search(), progress, progress.deadline_passed)
     report = close_loop_json(result, names_of(learn), names_of(hold), "full")
     felt = {name: np.concatenate([r.motion[:, 1] for r in hold if r.name == name]) for name in names_of(hold)}
     floor = {name: noise * hidden.ACCELERATION_NOISE / float(np.std(values)) for name, values in felt.items()}
