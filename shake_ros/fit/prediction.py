@@ -252,9 +252,9 @@ class Predictor:
         )
         return np.clip(np.nan_to_num(self._white(run, out), nan=LOST, posinf=LOST, neginf=-LOST), -LOST, LOST).ravel()
 
-    def run_numbers(self) -> np.ndarray:
-        """Number of the run that each residual belongs to, shape (N,)."""
-        return np.repeat(np.arange(len(self.runs)), [2 * len(self._blocks(run)) for run in self.runs])
+    def run_sizes(self) -> list[int]:
+        """Number of residuals of each run."""
+        return [2 * len(self._blocks(run)) for run in self.runs]
 
     def blocks(self) -> np.ndarray:
         """Number of the block of a second that each residual belongs to, shape (N,)."""

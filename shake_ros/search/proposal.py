@@ -124,7 +124,7 @@ def linearised(
     found = np.hstack([prediction.residuals(vectors) for prediction in few])
     r = found[0]
     j = (found[1 : p + 1] - r).T / step
-    d = without_lost_runs((found[p + 1 :] - r).T, np.concatenate([prediction.run_numbers() for prediction in few]))
+    d = without_lost_runs((found[p + 1 :] - r).T, [size for prediction in few for size in prediction.run_sizes()])
     d = np.hstack([d, j[:, list(moved)]])
     trials += tuple(EffectTrial(c, ({c.strength.name: c.strength.scale},)) for c in moved.values())
     places += [(taken + i,) for i in range(len(moved))]
@@ -140,17 +140,16 @@ def linearised(
     return Linearised(trials, tuple(places), whole * power, whole * score, response, own)
 
 
-def without_lost_runs(changes: np.ndarray, runs: np.ndarray) -> np.ndarray:
-    """Changes of residuals by trials, shape (n, d), without those in runs that end in no number.
+def without_lost_runs(changes: np.ndarray, sizes: Sequence[int]) -> np.ndarray:
+    """Changes of residuals by trials, shape (n, d), at zero in runs that end in no number.
 
-    runs : number of the run of each residual, shape (n,), whose neighbours differ from run to run.
+    sizes : number of residuals of each run.
 
-    >>> without_lost_runs(np.array([[0.1, 0.2], [0.3, 2e3], [0.5, 0.6]]), np.array([0, 0, 1])).tolist()
+    >>> without_lost_runs(np.array([[0.1, 0.2], [0.3, 2e3], [0.5, 0.6]]), [2, 1]).tolist()
     [[0.1, 0.0], [0.3, 0.0], [0.5, 0.6]]
     """
-    first = np.flatnonzero(np.diff(runs, prepend=-1))
-    lost = np.maximum.reduceat(np.abs(changes), first, axis=0) >= LOST
-    return np.where(np.repeat(lost, np.diff(first, append=len(runs)), axis=0), 0.0, changes)
+    lost = np.maximum.reduceat(np.abs(changes), np.cumsum([0, *sizes[:-1]]), axis=0) >= LOST
+    return np.where(np.repeat(lost, sizes, axis=0), 0.0, changes)
 
 
 def trials_of(candidates: Sequence[TriedEffect]) -> tuple[EffectTrial, ...]:
