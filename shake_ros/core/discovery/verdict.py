@@ -10,8 +10,9 @@ An effect is
                      or worth less than what is still unexplained
 
 Where much remains, a combination with something else may replace what was found; an effect at a bound does the work of
-something that is missing. Such effects are candidates, not findings. An effect by which the sensors differ is none of
-them for what remains: whatever else is missing moves the table, and the table moves both sensors.
+something that is missing. Such effects are candidates, not findings. An effect that the recordings show without a model
+is none of them for what remains: one by which the sensors differ, as whatever else is missing moves the table and the
+table moves both sensors; or a backlash whose dwells the acceleration shows.
 
 A fit without an effect that had to end early leaves at least what it would have left at its end. So when the time
 budget is over an effect may still turn out to be needless, but none is established.
@@ -78,11 +79,11 @@ def alternatives(problem: SearchProblem, found: Selection, step: ForwardStep) ->
 
 
 def verdict_of(
-    problem: SearchProblem, found: Selection, step: ForwardStep, between: Sequence[str] = ()
+    problem: SearchProblem, found: Selection, step: ForwardStep, shown: Sequence[str] = ()
 ) -> tuple[EffectVerdict, ScoredFit]:
     """The verdict on one effect, and the final model without it.
 
-    between : effects by which the sensors differ.
+    shown : effects that the recordings show without a model.
     """
     settings, final = problem.settings, found.final
     candidate, noise = step.chosen.candidate, problem.validation.noise_cost()
@@ -98,9 +99,9 @@ def verdict_of(
         state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
     elif not improves(final, reduced, settings):
         state, reason = NOT_ESTABLISHED, "the model is as good without it"
-    elif bounds and not near_noise and candidate.effect not in between:
+    elif bounds and not near_noise and candidate.effect not in shown:
         state, reason = NOT_ESTABLISHED, "at a bound, and the unexplained residual may have the same cause"
-    elif small and candidate.effect not in between:
+    elif small and candidate.effect not in shown:
         state, reason = (
             NOT_ESTABLISHED,
             "it explains less than remains unexplained, and may stand in for the true cause",
@@ -118,17 +119,17 @@ def verdict_of(
 
 
 def with_verdicts(
-    problem: SearchProblem, found: Selection, between: Sequence[str] = ()
+    problem: SearchProblem, found: Selection, shown: Sequence[str] = ()
 ) -> tuple[Selection, tuple[EffectVerdict, ...], tuple[EffectVerdict, ...]]:
     """The selection with what is established, likely or one of several; the verdicts on it; and those not established.
 
     Effects that are not established leave the model one by one, the one worth least first, and the others are
-    assessed again without it. between : effects by which the sensors differ.
+    assessed again without it. shown : effects that the recordings show without a model.
     """
     problem.progress("assessing each effect", 0.5)
     dropped: list[EffectVerdict] = []
     while found.steps:
-        each = [verdict_of(problem, found, step, between) for step in found.steps]
+        each = [verdict_of(problem, found, step, shown) for step in found.steps]
         refused = [i for i, (s, _) in enumerate(each) if s.state == NOT_ESTABLISHED]
         if not refused:
             return found, tuple(s for s, _ in each), tuple(dropped)

@@ -66,21 +66,21 @@ def test_a_verdict_without_time_says_so() -> None:
 
 
 @pytest.mark.parametrize(
-    ("between", "expected", "dropped"),
+    ("shown", "expected", "dropped"),
     [
         ((), {SECOND.effect: LIKELY}, (FIRST.effect,)),
         ((FIRST.effect,), {FIRST.effect: LIKELY, SECOND.effect: LIKELY}, ()),
     ],
 )
-def test_what_shows_between_the_sensors_stays_however_much_is_unexplained(
-    between: tuple[str, ...], expected: dict[str, str], dropped: tuple[str, ...]
+def test_what_shows_without_a_model_stays_however_much_is_unexplained(
+    shown: tuple[str, ...], expected: dict[str, str], dropped: tuple[str, ...]
 ) -> None:
     problem = problem_of(Unexplained(0.5, 3.0))
-    _, told, left = with_verdicts(problem, found_in(problem), between)
+    _, told, left = with_verdicts(problem, found_in(problem), shown)
     assert ({s.effect: s.state for s in told}, tuple(s.effect for s in left)) == (expected, dropped)
 
 
-def test_what_shows_between_the_sensors_leaves_where_the_model_does_as_well_without_it() -> None:
+def test_what_shows_without_a_model_leaves_where_the_model_does_as_well_without_it() -> None:
     problem = problem_of(Unexplained(0.0, 3.0))
     _, _, left = with_verdicts(problem, found_in(problem), (FIRST.effect,))
     assert [s.effect for s in left] == [FIRST.effect]
