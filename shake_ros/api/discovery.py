@@ -53,6 +53,9 @@ from shake_ros.search.continued import continued
 from shake_ros.search.rival_models import RivalModel, problem_of, rival_models
 from shake_ros.settings import save_table
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 @dataclass(frozen=True)
 class FoundEffect:
@@ -136,10 +139,6 @@ class Effects(Sequence[FoundEffect]):
 
     def _repr_html_(self) -> str:
         return self.frame._repr_html_() if self else self._none
-
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, repr=False)

@@ -32,6 +32,11 @@ def share_of_dwells(records: Sequence[Record]) -> float:
     return float(np.mean(ratios > LONG)) if len(ratios) >= FEWEST else 0.0
 
 
+def shows_backlash(records: Sequence[Record]) -> bool:
+    """Whether the acceleration dwells at zero so often that there is a gap."""
+    return share_of_dwells(records) > SHARE
+
+
 def dwells(record: Record) -> np.ndarray:
     """Time within the band over that of the way to it, of each change of the acceleration's sign in motion, shape (m,).
 

@@ -12,7 +12,7 @@ from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.free_parameters import is_of_recording
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_filter import SensorFilter, filter_of
-from shake_ros.explain.backlash import BACKLASH, SHARE, share_of_dwells, width_of_gap
+from shake_ros.explain.backlash import BACKLASH, shows_backlash, width_of_gap
 from shake_ros.fit.model import SENSOR_DELAY, SENSOR_FILTER, FreeModel, TriedEffect, start_of
 from shake_ros.fit.prediction import Levels, Predictor, SlowRuns
 from shake_ros.fit.segment import Segment, pieces
@@ -103,7 +103,7 @@ def slow_one(backlash: CandidateEffect) -> TriedEffect:
 
 def backlash(effect: CandidateEffect | None, records: Sequence[Record]) -> Start | None:
     """Start of a backlash that the acceleration shows; none where it shows none."""
-    if effect is None or share_of_dwells(records) <= SHARE:
+    if effect is None or not shows_backlash(records):
         return None
     softest = min(effect.trials, key=lambda t: t[STIFFNESS])
     return Start(slow_one(effect), {**softest, effect.strength.name: GAP * width_of_gap(records)})

@@ -39,7 +39,7 @@ from shake_ros.core.identification.nuisance_estimates import (
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.identification.time_budget import never, time_is_over, within_budget
 from shake_ros.core.plant.parameters import FULL_LAYOUT
-from shake_ros.explain.backlash import BACKLASH, SHARE, share_of_dwells
+from shake_ros.explain.backlash import BACKLASH, shows_backlash
 from shake_ros.explain.dependence import UNKNOWN, Remaining, remaining
 from shake_ros.explain.latent_force import LatentForce, latent_forces
 from shake_ros.fit.solver import Budget
@@ -211,7 +211,7 @@ def concluded(
     found, verdicts, dropped = selection, tuple[EffectVerdict, ...](), tuple[EffectVerdict, ...]()
     tentative, rest, function, forces = dict[str, dict[str, float]](), UNKNOWN, None, tuple[LatentForce, ...]()
     with failures.step("verdicts"):
-        shown = (*model.between, *((BACKLASH,) if share_of_dwells(estimation) > SHARE else ()))
+        shown = (*model.between, *((BACKLASH,) if shows_backlash(estimation) else ()))
         found, verdicts, dropped = with_verdicts(problem, selection, shown)
         tentative = problem.validation.errors(selection.final.fit.vector) if dropped else {}
     searched = problem.estimation.blocks()
