@@ -24,13 +24,11 @@ from shake_ros.api import discovery
 from shake_ros.api.fitted import fit_data
 from shake_ros.api.read import read
 from shake_ros.api.tune_table import tune_table
-from shake_ros.core.discovery.forward_selection import forward_selection
 from shake_ros.core.discovery.problem import ModelStructure, SearchProblem
 from shake_ros.core.discovery.selection import Selection
-from shake_ros.core.identification.fit import Fit, fit
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.failures import RAISING
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.time_budget import never
 from shake_ros.data.recordings import write_table_recording
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.search import close_loop as closing
@@ -42,7 +40,6 @@ LEAN = load_search().replace(
     most_continued=2,
     continued_evaluations=8,
     converging_evaluations=12,
-    most_effects=1,
     starts=8,
     fitted_starts=1,
 )
@@ -103,26 +100,16 @@ def problem_of(learn: list[Record], hold: list[Record]) -> SearchProblem:
 
 
 @functools.cache
-def declared_fit(case: str) -> tuple[Fit, RecordingProblem]:
-    """The declared model fitted to the learning recording of a case, from the catalogue's values."""
-    problem = RecordingProblem([recording(case, 1, "learn")])
-    free = FreeParameters(load_table("bergamo"), free_parameters())
-    return fit(problem, free, free.start(), evaluations=15, tolerance=1e-4), problem
-
-
-@functools.cache
 def named(case: str) -> Named:
     """The search for what a case's table has beyond the declared model; from the command where that runs anyway."""
     if case in COMMANDS:
         run = command(case)
         return Named(run.result.search, problem_of(run.learn, run.hold))
-    declared, learn = declared_fit(case)
-    problem = problem_of(learn.records, [recording(case, 2, "hold")])
-    pool = [c for c in effect_candidates() if c.effect in SHORT_LISTS.get(case, (c.effect,))]
-    return Named(
-        forward_selection(problem, declared, ModelStructure(load_table("bergamo"), (), candidates=tuple(pool))),
-        problem,
-    )
+    problem = problem_of([recording(case, 1, "learn")], [recording(case, 2, "hold")])
+    pool = tuple(c for c in effect_candidates() if c.effect in SHORT_LISTS.get(case, (c.effect,)))
+    structure = ModelStructure(load_table("bergamo"), tuple(free_parameters()), candidates=pool)
+    given = problem.estimation.records, problem.validation.records, problem.progress, never, RAISING
+    return Named(closing.searched(problem, structure, *given)[1], problem)
 
 
 @functools.cache

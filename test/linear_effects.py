@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.decision import ForwardStep, Refit
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
-from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.declared import effect_candidates, free_parameters
@@ -48,7 +47,7 @@ class Hidden:
 
 
 def problem_of(hidden: Any) -> SearchProblem:
-    return SearchProblem(hidden, hidden, hidden, hidden, (), load_search(), lambda text, part: None)
+    return SearchProblem(hidden, hidden, hidden, (), load_search(), lambda text, part: None)
 
 
 def fitted(problem: SearchProblem, *effects: CandidateEffect) -> ScoredFit:

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from shake_ros.core.discovery.closed_form import FunctionForm, LearntFunction
-from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.decision import ForwardStep, Refit
 from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.second_form import ChangeForm, LearntChange
 from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.failures import Failures

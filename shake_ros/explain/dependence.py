@@ -154,7 +154,7 @@ def remaining(problem: SearchProblem, found: Selection) -> Remaining:
         return Remaining(True, ratio, "structure", ("frequency",), shares, text)
     least = settings.remaining_share
     order = sorted((name for name, share in shares.items() if share > least), key=lambda name: -shares[name])
-    place = next((PLACES[name] for name in order if name in PLACES), _nearest_place(found, least))
+    place = next((PLACES[name] for name in order if name in PLACES), None)
     where = f", mostly near {centre:.1f} Hz" if shares["frequency"] else ""
     depends = f"; it depends on {', '.join(order)}" if order else "; it depends on no single quantity"
     text = f"the residual is {ratio:.2f} × {noise}{where}{depends}"
@@ -166,10 +166,3 @@ def nothing_fits(found: Selection, memoryless: float) -> bool:
     if any(step.chosen.candidate.effect == UNLISTED for step in found.steps):
         return False
     return found.functions is not None and max(found.functions.gains.values(), default=1.0) < memoryless
-
-
-def _nearest_place(found: Selection, least: float) -> str | None:
-    """Place of the candidate that explains some of the rest, though not enough to be added."""
-    most = (1.0 - least) * found.final.estimation_cost
-    near = [r for r in found.rejected if r.result.estimation_cost < most]
-    return near[0].candidate.place if near else None

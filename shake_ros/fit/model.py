@@ -14,7 +14,7 @@ from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 TABLE = len(FULL_LAYOUT.names)
 SENSOR_DELAY = FreeParameter("sensor.delay", 5e-4, -0.005, 0.05, "s")  # of the accelerometer behind the position
 SENSOR_FILTER = FreeParameter("sensor.filter", 5e-4, 0.0, 0.03, "s")  # √2/ω_c of its anti-aliasing filter
-SENSOR = {SENSOR_DELAY.name: TABLE, SENSOR_FILTER.name: TABLE + 1}
+SENSOR = (SENSOR_DELAY.name, SENSOR_FILTER.name)
 WIDTH = TABLE + len(SENSOR)
 
 
@@ -96,7 +96,13 @@ class FreeModel:
     @cached_property
     def columns(self) -> np.ndarray:
         """Places in a parameter vector, shape (p,)."""
-        return np.array([SENSOR[n] if n in SENSOR else FULL_LAYOUT.index[n] for n in self.names], dtype=np.int64)
+        index = {**self.table.layout.index, **{n: self._own + i for i, n in enumerate(SENSOR)}}
+        return np.array([index[n] for n in self.names], dtype=np.int64)
+
+    @property
+    def _own(self) -> int:
+        """Number of the table's own parameters, before the sensors'."""
+        return len(self.table.layout.names)
 
     @cached_property
     def effect_names(self) -> tuple[str, ...]:
@@ -104,11 +110,11 @@ class FreeModel:
         return tuple(c.name for c in self.effects)
 
     def vectors(self, rows: np.ndarray) -> np.ndarray:
-        """Parameter vectors for rows of x, shape (m, WIDTH)."""
+        """Parameter vectors for rows of x, shape (m, width)."""
         rows = np.atleast_2d(rows)
-        made = np.empty((len(rows), WIDTH))
-        made[:, :TABLE] = self.table.vector()
-        made[:, TABLE:] = self.sensor
+        made = np.empty((len(rows), self._own + len(SENSOR)))
+        made[:, : self._own] = self.table.vector()
+        made[:, self._own :] = self.sensor
         made[:, self.columns] = rows * self.scale
         return made
 

@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from shake_ros.core.plant.states import (
     SPECIMEN_RATE,
     VELOCITY,
 )
+from shake_ros.fit.likelihood import LOST, Levels, Likelihood
 from shake_ros.fit.model import TABLE
 from shake_ros.fit.segment import Segment
 
@@ -42,35 +44,10 @@ INDEX = FULL_LAYOUT.index
 GAP, LATE = INDEX["effects.coupling_backlash.gap"], INDEX["effects.position_sensor_lag.time_constant"]
 RESONANT = 8.0  # motion of a specimen over that of its table, with which a segment may begin
 SPEED = 0.05  # standard deviation of the velocity with which a segment begins [m/s]
-LOST = 1e3  # weighted residual of a run that ends in no number
 TOLERANCE = 1e-6  # of a run; a hundred times more would make likelihoods wrong by a hundred nats
 DIFFERENCE, OVER_RIPPLES = 2e-4, 2e-2  # step of differences, the latter over what ripples in a free run with contacts
 SETTLING = 0.3  # random force while the state of a segment is found, in parts of its acceleration
 SLOW = 40.0  # below which free runs are compared [Hz]
-
-
-@dataclass(frozen=True)
-class Levels:
-    """Standard deviations of the noise.
-
-    Attributes
-    ----------
-    position, acceleration : of the sensors, in parts of what the recordings show [-].
-    force : of the random force, in parts of the segment's acceleration [-]. memory : of that force [s].
-    least_force : of the random force at least, per moved mass [m/s²].
-    null, null_drift : of a recording's null shift [-] and of its drift [1/√s].
-    bias, bias_drift : of the accelerometer's bias [m/s²] and of its drift [m/s²/√s].
-    """
-
-    position: float = 1.0
-    acceleration: float = 1.0
-    force: float = 0.3
-    memory: float = 0.03
-    least_force: float = 0.0
-    null: float = 0.01
-    null_drift: float = 1e-5
-    bias: float = 0.1
-    bias_drift: float = 1e-4
 
 
 @dataclass
@@ -108,12 +85,11 @@ def coordinates(vector: np.ndarray) -> list[int]:
     return found
 
 
-class Predictor:
+class Predictor(Likelihood):
     """Whitened innovations of a model over segments, under gains made at one parameter vector."""
 
-    own_levels: tuple[str, ...] = ("force", "acceleration")  # levels of noise that are a recording's own
-    floor = 0.0  # fall of the logarithm of what is left by which an effect counts, whatever the noise
-    difference = DIFFERENCE  # step of differences, as a part of a parameter's scale or of its value if that is larger
+    own_levels: ClassVar[tuple[str, ...]] = ("force", "acceleration")
+    difference = DIFFERENCE
 
     def __init__(self, segments: Sequence[Segment], levels: Levels) -> None:
         self.segments, self.levels = tuple(segments), levels

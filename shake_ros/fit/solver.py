@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from shake_ros.fit.likelihood import Likelihood
 from shake_ros.fit.model import FreeModel
-from shake_ros.fit.prediction import Predictor
 
 REACH, NARROWER = 1.0, 4.0  # first step in scales (or parts of a value, below); ratio of the two that are tried
 STEPS = 4  # Jacobians between two estimates of the levels of noise
@@ -53,7 +53,7 @@ class PredictorFit:
     """
 
     model: FreeModel
-    prediction: Predictor
+    prediction: Likelihood
     likelihood: np.ndarray
 
     @property
@@ -68,14 +68,14 @@ def prior_residuals(model: FreeModel, x: np.ndarray) -> np.ndarray:
     return np.asarray(rows @ x - targets)
 
 
-def differences(prediction: Predictor, model: FreeModel, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def differences(prediction: Likelihood, model: FreeModel, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Parameter vectors at x and a step along each parameter, shape (1 + p, WIDTH), and these steps, shape (p,)."""
     step = prediction.difference * np.maximum(1.0, np.abs(x))
     step = np.where(x + step > model.bounds[1], -step, step)
     return model.vectors(np.vstack([x, x + np.diag(step)])), step
 
 
-def jacobian(prediction: Predictor, model: FreeModel, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def jacobian(prediction: Likelihood, model: FreeModel, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Residuals, shape (N,), and their differences per unit of x, shape (N, p)."""
     tried, step = differences(prediction, model, x)
     rows = prediction.residuals(tried)
@@ -96,7 +96,7 @@ def step_within(normal: np.ndarray, gradient: np.ndarray, x: np.ndarray, model: 
 
 
 def descend(
-    prediction: Predictor, model: FreeModel, steps: int, tolerance: float, budget: Budget
+    prediction: Likelihood, model: FreeModel, steps: int, tolerance: float, budget: Budget
 ) -> tuple[FreeModel, int]:
     """Fit under held gains: the model, and how many Jacobians were taken.
 
@@ -147,7 +147,7 @@ def descend(
 
 
 def fit(
-    prediction: Predictor,
+    prediction: Likelihood,
     model: FreeModel,
     budget: Budget,
     *,
@@ -167,7 +167,7 @@ def fit(
     estimated.
     """
 
-    def at(prediction: Predictor, model: FreeModel) -> PredictorFit:
+    def at(prediction: Likelihood, model: FreeModel) -> PredictorFit:
         return PredictorFit(model, prediction, prediction.log_likelihood())
 
     best, taken = at(prediction.filtered(model.vectors(model.x)[0]), model), 0

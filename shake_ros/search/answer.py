@@ -12,9 +12,11 @@ from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.free_parameters import is_of_recording
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_filter import SensorFilter, filter_of
+from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.explain.backlash import BACKLASH, shows_backlash, width_of_gap
+from shake_ros.fit.likelihood import FreeRuns, Levels
 from shake_ros.fit.model import SENSOR_DELAY, SENSOR_FILTER, FreeModel, TriedEffect, start_of
-from shake_ros.fit.prediction import Levels, Predictor, SlowRuns
+from shake_ros.fit.prediction import Predictor, SlowRuns
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
 from shake_ros.search.candidates import listed
@@ -45,15 +47,11 @@ def answer(
     budget : how long it may take. progress : called with a line of progress.
     failures : takes an error of the search, which then ends with what it has found.
     """
-    data = SearchData(
-        tuple(Segment.of(r) for r in pieces(estimation, SECONDS, PIECE)),
-        tuple(Segment.of(r) for r in pieces(validation or estimation, VALIDATION_SECONDS, PIECE)),
-    )
     known = {c.effect: c for c in model.candidates}
     shown = None if BACKLASH in model.shown else backlash(known.get(BACKLASH), estimation)
     certain = (*model.between, *((BACKLASH,) if shown or BACKLASH in model.shown else ()))
-    runs = SlowRuns if BACKLASH in certain else Predictor
-    search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress, shown, certain, runs)
+    data = search_data(model, estimation, validation or estimation, BACKLASH in certain)
+    search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress, shown, certain)
     behind, unknown = filter_of(estimation[0]), model.simulator.nuisances
     begin = beginning(model, behind)
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
@@ -68,6 +66,20 @@ def answer(
     best = models[-1].model if models else begin
     sensor = found_filter(best, behind) if unknown else None
     return GivenAnswer(best.found_table(), tuple(known[c.name] for c in best.effects), rivals, not done, sensor)
+
+
+def search_data(
+    model: ModelStructure, estimation: Sequence[Record], validation: Sequence[Record], contacts: bool
+) -> SearchData:
+    """The recordings as the model is fitted to them: by free runs where no predictor follows it.
+
+    contacts : whether the acceleration shows a backlash.
+    """
+    if model.simulator.layout is not FULL_LAYOUT:
+        return SearchData(*(FreeRuns(r, model.simulator, Levels()) for r in (estimation, validation)))
+    runs = SlowRuns if contacts else Predictor
+    parts = pieces(estimation, SECONDS, PIECE), pieces(validation, VALIDATION_SECONDS, PIECE)
+    return SearchData(*(runs([Segment.of(r) for r in part], Levels()) for part in parts))
 
 
 def beginning(model: ModelStructure, behind: SensorFilter) -> FreeModel:

@@ -12,6 +12,7 @@ from shake_ros.core.effects.unlisted import FRICTION_FACTOR_OF_POSITION
 from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.plant.states import POSITION, PRESSURE_A, VELOCITY
 from shake_ros.fit.model import TriedEffect
+from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.solver import PredictorFit
 
 UNLISTED = "unlisted"
@@ -59,8 +60,9 @@ def function(kind: FunctionKind, low: float, high: float) -> TriedEffect:
 
 
 def functions(fitted: PredictorFit) -> list[TriedEffect]:
-    """Functions of every quantity, over the range that a fitted model shows of it."""
+    """Functions of every quantity, over the range that a model fitted by a predictor shows of it."""
     found: dict[str, tuple[float, float]] = {}
+    assert isinstance(fitted.prediction, Predictor)
     for run in fitted.prediction.runs:
         s, column = run.segment, {int(c): i for i, c in enumerate(run.codes)}
         seen = {

@@ -10,9 +10,8 @@ import numpy as np
 
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.decision import ForwardStep
-from shake_ros.core.discovery.declared_fit import FittedModel, fit_declared, fitted_model, unassessed_model
+from shake_ros.core.discovery.declared_fit import FittedModel, fitted_model, unassessed_model
 from shake_ros.core.discovery.elimination import eliminate
-from shake_ros.core.discovery.forward_selection import forward_selection
 from shake_ros.core.discovery.given_answer import better_beginning, selection_of
 from shake_ros.core.discovery.problem import (
     ModelStructure,
@@ -30,7 +29,6 @@ from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.unlisted_functions import best_function, leaves_far_less, near_noise
 from shake_ros.core.discovery.verdict import EffectVerdict, with_verdicts
 from shake_ros.core.failures import RAISING, Failures
-from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.nuisance_estimates import (
     NuisanceEstimates,
     estimated_null_shifts,
@@ -38,7 +36,6 @@ from shake_ros.core.identification.nuisance_estimates import (
 )
 from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
 from shake_ros.core.identification.time_budget import never, time_is_over, within_budget
-from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.explain.backlash import BACKLASH, shows_backlash
 from shake_ros.explain.dependence import UNKNOWN, Remaining, remaining
 from shake_ros.explain.latent_force import LatentForce, latent_forces
@@ -113,21 +110,16 @@ def searched(
 ) -> tuple[SearchProblem, Selection]:
     """The listed effects that a model lacks, or an unlisted one; the problem with what they show of the recordings.
 
-    A table is searched for sets of effects; a reduced model or an axis, which no predictor follows, for one after
-    another. progress : of `problem` as well, but for `Stopped`, which it may raise.
+    progress : of `problem` as well, but for `Stopped`, which it may raise.
     """
-    if model.simulator.layout is FULL_LAYOUT:
-        budget = Budget(over=time_is_over)
-        given = answer(model, estimation, validation, budget, lambda line: problem.progress(line, 0.3), failures)
-        known, begun = NuisanceEstimates(given.behind), problem
-        problem = problem.with_nuisances(known)
-        with within_budget(deadline_passed):  # what the search has found is fitted even where it was stopped
-            found = replace(selection_of(problem, model, given), nuisances=known)
-            if (better := better_beginning(begun, model, found)) is not None:
-                problem, found = begun, selection_of(begun, model, better)
-    else:
-        declared = fit_declared(problem, FreeParameters(model.table, model.free))
-        found = forward_selection(replace(problem, progress=progress), declared, model, failures)
+    budget = Budget(over=time_is_over)
+    given = answer(model, estimation, validation, budget, lambda line: problem.progress(line, 0.3), failures)
+    known, begun = NuisanceEstimates(given.behind), problem
+    problem = problem.with_nuisances(known)
+    with within_budget(deadline_passed):  # what the search has found is fitted even where it was stopped
+        found = replace(selection_of(problem, model, given), nuisances=known)
+        if (better := better_beginning(begun, model, found)) is not None:
+            problem, found = begun, selection_of(begun, model, better)
     with failures.step("nuisance parameters"):
         problem, found = with_nuisances(problem, found)
     with failures.step("search for an unlisted effect"), contextlib.suppress(Stopped):

@@ -21,9 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shake_ros.fit.likelihood import Levels, Likelihood
 from shake_ros.fit.model import FreeModel, TriedEffect
-from shake_ros.fit.prediction import Levels, Predictor
-from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import Budget, PredictorFit, fit
 from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start, weakest
 
@@ -38,10 +37,10 @@ PROMISE, ALIKE = 0.5, 0.8  # part of an effect's gain that a rival has to promis
 
 @dataclass(frozen=True)
 class SearchData:
-    """Segments that are fitted, segments that choose between models."""
+    """Recordings that are fitted, recordings that choose between models."""
 
-    estimation: tuple[Segment, ...]
-    validation: tuple[Segment, ...]
+    estimation: Likelihood
+    validation: Likelihood
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ class Scored:
     """A fitted model, its prediction of the validation data at their own levels of noise, and log likelihoods, (b,)."""
 
     fitted: PredictorFit
-    seen: Predictor
+    seen: Likelihood
     validation: np.ndarray
 
     @property
@@ -106,7 +105,6 @@ class SetSearch:
     listed : effects that the model may lack. budget : how long it may take. progress : called with a line of progress.
     shown : start of an effect that the recordings show without a model. certain : effects that stay in the model
     whatever its evidence, as what shows without it is stronger; the free runs of the end decide on them.
-    predictor : what compares a model with the data.
     """
 
     def __init__(
@@ -117,10 +115,9 @@ class SetSearch:
         progress: Progress,
         shown: Start | None = None,
         certain: Sequence[str] = (),
-        predictor: type[Predictor] = Predictor,
     ) -> None:
         self.data, self.listed, self.budget, self.progress = data, listed, budget, progress
-        self.shown, self.certain, self.predictor = shown, certain, predictor
+        self.shown, self.certain = shown, certain
         self._known = dict[Scored, Linearised]()
         self._fits = dict[frozenset[str], Scored]()
         self._loose = Levels()
@@ -129,9 +126,10 @@ class SetSearch:
         """A model fitted by so many steps, and scored; the best fit of the same effects so far if that is better."""
         known = self._fits.get(frozenset(model.effect_names))
         levels = levels if known is None else known.fitted.prediction.levels
-        fitted = fit(self.predictor(self.data.estimation, levels), model, self.budget, steps=steps)
+        fitted = fit(self.data.estimation.with_levels(levels), model, self.budget, steps=steps)
         vector = fitted.model.vectors(fitted.model.x)[0]
-        seen = self.predictor(self.data.validation, fitted.prediction.levels).tuned(vector, self.predictor.own_levels)
+        validation = self.data.validation.with_levels(fitted.prediction.levels)
+        seen = validation.tuned(vector, validation.own_levels)
         found = Scored(fitted, seen, seen.log_likelihood())
         best = found if known is None or found.fitted.total > known.fitted.total else known
         self._fits[frozenset(model.effect_names)] = best

@@ -16,8 +16,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from shake_ros.fit.likelihood import LOST, Likelihood
 from shake_ros.fit.model import FreeModel, TriedEffect
-from shake_ros.fit.prediction import LOST, Predictor
 from shake_ros.fit.solver import PART, PredictorFit, differences, jacobian, prior_residuals
 
 LARGEST, SLIGHT = 4.0, 0.01  # multiple of a trial up to which its linear prediction is followed, and a slight one
@@ -100,7 +100,7 @@ def linearised(
     fitted: PredictorFit,
     candidates: Sequence[TriedEffect],
     moved: Mapping[int, TriedEffect] = NONE_MOVED,
-    beside: Sequence[Predictor] = (),
+    beside: Sequence[Likelihood] = (),
 ) -> Linearised:
     """Residuals of every trial beside a fitted model.
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.decision import ForwardStep, Refit
 from shake_ros.core.discovery.elimination import in_its_place, rivals, without
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, side_by_side
-from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.discovery.verdict import ESTABLISHED, ONE_OF_THESE, EffectVerdict
 from shake_ros.core.identification.fit import Fit

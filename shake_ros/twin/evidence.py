@@ -22,8 +22,9 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.plant.prediction import FORCE
 from shake_ros.core.plant.states import PRESSURE_A, VELOCITY
+from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import FreeModel
-from shake_ros.fit.prediction import FilteredSegment, Levels, Predictor
+from shake_ros.fit.prediction import FilteredSegment, Predictor
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import jacobian
 

@@ -31,8 +31,8 @@ from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.identification.recordings import FULL, Record
 from shake_ros.core.identification.sensor_filter import SensorFilter
 from shake_ros.declared import effect_candidates, sized
+from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import SENSOR, SENSOR_FILTER, TABLE, FreeModel, TriedEffect
-from shake_ros.fit.prediction import Levels
 from shake_ros.fit.solver import Budget, PredictorFit, descend, jacobian, prior_residuals
 from shake_ros.search.candidates import functions, listed
 from shake_ros.search.loop import PRIOR
@@ -357,7 +357,7 @@ def free_run_errors(vectors: np.ndarray, records: Sequence[Record]) -> np.ndarra
         if r.acceleration is None:
             continue
         for i, v in enumerate(vectors):
-            lag = float(v[SENSOR[SENSOR_FILTER.name]]) if len(v) > TABLE else 0.0
+            lag = float(v[TABLE + SENSOR.index(SENSOR_FILTER.name)]) if len(v) > TABLE else 0.0
             late = SensorFilter(lag, lag).applied(r)
             left[i] += np.sum(late.acceleration_left(FULL.simulate(v[None, :TABLE], late)[1]) ** 2)
         size += float(np.sum(np.where(r.whole, r.acceleration, 0.0)[r.start :] ** 2))

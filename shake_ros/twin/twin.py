@@ -21,8 +21,8 @@ from shake_ros.core.analysis.stretches import stretches
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError
+from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import FreeModel
-from shake_ros.fit.prediction import Levels
 from shake_ros.fit.segment import SETTLE, Segment
 from shake_ros.twin.change import (
     HOUR,

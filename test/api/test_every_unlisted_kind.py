@@ -18,11 +18,10 @@ from shake_ros.api import model as opening
 from shake_ros.api import tune_table
 from shake_ros.cli.repair import discovery_lines
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.decision import ForwardStep, Refit
 from shake_ros.core.discovery.declared_fit import fit_declared
 from shake_ros.core.discovery.problem import ModelStructure, SearchProblem, linearised
 from shake_ros.core.discovery.refined_nodes import refined_function
-from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.discovery.unlisted_functions import (
     KINDS,

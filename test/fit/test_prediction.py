@@ -13,8 +13,9 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.simulation import run
 from shake_ros.declared import free_parameters
 from shake_ros.fit import prediction
+from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import start_of
-from shake_ros.fit.prediction import Levels, Predictor, between
+from shake_ros.fit.prediction import Predictor, between
 from shake_ros.fit.segment import Segment
 from shake_ros.settings import load_table
 

@@ -8,8 +8,9 @@ import pytest
 import shake_ros as sr
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import FreeModel, start_of
-from shake_ros.fit.prediction import Levels, Predictor, SlowRuns
+from shake_ros.fit.prediction import Predictor, SlowRuns
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import Budget, fit
 from shake_ros.search.candidates import listed

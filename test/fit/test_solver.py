@@ -8,8 +8,9 @@ from hidden_table import SAMPLE_TIME, TRUE, Hidden, record
 
 from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import free_parameters, late_parameters
+from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import FreeModel, start_of
-from shake_ros.fit.prediction import Levels, Predictor
+from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget, descend, fit
 from shake_ros.settings import load_table

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from closed_loops import CASES, command
 
-from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.decision import ForwardStep, Refit
 from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters

@@ -11,7 +11,9 @@ from hidden_table import SAMPLE_TIME, Hidden, record
 from benchmarks.discovery import hidden_tables
 from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import effect_candidates, model_structure
+from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import start_of
+from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
 from shake_ros.search.answer import DECLARED, answer
@@ -57,7 +59,7 @@ def test_what_other_parameters_nearly_compensate_is_proposed_first(effect: str) 
         runs.append(Record(name, hidden_tables.SAMPLE, made["command"], made["position"], made["acceleration"]))
     structure = model_structure(load_table("bergamo"))
     sets = ([r for r in runs if r.name.startswith(role)] for role in ("learn", "hold"))
-    data = SearchData(*(tuple(Segment.of(r) for r in pieces(found, 8.0, 3.5)) for found in sets))
+    data = SearchData(*(Predictor([Segment.of(r) for r in pieces(found, 8.0, 3.5)], Levels()) for found in sets))
     search = SetSearch(data, [listed(c) for c in structure.candidates], Budget(), lambda _: None)
     declared = search.scored(start_of(structure.table, (*structure.free, *structure.late)), DECLARED, LONG)
     absent = linearised(declared.fitted, search.listed, beside=(declared.seen,))

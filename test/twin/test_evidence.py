@@ -10,8 +10,9 @@ import pytest
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import FULL_LAYOUT
+from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import FreeModel, start_of
-from shake_ros.fit.prediction import Levels, Predictor
+from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import prior_residuals
 from shake_ros.settings import load_table

@@ -8,16 +8,40 @@ beside those of free ones: they may forbid an effect, and decide on one that the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import stdtrit
 
+from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.refit import Refit
-from shake_ros.core.discovery.screening import ScreenedTrial
 from shake_ros.core.discovery.search_settings import SearchSettings
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A candidate refitted together with all free parameters. predicted_gain : relative fall that was foreseen."""
+
+    candidate: CandidateEffect
+    result: ScoredFit
+    predicted_gain: float
+
+    @property
+    def score(self) -> float:
+        """Of its fit."""
+        return self.result.score
+
+    @property
+    def usual(self) -> bool:
+        """Whether its fitted values are such as are met on real tables."""
+        table = self.result.fit.table
+        return all(low <= table.value(name) <= high for name, (low, high) in self.candidate.usual.items())
+
+
+def ranked(refits: Iterable[Refit]) -> tuple[Refit, ...]:
+    """Refits, the best score first."""
+    return tuple(sorted(refits, key=lambda r: r.score))
 
 
 @dataclass(frozen=True)
@@ -27,7 +51,6 @@ class ForwardStep:
     chosen: Refit
     ranking: tuple[Refit, ...]
     alternatives: tuple[str, ...] = ()
-    screened: tuple[ScreenedTrial, ...] = ()
 
 
 def significance(better: np.ndarray, worse: np.ndarray) -> float:
@@ -111,9 +134,7 @@ def distinguishable(best: ScoredFit, other: ScoredFit, settings: SearchSettings,
     return significance(best.validation_blocks, other.validation_blocks) > settings.significant
 
 
-def decide(
-    ranking: Sequence[Refit], screened: tuple[ScreenedTrial, ...], settings: SearchSettings, noise: float
-) -> ForwardStep:
+def decide(ranking: Sequence[Refit], settings: SearchSettings, noise: float) -> ForwardStep:
     """The best refit, with those that are indistinguishable from it; of these the best with usual values is named.
 
     Parameters
@@ -124,4 +145,4 @@ def decide(
     alike = [r for r in ranking if r is ranking[0] or not distinguishable(best, r.result, settings, noise)]
     chosen = next((r for r in alike if r.usual), alike[0])
     ranking = (chosen, *(r for r in ranking if r is not chosen))
-    return ForwardStep(chosen, ranking, tuple(r.candidate.effect for r in alike if r is not chosen), screened)
+    return ForwardStep(chosen, ranking, tuple(r.candidate.effect for r in alike if r is not chosen))

@@ -15,11 +15,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from shake_ros.core.discovery.problem import ModelStructure, Progress, ScoredFit, SearchProblem, mean_square
-from shake_ros.core.discovery.screening import ScoreTest
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.axis_model import InverseDynamics
-from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.fit import Adjustment, Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, is_of_recording
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
@@ -27,6 +26,7 @@ from shake_ros.core.identification.uncertainty import Estimate, estimates, form_
 from shake_ros.core.plant.parameters import TableParameters
 
 Errors = dict[str, dict[str, float]]
+LARGEST = 3.0  # multiple of a finite change up to which its linear prediction is followed
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,11 @@ def promise(problem: SearchProblem, current: ScoredFit, parameter: FreeParameter
     column = list(result.free.base.fields).index(parameter.name)
     vectors[:, column] = np.clip(vectors[:, column] * settings.late_multiples, parameter.low, parameter.high)
     moved = np.nan_to_num(problem.estimation.residuals(vectors), nan=1e3, posinf=1e3, neginf=-1e3)
-    r, test = result.residuals, ScoreTest(result.residuals, result.jacobian)
-    return max(test.gain(m - r, True, settings.largest_multiple)[0] for m in moved) * current.estimation_cost
+    adjustment = Adjustment(result.jacobian)
+    left, changes = adjustment.left(result.residuals), adjustment.left((moved - result.residuals).T)
+    power, slope = np.sum(changes**2, axis=0), left @ changes
+    part = np.clip(-slope / np.maximum(power, 1e-300), -LARGEST, LARGEST)
+    return float(np.max(-part * (2.0 * slope + part * power))) / len(left)
 
 
 def with_late_parameters(problem: SearchProblem, current: ScoredFit) -> ScoredFit:

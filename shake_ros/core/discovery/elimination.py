@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep, improves
+from shake_ros.core.discovery.decision import ForwardStep, Refit, improves
 from shake_ros.core.discovery.problem import Reduced, ScoredFit, SearchProblem, linearised
-from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.plant.parameters import TableParameters
 

@@ -12,11 +12,10 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep, decide
+from shake_ros.core.discovery.decision import ForwardStep, Refit, decide, ranked
 from shake_ros.core.discovery.declared_fit import fit_declared, with_late_parameters
 from shake_ros.core.discovery.elimination import in_its_place
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, mean_square
-from shake_ros.core.discovery.refit import Refit, ranked
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.by_bands import from_slow_to_fast
 from shake_ros.core.identification.fit import costs
@@ -104,7 +103,7 @@ def with_rivals(
         others = rivals.get(step.chosen.candidate.effect, ())
         tried = [Refit(c, in_its_place(problem, found.final, step, c, there), 0.0) for c, there in others]
         now = replace(step.chosen, result=found.final)
-        better = decide(ranked([now, *tried]), step.screened, problem.settings, noise)
+        better = decide(ranked([now, *tried]), problem.settings, noise)
         steps = (*found.steps[:number], better, *found.steps[number + 1 :])
         found = replace(found, steps=steps, final=better.chosen.result)
     return found

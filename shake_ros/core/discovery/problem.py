@@ -1,6 +1,6 @@
-"""What a search stands on, built once: estimation and validation data, pieces of both, settings; and how a fit scores.
+"""What a search stands on, built once: estimation and validation data, pieces, settings; and how a fit scores.
 
-Estimation data are fitted, validation data judge. Pieces of both are a cheaper problem for starts and screening.
+Estimation data are fitted, validation data judge. Pieces of the former are a cheaper problem for starts and functions.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class Reduced:
 
 @dataclass(frozen=True)
 class SearchProblem:
-    """Estimation and validation data with pieces of both, the parameters that may be freed late, settings, progress.
+    """Estimation and validation data, pieces of the former, the parameters that may be freed late, settings, progress.
 
     progress : called with what is being done and the part of the step that is done. reduced : fits that have been made
     without an effect, by its name and those of all free parameters before. predictor_rate : of the predictor runs that
@@ -127,7 +127,6 @@ class SearchProblem:
     estimation: RecordingProblem
     validation: RecordingProblem
     estimation_pieces: RecordingProblem
-    validation_pieces: RecordingProblem
     late: tuple[FreeParameter, ...]
     settings: SearchSettings
     progress: Progress
@@ -147,12 +146,10 @@ class SearchProblem:
 
         Of long recordings the search fits pieces.
         """
-        whole, pieces = [], []
         estimation = windows(list(estimation), settings.search_seconds, settings.search_piece)
-        for records in (estimation, validation) if validation else (estimation,):
-            whole.append(RecordingProblem(list(records), model.simulator))
-            pieces.append(RecordingProblem(windows(list(records), settings.piece_seconds), model.simulator))
-        return cls(whole[0], whole[-1], pieces[0], pieces[-1], model.late, settings, progress)
+        pieces, held = windows(estimation, settings.piece_seconds), list(validation) or estimation
+        whole, other, part = (RecordingProblem(records, model.simulator) for records in (estimation, held, pieces))
+        return cls(whole, other, part, model.late, settings, progress)
 
     def fitted(
         self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float, *, near: bool = False
@@ -191,7 +188,6 @@ class SearchProblem:
             estimation=self.estimation.unpredicted(ratio),
             validation=self.validation.unpredicted(ratio),
             estimation_pieces=self.estimation_pieces.unpredicted(ratio),
-            validation_pieces=self.validation_pieces.unpredicted(ratio),
             reduced={},
         )
 
@@ -215,7 +211,6 @@ class SearchProblem:
             estimation=nuisances.problem(self.estimation),
             validation=nuisances.problem(self.validation),
             estimation_pieces=nuisances.problem(self.estimation_pieces),
-            validation_pieces=nuisances.problem(self.validation_pieces),
             reduced={key: Reduced(b"", known.reduced) for key, known in self.reduced.items()},
         )
 
@@ -227,15 +222,3 @@ class SearchProblem:
         """The same problem with all of the estimation data."""
         whole = RecordingProblem(list(estimation), self.estimation.model).unpredicted(self.estimation.unpredictable)
         return replace(self, estimation=whole, reduced={})
-
-    def at_noise(self, current: ScoredFit) -> bool:
-        """Whether a fit leaves nothing to learn: no more than the sensor noise on either set of recordings.
-
-        Where the estimation data leave less than that, what the validation data show cannot be learned from them.
-        """
-        if self.predictor_rate > 0.0:
-            return False  # predictor runs may tell what free runs leave in the noise
-        most, noise = self.settings.at_noise, self.estimation.noise_cost()
-        if current.estimation_cost > most * noise:
-            return False
-        return current.estimation_cost <= noise or current.validation_cost <= most * self.validation.noise_cost()

@@ -8,7 +8,7 @@ from typing import Any
 
 from shake_ros.core.quantities import Parameters, ShakeError, check, quantity
 
-MULTIPLES = ("start_multiples", "late_multiples", "function_multiples")
+MULTIPLES = ("late_multiples", "function_multiples")
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,8 @@ class SearchSettings(Parameters):
     late_multiples: tuple[float, ...] = quantity("-", "multiples of a late parameter that are screened", low=0.0)
     late_promise: float = quantity("-", "part of what stands above the noise that freeing must promise", low=0.0)
     late_gain: float = quantity("-", "part of what stands above the noise that freeing must take", low=0.0)
-    # screening
-    largest_multiple: float = quantity("-", "multiple of a trial up to which its linear prediction holds", low=0.0)
-    largest_shift: float = quantity("-", "predicted change of a parameter, in its scales, that is followed", low=0.0)
     much_left: float = quantity("-", "ratio to the noise from which a fit begins with predictor runs", low=0.0)
     # refits
-    start_multiples: tuple[float, ...] = quantity("-", "multiples of a trial from which a refit may start", low=0.0)
-    hopeless: float = quantity("-", "ratio to the least cost on pieces from which a function is dropped", low=1.0)
     most_continued: int = quantity("-", "rivals of an effect that are compared, at most", low=1)
     continued_evaluations: int = quantity("-", "most trial points of a fit without an effect", low=1)
     continued_tolerance: float = quantity(
@@ -52,8 +47,6 @@ class SearchSettings(Parameters):
     rival: float = quantity("-", "ratio to the best score up to which an effect is a rival", low=1.0)
     # decision
     process_noise: float = quantity("-", "what differs between equal commands over the noise, mean squares", low=1.0)
-    most_effects: int = quantity("-", "effects added, at most", low=0)
-    at_noise: float = quantity("-", "ratio to the noise's cost up to which nothing more is looked for", low=0.0)
     least_estimation_gain: float = quantity("-", "least fall of the estimation cost", low=0.0, high=1.0)
     least_validation_gain: float = quantity("-", "least fall of the validation cost", low=0.0, high=1.0)
     clear_gain: float = quantity("-", "fall of the validation cost from which no test is asked for", low=0.0, high=1.0)
@@ -68,6 +61,7 @@ class SearchSettings(Parameters):
     function_gain: float = quantity("-", "part of a listed effect's cost that a function may leave", low=0.0, high=1.0)
     function_promise: float = quantity("-", "predicted fall from which one goes before all effects", low=0.0, high=1.0)
     function_ridge: float = quantity("-", "ridge on a node, of the mean power of all nodes' directions", low=0.0)
+    largest_shift: float = quantity("-", "predicted change of a parameter, in its scales, that is followed", low=0.0)
     function_multiples: tuple[float, ...] = quantity("-", "parts of the linear estimate to start from", low=0.0)
     most_functions: int = quantity("-", "kinds of function that are refitted", low=0)
     function_rank: float = quantity("-", "part of the best predicted fall from which a kind is refitted", low=0.0)
@@ -75,6 +69,7 @@ class SearchSettings(Parameters):
     most_seconds: int = quantity("-", "second quantities of a function that are refitted", low=0)
     second_promise: float = quantity("-", "predicted fall from which a second quantity is refitted", low=0.0)
     pair_rival: float = quantity("-", "predicted fall of two quantities, over that of one", low=1.0)
+    hopeless: float = quantity("-", "ratio to the least cost on pieces from which a function is dropped", low=1.0)
     function_evaluations: int = quantity("-", "most trial points of a fit of a function", low=1)
     function_first_tolerance: float = quantity("-", "relative change at which its fit on pieces stops", low=1e-12)
     function_tolerance: float = quantity("-", "relative change at which its fit stops", low=1e-12)

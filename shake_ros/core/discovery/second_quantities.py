@@ -14,12 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shake_ros.core.discovery.answers import without_name
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep, improves
+from shake_ros.core.discovery.decision import ForwardStep, Refit, improves
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearised
 from shake_ros.core.discovery.refined_nodes import refined_function
-from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.unlisted_functions import (
     ABOVE_NAMES,
     BELOW_NAMES,
@@ -79,7 +77,7 @@ def with_second_quantity(problem: SearchProblem, step: ForwardStep) -> ForwardSt
         return step
     if not leaves_far_less(problem, one, best.result):
         return step
-    return ForwardStep(best, (best, *step.ranking[1:]), step.alternatives, step.screened)
+    return ForwardStep(best, (best, *step.ranking[1:]), step.alternatives)
 
 
 def function_of_two(problem: SearchProblem, current: ScoredFit, tried: FunctionSearch) -> ForwardStep | None:
@@ -208,3 +206,13 @@ def best_pair(
             candidate = CandidateEffect(UNLISTED, (*function, *own), (), f.kind.place, pair.depends_on)
             refits.append(Refit(candidate, problem.scored(whole), f.gain))
     return min(refits, key=lambda r: r.result.validation_cost, default=None)
+
+
+def without_name(place: str, depends_on: Sequence[str], gain: float) -> str:
+    """Where something acts that no effect of the list would explain, and on what it depends.
+
+    gain : relative fall of the cost that is foreseen [-].
+    """
+    depends = " and ".join(name.replace("_", " ") for name in depends_on)
+    promise = f"predicted to remove {100.0 * gain:.0f} % of the residual"
+    return f"best so far: unlisted effect, place {place}, depends on {depends}, {promise}"

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.unlisted_functions import FunctionSearch
 from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates
 
@@ -16,16 +15,15 @@ from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates
 class Selection:
     """Fit of the declared model, steps, final fit.
 
-    removed : effects taken out again. rejected : ranking of the last step, which nothing passed. functions : what was
-    tried in it for something that no listed effect explains. stopped : whether the search ended before it was done.
-    nuisances : estimates of the recordings' nuisance parameters with its models.
+    removed : effects taken out again. functions : what was tried for something that no listed effect explains.
+    stopped : whether the search ended before it was done. nuisances : estimates of the recordings' nuisance parameters
+    with its models.
     """
 
     declared: ScoredFit
     steps: tuple[ForwardStep, ...]
     final: ScoredFit
     removed: tuple[str, ...] = ()
-    rejected: tuple[Refit, ...] = ()
     functions: FunctionSearch | None = None
     stopped: bool = False
     nuisances: NuisanceEstimates = field(default_factory=NuisanceEstimates)
@@ -39,15 +37,6 @@ class Selection:
             [self.final if any(n.startswith(gone) for n in f.fit.free.names) else f for f in along] if gone else along
         )
         return (self.declared, *along, *([self.final] if self.steps else []))
-
-    def with_better_fit(self, better: ScoredFit) -> Selection:
-        """The same models, the last of them with a better fit."""
-        if not self.steps:
-            return replace(self, declared=better, final=better)
-        last = self.steps[-1]
-        chosen = replace(last.chosen, result=better)
-        step = replace(last, chosen=chosen, ranking=(chosen, *last.ranking[1:]))
-        return replace(self, steps=(*self.steps[:-1], step), final=better)
 
     def on(self, moved: Callable[[ScoredFit], ScoredFit], last: Callable[[ScoredFit], ScoredFit]) -> Selection:
         """The same models on other data: `last` makes the final one, `moved` those before."""
@@ -63,4 +52,4 @@ class Selection:
 
     def with_step(self, step: ForwardStep) -> Selection:
         """One effect more."""
-        return replace(self, steps=(*self.steps, step), final=step.chosen.result, rejected=())
+        return replace(self, steps=(*self.steps, step), final=step.chosen.result)

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.decision import Refit
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearised
-from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.effects import unlisted as law
 from shake_ros.core.identification.approach import approached

@@ -26,10 +26,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep, distinguishable, improves
+from shake_ros.core.discovery.decision import ForwardStep, Refit, distinguishable, improves
 from shake_ros.core.discovery.elimination import in_its_place, rivals, without
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
-from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.time_budget import time_is_over
 from shake_ros.core.identification.uncertainty import at_bound

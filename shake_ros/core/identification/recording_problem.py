@@ -176,6 +176,19 @@ class RecordingProblem:
             first = int(numbers[-1]) + 1
         return np.concatenate([*parts, first + np.arange(len(self.model.priors))])
 
+    def run_sizes(self) -> list[int]:
+        """Number of residuals of each recording."""
+        return [len(self._samples(r)) * self._channels(r) for r in self.records]
+
+    def independent(self) -> np.ndarray:
+        """Part of an independent sample that each residual of the recordings is, shape (n,)."""
+        parts = []
+        for record in self.records:
+            n = len(self._samples(record))
+            parts += [np.full(n, independent_part(record.sample_time, record.every))]
+            parts += [np.ones(n)] * (self._channels(record) - 1)
+        return np.concatenate(parts)
+
     def times(self) -> np.ndarray:
         """Time since its recording's start of each residual, shape (n,) [s]."""
         parts = []

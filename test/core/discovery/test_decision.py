@@ -8,9 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.decision import decide, distinguishable, improves
+from shake_ros.core.discovery.decision import Refit, decide, distinguishable, improves
 from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.declared import effect_candidates
@@ -122,6 +121,6 @@ def test_a_back_pressure_as_of_a_blocked_filter_is_not_usual(pressure: float, us
 
 def test_usual_values_are_named_instead_of_the_best() -> None:
     best, usual = back_pressure(31e5, 40), back_pressure(4e5, 40)
-    step = decide((best, usual), (), SETTINGS, 1.0)
+    step = decide((best, usual), SETTINGS, 1.0)
     assert step.chosen is usual
     assert step.alternatives == ("tank_back_pressure",)

@@ -45,9 +45,7 @@ class Linear:
 
 
 def problem_of(estimation: Any, validation: Any) -> SearchProblem:
-    return SearchProblem(
-        estimation, validation, estimation, validation, (PASSAGE,), load_search(), lambda text, part: None
-    )
+    return SearchProblem(estimation, validation, estimation, (PASSAGE,), load_search(), lambda text, part: None)
 
 
 def freed(estimation: Any, validation: Any = None) -> ScoredFit:

@@ -10,10 +10,9 @@ import pytest
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.closed_form import FunctionForm, fitted_forms
-from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.decision import ForwardStep, Refit
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.discovery.refined_nodes import FLANK, better_range, with_refined_nodes
-from shake_ros.core.discovery.refit import Refit
 from shake_ros.core.discovery.unlisted_functions import KINDS, NODE_NAMES, PREFIX, UNLISTED
 from shake_ros.core.effects.unlisted import FLOW_GAIN_OF_TIME, FORCE_OF_POSITION, FRICTION_OF_POSITION, NODES
 from shake_ros.core.identification.fit import Fit

@@ -28,9 +28,9 @@ def test_lists_become_numbers() -> None:
     [
         ({"late_multiples": 2.0}, "late_multiples: needs a list of numbers"),
         ({"late_multiples": ["much"]}, "is not a finite number"),
-        ({"start_multiples": [-0.5]}, "start_multiples = -0.5 is outside"),
+        ({"function_multiples": [-0.5]}, "function_multiples = -0.5 is outside"),
         ({"chance": 2.0}, "chance = 2 is outside"),
-        ({"most_effect": 2}, "did you mean 'most_effects'"),
+        ({"most_function": 2}, "did you mean 'most_functions'"),
     ],
 )
 def test_a_wrong_threshold_is_one_line_that_names_the_file(change: dict[str, Any], text: str) -> None:

@@ -70,9 +70,24 @@ def test_a_hidden_effect_is_named_from_recordings_without_an_accelerometer(name:
     structure = ModelStructure(
         REDUCED.first_table(learn), tuple(free_parameters(REDUCED)), candidates=pool, simulator=REDUCED
     )
-    result = close_loop(structure, learn, hold, load_search().replace(most_effects=1), quiet)
+    result = close_loop(structure, learn, hold, load_search(), quiet)
     step = result.search.steps[0]
     assert name.partition(".")[0] in (step.chosen.candidate.effect, *step.alternatives)
     assert result.final.validation["run_3"]["velocity"] < 0.3 * result.baseline.validation["run_3"]["velocity"]
     if step.chosen.candidate.effect == name.partition(".")[0]:
         assert result.final.table.value(f"effects.{name}") == pytest.approx(value, rel=0.1)
+
+
+def test_two_effects_at_once_are_both_named() -> None:
+    hidden = TRUTH.with_values({"effects.spool_deadband.width": 0.08, "effects.coulomb_friction.force": 1.5})
+    learn, hold = [record(hidden, 1), record(hidden, 2)], [record(hidden, 3)]
+    structure = ModelStructure(
+        REDUCED.first_table(learn),
+        tuple(free_parameters(REDUCED)),
+        candidates=effect_candidates(REDUCED),
+        simulator=REDUCED,
+    )
+    result = close_loop(structure, learn, hold, load_search(), quiet)
+    assert {v.effect for v in result.verdicts} == {"spool_deadband", "coulomb_friction"}
+    assert result.final.table.value("effects.spool_deadband.width") == pytest.approx(0.08, rel=0.05)
+    assert result.final.table.value("effects.coulomb_friction.force") == pytest.approx(1.5, rel=0.05)

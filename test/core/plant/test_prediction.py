@@ -8,8 +8,9 @@ from hidden_table import OWN, SAMPLE_TIME, TRUE, record
 
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.simulation import run
+from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import TABLE, FreeModel, start_of
-from shake_ros.fit.prediction import Levels, Predictor, start_state
+from shake_ros.fit.prediction import Predictor, start_state
 from shake_ros.fit.segment import Segment
 from shake_ros.settings import load_table
 

@@ -1,0 +1,154 @@
+"""The likelihood of a model given recordings: residuals of unit variance, and its logarithm by block of time.
+
+Of a table they are the whitened innovations of a predictor (prediction.py); of a reduced model and of a force-driven
+axis what their free runs leave, the limit of a predictor that never corrects.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from shake_ros.core.identification.fit import difference_of
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import DeclaredModel, Record, windows
+
+LOST = 1e3  # weighted residual of a run that ends in no number
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Standard deviations of the noise.
+
+    Attributes
+    ----------
+    position, acceleration : of the sensors, in parts of what the recordings show [-].
+    force : of the random force, in parts of the segment's acceleration [-]. memory : of that force [s].
+    least_force : of the random force at least, per moved mass [m/s²].
+    null, null_drift : of a recording's null shift [-] and of its drift [1/√s].
+    bias, bias_drift : of the accelerometer's bias [m/s²] and of its drift [m/s²/√s].
+    """
+
+    position: float = 1.0
+    acceleration: float = 1.0
+    force: float = 0.3
+    memory: float = 0.03
+    least_force: float = 0.0
+    null: float = 0.01
+    null_drift: float = 1e-5
+    bias: float = 0.1
+    bias_drift: float = 1e-4
+
+
+class Likelihood(ABC):
+    """Recordings at levels of noise, to which models are fitted; vectors are rows of parameters, shape (m, width).
+
+    Attributes
+    ----------
+    levels : of noise. own_levels : names of those that are a recording's own. floor : fall of the logarithm of what is
+    left by which an effect counts, whatever the noise. difference : step of differences, as a part of a parameter's
+    scale or of its value if that is larger.
+    """
+
+    levels: Levels
+    own_levels: ClassVar[tuple[str, ...]]
+    floor: float = 0.0
+    difference: float
+
+    @abstractmethod
+    def with_levels(self, levels: Levels) -> Likelihood:
+        """The same at other levels of noise."""
+
+    @abstractmethod
+    def filtered(self, vector: np.ndarray) -> Likelihood:
+        """The same with what it takes from a model, at a parameter vector, shape (width,)."""
+
+    @abstractmethod
+    def tuned(self, vector: np.ndarray, names: Sequence[str]) -> Likelihood:
+        """`filtered`, at levels of noise of a larger likelihood if there are any. names : of the levels."""
+
+    @abstractmethod
+    def part(self, seconds: float) -> Likelihood:
+        """The same of about so many seconds."""
+
+    @abstractmethod
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        """Residuals of unit variance where a model is right, shape (m, n)."""
+
+    @abstractmethod
+    def log_likelihood(self) -> np.ndarray:
+        """Log likelihood at the vector of `filtered` by block, shape (b,); −inf where a run is lost."""
+
+    @property
+    @abstractmethod
+    def count(self) -> int:
+        """Number of independent residuals."""
+
+    @abstractmethod
+    def run_sizes(self) -> list[int]:
+        """Number of residuals of each run."""
+
+
+class FreeRuns(Likelihood):
+    """Free runs of a model over recordings, at the one level of noise that they leave.
+
+    vector : at which the likelihood is taken.
+    """
+
+    own_levels: ClassVar[tuple[str, ...]] = ("position",)
+    floor = 0.05  # a free run leaves more than the noise of any model, and every effect takes some of that
+
+    def __init__(
+        self, records: Sequence[Record], model: DeclaredModel, levels: Levels, vector: np.ndarray | None = None
+    ) -> None:
+        self.records, self.model, self.levels, self._vector = list(records), model, levels, vector
+        self._problem = RecordingProblem(self.records, model)
+        self.difference = difference_of(self._problem)
+
+    def with_levels(self, levels: Levels) -> FreeRuns:
+        """The same at another level of noise."""
+        return FreeRuns(self.records, self.model, levels, self._vector)
+
+    def filtered(self, vector: np.ndarray) -> FreeRuns:
+        """The same at a parameter vector."""
+        return FreeRuns(self.records, self.model, self.levels, vector)
+
+    def tuned(self, vector: np.ndarray, names: Sequence[str]) -> FreeRuns:
+        """The same at a parameter vector, and at the level of noise that its free runs leave."""
+        left = float(np.sum(self.filtered(vector)._left(vector[None, :]) ** 2))
+        level = max(float(np.sqrt(left / self.count)), 1.0)
+        levels = replace(self.levels, position=level) if "position" in names else self.levels
+        return self.with_levels(levels).filtered(vector)
+
+    def part(self, seconds: float) -> FreeRuns:
+        """The same on evenly spread pieces of the recordings."""
+        return FreeRuns(windows(self.records, seconds), self.model, self.levels, self._vector)
+
+    def _left(self, vectors: np.ndarray) -> np.ndarray:
+        """Residuals in parts of the sensors' noise, shape (m, n)."""
+        found = self._problem.residuals(vectors[:, : len(self.model.layout.names)])
+        return np.clip(np.nan_to_num(found, nan=LOST, posinf=LOST, neginf=-LOST), -LOST, LOST)
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        """Residuals at the level of noise."""
+        return self._left(vectors) / self.levels.position
+
+    def log_likelihood(self) -> np.ndarray:
+        """Log likelihood of the free runs at its vector by block of time."""
+        assert self._vector is not None
+        r = self.residuals(self._vector[None, :])[0]
+        terms = -self._problem.independent() * np.log(self.levels.position) - 0.5 * r**2
+        return np.bincount(self._problem.blocks(), terms)
+
+    @property
+    def count(self) -> int:
+        """Number of independent residuals."""
+        return round(float(np.sum(self._problem.independent())))
+
+    def run_sizes(self) -> list[int]:
+        """Number of residuals of each recording."""
+        return self._problem.run_sizes()
