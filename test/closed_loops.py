@@ -40,8 +40,6 @@ LEAN = load_search().replace(
     most_continued=2,
     continued_evaluations=8,
     converging_evaluations=12,
-    starts=8,
-    fitted_starts=1,
 )
 DEAD_BAND = 0.02
 CASES: dict[str, dict[str, Any]] = {

@@ -50,7 +50,7 @@ from shake_ros.settings import load_search, load_table, read_yaml
 
 STEP, SECONDS = 0.001, 1.2
 LEAN = load_search().replace(
-    starts=1, fitted_starts=1, converging_evaluations=2, function_evaluations=4, most_periods=1
+    converging_evaluations=2, function_evaluations=4, most_periods=1
 )
 SPANS = {"position": 0.02, "velocity": 0.5, "valve_opening": 0.6, "load_pressure": 6e6, "time": SECONDS, "phase": 0.16}
 STRENGTHS = {"N": 1500.0, "-": 0.3, "m^3/s": 3e-5}
@@ -136,7 +136,7 @@ def test_unlisted_effect_ends_in_a_whole_report(
     search = search_for(kind)
 
     def from_declared(problem: SearchProblem, model: ModelStructure, *_: object) -> tuple[SearchProblem, Selection]:
-        return search(problem, fit_declared(problem, FreeParameters(model.table, model.free)))
+        return search(problem, fit_declared(problem, FreeParameters(model.table, model.free)).fit)
 
     monkeypatch.setattr(closing, "searched", from_declared)
     monkeypatch.setattr(closing, "with_verdicts", kept)

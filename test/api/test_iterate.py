@@ -62,7 +62,7 @@ def test_model_that_lacks_the_soft_zone_is_reported_from_the_runs() -> None:
         for r in found.records
         if r.acceleration is not None
     ]
-    short = replace(load_search(), starts=4, fitted_starts=1, declared_evaluations=10)
+    short = replace(load_search(), converging_evaluations=10)
     told = lacking(found.first_model, runs, short, progress=False)
     assert told.startswith("close_loop on the runs: the model lacks soft_zone (compressibility")
     assert "--refit soft_zone" in told

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from unittest import mock
 
 import pytest
 from closed_loops import bag
@@ -13,7 +12,6 @@ from hidden_table import OWN
 from pages import read_page
 
 from shake_ros import __main__
-from shake_ros.api import identify as command
 from shake_ros.core.discovery import declared_fit
 from shake_ros.settings import load_search, load_table
 
@@ -30,8 +28,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 def out(bags: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("identified") / "out"
     given = ["identify", "--learn", str(bags[0]), "--hold", str(bags[1]), "--out", str(folder)]
-    with mock.patch.object(command, "search_settings", return_value=SEARCH.replace(starts=4, fitted_starts=1)):
-        assert __main__.main(given) == 0
+    assert __main__.main(given) == 0
     return folder
 
 
@@ -84,8 +81,7 @@ def test_residual_tests_and_what_the_recordings_identify_are_reported(out: Path)
 def test_validation_data_are_not_needed(
     bags: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with mock.patch.object(command, "search_settings", return_value=SEARCH.replace(starts=1, fitted_starts=0)):
-        assert __main__.main(["identify", "--learn", str(bags[0]), "--out", str(tmp_path / "out")]) == 0
+    assert __main__.main(["identify", "--learn", str(bags[0]), "--out", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
     assert "bulk_modulus.modulus" in printed
     assert re.search("first +estimation", printed)

@@ -1,4 +1,4 @@
-"""The declared model fitted to recordings: from several starts, or (a force-driven axis) by its inverse dynamics.
+"""The declared model fitted to recordings: by free runs, or (a force-driven axis) by its inverse dynamics.
 
 Errors are those of free-running simulations from the recorded command, relative to the measured signal.
 
@@ -14,9 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from shake_ros.core.discovery.problem import ModelStructure, Progress, ScoredFit, SearchProblem, mean_square
+from shake_ros.core.discovery.problem import ModelStructure, Progress, ScoredFit, SearchProblem
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification.approach import approached
 from shake_ros.core.identification.axis_model import InverseDynamics
 from shake_ros.core.identification.fit import Adjustment, Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, is_of_recording
@@ -71,41 +70,13 @@ def unassessed_model(result: Fit) -> FittedModel:
     return FittedModel(result, result.table, tuple(Estimate(f.name, v, None, f.unit) for f, v in own), {}, {})
 
 
-def random_starts(free: FreeParameters, count: int, factor: float, seed: int = 0) -> np.ndarray:
-    """The declared values, then each parameter times a factor within 1/factor … factor, shape (count, p)."""
-    rng = np.random.default_rng(seed)
-    start = free.start()
-    factors = factor ** rng.uniform(-1.0, 1.0, (count, len(start)))
-    sign = np.where(free.high <= 0.0, -1.0, 1.0)
-    starts = np.asarray(np.clip(sign * np.maximum(sign * start, 1.0) * factors, free.low, free.high))
-    starts[0] = start
-    return starts
-
-
-def fit_declared(problem: SearchProblem, free: FreeParameters, shown: bool = False) -> Fit:
-    """Fit the declared model from several starts; only roughly where effects are known to show that it lacks.
-
-    Where the stages of a first fit have led to the only start, and it lacks something, it is fitted from there.
-    """
-    settings, pieces = problem.settings, problem.estimation_pieces
-    if shown and settings.starts == 1:
-        problem.progress("fitting the declared model", 0.0)
-        most, tolerance = settings.declared_evaluations, settings.start_tolerance
-        return fit(problem.estimation, free, free.start(), evaluations=most, tolerance=tolerance)
-    problem.progress("trying starts of the declared model", 0.0)
-    starts = random_starts(free, settings.starts, settings.start_factor)
-    rows = np.nan_to_num(pieces.residuals(free.vectors(starts)), nan=1e3, posinf=1e3, neginf=-1e3)
-    order = np.argsort([mean_square(r) for r in rows])
-    chosen = dict.fromkeys([0, *order[: settings.fitted_starts].tolist()])
-    most, tolerance, short = settings.start_evaluations, settings.start_tolerance, list[Fit]()
-    for index in chosen:
-        problem.progress("fitting the declared model", (len(short) + 1) / (len(chosen) + 2))
-        short.append(approached(pieces, free, starts[index], evaluations=most, tolerance=tolerance))
-    best = min(short, key=lambda f: f.cost)
-    problem.progress("fitting the declared model", (len(chosen) + 1) / (len(chosen) + 2))
-    most, tolerance = settings.declared_evaluations, settings.start_tolerance if shown else settings.converged
-    most = most if shown else max(most, settings.converging_evaluations)
-    return fit(problem.estimation, free, best.x, evaluations=most, tolerance=tolerance)
+def fit_declared(problem: SearchProblem, free: FreeParameters, shown: bool = False) -> ScoredFit:
+    """Fit the declared model; only roughly where effects are known to show that it lacks."""
+    problem.progress("fitting the declared model", 0.0)
+    settings = problem.settings
+    if shown:
+        return problem.fitted(free, free.start(), settings.continued_evaluations, settings.continued_tolerance)
+    return problem.fitted(free, free.start(), settings.converging_evaluations, settings.converged)
 
 
 def promise(problem: SearchProblem, current: ScoredFit, parameter: FreeParameter) -> float:
@@ -156,7 +127,7 @@ def identify(
     """
     problem = SearchProblem.of(model, estimation, (), settings, progress)
     declared = fit_declared(problem, FreeParameters(model.table, model.free))
-    found = with_late_parameters(problem, problem.scored(declared))
+    found = with_late_parameters(problem, declared)
     if problem.fits_less_than(estimation):
         progress("final fit to all estimation data", 0.9)
         problem = problem.on_whole(estimation)

@@ -47,7 +47,7 @@ class GivenAnswer:
 def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> Selection:
     """The models from the declared one to that with all effects, each fitted to free runs from the values given."""
     settings, free = problem.settings, (*model.free, *model.late)
-    declared = problem.scored(fit_declared(problem, FreeParameters(model.table, model.free), bool(answer.effects)))
+    declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(answer.effects))
     declared = with_late_parameters(problem, declared)
     steps, final = list[ForwardStep](), declared
     for count, candidate in enumerate(answer.effects, start=1):

@@ -22,27 +22,17 @@ class SearchSettings(Parameters):
     # what is fitted
     search_seconds: float = quantity("s", "estimation data that the search fits; the final model fits all", low=1.0)
     search_piece: float = quantity("s", "length of each piece where these are fewer than all", low=1.0)
-    # the declared fit
-    piece_seconds: float = quantity("s", "recordings on which starts and candidates are first tried", low=1.0)
-    starts: int = quantity("-", "starts of the declared fit that are simulated", low=1)
-    fitted_starts: int = quantity("-", "best of these that are fitted, beside the declared values", low=0)
-    start_factor: float = quantity("-", "largest factor between a start and the declared value", low=1.0)
-    start_evaluations: int = quantity("-", "most trial points of a fit from a start", low=1)
-    start_tolerance: float = quantity("-", "relative change at which such a fit stops", low=1e-12, high=1.0)
-    declared_evaluations: int = quantity("-", "most trial points of the declared fit, if effects show", low=1)
-    converged: float = quantity("-", "relative change at which a converged fit stops", low=1e-12, high=1.0)
+    piece_seconds: float = quantity("s", "recordings on which functions are first tried", low=1.0)
     # parameters freed late
     late_multiples: tuple[float, ...] = quantity("-", "multiples of a late parameter that are screened", low=0.0)
     late_promise: float = quantity("-", "part of what stands above the noise that freeing must promise", low=0.0)
     late_gain: float = quantity("-", "part of what stands above the noise that freeing must take", low=0.0)
+    # fits
+    converged: float = quantity("-", "relative change at which a converged fit stops", low=1e-12, high=1.0)
     much_left: float = quantity("-", "ratio to the noise from which a fit begins with predictor runs", low=0.0)
-    # refits
     most_continued: int = quantity("-", "rivals of an effect that are compared, at most", low=1)
-    continued_evaluations: int = quantity("-", "most trial points of a fit without an effect", low=1)
-    continued_tolerance: float = quantity(
-        "-", "relative change at which one with another effect stops", low=1e-12, high=1.0
-    )
-    # convergence
+    continued_evaluations: int = quantity("-", "most trial points of a fit that is only compared", low=1)
+    continued_tolerance: float = quantity("-", "relative change at which such a fit stops", low=1e-12, high=1.0)
     converging_evaluations: int = quantity("-", "most trial points of a refit that is to converge", low=1)
     rival: float = quantity("-", "ratio to the best score up to which an effect is a rival", low=1.0)
     # decision
