@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.given_answer import absent_on, better_beginning
+from shake_ros.core.discovery.elimination import absent_on
+from shake_ros.core.discovery.given_answer import better_beginning
 from shake_ros.core.discovery.problem import ModelStructure
 from shake_ros.core.discovery.unlisted_functions import OF_MOTION
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -23,7 +24,7 @@ def test_effect_is_absent_where_its_parameters_are_not_free_and_as_found_where_t
     effect = known["specimen_resonance"]
     values = {"mass": 120.0, "frequency": 5.0, "damping": 0.03}
     found = load_table("bergamo").with_values({f"effects.specimen_resonance.{n}": v for n, v in values.items()})
-    base = absent_on(found, [effect])
+    base = absent_on(found, [effect], found)
     assert base.value("effects.specimen_resonance.mass") == 0.0
     free = FreeParameters(base, effect.free)
     again = free.table(free.x_of({p.name: found.value(p.name) for p in effect.free}))
@@ -36,7 +37,7 @@ def test_function_keeps_its_quantity_and_range_without_its_nodes() -> None:
     values = {**made.trials[0][0], made.free[3].name: 40.0}
     found = load_table("bergamo").with_values(values)
     effect = CandidateEffect("unlisted", made.free, (), "force", ())
-    base = absent_on(found, [effect])
+    base = absent_on(found, [effect], found)
     assert base.value("effects.unlisted.kind") == found.value("effects.unlisted.kind") == 1
     assert base.value("effects.unlisted.high") == 0.03
     assert all(base.value(p.name) == 0.0 for p in made.free)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import numpy as np
+from dataclasses import asdict
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, Refit, improves
@@ -61,13 +60,17 @@ def eliminate(
 def in_its_place(
     problem: SearchProblem, final: ScoredFit, step: ForwardStep, other: CandidateEffect, there: TableParameters
 ) -> ScoredFit:
-    """The final model with another effect in the place of a step's, all parameters refitted; there : values of it."""
+    """The final model with another effect in the place of a step's, all parameters refitted.
+
+    there : a table that has the other effect; the fit starts from its values.
+    """
     start, own = final.fit, {f.name for f in step.chosen.candidate.free}
     keep = [i for i, name in enumerate(start.free.names) if name not in own]
     more = [f for f in other.free if f.name not in start.free.names]
-    base = start.free.base.with_values({f.name: there.value(f.name) for f in more})
+    base = absent_on(start.free.base, [other], there)
     free = FreeParameters(base, [*(start.free.free[i] for i in keep), *more])
-    x = np.append(start.x[keep], FreeParameters(base, more).start())
+    x = free.x_of({f.name: there.value(f.name) for f in more})
+    x[: len(keep)] = start.x[keep]
     settings = problem.settings
     return problem.fitted(free, x, settings.converging_evaluations, settings.continued_tolerance)
 
@@ -78,3 +81,19 @@ def rivals(steps: Sequence[ForwardStep], step: ForwardStep, nearest: float, most
     others = [r for r in step.ranking if r.candidate.effect not in present]
     near = [r for r in others if r.score < nearest * step.chosen.score][:most]
     return near + [r for r in others if r.candidate.effect in step.alternatives and r not in near]
+
+
+def absent_on(base: TableParameters, among: Sequence[CandidateEffect], there: TableParameters) -> TableParameters:
+    """A table on which some effects are absent until a fit moves their parameters.
+
+    What an effect has beside these on the table `there`, such as the quantity of a function, it has here too; so a fit
+    that drops the free parameters drops the effect.
+    """
+    moved = {p.name for c in among for p in c.free}
+    kept = {
+        name: value
+        for c in among
+        for key, value in asdict(there.effects[c.effect]).items()
+        if (name := f"effects.{c.effect}.{key}") not in moved
+    }
+    return base.without([c.effect for c in among]).with_values(kept)

@@ -7,14 +7,14 @@ way, from the declared one to that with all effects, are fitted here from these 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, Refit, decide, ranked
 from shake_ros.core.discovery.declared_fit import fit_declared, with_late_parameters
-from shake_ros.core.discovery.elimination import in_its_place
+from shake_ros.core.discovery.elimination import absent_on, in_its_place
 from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem, mean_square
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.by_bands import from_slow_to_fast
@@ -54,7 +54,7 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
         problem.progress(f"fitting free runs with {candidate.effect}", 0.5 + 0.4 * count / len(answer.effects))
         among = answer.effects[:count]
         bare = answer.table.without([c.effect for c in answer.effects[count:]])
-        parameters = FreeParameters(absent_on(bare, among), [*free, *(p for c in among for p in c.free)])
+        parameters = FreeParameters(absent_on(bare, among, bare), [*free, *(p for c in among for p in c.free)])
         tables = [answer.table]
         if model.fitted is not None and {c.effect for c in among} == set(model.shown):
             tables.append(model.fitted)  # a fit of free runs from where the search began
@@ -107,22 +107,6 @@ def with_rivals(
         steps = (*found.steps[:number], better, *found.steps[number + 1 :])
         found = replace(found, steps=steps, final=better.chosen.result)
     return found
-
-
-def absent_on(table: TableParameters, among: Sequence[CandidateEffect]) -> TableParameters:
-    """A table on which some of its effects are absent until a fit moves their parameters.
-
-    What an effect has beside these, such as the quantity of a function, stays; so a fit that drops the free parameters
-    drops the effect.
-    """
-    moved = {p.name for c in among for p in c.free}
-    kept = {
-        name: value
-        for c in among
-        for key, value in asdict(table.effects[c.effect]).items()
-        if (name := f"effects.{c.effect}.{key}") not in moved
-    }
-    return table.without([c.effect for c in among]).with_values(kept)
 
 
 def predicted_gain(steps: Sequence[ForwardStep], declared: ScoredFit, now: ScoredFit) -> float:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from linear_effects import FIRST, SECOND, VISCOUS, Hidden, problem_of, step
+from linear_effects import FIRST, SECOND, TABLE, VISCOUS, Hidden, fitted, problem_of, step
 
-from shake_ros.core.discovery.elimination import eliminate
+from shake_ros.core.discovery.elimination import eliminate, in_its_place, without
 from shake_ros.core.discovery.problem import ScoredFit
 
 
@@ -32,3 +32,13 @@ def test_effects_that_are_both_needed_stay() -> None:
 def test_the_last_effect_is_not_asked_again() -> None:
     kept, _, removed = eliminated(first=1.0, second=0.0)
     assert (kept, removed) == ([FIRST.effect, SECOND.effect], ())
+
+
+def test_an_effect_that_took_the_place_of_another_can_be_taken_out_in_turn() -> None:
+    problem = problem_of(Hidden(0.0, 2.0))
+    there = TABLE.with_values({SECOND.strength.name: SECOND.strength.scale})
+    exchanged = in_its_place(problem, fitted(problem, FIRST), step(problem, FIRST), SECOND, there)
+    assert exchanged.fit.x[-1] == pytest.approx(2.0, rel=0.01)
+    bare = without(problem, exchanged, SECOND)
+    assert bare.estimation_cost == pytest.approx(fitted(problem).estimation_cost)
+    assert bare.fit.table.value(SECOND.strength.name) == 0.0
