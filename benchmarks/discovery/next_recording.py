@@ -26,7 +26,7 @@ from shake_ros.api.close_loop import close_loop
 from shake_ros.api.discovery import Discovery
 from shake_ros.api.model import model
 from shake_ros.api.read import Recordings, recording
-from shake_ros.core.discovery.verdict import ESTABLISHED
+from shake_ros.core.discovery.verdict import ESTABLISHED, ONE_OF_THESE
 from shake_ros.core.identification.experiments import benefits, drive
 from shake_ros.declared import recordings_to_make
 from shake_ros.experiment_design.motions import library
@@ -215,10 +215,10 @@ def drawn(found: Discovery, table: HiddenTable) -> Recordings:
 
 
 def judged(found: Discovery, effect: str, before: str) -> dict[str, Any]:
-    """What became of the first answer. settled, wrong : of one that established nothing, what is now; else None."""
-    after, unsettled = verdict(found, effect), before in ("open", "nothing")
-    settled, wrong = (after == state if unsettled else None for state in ("right", "wrong"))
-    return {"before": before, "after": after, "settled": settled, "wrong": wrong}
+    """What became of the first answer. settled, several, wrong : of one that established nothing, what is now."""
+    after, unsettled = verdict(found, effect), before not in ("right", "wrong")
+    settled, several, wrong = (after == state if unsettled else None for state in ("right", "several", "wrong"))
+    return {"before": before, "after": after, "settled": settled, "several": several, "wrong": wrong}
 
 
 def small_quake(seconds: float, rng: Any) -> np.ndarray:
@@ -232,10 +232,16 @@ def small_quake(seconds: float, rng: Any) -> np.ndarray:
 
 
 def verdict(found: Discovery, effect: str) -> str:
-    """Right or wrong where everything found is established; nothing where nothing shows; else open."""
+    """Right or wrong where everything found is established; nothing where nothing shows; else open.
+
+    Several where the effect is one of those that explain the recordings equally well.
+    """
     states = {v.state for v in found.closed.verdicts}
     if not states and not found.closed.candidates and not found.remaining.above_noise:
         return "nothing"
     if states == {ESTABLISHED} and not found.closed.candidates:
         return "right" if found.effects.names == (effect,) else "wrong"
+    if states == {ONE_OF_THESE} and not found.closed.candidates:
+        (first, *others) = found.closed.verdicts
+        return "several" if not others and effect in (first.effect, *first.alternatives) else "open"
     return "open"
