@@ -81,7 +81,7 @@ class Likelihood(ABC):
 
     @abstractmethod
     def log_likelihood(self) -> np.ndarray:
-        """Log likelihood at the vector of `filtered` by block, shape (b,); −inf where a run is lost."""
+        """Log likelihood at the vector of `filtered` by block, shape (b,); far below all others where a run is lost."""
 
     @property
     @abstractmethod
