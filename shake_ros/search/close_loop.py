@@ -208,7 +208,7 @@ def concluded(
         tentative = problem.validation.errors(selection.final.fit.vector) if dropped else {}
     searched = problem.estimation.blocks()
     with failures.step("final fit"):
-        if problem.fits_less_than(estimation):
+        if problem.partial:
             problem.progress("final fit to all estimation data", 0.8)
             problem, found = on_whole(problem, found, estimation)
         found = found.on(lambda m: m, problem.refitted) if problem.predictor_rate > 0.0 else found

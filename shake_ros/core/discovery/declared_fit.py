@@ -70,11 +70,11 @@ def unassessed_model(result: Fit) -> FittedModel:
     return FittedModel(result, result.table, tuple(Estimate(f.name, v, None, f.unit) for f, v in own), {}, {})
 
 
-def fit_declared(problem: SearchProblem, free: FreeParameters, shown: bool = False) -> ScoredFit:
-    """Fit the declared model; only roughly where effects are known to show that it lacks."""
+def fit_declared(problem: SearchProblem, free: FreeParameters, lacking: bool = False) -> ScoredFit:
+    """Fit the declared model; only roughly where it lacks something, or is fitted to more data at the end."""
     problem.progress("fitting the declared model", 0.0)
     settings = problem.settings
-    if shown:
+    if lacking or problem.partial:
         return problem.fitted(free, free.start(), settings.continued_evaluations, settings.continued_tolerance)
     return problem.fitted(free, free.start(), settings.converging_evaluations, settings.converged)
 
@@ -128,7 +128,7 @@ def identify(
     problem = SearchProblem.of(model, estimation, (), settings, progress)
     declared = fit_declared(problem, FreeParameters(model.table, model.free))
     found = with_late_parameters(problem, declared)
-    if problem.fits_less_than(estimation):
+    if problem.partial:
         progress("final fit to all estimation data", 0.9)
         problem = problem.on_whole(estimation)
         found = problem.converged_again(found)

@@ -121,7 +121,8 @@ class SearchProblem:
 
     progress : called with what is being done and the part of the step that is done. reduced : fits that have been made
     without an effect, by its name and those of all free parameters before. predictor_rate : of the predictor runs that
-    count beside the free ones [1/s]; 0 where no process noise shows.
+    count beside the free ones [1/s]; 0 where no process noise shows. partial : whether only pieces of the estimation
+    data are fitted, so that the end is a fit to all of them.
     """
 
     estimation: RecordingProblem
@@ -132,6 +133,7 @@ class SearchProblem:
     progress: Progress
     reduced: dict[tuple[str, tuple[str, ...]], Reduced] = field(default_factory=dict, repr=False)
     predictor_rate: float = 0.0
+    partial: bool = False
 
     @classmethod
     def of(
@@ -146,10 +148,11 @@ class SearchProblem:
 
         Of long recordings the search fits pieces.
         """
-        estimation = windows(list(estimation), settings.search_seconds, settings.search_piece)
-        pieces, held = windows(estimation, settings.piece_seconds), list(validation) or estimation
-        whole, other, part = (RecordingProblem(records, model.simulator) for records in (estimation, held, pieces))
-        return cls(whole, other, part, model.late, settings, progress)
+        fitted = windows(list(estimation), settings.search_seconds, settings.search_piece)
+        pieces, held = windows(fitted, settings.piece_seconds), list(validation) or fitted
+        whole, other, part = (RecordingProblem(records, model.simulator) for records in (fitted, held, pieces))
+        partial = sum(len(r.commands) for r in fitted) < sum(len(r.commands) for r in estimation)
+        return cls(whole, other, part, model.late, settings, progress, partial=partial)
 
     def fitted(
         self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float, *, near: bool = False
@@ -214,11 +217,7 @@ class SearchProblem:
             reduced={key: Reduced(b"", known.reduced) for key, known in self.reduced.items()},
         )
 
-    def fits_less_than(self, estimation: Sequence[Record]) -> bool:
-        """Whether the search fits only pieces of the estimation data."""
-        return sum(len(r.commands) for r in self.estimation.records) < sum(len(r.commands) for r in estimation)
-
     def on_whole(self, estimation: Sequence[Record]) -> SearchProblem:
         """The same problem with all of the estimation data."""
         whole = RecordingProblem(list(estimation), self.estimation.model).unpredicted(self.estimation.unpredictable)
-        return replace(self, estimation=whole, reduced={})
+        return replace(self, estimation=whole, reduced={}, partial=False)
