@@ -92,10 +92,6 @@ class Likelihood(ABC):
     def run_sizes(self) -> list[int]:
         """Number of residuals of each run."""
 
-    @abstractmethod
-    def blocks(self) -> np.ndarray:
-        """Number of the block of time that each residual belongs to, shape (n,)."""
-
 
 class FreeRuns(Likelihood):
     """Free runs of a model over recordings, at the one level of noise that they leave.
@@ -156,7 +152,3 @@ class FreeRuns(Likelihood):
     def run_sizes(self) -> list[int]:
         """Number of residuals of each recording."""
         return self._problem.run_sizes()
-
-    def blocks(self) -> np.ndarray:
-        """Number of the block of time that each residual belongs to."""
-        return self._problem.blocks()

@@ -24,7 +24,7 @@ import numpy as np
 from shake_ros.fit.likelihood import Levels, Likelihood
 from shake_ros.fit.model import FreeModel, TriedEffect
 from shake_ros.fit.solver import Budget, PredictorFit, fit
-from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start, trusted, weakest
+from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start, weakest
 
 Progress = Callable[[str], None]
 PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
@@ -72,12 +72,16 @@ class Scored:
 def tempered(better: np.ndarray, worse: np.ndarray) -> float:
     """Gain in log likelihood that its scatter from block to block lets count [nats].
 
+    For models that are right the variance of the gain is twice its mean; where it is larger by a factor, the gain
+    counts less by that factor.
+
     >>> blocks = np.random.default_rng(0).normal(2.0, 2.0, 400)
     >>> bool(abs(tempered(blocks, 0.0 * blocks) / np.sum(blocks) - 1.0) < 0.2)
     True
     """
     d = better - worse
-    return float(np.sum(d)) * min(trusted(d), 1.0)
+    gain, variance = float(np.sum(d)), float(len(d) * np.var(d))
+    return math.copysign(min(abs(gain), 2.0 * gain * gain / max(variance, 1e-9)), gain)
 
 
 def evidence(more: Scored, less: Scored) -> float:
@@ -226,11 +230,8 @@ def gain(more: Scored, less: Scored) -> float:
 def worth_trying(found: dict[int, list[EffectSet]], blocks: int) -> list[EffectSet]:
     """The best set of each size that promises more than it costs, and rivals of the best single effect."""
 
-    def price(p: EffectSet) -> float:
-        return sum(PRIOR + 0.5 * len(t.candidate.free) * math.log(10 * blocks) for t in p.trials)
-
     def net(p: EffectSet) -> float:
-        return p.gain - price(p)
+        return p.gain - sum(PRIOR + 0.5 * len(t.candidate.free) * math.log(10 * blocks) for t in p.trials)
 
     chosen = list[EffectSet]()
     singles = [p for p in found.get(1, []) if net(p) > 0.0]
@@ -240,7 +241,7 @@ def worth_trying(found: dict[int, list[EffectSet]], blocks: int) -> list[EffectS
         best = max(found.get(size, []), key=net, default=None)
         if best is not None and chosen and net(best) > MORE * max(net(c) for c in chosen):
             chosen.append(best)
-    return [p for p in chosen if p.sure > price(p)]
+    return chosen
 
 
 def names_of(effects: Sequence[TriedEffect]) -> str:

@@ -66,14 +66,12 @@ class EffectTrial:
 class EffectSet:
     """A set of trials with the multiples that the linear prediction gives their directions, and its gain in nats.
 
-    sure : what its scatter from block to block lets count of the gain. change : of the parameters beside them, in units
-    of the scales, shape (p,).
+    change : of the parameters beside them, in units of the scales, shape (p,).
     """
 
     trials: tuple[EffectTrial, ...]
     parts: tuple[tuple[float, ...], ...]
     gain: float
-    sure: float
     change: np.ndarray
 
     @property
@@ -88,8 +86,6 @@ class Linearised:
 
     power : Gram matrix of the directions, score : their products with the residuals, response : of the parameters to
     a unit of each, shape (p, d); own : change of the parameters alone, shape (p,). places : columns of each trial.
-    left : residuals once the parameters alone have adjusted, shape (n,); changes : of them by a unit of each direction,
-    the parameters adjusted, shape (n, d); blocks : of time that they belong to, shape (n,).
     """
 
     trials: tuple[EffectTrial, ...]
@@ -98,9 +94,6 @@ class Linearised:
     score: np.ndarray
     response: np.ndarray
     own: np.ndarray
-    left: np.ndarray
-    changes: np.ndarray
-    blocks: np.ndarray
 
 
 def linearised(
@@ -144,12 +137,7 @@ def linearised(
     own = -np.linalg.solve(normal, gradient)
     whole = sum(prediction.count for prediction in data) / sum(prediction.count for prediction in few)
     power, score = d.T @ d + across.T @ response, -(d.T @ r + across.T @ own)
-    blocks, last = list[np.ndarray](), 0
-    for prediction in few:
-        blocks.append(last + prediction.blocks())
-        last = int(blocks[-1][-1]) + 1
-    rest = r + j @ own, d + j @ response, np.concatenate(blocks)
-    return Linearised(trials, tuple(places), whole * power, whole * score, response, own, *rest)
+    return Linearised(trials, tuple(places), whole * power, whole * score, response, own)
 
 
 def without_lost_runs(changes: np.ndarray, sizes: Sequence[int]) -> np.ndarray:
@@ -226,19 +214,6 @@ def evaluate(lin: Linearised, members: Sequence[int]) -> tuple[float, np.ndarray
     return float(s @ score - 0.5 * s @ power @ s), s
 
 
-def trusted(gains: np.ndarray) -> float:
-    """Part of the gains of log likelihood of many blocks that their scatter lets count; above 1 all of it.
-
-    For models that are right the variance of a gain is twice its mean; where it is larger by a factor, the gain counts
-    less by that factor.
-
-    >>> gains = np.random.default_rng(0).normal(2.0, 4.0, 400)
-    >>> bool(abs(trusted(gains) - 0.25) < 0.05)
-    True
-    """
-    return float(2.0 * abs(np.sum(gains)) / max(len(gains) * np.var(gains), 1e-9))
-
-
 def proposals(lin: Linearised, largest: int = MOST) -> dict[int, list[EffectSet]]:
     """The best sets of each size, the best first, no two of the same effects."""
     live = [m for m, place in enumerate(lin.places) if any(lin.power[i, i] > 1e-9 for i in place)]
@@ -278,15 +253,13 @@ def _exchanged(lin: Linearised, live: Sequence[int], members: tuple[int, ...]) -
 def _proposal(lin: Linearised, members: tuple[int, ...]) -> EffectSet:
     gain, s = evaluate(lin, members)
     index = [i for m in members for i in lin.places[m]]
-    after = lin.left + lin.changes[:, index] @ s
-    sure = gain * min(trusted(np.bincount(lin.blocks, 0.5 * (lin.left**2 - after**2))), 1.0)
     parts, rest = list[tuple[float, ...]](), list(s)
     for m in members:
         width = len(lin.places[m])
         parts.append(tuple(float(v) for v in rest[:width]))
         rest = rest[width:]
     change = lin.own + lin.response[:, index] @ s
-    return EffectSet(tuple(lin.trials[m] for m in members), tuple(parts), gain, sure, change)
+    return EffectSet(tuple(lin.trials[m] for m in members), tuple(parts), gain, change)
 
 
 def start(fitted: PredictorFit, proposal: EffectSet) -> FreeModel:

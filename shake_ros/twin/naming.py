@@ -342,7 +342,7 @@ class Naming:
 def _single(lin: Linearised, m: int, gain: float, parts: np.ndarray) -> EffectSet:
     index = list(lin.places[m])
     change = lin.own + lin.response[:, index] @ parts
-    return EffectSet((lin.trials[m],), (tuple(parts.tolist()),), gain, gain, change)
+    return EffectSet((lin.trials[m],), (tuple(parts.tolist()),), gain, change)
 
 
 def free_run_errors(vectors: np.ndarray, records: Sequence[Record]) -> np.ndarray:

@@ -21,8 +21,7 @@ def linear(residuals: np.ndarray, directions: dict[str, np.ndarray], low: float 
     trials = tuple(EffectTrial(candidate(n, low), candidate(n).trials[0]) for n in directions)
     d = np.column_stack(list(directions.values()))
     places = tuple((i,) for i in range(len(trials)))
-    own = np.zeros((0, len(trials))), np.zeros(0), residuals, d, np.arange(len(residuals)) // 20
-    return Linearised(trials, places, d.T @ d, -(d.T @ residuals), *own)
+    return Linearised(trials, places, d.T @ d, -(d.T @ residuals), np.zeros((0, len(trials))), np.zeros(0))
 
 
 def directions(*names: str) -> dict[str, np.ndarray]:
