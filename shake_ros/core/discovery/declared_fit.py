@@ -3,8 +3,9 @@
 Errors are those of free-running simulations from the recorded command, relative to the measured signal.
 
 Some parameters are freed late, only once they explain much of what a model leaves above the noise. How dry friction
-passes through rest (the transition velocity) shows at every reversal, but weakly. Free from the start, it would bend to
-whatever else the model lacks; kept for ever, it would leave a residual that other effects explain in its place.
+passes through rest (its transition velocity and sharpness) shows at every reversal, but weakly. Free from the start, it
+would bend to whatever else the model lacks; kept for ever, it would leave a residual that other effects explain in its
+place: of a small quake, turbulent leakage.
 """
 
 from __future__ import annotations
@@ -17,15 +18,14 @@ import numpy as np
 from shake_ros.core.discovery.problem import ModelStructure, Progress, ScoredFit, SearchProblem
 from shake_ros.core.discovery.search_settings import SearchSettings
 from shake_ros.core.identification.axis_model import InverseDynamics
-from shake_ros.core.identification.fit import Adjustment, Fit, fit
-from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters, is_of_recording
+from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.free_parameters import FreeParameters, is_of_recording
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate, estimates, form_errors
 from shake_ros.core.plant.parameters import TableParameters
 
 Errors = dict[str, dict[str, float]]
-LARGEST = 3.0  # multiple of a finite change up to which its linear prediction is followed
 
 
 @dataclass(frozen=True)
@@ -79,39 +79,20 @@ def fit_declared(problem: SearchProblem, free: FreeParameters, lacking: bool = F
     return problem.fitted(free, free.start(), settings.converging_evaluations, settings.converged)
 
 
-def promise(problem: SearchProblem, current: ScoredFit, parameter: FreeParameter) -> float:
-    """Fall of the estimation cost that freeing a parameter promises, everything else adjusting to first order."""
-    settings, result = problem.settings, current.fit
-    vectors = np.repeat(result.free.vectors(result.x), len(settings.late_multiples), axis=0)
-    column = list(result.free.base.fields).index(parameter.name)
-    vectors[:, column] = np.clip(vectors[:, column] * settings.late_multiples, parameter.low, parameter.high)
-    moved = np.nan_to_num(problem.estimation.residuals(vectors), nan=1e3, posinf=1e3, neginf=-1e3)
-    adjustment = Adjustment(result.jacobian)
-    left, changes = adjustment.left(result.residuals), adjustment.left((moved - result.residuals).T)
-    power, slope = np.sum(changes**2, axis=0), left @ changes
-    part = np.clip(-slope / np.maximum(power, 1e-300), -LARGEST, LARGEST)
-    return float(np.max(-part * (2.0 * slope + part * power))) / len(left)
-
-
 def with_late_parameters(problem: SearchProblem, current: ScoredFit) -> ScoredFit:
-    """The fit with late parameters freed as well, each where it takes much of what stands above the noise; else as is.
+    """The fit with the late parameters freed as well, where they take much of what stands above the noise; else as is.
 
     The cost on the validation data must fall too.
     """
-    settings = problem.settings
-    for parameter in problem.late:
-        above = current.estimation_cost - problem.estimation.noise_cost()
-        if above <= 0.0 or parameter.name in current.fit.free.names:
-            continue
-        if promise(problem, current, parameter) < settings.late_promise * above:
-            continue
-        free = current.fit.free.extended([parameter])
-        start = np.append(current.fit.x, free.start()[-1])
-        tried = problem.fitted(free, start, settings.converging_evaluations, settings.converged, near=True)
-        helps = current.estimation_cost - tried.estimation_cost > settings.late_gain * above
-        if helps and tried.validation_cost < current.validation_cost:
-            current = tried
-    return current
+    settings, late = problem.settings, [p for p in problem.late if p.name not in current.fit.free.names]
+    above = current.estimation_cost - problem.estimation.noise_cost()
+    if above <= 0.0 or not late:
+        return current
+    free = current.fit.free.extended(late)
+    start = np.append(current.fit.x, free.start()[-len(late) :])
+    tried = problem.fitted(free, start, settings.converging_evaluations, settings.converged, near=True)
+    helps = current.estimation_cost - tried.estimation_cost > settings.late_gain * above
+    return tried if helps and tried.validation_cost < current.validation_cost else current
 
 
 def identify(

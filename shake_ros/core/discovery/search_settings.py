@@ -8,8 +8,6 @@ from typing import Any
 
 from shake_ros.core.quantities import Parameters, ShakeError, check, quantity
 
-MULTIPLES = ("late_multiples", "function_multiples")
-
 
 @dataclass(frozen=True)
 class SearchSettings(Parameters):
@@ -24,8 +22,6 @@ class SearchSettings(Parameters):
     search_piece: float = quantity("s", "length of each piece where these are fewer than all", low=1.0)
     piece_seconds: float = quantity("s", "recordings on which functions are first tried", low=1.0)
     # parameters freed late
-    late_multiples: tuple[float, ...] = quantity("-", "multiples of a late parameter that are screened", low=0.0)
-    late_promise: float = quantity("-", "part of what stands above the noise that freeing must promise", low=0.0)
     late_gain: float = quantity("-", "part of what stands above the noise that freeing must take", low=0.0)
     # fits
     converged: float = quantity("-", "relative change at which a converged fit stops", low=1e-12, high=1.0)
@@ -94,8 +90,8 @@ class SearchSettings(Parameters):
     def __post_init__(self) -> None:
         super().__post_init__()
         described: Any = self.__dataclass_fields__
-        for name in MULTIPLES:
-            given = getattr(self, name)
-            if isinstance(given, str) or not isinstance(given, Iterable):
-                raise ShakeError(f"{name}: needs a list of numbers")
-            object.__setattr__(self, name, tuple(check(name, v, described[name].metadata, float) for v in given))
+        name = "function_multiples"
+        given: Any = self.function_multiples
+        if isinstance(given, str) or not isinstance(given, Iterable):
+            raise ShakeError(f"{name}: needs a list of numbers")
+        object.__setattr__(self, name, tuple(check(name, v, described[name].metadata, float) for v in given))

@@ -19,15 +19,15 @@ def test_every_threshold_stands_in_the_file_and_has_a_meaning() -> None:
 
 
 def test_lists_become_numbers() -> None:
-    settings = SearchSettings.from_mapping({**CONTENT, "late_multiples": [1, 3]}, "search.yaml")
-    assert settings.late_multiples == (1.0, 3.0)
+    settings = SearchSettings.from_mapping({**CONTENT, "function_multiples": [1, 3]}, "search.yaml")
+    assert settings.function_multiples == (1.0, 3.0)
 
 
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"late_multiples": 2.0}, "late_multiples: needs a list of numbers"),
-        ({"late_multiples": ["much"]}, "is not a finite number"),
+        ({"function_multiples": 2.0}, "function_multiples: needs a list of numbers"),
+        ({"function_multiples": ["much"]}, "is not a finite number"),
         ({"function_multiples": [-0.5]}, "function_multiples = -0.5 is outside"),
         ({"chance": 2.0}, "chance = 2 is outside"),
         ({"most_function": 2}, "did you mean 'most_functions'"),
