@@ -27,6 +27,9 @@ from shake_ros.api.tune_table import tune_table
 from shake_ros.core.discovery.problem import ModelStructure, SearchProblem
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.failures import RAISING
+from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.free_parameters import FreeParameters
+from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.time_budget import never
 from shake_ros.data.recordings import write_table_recording
@@ -95,6 +98,14 @@ def problem_of(learn: list[Record], hold: list[Record]) -> SearchProblem:
     """The problem of two sets of recordings that are too short for pieces."""
     structure = ModelStructure(load_table("bergamo"), ())
     return SearchProblem.of(structure, learn, hold, LEAN, lambda text, part: None)
+
+
+@functools.cache
+def declared_fit(case: str) -> tuple[Fit, RecordingProblem]:
+    """The declared model fitted to the learning recording of a case, from the catalogue's values."""
+    problem = RecordingProblem([recording(case, 1, "learn")])
+    free = FreeParameters(load_table("bergamo"), free_parameters())
+    return fit(problem, free, free.start(), evaluations=15, tolerance=1e-4), problem
 
 
 @functools.cache

@@ -96,7 +96,9 @@ class Likelihood(ABC):
 class FreeRuns(Likelihood):
     """Free runs of a model over recordings, at the one level of noise that they leave.
 
-    vector : at which the likelihood is taken.
+    Velocity and acceleration count; the position drifts with the error of a run's first velocity. Within the noise,
+    with the floor below which no model is expected to be right, none is better than another. vector : at which the
+    likelihood is taken.
     """
 
     own_levels: ClassVar[tuple[str, ...]] = ("position",)
@@ -107,6 +109,7 @@ class FreeRuns(Likelihood):
     ) -> None:
         self.records, self.model, self.levels, self._vector = list(records), model, levels, vector
         self._problem = RecordingProblem(self.records, model)
+        self._problem.position_weights = [0.0] * len(records)
         self.difference = difference_of(self._problem)
 
     def with_levels(self, levels: Levels) -> FreeRuns:
@@ -140,9 +143,9 @@ class FreeRuns(Likelihood):
     def log_likelihood(self) -> np.ndarray:
         """Log likelihood of the free runs at its vector by block of time."""
         assert self._vector is not None
-        r = self.residuals(self._vector[None, :])[0]
-        terms = -self._problem.independent() * np.log(self.levels.position) - 0.5 * r**2
-        return np.bincount(self._problem.blocks(), terms)
+        blocks, r = self._problem.blocks(), self.residuals(self._vector[None, :])[0]
+        left, count = np.bincount(blocks, r**2), np.bincount(blocks, self._problem.independent())
+        return np.asarray(-count * np.log(self.levels.position) - 0.5 * np.maximum(left, count))
 
     @property
     def count(self) -> int:

@@ -36,8 +36,8 @@ def test_parameters_are_found_with_their_standard_errors(out: Path) -> None:
     report = json.loads((out / "report.json").read_text(encoding="utf-8"))
     assert report["schema"] == "shake_ros.identify/1"
     assert report["recordings"] == {"learn": ["first"], "hold": ["second"]}
-    assert len(report["parameters"]) == 9  # the table passes through rest in a form of its own, so that is freed too
-    assert list(report["parameters"])[-1] == "friction.transition_velocity"
+    assert len(report["parameters"]) == 10  # the table passes through rest in a form of its own, so that is freed too
+    assert list(report["parameters"])[-2:] == ["friction.transition_velocity", "friction.transition_sharpness"]
     modulus = report["parameters"]["bulk_modulus.modulus"]
     assert set(modulus) == {"value", "std_error", "unit"}
     assert modulus["unit"] == "Pa"
