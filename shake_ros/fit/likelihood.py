@@ -6,6 +6,7 @@ axis what their free runs leave, the limit of a predictor that never corrects.
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -97,39 +98,41 @@ class FreeRuns(Likelihood):
     """Free runs of a model over recordings, at the one level of noise that they leave.
 
     Velocity and acceleration count; the position drifts with the error of a run's first velocity. Within the noise,
-    with the floor below which no model is expected to be right, none is better than another. vector : at which the
-    likelihood is taken.
+    with the floor below which no model is expected to be right, none is better than another.
     """
 
     own_levels: ClassVar[tuple[str, ...]] = ("position",)
     floor = 0.05  # a free run leaves more than the noise of any model, and every effect takes some of that
 
-    def __init__(
-        self, records: Sequence[Record], model: DeclaredModel, levels: Levels, vector: np.ndarray | None = None
-    ) -> None:
-        self.records, self.model, self.levels, self._vector = list(records), model, levels, vector
+    def __init__(self, records: Sequence[Record], model: DeclaredModel, levels: Levels) -> None:
+        self.records, self.model, self.levels = list(records), model, levels
         self._problem = RecordingProblem(self.records, model)
         self._problem.position_weights = [0.0] * len(records)
         self.difference = difference_of(self._problem)
+        self._found: np.ndarray | None = None  # what the runs at a vector leave, in parts of the sensors' noise
 
     def with_levels(self, levels: Levels) -> FreeRuns:
         """The same at another level of noise."""
-        return FreeRuns(self.records, self.model, levels, self._vector)
+        made = copy.copy(self)
+        made.levels = levels
+        return made
 
     def filtered(self, vector: np.ndarray) -> FreeRuns:
-        """The same at a parameter vector."""
-        return FreeRuns(self.records, self.model, self.levels, vector)
+        """The same with the runs at a parameter vector."""
+        made = copy.copy(self)
+        made._found = self._left(vector[None, :])[0]
+        return made
 
     def tuned(self, vector: np.ndarray, names: Sequence[str]) -> FreeRuns:
-        """The same at a parameter vector, and at the level of noise that its free runs leave."""
-        left = float(np.sum(self.filtered(vector)._left(vector[None, :]) ** 2))
-        level = max(float(np.sqrt(left / self.count)), 1.0)
-        levels = replace(self.levels, position=level) if "position" in names else self.levels
-        return self.with_levels(levels).filtered(vector)
+        """The same with the runs at a parameter vector, and at the level of noise that they leave."""
+        made = self.filtered(vector)
+        assert made._found is not None
+        level = max(float(np.sqrt(np.sum(made._found**2) / self.count)), 1.0)
+        return made.with_levels(replace(self.levels, position=level)) if "position" in names else made
 
     def part(self, seconds: float) -> FreeRuns:
-        """The same on evenly spread pieces of the recordings."""
-        return FreeRuns(windows(self.records, seconds), self.model, self.levels, self._vector)
+        """The same on evenly spread pieces of the recordings, without runs."""
+        return FreeRuns(windows(self.records, seconds), self.model, self.levels)
 
     def _left(self, vectors: np.ndarray) -> np.ndarray:
         """Residuals in parts of the sensors' noise, shape (m, n)."""
@@ -141,9 +144,9 @@ class FreeRuns(Likelihood):
         return self._left(vectors) / self.levels.position
 
     def log_likelihood(self) -> np.ndarray:
-        """Log likelihood of the free runs at its vector by block of time."""
-        assert self._vector is not None
-        blocks, r = self._problem.blocks(), self.residuals(self._vector[None, :])[0]
+        """Log likelihood of its runs by block of time."""
+        assert self._found is not None
+        blocks, r = self._problem.blocks(), self._found / self.levels.position
         left, count = np.bincount(blocks, r**2), np.bincount(blocks, self._problem.independent())
         return np.asarray(-count * np.log(self.levels.position) - 0.5 * np.maximum(left, count))
 

@@ -130,7 +130,7 @@ class RecordingProblem:
     @property
     def count(self) -> int:
         """Number of residuals."""
-        return sum(len(self._samples(r)) * self._channels(r) for r in self.records)
+        return sum(self.run_sizes())
 
     def _channels(self, record: Record) -> int:
         return 1 + (record.acceleration is not None) + self.model.positions
@@ -235,8 +235,8 @@ class RecordingProblem:
 
     def _runs(self) -> np.ndarray:
         """Number of the recording that each residual belongs to, -1 of a prior, shape (n,)."""
-        parts = [np.full(len(self._samples(r)) * self._channels(r), r.run) for r in self.records]
-        return np.concatenate([*parts, np.full(len(self.model.priors), -1)])
+        of_recordings = np.repeat([r.run for r in self.records], self.run_sizes())
+        return np.concatenate([of_recordings, np.full(len(self.model.priors), -1)])
 
     def errors(self, vector: np.ndarray) -> dict[str, dict[str, float]]:
         """Relative error of velocity and acceleration per recording."""
