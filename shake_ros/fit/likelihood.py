@@ -90,6 +90,10 @@ class Likelihood(ABC):
         """Number of independent residuals."""
 
     @abstractmethod
+    def blocks(self) -> np.ndarray:
+        """Number of the block of time that each residual belongs to, shape (n,)."""
+
+    @abstractmethod
     def run_sizes(self) -> list[int]:
         """Number of residuals of each run."""
 
@@ -154,6 +158,10 @@ class FreeRuns(Likelihood):
     def count(self) -> int:
         """Number of independent residuals."""
         return round(float(np.sum(self._problem.independent())))
+
+    def blocks(self) -> np.ndarray:
+        """Number of the block of time that each residual belongs to."""
+        return self._problem.blocks()
 
     def run_sizes(self) -> list[int]:
         """Number of residuals of each recording."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -147,7 +147,7 @@ def descend(
 
 
 def fit(
-    prediction: Likelihood,
+    begun: Sequence[Likelihood],
     model: FreeModel,
     budget: Budget,
     *,
@@ -163,14 +163,15 @@ def fit(
 
     Parameters
     ----------
-    steps : Jacobians at most. tolerance : gain in log likelihood at which it stops. levels : of noise that are
-    estimated.
+    begun : the recordings at levels of noise, from the likeliest of which it begins. steps : Jacobians at most.
+    tolerance : gain in log likelihood at which it stops. levels : of noise that are estimated.
     """
 
     def at(prediction: Likelihood, model: FreeModel) -> PredictorFit:
         return PredictorFit(model, prediction, prediction.log_likelihood())
 
-    best, taken = at(prediction.filtered(model.vectors(model.x)[0]), model), 0
+    vector = model.vectors(model.x)[0]
+    best, taken = max((at(p.filtered(vector), model) for p in begun), key=lambda f: f.total), 0
     while taken < steps and not budget.over():
         moved, used = descend(best.prediction, best.model, min(STEPS, steps - taken), tolerance, budget)
         now = at(best.prediction.tuned(moved.vectors(moved.x)[0], levels), moved)

@@ -11,7 +11,6 @@ import numpy as np
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel, fitted_model, unassessed_model
-from shake_ros.core.discovery.elimination import eliminate
 from shake_ros.core.discovery.given_answer import better_beginning, selection_of
 from shake_ros.core.discovery.problem import (
     ModelStructure,
@@ -130,7 +129,7 @@ def searched(
 
 
 def beside_process_noise(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
-    """The models scored by predictor runs beside the free ones, where equal commands still show process noise.
+    """The models scored with what differs between equal commands counted as noise, where these show process noise.
 
     What free runs have found comes first: what depends on time differs between equal commands as well, and is no
     process noise once the model has it.
@@ -142,11 +141,7 @@ def beside_process_noise(problem: SearchProblem, found: Selection) -> tuple[Sear
     def again(m: ScoredFit) -> ScoredFit:
         return with_predictor.scored(m.fit)
 
-    found = found.on(again, again)
-    if not found.stopped:
-        steps, final, removed = eliminate(with_predictor, found.steps, found.final)
-        found = replace(found, steps=steps, final=final, removed=(*found.removed, *removed))
-    return with_predictor, found
+    return with_predictor, found.on(again, again)
 
 
 def with_nuisances(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:

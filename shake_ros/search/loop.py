@@ -18,13 +18,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from shake_ros.fit.likelihood import Levels, Likelihood
 from shake_ros.fit.model import FreeModel, TriedEffect
-from shake_ros.fit.solver import Budget, PredictorFit, fit
-from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start, weakest
+from shake_ros.fit.solver import Budget, PredictorFit, fit, jacobian
+from shake_ros.search.proposal import EffectSet, Linearised, linearised, normal_matrix, proposals, start, weakest
 
 Progress = Callable[[str], None]
 PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
@@ -32,6 +33,7 @@ SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one tha
 SETTLED = 3.0  # gain in log likelihood from which a fit goes on [nats]
 MORE = 1.1  # times what fewer effects promise, from which a larger set is refitted: less is mostly curvature
 CLOSEST = 3  # single effects that are refitted, the most promising ones
+SINGULAR = 1e-9  # part of the largest eigenvalue that the others have at least
 PROMISE, ALIKE = 0.5, 0.8  # part of an effect's gain that a rival has to promise at first order, and to take
 
 
@@ -68,35 +70,55 @@ class Scored:
         """The model."""
         return self.fitted.model
 
+    @property
+    def levels(self) -> Levels:
+        """Levels of noise of its estimation data."""
+        return self.fitted.prediction.levels
 
-def tempered(better: np.ndarray, worse: np.ndarray) -> float:
-    """Gain in log likelihood that its scatter from block to block lets count [nats].
+    @cached_property
+    def _covariances(self) -> tuple[np.ndarray, np.ndarray]:
+        """Covariance of the parameters if residuals were white, and by how its blocks differ, both of shape (p, p).
 
-    For models that are right the variance of the gain is twice its mean; where it is larger by a factor, the gain
-    counts less by that factor.
+        The latter is the cluster-robust one that is unbiased where residuals are white (CR2; Bell and McCaffrey 2002,
+        Survey Methodology 28, 169).
+        """
+        powers, scores = list[np.ndarray](), list[np.ndarray]()
+        for data in (self.fitted.prediction, self.seen):
+            r, j = jacobian(data, self.model, self.model.x)
+            blocks = data.blocks()
+            for rows in (np.flatnonzero(blocks == b) for b in np.unique(blocks)):
+                powers.append(j[rows].T @ j[rows])
+                scores.append(j[rows].T @ r[rows])
+        size = np.sqrt(np.diag(normal := normal_matrix(np.sum(powers, axis=0), self.model)))
+        root = inverse_root(normal / np.outer(size, size)) / size[:, None]
+        apart = [inverse_root(np.eye(len(root)) - root.T @ h @ root) for h in powers]
+        changes = np.array([root @ a @ root.T @ s for a, s in zip(apart, scores, strict=True)])
+        return root @ root.T, changes.T @ changes
 
-    >>> blocks = np.random.default_rng(0).normal(2.0, 2.0, 400)
-    >>> bool(abs(tempered(blocks, 0.0 * blocks) / np.sum(blocks) - 1.0) < 0.2)
-    True
-    """
-    d = better - worse
-    gain, variance = float(np.sum(d)), float(len(d) * np.var(d))
-    return math.copysign(min(abs(gain), 2.0 * gain * gain / max(variance, 1e-9)), gain)
+    def disagreement(self, effects: Sequence[TriedEffect]) -> float:
+        """How much more the parameters of effects vary from block to block than white residuals would let them; ≥ 1."""
+        names = {p.name for e in effects for p in e.free}
+        own = np.flatnonzero([n in names for n in self.model.names])
+        if not len(own):
+            return 1.0
+        white, robust = (c[np.ix_(own, own)] for c in self._covariances)
+        return max(float(np.trace(np.linalg.solve(white, robust))) / len(own), 1.0)
 
 
 def evidence(more: Scored, less: Scored) -> float:
-    """Log odds of one model against another, from estimation and validation data [nats]."""
+    """Log odds of a model against one that lacks some of its effects, from estimation and validation data [nats].
+
+    Residuals of unit variance that are independent would let the gain in log likelihood count in full; it counts less
+    by the factor by which the effects differ more from block to block than these would let them.
+    """
     parameters = len(more.model.x) - len(less.model.x)
     effects = len(more.model.effects) - len(less.model.effects)
-    blocks = len(more.fitted.likelihood)
-
-    def beyond(better: np.ndarray, worse: np.ndarray, count: int) -> float:
-        """Gain beyond that which so many residuals ask of each effect in any case."""
-        return tempered(better, worse + effects * more.seen.floor * count / len(better))
-
-    on_estimation = beyond(more.fitted.likelihood, less.fitted.likelihood, more.fitted.prediction.count)
-    on_validation = beyond(more.validation, less.validation, more.seen.count)
-    return on_estimation + on_validation - 0.5 * parameters * math.log(10 * blocks) - effects * PRIOR
+    blocks, floor = len(more.fitted.likelihood), more.seen.floor * (more.fitted.prediction.count + more.seen.count)
+    price = 0.5 * parameters * math.log(10 * blocks) + effects * PRIOR
+    beyond = gain(more, less) - effects * floor
+    if beyond > max(price, 0.0):
+        beyond /= more.disagreement([e for e in more.model.effects if e.name not in less.model.effect_names])
+    return beyond - price
 
 
 class SetSearch:
@@ -122,23 +144,29 @@ class SetSearch:
         self._fits = dict[frozenset[str], Scored]()
         self._loose = Levels()
 
-    def scored(self, model: FreeModel, levels: Levels, steps: int) -> Scored:
-        """A model fitted by so many steps, and scored; the best fit of the same effects so far if that is better."""
-        known = self._fits.get(frozenset(model.effect_names))
-        levels = levels if known is None else known.fitted.prediction.levels
-        fitted = fit(self.data.estimation.with_levels(levels), model, self.budget, steps=steps)
+    def scored(self, model: FreeModel, steps: int, *levels: Levels) -> Scored:
+        """A model fitted by so many steps, and scored; the best fit of the same effects so far if that is better.
+
+        levels : of noise, from the likeliest of which it begins.
+        """
+        fitted = fit([self.data.estimation.with_levels(each) for each in levels], model, self.budget, steps=steps)
         vector = fitted.model.vectors(fitted.model.x)[0]
         validation = self.data.validation.with_levels(fitted.prediction.levels)
         seen = validation.tuned(vector, validation.own_levels)
         found = Scored(fitted, seen, seen.log_likelihood())
+        known = self._fits.get(frozenset(model.effect_names))
         best = found if known is None or found.fitted.total > known.fitted.total else known
         self._fits[frozenset(model.effect_names)] = best
         return best
 
+    def without(self, found: Scored, effect: str) -> Scored:
+        """The model without an effect: from where it stands, at its own levels of noise or at loose ones."""
+        return self.scored(found.model.without(effect), SHORT, found.levels, self._loose)
+
     def settled(self, found: Scored) -> Scored:
         """A model fitted until that gains no more."""
         while not self.budget.over():
-            longer = self.scored(found.model, found.fitted.prediction.levels, LONG)
+            longer = self.scored(found.model, LONG, found.levels)
             if not longer.fitted.total > found.fitted.total + SETTLED:
                 break
             found = longer
@@ -148,24 +176,22 @@ class SetSearch:
         """The declared model, then each better one that is found."""
         self._loose = levels
         self.progress("declared model: fit")
-        best = self.scored(model, levels, LONG)
+        best = self.scored(model, LONG, levels)
         yield best
         if self.shown:
             self.progress(f"refit with {self.shown.effect.called}, which the recordings show")
-            best = self.scored(self.shown.on(best.model), best.fitted.prediction.levels, LONG)
+            best = self.scored(self.shown.on(best.model), LONG, best.levels)
             yield best
         if model.effects:
-            best = self._reduced(best, least=0)
+            best = self._reduced(best)
             yield best
         while not self.budget.over():
             found = self._step(best)
             if found is None:
                 break
-            same, best = set(found.model.effect_names) == set(best.model.effect_names), found
+            best = found
             self.progress(f"best so far: {names_of(best.model.effects)}")
             yield best
-            if same:  # nothing but a better fit
-                break
 
     def rivals(self, declared: Scored, best: Scored) -> dict[str, list[Scored]]:
         """Models with another effect in the place of each one found that explain nearly as much."""
@@ -175,29 +201,30 @@ class SetSearch:
                 break
             self.progress(f"what could stand in the place of {effect}?")
             known = len(best.model.effects) == 1 and not declared.model.effects
-            less = declared if known else self.scored(best.model.without(effect), self._loose, SHORT)
+            less = declared if known else self.without(best, effect)
             taken = gain(best, less)
             promised = {s.trials[0].candidate.name: s for s in proposals(self._screened(less), 1)[1]}
             least = PROMISE * promised[effect].gain if effect in promised else math.inf
             others = [s for n, s in promised.items() if s.gain > least and n not in best.model.effect_names][:CLOSEST]
-            tried = [self.scored(start(less.fitted, s), less.fitted.prediction.levels, SHORT) for s in others]
+            tried = [self.scored(start(less.fitted, s), SHORT, less.levels) for s in others]
             found[effect] = [t for t in tried if gain(t, less) > ALIKE * taken]
         return found
 
     def _step(self, best: Scored) -> Scored | None:
         """A better model with a set of effects more, or none."""
         lin = self._screened(best)
-        winner = best
+        tried = list[Scored]()
         for s in worth_trying(proposals(lin), len(best.fitted.likelihood)):
             if self.budget.over():
                 break
             self.progress(f"refit with {' + '.join(s.names)}")
-            result = self.scored(start(best.fitted, s), best.fitted.prediction.levels, SHORT)
-            winner = result if evidence(result, winner) > 0.0 else winner
-        if winner is best:
+            tried.append(self.scored(start(best.fitted, s), SHORT, best.levels))
+        winner = max(tried, key=lambda t: evidence(t, best), default=best)
+        if winner is best or not evidence(winner, best) > 0.0:
             return None
         winner = self.settled(self._reduced(self.settled(winner)))
-        return winner if evidence(winner, best) > 0.0 else None
+        same = winner.model.effect_names == best.model.effect_names
+        return winner if evidence(winner, best) > (SETTLED if same else 0.0) else None
 
     def _screened(self, found: Scored) -> Linearised:
         """A model with every effect that it lacks, to first order; remembered, since rivals ask as well."""
@@ -207,19 +234,24 @@ class SetSearch:
             self._known[found] = linearised(found.fitted, absent, beside=(found.seen,))
         return self._known[found]
 
-    def _reduced(self, found: Scored, least: int = 1) -> Scored:
-        """The model without what it can do without; of so many effects at least."""
-        while not self.budget.over():
-            others = [c for c in found.model.effects if c.name not in self.certain]
-            if not others or len(found.model.effects) <= least:
+    def _reduced(self, found: Scored) -> Scored:
+        """The model without what it can do without."""
+        while others := [c for c in found.model.effects if c.name not in self.certain]:
+            if self.budget.over():
                 break
             effect = weakest(found.fitted, others)
             self.progress(f"is {effect.called} needed?")
-            less = self.scored(found.model.without(effect.name), self._loose, SHORT)
+            less = self.without(found, effect.name)
             if evidence(found, less) > 0.0:
                 break
             found = less
         return found
+
+
+def inverse_root(matrix: np.ndarray) -> np.ndarray:
+    """Symmetric inverse square root of a matrix, shape (p, p), its smallest eigenvalues held off zero."""
+    weights, vectors = np.linalg.eigh(matrix)
+    return np.asarray((vectors / np.sqrt(np.maximum(weights, SINGULAR * weights[-1]))) @ vectors.T)
 
 
 def gain(more: Scored, less: Scored) -> float:

@@ -128,16 +128,21 @@ def linearised(
     d = np.hstack([d, j[:, list(moved)]])
     trials += tuple(EffectTrial(c, ({c.strength.name: c.strength.scale},)) for c in moved.values())
     places += [(taken + i,) for i in range(len(moved))]
-    prior = model.prior[0]
-    normal = j.T @ j + prior.T @ prior
-    normal += 1e-9 * np.diag(np.maximum(np.diag(normal), 1e-12))
-    gradient = j.T @ r + prior.T @ prior_residuals(model, model.x)
+    normal = normal_matrix(j.T @ j, model)
+    gradient = j.T @ r + model.prior[0].T @ prior_residuals(model, model.x)
     across = j.T @ d
     response = -np.linalg.solve(normal, across)
     own = -np.linalg.solve(normal, gradient)
     whole = sum(prediction.count for prediction in data) / sum(prediction.count for prediction in few)
     power, score = d.T @ d + across.T @ response, -(d.T @ r + across.T @ own)
     return Linearised(trials, tuple(places), whole * power, whole * score, response, own)
+
+
+def normal_matrix(power: np.ndarray, model: FreeModel) -> np.ndarray:
+    """Normal matrix of a fit, of a Jacobian's Gram matrix and the priors, shape (p, p)."""
+    prior = model.prior[0]
+    normal = power + prior.T @ prior
+    return np.asarray(normal + 1e-9 * np.diag(np.maximum(np.diag(normal), 1e-12)))
 
 
 def without_lost_runs(changes: np.ndarray, sizes: Sequence[int]) -> np.ndarray:
@@ -186,9 +191,8 @@ def before(model: FreeModel, candidate: TriedEffect) -> FreeModel:
 def weakest(fitted: PredictorFit, effects: Sequence[TriedEffect]) -> TriedEffect:
     """The effect whose absence would cost least to first order, once all other parameters have adjusted (Wald)."""
     model = fitted.model
-    j, prior = jacobian(fitted.prediction.part(SCREENED), model, model.x)[1], model.prior[0]
-    normal = j.T @ j + prior.T @ prior
-    covariance = np.linalg.inv(normal + 1e-9 * np.diag(np.maximum(np.diag(normal), 1e-12)))
+    j = jacobian(fitted.prediction.part(SCREENED), model, model.x)[1]
+    covariance = np.linalg.inv(normal_matrix(j.T @ j, model))
 
     def cost(effect: TriedEffect) -> float:
         own = [model.names.index(n) for n in effect.scaled]

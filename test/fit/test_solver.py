@@ -29,7 +29,7 @@ def declared() -> FreeModel:
 
 
 def test_fit_from_the_catalogue_finds_the_table_and_that_nothing_but_noise_is_left() -> None:
-    found = fit(Predictor([Segment.of(run(1))], LEVELS), declared(), Budget())
+    found = fit([Predictor([Segment.of(run(1))], LEVELS)], declared(), Budget())
     for name in ("bulk_modulus.modulus", "valve.flow_coefficient"):
         assert found.model.value(name) == pytest.approx(TRUE[name], rel=0.01)
     for name in ("friction.coulomb_level", "friction.stribeck_rise", "friction.viscous"):
@@ -39,13 +39,13 @@ def test_fit_from_the_catalogue_finds_the_table_and_that_nothing_but_noise_is_le
 
 
 def test_force_that_no_parameter_explains_is_counted_as_process_noise() -> None:
-    found = fit(Predictor([Segment.of(run(1, Hidden(flexible_mass=120.0)))], LEVELS), declared(), Budget())
+    found = fit([Predictor([Segment.of(run(1, Hidden(flexible_mass=120.0)))], LEVELS)], declared(), Budget())
     assert found.prediction.levels.force > 0.02
 
 
 def test_fit_whose_time_is_over_ends_at_once_with_a_model() -> None:
     model = declared()
-    found = fit(Predictor([Segment.of(run(1))], LEVELS), model, Budget(0.0))
+    found = fit([Predictor([Segment.of(run(1))], LEVELS)], model, Budget(0.0))
     assert np.array_equal(found.model.x, model.x)
     assert np.isfinite(found.total)
 

@@ -1,8 +1,7 @@
-"""Decision: is the best refit better than the model without it, beyond chance, and which others may stand for it?
+"""Decision: which effects may stand for the one that explains most?
 
 Costs are mean squares of weighted residuals; those of the validation data also block of time by block of time, so that
-a difference can be held against its own scatter. Where process noise shows, the errors of predictor runs have a say
-beside those of free ones: they may forbid an effect, and decide on one that the free run cannot tell from chance.
+a difference can be held against its own scatter.
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.problem import ScoredFit
@@ -59,57 +57,6 @@ def significance(better: np.ndarray, worse: np.ndarray) -> float:
         return math.inf
     difference = worse - better
     return float(np.mean(difference) / max(np.std(difference, ddof=1) / math.sqrt(len(difference)), 1e-300))
-
-
-def beyond_chance(chance: float, tried: int, blocks: int) -> float:
-    """Standard errors that the best of so many candidates exceeds with no more than this probability by chance [-].
-
-    Bonferroni's bound on Student's distribution, since the standard error itself comes from a few blocks.
-
-    >>> round(beyond_chance(0.03, 1, 1000), 2), round(beyond_chance(0.03, 30, 25), 2)
-    (1.88, 3.47)
-    """
-    return float(-stdtrit(max(blocks - 1, 1), chance / max(tried, 1)))
-
-
-def improves(best: ScoredFit, without: ScoredFit, settings: SearchSettings, tried: int = 1) -> bool:
-    """Whether a model is better than the one without its last effect, beyond chance.
-
-    Free runs decide; where predictor runs count too, neither may get worse beyond chance, and one must get better.
-
-    Parameters
-    ----------
-    tried : number of candidates of which this is the best.
-    """
-    predictor, before = best.innovation_blocks, without.innovation_blocks
-    if not len(predictor) or len(predictor) != len(before):
-        return free_run_improves(best, without, settings, tried)
-    least = beyond_chance(settings.chance, tried, len(before))
-    if significance(before, predictor) > beyond_chance(settings.chance, 1, len(before)):
-        return False  # predictor runs get worse
-    if free_run_improves(best, without, settings, tried):
-        return True
-    blocks = without.validation_blocks
-    worse = significance(blocks, best.validation_blocks) > beyond_chance(settings.chance, 1, len(blocks))
-    clear = np.mean(predictor) <= (1.0 - settings.least_validation_gain) * np.mean(before)
-    return bool(
-        best.estimation_cost <= without.estimation_cost
-        and not worse
-        and clear
-        and significance(predictor, before) > least
-    )
-
-
-def free_run_improves(best: ScoredFit, without: ScoredFit, settings: SearchSettings, tried: int) -> bool:
-    """The same by free runs alone."""
-    if best.estimation_cost > (1.0 - settings.least_estimation_gain) * without.estimation_cost:
-        return False
-    if best.validation_cost > (1.0 - settings.least_validation_gain) * without.validation_cost:
-        return False
-    if best.validation_cost <= (1.0 - settings.clear_gain) * without.validation_cost:
-        return True
-    blocks = without.validation_blocks
-    return significance(best.validation_blocks, blocks) > beyond_chance(settings.chance, tried, len(blocks))
 
 
 def distinguishable(best: ScoredFit, other: ScoredFit, settings: SearchSettings, noise: float = 0.0) -> bool:

@@ -1,4 +1,4 @@
-"""Every effect has to be needed: taken out again where a later one has made it needless, or exchanged for a rival."""
+"""A model with one of its effects taken out, or exchanged for a rival."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep, Refit, improves
+from shake_ros.core.discovery.decision import ForwardStep, Refit
 from shake_ros.core.discovery.problem import Reduced, ScoredFit, SearchProblem, linearised
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.plant.parameters import TableParameters
@@ -38,23 +38,6 @@ def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect
         reduced = known.reduced
     problem.reduced[key] = Reduced(result.x.tobytes(), reduced)
     return reduced
-
-
-def eliminate(
-    problem: SearchProblem, steps: tuple[ForwardStep, ...], current: ScoredFit
-) -> tuple[tuple[ForwardStep, ...], ScoredFit, tuple[str, ...]]:
-    """Steps still needed, the fit with them alone, effects taken out; the last effect has just proved its need."""
-    problem.progress("checking that every effect is needed", 0.0)
-    least, kept, removed = 1.0 - problem.settings.least_validation_gain, list(steps), list[str]()
-    for step in steps[:-1]:
-        reduced = without(problem, current, step.chosen.candidate)
-        needless = reduced.estimation_cost * least < current.estimation_cost
-        needless = needless and not (problem.predictor_rate > 0.0 and improves(current, reduced, problem.settings))
-        if needless and reduced.validation_cost * least < current.validation_cost:
-            kept.remove(step)
-            removed.append(step.chosen.candidate.effect)
-            current = reduced
-    return tuple(kept), current, tuple(removed)
 
 
 def in_its_place(

@@ -91,15 +91,13 @@ def mean_square(residuals: np.ndarray) -> float:
 class ScoredFit:
     """A fit with its costs on estimation and validation data [-].
 
-    validation_blocks : validation cost of each block of time, shape (b,). innovation_blocks : the same of runs that are
-    corrected towards the measurement, where process noise shows; empty elsewhere.
+    validation_blocks : validation cost of each block of time, shape (b,).
     """
 
     fit: Fit
     estimation_cost: float
     validation_cost: float
     validation_blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    innovation_blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def score(self) -> float:
@@ -174,11 +172,7 @@ class SearchProblem:
         r = self.validation_residuals(result.vector)
         number = self.validation.blocks()
         blocks = np.bincount(number, r**2) / np.maximum(np.bincount(number), 1)
-        predictor = np.zeros(0)
-        if self.predictor_rate > 0.0:
-            left = self.validation.predictor(self.predictor_rate).residuals(result.free.vectors(result.x))[0]
-            predictor = np.bincount(number, np.nan_to_num(left, nan=LOST) ** 2) / np.maximum(np.bincount(number), 1)
-        return ScoredFit(result, mean_square(result.residuals), mean_square(r), np.asarray(blocks), predictor)
+        return ScoredFit(result, mean_square(result.residuals), mean_square(r), np.asarray(blocks))
 
     def with_predictor(self, model: Fit) -> SearchProblem:
         """The same, with predictor runs beside the free ones where equal commands show process noise."""

@@ -33,15 +33,10 @@ class SearchSettings(Parameters):
     rival: float = quantity("-", "ratio to the best score up to which an effect is a rival", low=1.0)
     # decision
     process_noise: float = quantity("-", "what differs between equal commands over the noise, mean squares", low=1.0)
-    least_estimation_gain: float = quantity("-", "least fall of the estimation cost", low=0.0, high=1.0)
-    least_validation_gain: float = quantity("-", "least fall of the validation cost", low=0.0, high=1.0)
-    clear_gain: float = quantity("-", "fall of the validation cost from which no test is asked for", low=0.0, high=1.0)
-    chance: float = quantity("-", "probability, over all candidates, of a fall by chance", low=1e-12, high=1.0)
     margin: float = quantity("-", "relative difference of scores up to which effects are indistinguishable", low=0.0)
     significant: float = quantity("-", "standard errors by which rivals must differ to be told apart", low=0.0)
     # how sure each effect is
     near_noise: float = quantity("-", "ratio of residual to noise up to which an effect can be established", low=1.0)
-    worth_of_likely: float = quantity("-", "part of what is unexplained that a likely effect is worth", low=0.0)
     # functions for what no listed effect explains
     function_above_noise: float = quantity("-", "ratio to the noise from which a function is estimated", low=0.0)
     function_gain: float = quantity("-", "part of a listed effect's cost that a function may leave", low=0.0, high=1.0)

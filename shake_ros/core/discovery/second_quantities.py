@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep, Refit, improves
+from shake_ros.core.discovery.decision import ForwardStep, Refit
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, linearised
 from shake_ros.core.discovery.refined_nodes import refined_function
 from shake_ros.core.discovery.unlisted_functions import (
@@ -73,9 +73,7 @@ def with_second_quantity(problem: SearchProblem, step: ForwardStep) -> ForwardSt
         return step
     found = screen_seconds(problem, one.fit)
     best = best_pair(problem, one, found, problem.settings.second_promise, step.chosen.candidate.free)
-    if best is None or not improves(best.result, one, problem.settings, len(found)):
-        return step
-    if not leaves_far_less(problem, one, best.result):
+    if best is None or not leaves_far_less(problem, one, best.result):
         return step
     return ForwardStep(best, (best, *step.ranking[1:]), step.alternatives)
 
@@ -92,9 +90,7 @@ def function_of_two(problem: SearchProblem, current: ScoredFit, tried: FunctionS
     if tried.best is not None and not (found and found[0].function.gain > least):
         return grown(problem, current, ForwardStep(tried.best, (tried.best,)))
     best = best_pair(problem, current, found, least)
-    if best is None or not improves(best.result, current, settings, len(found)):
-        return None
-    return ForwardStep(best, (best,)) if leaves_far_less(problem, current, best.result) else None
+    return ForwardStep(best, (best,)) if best and leaves_far_less(problem, current, best.result) else None
 
 
 def grown(problem: SearchProblem, current: ScoredFit, one: ForwardStep) -> ForwardStep | None:

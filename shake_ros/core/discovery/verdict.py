@@ -2,12 +2,12 @@
 
 An effect is
 
-    established      the residual is near the noise, the effect is needed, and no other could stand for it
+    established      the residual is near the noise, and no other effect could stand for this one
     one of these     another effect explains the data equally well in the final model
     likely           needed, and worth more than all that is still unexplained, which stands above the noise; or there
                      was no time to assess it to the end
-    not established  its strength at a bound, or any number of it while much is unexplained; not needed beyond chance;
-                     or worth less than what is still unexplained
+    not established  its strength at a bound, or any number of it while much is unexplained; the free runs do as well
+                     without it; or worth less than what is still unexplained
 
 Where much remains, a combination with something else may replace what was found; an effect at a bound does the work of
 something that is missing. Such effects are candidates, not findings. An effect that the recordings show without a model
@@ -26,7 +26,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep, Refit, distinguishable, improves
+from shake_ros.core.discovery.decision import ForwardStep, Refit, distinguishable
 from shake_ros.core.discovery.elimination import in_its_place, rivals, without
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
 from shake_ros.core.discovery.selection import Selection
@@ -89,14 +89,15 @@ def verdict_of(
     reduced = without(problem, final, candidate) if len(found.steps) > 1 else found.declared
     worth = float(np.sqrt(reduced.validation_cost / final.validation_cost))
     bounds = resting_parameters(final, step)
-    unexplained = final.validation_cost - noise
-    small = reduced.validation_cost - final.validation_cost < settings.worth_of_likely * unexplained
+    unexplained = final.validation_cost - settings.remaining_above**2 * noise
+    least = 1.0 + settings.margin if candidate.effect in shown else 1.0  # the search has asked of the others
+    small = reduced.validation_cost - final.validation_cost < unexplained
     near_noise = final.validation_cost <= settings.near_noise**2 * noise
     others = alternatives(problem, found, step)
     early = time_is_over()
     if candidate.strength.name in bounds:
         state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
-    elif not improves(final, reduced, settings):
+    elif reduced.score <= least * final.score:
         state, reason = NOT_ESTABLISHED, "the model is as good without it"
     elif bounds and not near_noise and candidate.effect not in shown:
         state, reason = NOT_ESTABLISHED, "at a bound, and the unexplained residual may have the same cause"

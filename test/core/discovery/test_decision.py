@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.decision import Refit, decide, distinguishable, improves
+from shake_ros.core.discovery.decision import Refit, decide, distinguishable
 from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -52,58 +52,6 @@ def test_a_difference_that_some_blocks_make_and_others_take_back_is_chance() -> 
     steady = with_blocks(1.0 + 0.14 + np.where(np.arange(40) % 2, 0.05, -0.05))
     worse = replace(scattered, estimation_cost=1.01), replace(steady, estimation_cost=1.01)
     assert [distinguishable(best, other, SETTINGS, 1.0) for other in worse] == [False, True]
-
-
-@pytest.mark.parametrize(
-    ("estimation", "validation", "scatter", "added"),
-    [
-        (0.99, 0.60, 0.9, True),  # far better on what was held out
-        (0.999, 0.60, 0.0, False),  # nothing to show for it where it was fitted
-        (0.99, 0.90, 0.0, True),  # better everywhere
-        (0.99, 0.90, 0.9, False),  # better here and worse there
-        (0.90, 0.99, 0.0, False),  # fitted only
-    ],
-)
-def test_an_effect_is_added_only_for_what_is_beyond_chance(
-    estimation: float, validation: float, scatter: float, added: bool
-) -> None:
-    blocks = np.where(np.arange(40) % 2, scatter, -scatter)
-    best = replace(with_blocks(np.full(40, validation)), estimation_cost=estimation)
-    assert improves(best, with_blocks(1.0 + blocks), SETTINGS) is added
-
-
-@pytest.mark.parametrize(("tried", "added"), [(1, True), (30, False)])
-def test_the_best_of_many_candidates_must_stand_out_further(tried: int, added: bool) -> None:
-    blocks = np.where(np.arange(40) % 2, 0.25, -0.25)  # 2.5 standard errors
-    best = replace(with_blocks(np.full(40, 0.9)), estimation_cost=0.99)
-    assert improves(best, with_blocks(1.0 + blocks), SETTINGS, tried) is added
-
-
-def with_predictor(validation: float, innovations: float, scatter: float = 0.0) -> ScoredFit:
-    """A fit whose predictor runs count as well; the scatter is that of both."""
-    wave = np.where(np.arange(40) % 2, scatter, -scatter)
-    return replace(with_blocks(validation + wave), innovation_blocks=innovations + wave, estimation_cost=0.9)
-
-
-@pytest.mark.parametrize(
-    ("validation", "innovations", "added"),
-    [
-        (0.60, 1.00, True),  # free runs decide, predictor runs have no objection
-        (0.60, 1.20, False),  # predictor runs get worse
-        (1.00, 0.80, True),  # free runs cannot decide, predictor runs do clearly
-        (1.00, 0.99, False),  # better, but less than counts
-        (1.20, 0.60, False),  # free runs get worse
-    ],
-)
-def test_with_process_noise_both_kinds_of_runs_have_a_say(validation: float, innovations: float, added: bool) -> None:
-    wave = np.where(np.arange(40) % 2, 0.05, -0.05)
-    before = replace(with_blocks(1.0 + wave), innovation_blocks=1.0 + wave)
-    assert improves(with_predictor(validation, innovations), before, SETTINGS) is added
-
-
-def test_predictor_runs_that_may_be_better_by_chance_do_not_decide() -> None:
-    before = replace(with_blocks(np.ones(40)), innovation_blocks=np.ones(40))
-    assert not improves(with_predictor(1.0, 0.9, 0.6), before, SETTINGS)
 
 
 def back_pressure(pressure: float, blocks: int = 0) -> Refit:

@@ -29,7 +29,7 @@ def test_lists_become_numbers() -> None:
         ({"function_multiples": 2.0}, "function_multiples: needs a list of numbers"),
         ({"function_multiples": ["much"]}, "is not a finite number"),
         ({"function_multiples": [-0.5]}, "function_multiples = -0.5 is outside"),
-        ({"chance": 2.0}, "chance = 2 is outside"),
+        ({"converged": 2.0}, "converged = 2 is outside"),
         ({"most_function": 2}, "did you mean 'most_functions'"),
     ],
 )
@@ -40,6 +40,6 @@ def test_a_wrong_threshold_is_one_line_that_names_the_file(change: dict[str, Any
 
 
 def test_a_missing_threshold_is_told() -> None:
-    content = {name: value for name, value in CONTENT.items() if name != "chance"}
-    with pytest.raises(ShakeError, match="missing chance"):
+    content = {name: value for name, value in CONTENT.items() if name != "converged"}
+    with pytest.raises(ShakeError, match="missing converged"):
         SearchSettings.from_mapping(content, "search.yaml")

@@ -45,19 +45,8 @@ def test_two_effects_that_are_needed_at_the_noise_are_established() -> None:
     assert states(Hidden(1.0, 2.0)) == ({FIRST.effect: ESTABLISHED, SECOND.effect: ESTABLISHED}, ())
 
 
-def test_effect_without_which_the_model_does_as_well_leaves_it() -> None:
-    assert states(Hidden(0.0, 2.0)) == ({SECOND.effect: ESTABLISHED}, (FIRST.effect,))
-
-
-@pytest.mark.parametrize(
-    ("first", "expected"), [(1.0, {FIRST.effect: LIKELY, SECOND.effect: LIKELY}), (0.0, {SECOND.effect: LIKELY})]
-)
-def test_where_the_time_is_over_nothing_is_established_and_what_is_needless_leaves_all_the_same(
-    first: float, expected: dict[str, str]
-) -> None:
-    kept, dropped = states(Hidden(first, 2.0), late=True)
-    assert kept == expected
-    assert dropped == (() if first else (FIRST.effect,))
+def test_where_the_time_is_over_nothing_is_established() -> None:
+    assert states(Hidden(1.0, 2.0), late=True) == ({FIRST.effect: LIKELY, SECOND.effect: LIKELY}, ())
 
 
 def test_a_verdict_without_time_says_so() -> None:
