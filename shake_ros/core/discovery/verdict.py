@@ -26,9 +26,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep, Refit, distinguishable
-from shake_ros.core.discovery.elimination import in_its_place, rivals, without
-from shake_ros.core.discovery.problem import ScoredFit, SearchProblem, side_by_side
+from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.elimination import without
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.discovery.selection import Selection
 from shake_ros.core.identification.time_budget import time_is_over
 from shake_ros.core.identification.uncertainty import at_bound
@@ -63,20 +63,6 @@ def resting_parameters(final: ScoredFit, step: ForwardStep) -> tuple[str, ...]:
     return tuple(name for name, rests in resting if rests and name in names)
 
 
-def alternatives(problem: SearchProblem, found: Selection, step: ForwardStep) -> tuple[str, ...]:
-    """Effects that could stand for a step's in the final model; for the last step the search has found them."""
-    if step is found.steps[-1] or time_is_over():
-        return step.alternatives
-    settings, noise = problem.settings, problem.validation.noise_cost()
-    close = rivals(found.steps, step, settings.rival, settings.most_continued)
-
-    def instead(other: Refit) -> ScoredFit:
-        return in_its_place(problem, found.final, step, other.candidate, other.result.fit.table)
-
-    tried = zip(close, side_by_side(instead, close), strict=True)
-    return tuple(r.candidate.effect for r, fit in tried if not distinguishable(found.final, fit, settings, noise))
-
-
 def verdict_of(
     problem: SearchProblem, found: Selection, step: ForwardStep, shown: Sequence[str] = ()
 ) -> tuple[EffectVerdict, ScoredFit]:
@@ -93,7 +79,7 @@ def verdict_of(
     least = 1.0 + settings.margin if candidate.effect in shown else 1.0  # the search has asked of the others
     small = reduced.validation_cost - final.validation_cost < unexplained
     near_noise = final.validation_cost <= settings.near_noise**2 * noise
-    others = alternatives(problem, found, step)
+    others = step.alternatives
     early = time_is_over()
     if candidate.strength.name in bounds:
         state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
