@@ -90,10 +90,6 @@ class Likelihood(ABC):
         """Number of independent residuals."""
 
     @abstractmethod
-    def blocks(self) -> np.ndarray:
-        """Number of the block of time that each residual belongs to, shape (n,)."""
-
-    @abstractmethod
     def run_sizes(self) -> list[int]:
         """Number of residuals of each run."""
 
@@ -158,10 +154,6 @@ class FreeRuns(Likelihood):
     def count(self) -> int:
         """Number of independent residuals."""
         return round(float(np.sum(self._problem.independent())))
-
-    def blocks(self) -> np.ndarray:
-        """Number of the block of time that each residual belongs to."""
-        return self._problem.blocks()
 
     def run_sizes(self) -> list[int]:
         """Number of residuals of each recording."""

@@ -58,7 +58,7 @@ def answer(
     with failures.step("search"):
         for better in search.run(begin, UNKNOWN if unknown else DECLARED):
             models.append(better)
-        others, done = search.rivals(models[0], models[-1]), not budget.over()
+        others, done = search.rivals(models[-1]), not budget.over()
     rivals = {
         effect: tuple((known[m.model.effects[-1].name], m.model.found_table()) for m in found)
         for effect, found in others.items()

@@ -7,6 +7,7 @@
         refit the best set of each size; keep the one with the best evidence
         take out what the set can do without
     until no set is worth it
+    take out what the model can do without
     refit what could stand in the place of each effect
 
 The evidence of one model against another is the gain in log likelihood, on estimation and on validation data, tempered
@@ -18,14 +19,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from shake_ros.fit.likelihood import Levels, Likelihood
 from shake_ros.fit.model import FreeModel, TriedEffect
-from shake_ros.fit.solver import Budget, PredictorFit, fit, jacobian
-from shake_ros.search.proposal import EffectSet, Linearised, linearised, normal_matrix, proposals, start, weakest
+from shake_ros.fit.solver import Budget, PredictorFit, fit
+from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start, weakest
 
 Progress = Callable[[str], None]
 PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
@@ -33,7 +33,6 @@ SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one tha
 SETTLED = 3.0  # gain in log likelihood from which a fit goes on [nats]
 MORE = 1.1  # times what fewer effects promise, from which a larger set is refitted: less is mostly curvature
 CLOSEST = 3  # single effects that are refitted, the most promising ones
-SINGULAR = 1e-9  # part of the largest eigenvalue that the others have at least
 PROMISE, ALIKE = 0.5, 0.8  # part of an effect's gain that a rival has to promise at first order, and to take
 
 
@@ -71,54 +70,39 @@ class Scored:
         return self.fitted.model
 
     @property
+    def by_block(self) -> np.ndarray:
+        """Log likelihood by block of the estimation data, then of the validation data, shape (b,)."""
+        return np.concatenate([self.fitted.likelihood, self.validation])
+
+    @property
     def levels(self) -> Levels:
         """Levels of noise of its estimation data."""
         return self.fitted.prediction.levels
 
-    @cached_property
-    def _covariances(self) -> tuple[np.ndarray, np.ndarray]:
-        """Covariance of the parameters if residuals were white, and by how its blocks differ, both of shape (p, p).
 
-        The latter is the cluster-robust one that is unbiased where residuals are white (CR2; Bell and McCaffrey 2002,
-        Survey Methodology 28, 169).
-        """
-        powers, scores = list[np.ndarray](), list[np.ndarray]()
-        for data in (self.fitted.prediction, self.seen):
-            r, j = jacobian(data, self.model, self.model.x)
-            blocks = data.blocks()
-            for rows in (np.flatnonzero(blocks == b) for b in np.unique(blocks)):
-                powers.append(j[rows].T @ j[rows])
-                scores.append(j[rows].T @ r[rows])
-        size = np.sqrt(np.diag(normal := normal_matrix(np.sum(powers, axis=0), self.model)))
-        root = inverse_root(normal / np.outer(size, size)) / size[:, None]
-        apart = [inverse_root(np.eye(len(root)) - root.T @ h @ root) for h in powers]
-        changes = np.array([root @ a @ root.T @ s for a, s in zip(apart, scores, strict=True)])
-        return root @ root.T, changes.T @ changes
+def tempered(better: np.ndarray, worse: np.ndarray) -> float:
+    """Gain in log likelihood that its scatter from block to block lets count [nats].
 
-    def disagreement(self, effects: Sequence[TriedEffect]) -> float:
-        """How much more the parameters of effects vary from block to block than white residuals would let them; ≥ 1."""
-        names = {p.name for e in effects for p in e.free}
-        own = np.flatnonzero([n in names for n in self.model.names])
-        if not len(own):
-            return 1.0
-        white, robust = (c[np.ix_(own, own)] for c in self._covariances)
-        return max(float(np.trace(np.linalg.solve(white, robust))) / len(own), 1.0)
+    For models that are right the variance of the gain is twice its mean; where it is larger by a factor, the gain
+    counts less by that factor.
+
+    >>> blocks = np.random.default_rng(0).normal(2.0, 2.0, 400)
+    >>> bool(abs(tempered(blocks, 0.0 * blocks) / np.sum(blocks) - 1.0) < 0.2)
+    True
+    """
+    d = better - worse
+    gain, variance = float(np.sum(d)), float(len(d) * np.var(d))
+    return math.copysign(min(abs(gain), 2.0 * gain * gain / max(variance, 1e-9)), gain)
 
 
 def evidence(more: Scored, less: Scored) -> float:
-    """Log odds of a model against one that lacks some of its effects, from estimation and validation data [nats].
-
-    Residuals of unit variance that are independent would let the gain in log likelihood count in full; it counts less
-    by the factor by which the effects differ more from block to block than these would let them.
-    """
+    """Log odds of one model against another, from estimation and validation data [nats]."""
     parameters = len(more.model.x) - len(less.model.x)
     effects = len(more.model.effects) - len(less.model.effects)
-    blocks, floor = len(more.fitted.likelihood), more.seen.floor * (more.fitted.prediction.count + more.seen.count)
-    price = 0.5 * parameters * math.log(10 * blocks) + effects * PRIOR
-    beyond = gain(more, less) - effects * floor
-    if beyond > max(price, 0.0):
-        beyond /= more.disagreement([e for e in more.model.effects if e.name not in less.model.effect_names])
-    return beyond - price
+    better, worse = more.by_block, less.by_block
+    floor = effects * more.seen.floor * (more.fitted.prediction.count + more.seen.count) / len(better)
+    price = 0.5 * parameters * math.log(10 * len(more.fitted.likelihood)) + effects * PRIOR
+    return tempered(better, worse + floor) - price
 
 
 class SetSearch:
@@ -142,6 +126,7 @@ class SetSearch:
         self.shown, self.certain = shown, certain
         self._known = dict[Scored, Linearised]()
         self._fits = dict[frozenset[str], Scored]()
+        self._without = dict[tuple[Scored, str], Scored]()
         self._loose = Levels()
 
     def scored(self, model: FreeModel, steps: int, *levels: Levels) -> Scored:
@@ -160,8 +145,14 @@ class SetSearch:
         return best
 
     def without(self, found: Scored, effect: str) -> Scored:
-        """The model without an effect: from where it stands, at its own levels of noise or at loose ones."""
-        return self.scored(found.model.without(effect), SHORT, found.levels, self._loose)
+        """The model without an effect, fitted from where it stands, at its own levels of noise or at loose ones.
+
+        Remembered, since rivals ask as well.
+        """
+        if (found, effect) not in self._without:
+            self.progress(f"is {effect} needed?")
+            self._without[found, effect] = self.scored(found.model.without(effect), SHORT, found.levels, self._loose)
+        return self._without[found, effect]
 
     def settled(self, found: Scored) -> Scored:
         """A model fitted until that gains no more."""
@@ -192,16 +183,16 @@ class SetSearch:
             best = found
             self.progress(f"best so far: {names_of(best.model.effects)}")
             yield best
+        yield self._needed(best)
 
-    def rivals(self, declared: Scored, best: Scored) -> dict[str, list[Scored]]:
+    def rivals(self, best: Scored) -> dict[str, list[Scored]]:
         """Models with another effect in the place of each one found that explain nearly as much."""
         found: dict[str, list[Scored]] = {}
         for effect in (n for n in best.model.effect_names if n not in self.certain):
             if self.budget.over():
                 break
+            less = self.without(best, effect)
             self.progress(f"what could stand in the place of {effect}?")
-            known = len(best.model.effects) == 1 and not declared.model.effects
-            less = declared if known else self.without(best, effect)
             taken = gain(best, less)
             promised = {s.trials[0].candidate.name: s for s in proposals(self._screened(less), 1)[1]}
             least = PROMISE * promised[effect].gain if effect in promised else math.inf
@@ -220,7 +211,7 @@ class SetSearch:
             self.progress(f"refit with {' + '.join(s.names)}")
             tried.append(self.scored(start(best.fitted, s), SHORT, best.levels))
         winner = max(tried, key=lambda t: evidence(t, best), default=best)
-        if winner is best or not evidence(winner, best) > 0.0:
+        if not evidence(winner, best) > 0.0:
             return None
         winner = self.settled(self._reduced(self.settled(winner)))
         same = winner.model.effect_names == best.model.effect_names
@@ -239,19 +230,21 @@ class SetSearch:
         while others := [c for c in found.model.effects if c.name not in self.certain]:
             if self.budget.over():
                 break
-            effect = weakest(found.fitted, others)
-            self.progress(f"is {effect.called} needed?")
-            less = self.without(found, effect.name)
+            less = self.without(found, weakest(found.fitted, others).name)
             if evidence(found, less) > 0.0:
                 break
             found = less
         return found
 
-
-def inverse_root(matrix: np.ndarray) -> np.ndarray:
-    """Symmetric inverse square root of a matrix, shape (p, p), its smallest eigenvalues held off zero."""
-    weights, vectors = np.linalg.eigh(matrix)
-    return np.asarray((vectors / np.sqrt(np.maximum(weights, SINGULAR * weights[-1]))) @ vectors.T)
+    def _needed(self, found: Scored) -> Scored:
+        """The model once each of its effects has been asked whether it is needed."""
+        for effect in (n for n in found.model.effect_names if n not in self.certain):
+            if self.budget.over():
+                break
+            less = self.without(found, effect)
+            if not evidence(found, less) > 0.0:
+                return self._needed(self.settled(less))
+        return found
 
 
 def gain(more: Scored, less: Scored) -> float:

@@ -11,14 +11,14 @@ from hidden_table import SAMPLE_TIME, Hidden, record
 from benchmarks.discovery import hidden_tables
 from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import effect_candidates, model_structure
-from shake_ros.fit.likelihood import FreeRuns, Levels
+from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import start_of
 from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.segment import Segment, pieces
-from shake_ros.fit.solver import Budget, PredictorFit
+from shake_ros.fit.solver import Budget
 from shake_ros.search.answer import DECLARED, answer
 from shake_ros.search.candidates import listed
-from shake_ros.search.loop import LONG, Scored, SearchData, SetSearch
+from shake_ros.search.loop import LONG, SearchData, SetSearch, tempered
 from shake_ros.search.proposal import linearised, proposals
 from shake_ros.settings import load_table
 
@@ -82,30 +82,24 @@ def test_search_whose_time_is_over_gives_the_declared_table() -> None:
     assert named(Hidden(dead_band=0.02), seconds=0.0) == ()
 
 
-class Linear(FreeRuns):
-    """Residuals linear in one parameter, white but for the value that each block of 100 asks of it, shape (b,)."""
-
-    difference = 1e-3
-
-    def __init__(self, name: str, wanted: np.ndarray) -> None:
-        self.column = load_table("bergamo").layout.index[name]
-        self.slope = np.random.default_rng(5).standard_normal(100 * len(wanted))
-        self.left = np.random.default_rng(6).standard_normal(len(self.slope)) - self.slope * np.repeat(wanted, 100)
-
-    def residuals(self, vectors: np.ndarray) -> np.ndarray:
-        return self.left + np.outer(vectors[:, self.column], self.slope)
-
-    def blocks(self) -> np.ndarray:
-        return np.arange(len(self.left)) // 100
+def test_gain_that_varies_from_block_to_block_counts_less() -> None:
+    steady, wild = np.full(50, 2.0), np.where(np.arange(50) % 2 == 0, 52.0, -48.0)
+    assert tempered(steady, np.zeros(50)) == pytest.approx(100.0)
+    assert tempered(wild, np.zeros(50)) < 1.0
+    assert tempered(np.zeros(50), steady) == pytest.approx(-100.0)
 
 
-@pytest.mark.parametrize(("blocks_ask_for", "least", "most"), [(0.0, 1.0, 1.5), (1.0, 50.0, 200.0)])
-def test_an_effect_of_which_each_block_asks_for_another_value_counts_less(
-    blocks_ask_for: float, least: float, most: float
-) -> None:
-    effect = listed(next(c for c in effect_candidates() if c.effect == "accelerometer_bias"))
-    model = start_of(load_table("bergamo"), ()).with_effect(effect, {effect.strength.name: 0.0})
-    data = Linear(effect.strength.name, blocks_ask_for * np.where(np.arange(40) % 2, 1.0, -1.0))
-    found = Scored(PredictorFit(model, data, np.zeros(40)), data, np.zeros(40))
-    assert least <= found.disagreement([effect]) < most
-    assert found.disagreement([]) == 1.0
+def test_a_model_without_an_effect_is_fitted_from_where_the_one_with_it_stands() -> None:
+    """A declared model that got stuck far off would make any effect look needed."""
+    runs = [
+        Record(f"run{s}", SAMPLE_TIME, m.commands, m.position, m.acceleration) for s in (1, 2) for m in [record(s, 4.0)]
+    ]
+    structure = model_structure(load_table("bergamo"))
+    sets = (Predictor([Segment.of(r) for r in pieces([run], 4.0, 3.5)], Levels()) for run in runs)
+    search = SetSearch(SearchData(*sets), [], Budget(), lambda _: None)
+    declared = start_of(structure.table, (*structure.free, *structure.late))
+    stuck = search.scored(declared.at(3.0 * declared.x), 0, Levels(force=3.0))
+    slow = next(listed(c) for c in effect_candidates() if c.effect == "slow_valve")
+    *_, better = search.run(declared.with_effect(slow, {slow.strength.name: slow.strength.scale}), DECLARED)
+    assert better.model.effects == ()
+    assert better.fitted.total > stuck.fitted.total + 1000.0
