@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.decision import ForwardStep, Refit
-from shake_ros.core.discovery.problem import Reduced, ScoredFit, SearchProblem, linearised
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.plant.parameters import TableParameters
 
@@ -16,27 +16,14 @@ FIRST, ROUGH = 10, 1e-2  # trial points and tolerance of the predictor and of th
 
 
 def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect) -> ScoredFit:
-    """The fit with an effect taken out and everything else refitted; remembered, since elimination and verdict ask.
-
-    The model without it is the same wherever the current fit stands, so one that was far worse is not fitted again.
-    """
+    """The fit with an effect taken out and everything else refitted; one that is far worse need not converge."""
     settings, result, names = problem.settings, current.fit, {f.name for f in dropped.free}
     keep = [i for i, f in enumerate(result.free.free) if f.name not in names]
-    key = (dropped.effect, result.free.names)
-    far, known = MUCH_WORSE * current.score, problem.reduced.get(key)
-    if known is not None and not known.at:  # of other data
-        known = Reduced(b"", problem.scored(linearised(problem.estimation, known.reduced.fit)))
-        problem.reduced[key] = known
-    if known is not None and (known.at == result.x.tobytes() or known.reduced.score >= far):
-        return known.reduced
     free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])
     reduced = problem.fitted(free, result.x[keep], FIRST, ROUGH)
-    if reduced.score < far:
+    if reduced.score < MUCH_WORSE * current.score:
         most = settings.continued_evaluations
         reduced = problem.fitted(free, reduced.fit.x, most, settings.converged, near=True)
-    if known is not None and known.reduced.score < reduced.score:
-        reduced = known.reduced
-    problem.reduced[key] = Reduced(result.x.tobytes(), reduced)
     return reduced
 
 

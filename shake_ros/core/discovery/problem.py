@@ -106,21 +106,12 @@ class ScoredFit:
 
 
 @dataclass(frozen=True)
-class Reduced:
-    """A fit without an effect. at : solution of the model with it from which it began, as bytes; none on other data."""
-
-    at: bytes
-    reduced: ScoredFit
-
-
-@dataclass(frozen=True)
 class SearchProblem:
     """Estimation and validation data, pieces of the former, the parameters that may be freed late, settings, progress.
 
-    progress : called with what is being done and the part of the step that is done. reduced : fits that have been made
-    without an effect, by its name and those of all free parameters before. predictor_rate : of the predictor runs that
-    count beside the free ones [1/s]; 0 where no process noise shows. partial : whether only pieces of the estimation
-    data are fitted, so that the end is a fit to all of them.
+    progress : called with what is being done and the part of the step that is done. predictor_rate : of the predictor
+    runs that count beside the free ones in the final fit [1/s]; 0 where no process noise shows. partial : whether only
+    pieces of the estimation data are fitted, so that the end is a fit to all of them.
     """
 
     estimation: RecordingProblem
@@ -129,7 +120,6 @@ class SearchProblem:
     late: tuple[FreeParameter, ...]
     settings: SearchSettings
     progress: Progress
-    reduced: dict[tuple[str, tuple[str, ...]], Reduced] = field(default_factory=dict, repr=False)
     predictor_rate: float = 0.0
     partial: bool = False
 
@@ -185,7 +175,6 @@ class SearchProblem:
             estimation=self.estimation.unpredicted(ratio),
             validation=self.validation.unpredicted(ratio),
             estimation_pieces=self.estimation_pieces.unpredicted(ratio),
-            reduced={},
         )
 
     def refitted(self, current: ScoredFit) -> ScoredFit:
@@ -208,10 +197,9 @@ class SearchProblem:
             estimation=nuisances.problem(self.estimation),
             validation=nuisances.problem(self.validation),
             estimation_pieces=nuisances.problem(self.estimation_pieces),
-            reduced={key: Reduced(b"", known.reduced) for key, known in self.reduced.items()},
         )
 
     def on_whole(self, estimation: Sequence[Record]) -> SearchProblem:
         """The same problem with all of the estimation data."""
         whole = RecordingProblem(list(estimation), self.estimation.model).unpredicted(self.estimation.unpredictable)
-        return replace(self, estimation=whole, reduced={}, partial=False)
+        return replace(self, estimation=whole, partial=False)
