@@ -144,15 +144,20 @@ class SetSearch:
         self._fits[frozenset(model.effect_names)] = best
         return best
 
-    def without(self, found: Scored, effect: str) -> Scored:
+    def without(self, found: Scored, effect: TriedEffect) -> Scored:
         """The model without an effect, fitted from where it stands, at its own levels of noise or at loose ones.
 
         Remembered, since rivals ask as well.
         """
-        if (found, effect) not in self._without:
-            self.progress(f"is {effect} needed?")
-            self._without[found, effect] = self.scored(found.model.without(effect), SHORT, found.levels, self._loose)
-        return self._without[found, effect]
+        key = found, effect.name
+        if key not in self._without:
+            self.progress(f"is {effect.called} needed?")
+            self._without[key] = self.scored(found.model.without(effect.name), SHORT, found.levels, self._loose)
+        return self._without[key]
+
+    def _optional(self, found: Scored) -> list[TriedEffect]:
+        """Effects that a model may do without."""
+        return [e for e in found.model.effects if e.name not in self.certain]
 
     def settled(self, found: Scored) -> Scored:
         """A model fitted until that gains no more."""
@@ -188,17 +193,17 @@ class SetSearch:
     def rivals(self, best: Scored) -> dict[str, list[Scored]]:
         """Models with another effect in the place of each one found that explain nearly as much."""
         found: dict[str, list[Scored]] = {}
-        for effect in (n for n in best.model.effect_names if n not in self.certain):
+        for effect in self._optional(best):
             if self.budget.over():
                 break
             less = self.without(best, effect)
-            self.progress(f"what could stand in the place of {effect}?")
+            self.progress(f"what could stand in the place of {effect.called}?")
             taken = gain(best, less)
             promised = {s.trials[0].candidate.name: s for s in proposals(self._screened(less), 1)[1]}
-            least = PROMISE * promised[effect].gain if effect in promised else math.inf
+            least = PROMISE * promised[effect.name].gain if effect.name in promised else math.inf
             others = [s for n, s in promised.items() if s.gain > least and n not in best.model.effect_names][:CLOSEST]
             tried = [self.scored(start(less.fitted, s), SHORT, less.levels) for s in others]
-            found[effect] = [t for t in tried if gain(t, less) > ALIKE * taken]
+            found[effect.name] = [t for t in tried if gain(t, less) > ALIKE * taken]
         return found
 
     def _step(self, best: Scored) -> Scored | None:
@@ -227,10 +232,8 @@ class SetSearch:
 
     def _reduced(self, found: Scored) -> Scored:
         """The model without what it can do without."""
-        while others := [c for c in found.model.effects if c.name not in self.certain]:
-            if self.budget.over():
-                break
-            less = self.without(found, weakest(found.fitted, others).name)
+        while (others := self._optional(found)) and not self.budget.over():
+            less = self.without(found, weakest(found.fitted, others))
             if evidence(found, less) > 0.0:
                 break
             found = less
@@ -238,7 +241,7 @@ class SetSearch:
 
     def _needed(self, found: Scored) -> Scored:
         """The model once each of its effects has been asked whether it is needed."""
-        for effect in (n for n in found.model.effect_names if n not in self.certain):
+        for effect in self._optional(found):
             if self.budget.over():
                 break
             less = self.without(found, effect)
