@@ -97,12 +97,16 @@ def tempered(better: np.ndarray, worse: np.ndarray) -> float:
 
 def evidence(more: Scored, less: Scored) -> float:
     """Log odds of one model against another, from estimation and validation data [nats]."""
+    effects, better, worse = len(more.model.effects) - len(less.model.effects), more.by_block, less.by_block
+    floor = effects * more.seen.floor * (more.fitted.prediction.count + more.seen.count) / len(better)
+    return tempered(better, worse + floor) - price(more, less)
+
+
+def price(more: Scored, less: Scored) -> float:
+    """What a model has to gain on another for its parameters and effects [nats]."""
     parameters = len(more.model.x) - len(less.model.x)
     effects = len(more.model.effects) - len(less.model.effects)
-    better, worse = more.by_block, less.by_block
-    floor = effects * more.seen.floor * (more.fitted.prediction.count + more.seen.count) / len(better)
-    price = 0.5 * parameters * math.log(10 * len(more.fitted.likelihood)) + effects * PRIOR
-    return tempered(better, worse + floor) - price
+    return 0.5 * parameters * math.log(10 * len(more.fitted.likelihood)) + effects * PRIOR
 
 
 class SetSearch:
@@ -152,7 +156,7 @@ class SetSearch:
         key = found, effect.name
         if key not in self._without:
             self.progress(f"is {effect.called} needed?")
-            self._without[key] = self.scored(found.model.without(effect.name), SHORT, found.levels, self._loose)
+            self._without[key] = self.scored(found.model.without(effect.name), LONG, found.levels, self._loose)
         return self._without[key]
 
     def _optional(self, found: Scored) -> list[TriedEffect]:
@@ -209,15 +213,16 @@ class SetSearch:
     def _step(self, best: Scored) -> Scored | None:
         """A better model with a set of effects more, or none."""
         lin = self._screened(best)
-        tried = list[Scored]()
+        better = list[Scored]()
         for s in worth_trying(proposals(lin), len(best.fitted.likelihood)):
             if self.budget.over():
                 break
             self.progress(f"refit with {' + '.join(s.names)}")
-            tried.append(self.scored(start(best.fitted, s), SHORT, best.levels))
-        winner = max(tried, key=lambda t: evidence(t, best), default=best)
-        if not evidence(winner, best) > 0.0:
+            tried = self.scored(start(best.fitted, s), SHORT, best.levels)
+            better += [tried] if evidence(tried, best) > 0.0 else []
+        if not better:
             return None
+        winner = max(better, key=lambda b: gain(b, best) - price(b, best))
         winner = self.settled(self._reduced(self.settled(winner)))
         same = winner.model.effect_names == best.model.effect_names
         return winner if evidence(winner, best) > (SETTLED if same else 0.0) else None
