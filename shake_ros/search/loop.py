@@ -4,7 +4,7 @@
     repeat
         linearise: its parameters, and every absent effect at finite trials
         propose sets of up to three effects by linear best-subset selection
-        refit the best set of each size; keep the one with the best evidence
+        refit the best set of each size; of those with evidence keep the one that gains most beyond its price
         take out what the set can do without
     until no set is worth it
     take out what the model can do without
@@ -99,14 +99,18 @@ def evidence(more: Scored, less: Scored) -> float:
     """Log odds of one model against another, from estimation and validation data [nats]."""
     effects, better, worse = len(more.model.effects) - len(less.model.effects), more.by_block, less.by_block
     floor = effects * more.seen.floor * (more.fitted.prediction.count + more.seen.count) / len(better)
-    return tempered(better, worse + floor) - price(more, less)
+    return tempered(better, worse + floor) - price_over(more, less)
 
 
-def price(more: Scored, less: Scored) -> float:
-    """What a model has to gain on another for its parameters and effects [nats]."""
-    parameters = len(more.model.x) - len(less.model.x)
-    effects = len(more.model.effects) - len(less.model.effects)
-    return 0.5 * parameters * math.log(10 * len(more.fitted.likelihood)) + effects * PRIOR
+def price_over(more: Scored, less: Scored) -> float:
+    """What a model has to gain on another for what it has in addition [nats]."""
+    effects, parameters = len(more.model.effects) - len(less.model.effects), len(more.model.x) - len(less.model.x)
+    return price(effects, parameters, len(more.fitted.likelihood))
+
+
+def price(effects: int, parameters: int, blocks: int) -> float:
+    """What so many effects and parameters have to gain on estimation data of so many blocks [nats]."""
+    return effects * PRIOR + 0.5 * parameters * math.log(10 * blocks)
 
 
 class SetSearch:
@@ -222,7 +226,7 @@ class SetSearch:
             better += [tried] if evidence(tried, best) > 0.0 else []
         if not better:
             return None
-        winner = max(better, key=lambda b: gain(b, best) - price(b, best))
+        winner = max(better, key=lambda b: gain(b, best) - price_over(b, best))
         winner = self.settled(self._reduced(self.settled(winner)))
         same = winner.model.effect_names == best.model.effect_names
         return winner if evidence(winner, best) > (SETTLED if same else 0.0) else None
@@ -264,7 +268,7 @@ def worth_trying(found: dict[int, list[EffectSet]], blocks: int) -> list[EffectS
     """The best set of each size that promises more than it costs, and rivals of the best single effect."""
 
     def net(p: EffectSet) -> float:
-        return p.gain - sum(PRIOR + 0.5 * len(t.candidate.free) * math.log(10 * blocks) for t in p.trials)
+        return p.gain - price(len(p.trials), sum(len(t.candidate.free) for t in p.trials), blocks)
 
     chosen = list[EffectSet]()
     singles = [p for p in found.get(1, []) if net(p) > 0.0]
