@@ -228,7 +228,7 @@ class SetSearch:
             return None
         winner = max(better, key=lambda b: gain(b, best) - price_over(b, best))
         winner = self.settled(self._reduced(self.settled(winner)))
-        same = winner.model.effect_names == best.model.effect_names
+        same = set(winner.model.effect_names) == set(best.model.effect_names)
         return winner if evidence(winner, best) > (SETTLED if same else 0.0) else None
 
     def _screened(self, found: Scored) -> Linearised:
