@@ -112,9 +112,9 @@ class FreeRuns(Likelihood):
         self._found: np.ndarray | None = None  # what the runs at a vector leave, in parts of the sensors' noise
 
     def with_levels(self, levels: Levels) -> FreeRuns:
-        """The same at another level of noise."""
+        """The same at another level of noise, of which it has but the one."""
         made = copy.copy(self)
-        made.levels = levels
+        made.levels = Levels(position=levels.position)
         return made
 
     def filtered(self, vector: np.ndarray) -> FreeRuns:

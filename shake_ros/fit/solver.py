@@ -163,20 +163,26 @@ def fit(
 
     Parameters
     ----------
-    begun : the recordings at levels of noise, from the likeliest of which it begins. steps : Jacobians at most.
+    begun : the recordings at levels of noise; it goes on from those under which the first steps lead to the likeliest
+    model. steps : Jacobians at most.
     tolerance : gain in log likelihood at which it stops. levels : of noise that are estimated.
     """
 
     def at(prediction: Likelihood, model: FreeModel) -> PredictorFit:
         return PredictorFit(model, prediction, prediction.log_likelihood())
 
-    vector = model.vectors(model.x)[0]
-    best, taken = max((at(p.filtered(vector), model) for p in begun), key=lambda f: f.total), 0
-    while taken < steps and not budget.over():
+    def further(best: PredictorFit) -> tuple[PredictorFit, int]:
         moved, used = descend(best.prediction, best.model, min(STEPS, steps - taken), tolerance, budget)
-        now = at(best.prediction.tuned(moved.vectors(moved.x)[0], levels), moved)
+        return at(best.prediction.tuned(moved.vectors(moved.x)[0], levels), moved), used
+
+    vector, taken = model.vectors(model.x)[0], 0
+    starts = [at(p.filtered(vector), model) for p in {p.levels: p for p in begun}.values()]
+    best = max(starts, key=lambda f: f.total)
+    while taken < steps and not budget.over():
+        now, used = max((further(f) for f in starts), key=lambda f: f[0].total)
         taken, gained = taken + used, now.total - best.total
         best = now if gained > 0.0 else best
         if gained < tolerance:
             break
+        starts = [best]
     return best

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
 SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one that goes on
 SETTLED = 3.0  # gain in log likelihood from which a fit goes on [nats]
 MORE = 1.1  # times what fewer effects promise, from which a larger set is refitted: less is mostly curvature
+TIGHT = 0.03  # random force of the other start of the first fit, in parts of the acceleration: a loose one can stay so
 CLOSEST = 3  # single effects that are refitted, the most promising ones
 PROMISE, ALIKE = 0.5, 0.8  # part of an effect's gain that a rival has to promise at first order, and to take
 
@@ -140,17 +141,17 @@ class SetSearch:
     def scored(self, model: FreeModel, steps: int, *levels: Levels) -> Scored:
         """A model fitted by so many steps, and scored; the best fit of the same effects so far if that is better.
 
-        levels : of noise, from the likeliest of which it begins.
+        levels : of noise; it goes on from those under which its first steps lead to the likeliest model.
         """
         fitted = fit([self.data.estimation.with_levels(each) for each in levels], model, self.budget, steps=steps)
+        known = self._fits.get(frozenset(model.effect_names))
+        if known is not None and known.fitted.total >= fitted.total:
+            return known
         vector = fitted.model.vectors(fitted.model.x)[0]
         validation = self.data.validation.with_levels(fitted.prediction.levels)
         seen = validation.tuned(vector, validation.own_levels)
-        found = Scored(fitted, seen, seen.log_likelihood())
-        known = self._fits.get(frozenset(model.effect_names))
-        best = found if known is None or found.fitted.total > known.fitted.total else known
-        self._fits[frozenset(model.effect_names)] = best
-        return best
+        self._fits[frozenset(model.effect_names)] = found = Scored(fitted, seen, seen.log_likelihood())
+        return found
 
     def without(self, found: Scored, effect: TriedEffect) -> Scored:
         """The model without an effect, fitted from where it stands, at its own levels of noise or at loose ones.
@@ -176,11 +177,14 @@ class SetSearch:
             found = longer
         return found
 
-    def run(self, model: FreeModel, levels: Levels) -> Iterator[Scored]:
-        """The declared model, then each better one that is found."""
-        self._loose = levels
+    def run(self, model: FreeModel, loose: Levels) -> Iterator[Scored]:
+        """The declared model, then each better one that is found.
+
+        loose : levels of noise that leave room for the errors of a model before its fit.
+        """
+        self._loose = loose
         self.progress("declared model: fit")
-        best = self.scored(model, LONG, levels)
+        best = self.scored(model, LONG, loose, replace(loose, force=TIGHT))
         yield best
         if self.shown:
             self.progress(f"refit with {self.shown.effect.called}, which the recordings show")

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from hidden_table import SAMPLE_TIME, TRUE, Hidden, record
 
+from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.declared import free_parameters, late_parameters
-from shake_ros.fit.likelihood import Levels
+from shake_ros.fit.likelihood import Levels, Likelihood
 from shake_ros.fit.model import FreeModel, start_of
 from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.segment import Segment, pieces
@@ -41,6 +46,55 @@ def test_fit_from_the_catalogue_finds_the_table_and_that_nothing_but_noise_is_le
 def test_force_that_no_parameter_explains_is_counted_as_process_noise() -> None:
     found = fit([Predictor([Segment.of(run(1, Hidden(flexible_mass=120.0)))], LEVELS)], declared(), Budget())
     assert found.prediction.levels.force > 0.02
+
+
+class TwoValleys(Likelihood):
+    """One parameter; under loose levels it is drawn to twice its first value, under tight ones to a likelier half."""
+
+    own_levels = ()
+    difference = 1e-6
+
+    def __init__(self, begin: float, levels: Levels, at: float = math.nan) -> None:
+        self.begin, self.levels, self.at = begin, levels, at
+        self.loose = levels.force > 1.0
+
+    def with_levels(self, levels: Levels) -> TwoValleys:
+        return TwoValleys(self.begin, levels)
+
+    def filtered(self, vector: np.ndarray) -> TwoValleys:
+        return TwoValleys(self.begin, self.levels, vector[FULL_LAYOUT.index["body.stroke"]] / self.begin)
+
+    def tuned(self, vector: np.ndarray, names: Sequence[str]) -> TwoValleys:
+        return self.filtered(vector)
+
+    def part(self, seconds: float) -> TwoValleys:
+        return self
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        parts = vectors[:, [FULL_LAYOUT.index["body.stroke"]]] / self.begin
+        return 10.0 * (parts - 2.0) if self.loose else 100.0 * (parts - 0.5)
+
+    def log_likelihood(self) -> np.ndarray:
+        return np.array([-50.0 - 10.0 * (self.at - 2.0) ** 2 if self.loose else -1e3 * (self.at - 0.5) ** 2])
+
+    @property
+    def count(self) -> int:
+        return 1
+
+    def run_sizes(self) -> list[int]:
+        return [1]
+
+
+def test_fit_goes_on_from_the_levels_that_lead_to_the_likelier_model_not_those_that_are_likelier_at_its_start() -> None:
+    table = load_table("bergamo")
+    begin = table.value("body.stroke")
+    model = start_of(table, [FreeParameter("body.stroke", begin, 0.0, 10.0 * begin, "m")])
+    starts = [TwoValleys(begin, Levels(force=force)) for force in (3.0, 0.03)]
+    first = [float(s.filtered(model.vectors(model.x)[0]).log_likelihood()[0]) for s in starts]
+    assert first[0] > first[1]
+    found = fit(starts, model, Budget())
+    assert found.model.value("body.stroke") == pytest.approx(0.5 * begin)
+    assert found.prediction.levels.force == 0.03
 
 
 def test_fit_whose_time_is_over_ends_at_once_with_a_model() -> None:
