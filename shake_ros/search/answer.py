@@ -37,6 +37,8 @@ def answer(
     budget: Budget,
     progress: Callable[[str], None],
     failures: Failures = RAISING,
+    *,
+    slow: bool = False,
 ) -> GivenAnswer:
     """The effects that a table lacks.
 
@@ -46,14 +48,16 @@ def answer(
     estimation, validation : recordings that are fitted, and recordings that choose between models.
     budget : how long it may take. progress : called with a line of progress.
     failures : takes an error of the search, which then ends with what it has found.
+    slow : search with free runs of slow motion, even where nothing shows that no predictor follows the table.
     """
     known = {c.effect: c for c in model.candidates}
     shown = None if BACKLASH in model.shown else backlash(known.get(BACKLASH), estimation)
     certain = (*model.between, *((BACKLASH,) if shown or BACKLASH in model.shown else ()))
-    data = search_data(model, estimation, validation or estimation, BACKLASH in certain)
-    search = SetSearch(data, [listed(c) for c in model.candidates], budget, progress, shown, certain)
+    slow = slow or BACKLASH in certain
+    data = search_data(model, estimation, validation or estimation, slow)
+    search = SetSearch(data, [tried(c, slow) for c in model.candidates], budget, progress, shown, certain)
     behind, unknown = filter_of(estimation[0]), model.simulator.nuisances
-    begin = beginning(model, behind)
+    begin = beginning(model, behind, slow)
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
         for better in search.run(begin, UNKNOWN if unknown else DECLARED):
@@ -65,27 +69,28 @@ def answer(
     }
     best = models[-1].model if models else begin
     sensor = found_filter(best, behind) if unknown else None
-    return GivenAnswer(best.found_table(), tuple(known[c.name] for c in best.effects), rivals, not done, sensor)
+    effects, predicted = tuple(known[c.name] for c in best.effects), type(data.estimation) is Predictor
+    return GivenAnswer(best.found_table(), effects, rivals, not done, sensor, predicted)
 
 
 def search_data(
-    model: ModelStructure, estimation: Sequence[Record], validation: Sequence[Record], contacts: bool
+    model: ModelStructure, estimation: Sequence[Record], validation: Sequence[Record], slow: bool
 ) -> SearchData:
-    """The recordings as the model is fitted to them: by free runs where no predictor follows it.
+    """The recordings as the model is fitted to them: by a predictor, or by free runs where none follows it.
 
-    contacts : whether the acceleration shows a backlash.
+    slow : free runs of slow motion.
     """
     if model.simulator.layout is not FULL_LAYOUT:
         return SearchData(*(FreeRuns(r, model.simulator, Levels()) for r in (estimation, validation)))
-    runs = SlowRuns if contacts else Predictor
+    runs = SlowRuns if slow else Predictor
     parts = pieces(estimation, SECONDS, PIECE), pieces(validation, VALIDATION_SECONDS, PIECE)
     return SearchData(*(runs([Segment.of(r) for r in part], Levels()) for part in parts))
 
 
-def beginning(model: ModelStructure, behind: SensorFilter) -> FreeModel:
+def beginning(model: ModelStructure, behind: SensorFilter, slow: bool) -> FreeModel:
     """The model with the effects that show without a search, from which it begins.
 
-    behind : delay and filter of the accelerometer, which are free where the table is unknown.
+    behind : delay and filter of the accelerometer, which are free where the table is unknown. slow : see `tried`.
     """
     own = [p for p in (*model.free, *model.late) if not is_of_recording(p.name)]
     found = start_of(model.table, own)
@@ -97,7 +102,7 @@ def beginning(model: ModelStructure, behind: SensorFilter) -> FreeModel:
     for c in model.candidates:
         if model.fitted is not None and c.effect in model.shown:
             values = {p.name: model.fitted.value(p.name) for p in c.free}
-            found = found.with_effect(slow_one(c) if c.effect == BACKLASH else listed(c), values)
+            found = found.with_effect(tried(c, slow), values)
     return found
 
 
@@ -107,10 +112,10 @@ def found_filter(model: FreeModel, before: SensorFilter) -> SensorFilter:
     return SensorFilter(before.pure + model.value(SENSOR_DELAY.name) + by_filter, by_filter)
 
 
-def slow_one(backlash: CandidateEffect) -> TriedEffect:
-    """A backlash as slow motion shows it, which leaves the mass on the piston's side, its last parameter, open."""
-    effect = listed(backlash)
-    return replace(effect, free=effect.free[:-1])
+def tried(candidate: CandidateEffect, slow: bool) -> TriedEffect:
+    """An effect as the search tries it: slow motion leaves a backlash's mass on the piston's side, its last, open."""
+    effect = listed(candidate)
+    return replace(effect, free=effect.free[:-1]) if slow and effect.name == BACKLASH else effect
 
 
 def backlash(effect: CandidateEffect | None, records: Sequence[Record]) -> Start | None:
@@ -118,4 +123,4 @@ def backlash(effect: CandidateEffect | None, records: Sequence[Record]) -> Start
     if effect is None or not shows_backlash(records):
         return None
     softest = min(effect.trials, key=lambda t: t[STIFFNESS])
-    return Start(slow_one(effect), {**softest, effect.strength.name: GAP * width_of_gap(records)})
+    return Start(tried(effect, slow=True), {**softest, effect.strength.name: GAP * width_of_gap(records)})

@@ -11,7 +11,7 @@ import numpy as np
 from shake_ros.core.discovery.closed_form import LearntFunction, learnt_function
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel, fitted_model, unassessed_model
-from shake_ros.core.discovery.given_answer import better_beginning, selection_of
+from shake_ros.core.discovery.given_answer import GivenAnswer, better_beginning, selection_of
 from shake_ros.core.discovery.problem import (
     ModelStructure,
     Progress,
@@ -111,14 +111,27 @@ def searched(
 
     progress : of `problem` as well, but for `Stopped`, which it may raise.
     """
-    budget = Budget(over=time_is_over)
-    given = answer(model, estimation, validation, budget, lambda line: problem.progress(line, 0.3), failures)
-    known, begun = NuisanceEstimates(given.behind), problem
-    problem = problem.with_nuisances(known)
-    with within_budget(deadline_passed):  # what the search has found is fitted even where it was stopped
-        found = replace(selection_of(problem, model, given), nuisances=known)
-        if (better := better_beginning(begun, model, found)) is not None:
-            problem, found = begun, selection_of(begun, model, better)
+    begun, budget = problem, Budget(over=time_is_over)
+
+    def search(slow: bool) -> GivenAnswer:
+        def report(line: str) -> None:
+            begun.progress(f"slow motion: {line}" if slow else line, 0.3)
+
+        return answer(model, estimation, validation, budget, report, failures, slow=slow)
+
+    def fitted(given: GivenAnswer) -> tuple[SearchProblem, Selection]:
+        known = NuisanceEstimates(given.behind)
+        behind = begun.with_nuisances(known)
+        with within_budget(deadline_passed):  # what the search has found is fitted even where it was stopped
+            return behind, replace(selection_of(behind, model, given), nuisances=known)
+
+    given = search(slow=False)
+    problem, found = fitted(given)
+    if (better := better_beginning(begun, model, found)) is not None:
+        problem, found = fitted(better)
+    if given.predicted and not (budget.over() or near_noise(problem, found.final)):
+        other = fitted(search(slow=True))
+        problem, found = min((problem, found), other, key=lambda f: f[1].final.validation_cost)
     with failures.step("nuisance parameters"):
         problem, found = with_nuisances(problem, found)
     with failures.step("search for an unlisted effect"), contextlib.suppress(Stopped):

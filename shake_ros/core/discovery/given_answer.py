@@ -34,7 +34,8 @@ class GivenAnswer:
     ----------
     table : with all of them. effects : candidates, the one that explains most first. rivals : candidates that explain
     nearly as much in the place of an effect, each with a table that has it. stopped : whether the search ended before
-    it was done. behind : delay and filter of the accelerometer, where the search has fitted them.
+    it was done. behind : delay and filter of the accelerometer, where the search has fitted them. predicted : whether
+    it has fitted a predictor, and no free runs.
     """
 
     table: TableParameters
@@ -42,6 +43,7 @@ class GivenAnswer:
     rivals: Mapping[str, Sequence[tuple[CandidateEffect, TableParameters]]]
     stopped: bool = False
     behind: SensorFilter | None = None
+    predicted: bool = False
 
 
 def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> Selection:
