@@ -59,6 +59,10 @@ class TriedEffect:
         """Whether its strength can have either sign."""
         return self.strength.low < 0.0
 
+    def with_trial(self, values: Mapping[str, float]) -> TriedEffect:
+        """The same with one trial more."""
+        return replace(self, trials=(*self.trials, (values,)))
+
 
 @dataclass(frozen=True)
 class FreeModel:

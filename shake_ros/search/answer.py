@@ -12,6 +12,7 @@ from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.free_parameters import is_of_recording
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_filter import SensorFilter, filter_of
+from shake_ros.core.identification.sensor_pair import BASE, base_between
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.explain.backlash import BACKLASH, shows_backlash, width_of_gap
 from shake_ros.fit.likelihood import FreeRuns, Levels
@@ -55,7 +56,7 @@ def answer(
     certain = (*model.between, *((BACKLASH,) if shown or BACKLASH in model.shown else ()))
     slow = slow or BACKLASH in certain
     data = search_data(model, estimation, validation or estimation, slow)
-    search = SetSearch(data, [tried(c, slow) for c in model.candidates], budget, progress, shown, certain)
+    search = SetSearch(data, effects_tried(model, estimation, slow), budget, progress, shown, certain)
     behind, unknown = filter_of(estimation[0]), model.simulator.nuisances
     begin = beginning(model, behind, slow)
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
@@ -64,13 +65,13 @@ def answer(
             models.append(better)
         others, done = search.rivals(models[-1]), not budget.over()
     rivals = {
-        effect: tuple((known[m.model.effects[-1].name], m.model.found_table()) for m in found)
-        for effect, found in others.items()
+        effect: tuple((known[m.model.effects[-1].name], m.model.found_table()) for m in instead)
+        for effect, instead in others.items()
     }
     best = models[-1].model if models else begin
     sensor = found_filter(best, behind) if unknown else None
-    effects, predicted = tuple(known[c.name] for c in best.effects), type(data.estimation) is Predictor
-    return GivenAnswer(best.found_table(), effects, rivals, not done, sensor, predicted)
+    found, predicted = tuple(known[c.name] for c in best.effects), type(data.estimation) is Predictor
+    return GivenAnswer(best.found_table(), found, rivals, not done, sensor, predicted)
 
 
 def search_data(
@@ -110,6 +111,16 @@ def found_filter(model: FreeModel, before: SensorFilter) -> SensorFilter:
     """Delay and filter of the accelerometer of a fitted model."""
     by_filter = model.value(SENSOR_FILTER.name)
     return SensorFilter(before.pure + model.value(SENSOR_DELAY.name) + by_filter, by_filter)
+
+
+def effects_tried(model: ModelStructure, records: Sequence[Record], slow: bool) -> list[TriedEffect]:
+    """The effects that a model may lack; a base is tried with the mode that shows most between the sensors, too.
+
+    Off its frequency a mode promises little.
+    """
+    effects = [tried(c, slow) for c in model.candidates]
+    base = base_between(records) if any(e.name == BASE for e in effects) else None
+    return effects if base is None else [e.with_trial(base.on(model.table)) if e.name == BASE else e for e in effects]
 
 
 def tried(candidate: CandidateEffect, slow: bool) -> TriedEffect:

@@ -27,6 +27,7 @@ from scipy.optimize import least_squares
 
 from shake_ros.core.analysis.frequency_response import SHORTEST, frequency_response
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.sensors import FILTER_DELAY
 from shake_ros.core.quantities import ShakeError
 
@@ -44,6 +45,7 @@ EARLIEST = -1e-3  # delay of the acceleration; before its position it does not c
 WORTH = 0.8  # fall of the cost from which a lag counts as one, or a filter
 WORTH_OF_SECOND = 0.9  # the same of the other sensor's lag beside it, one number more for hundreds of lines
 WORTH_OF_BASE = 0.5  # the same of a base's mode, which has three parameters
+BASE = "base_flexibility"
 BASES = (4.0, 7.0, 11.0, 16.0, 24.0, 35.0)  # natural frequencies from which one is sought [Hz]
 AMPLIFIED = 0.05  # β at low damping and a third of the frequency, from which it is sought
 OPPOSITE = -0.02  # mean gain below which it is no noise: -0.1 of an acceleration in g whose sign is turned
@@ -64,6 +66,11 @@ class BaseMode:
         natural = 2.0 * np.pi * self.frequency
         swinging = natural**2 - omega**2 + 2j * self.damping * natural * omega
         return np.asarray(1.0 / (1.0 - omega**2 * self.compliance_mass * natural**2 / swinging))
+
+    def on(self, table: TableParameters) -> dict[str, float]:
+        """Values by dotted name on a table."""
+        values = (self.compliance_mass / table.moved_mass, self.frequency, self.damping)
+        return {f"effects.{BASE}.{n}": v for n, v in zip(("compliance", "frequency", "damping"), values, strict=True)}
 
 
 @dataclass(frozen=True)
@@ -104,12 +111,11 @@ class SensorPair:
     base: BaseMode | None = None
 
 
+Lines = tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64]]
 ALIKE = SensorPair()  # sensors that tell nothing of each other
 
 
-def between_sensors(
-    records: Sequence[Record],
-) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64]]:
+def between_sensors(records: Sequence[Record]) -> Lines:
     """Angular frequency [rad/s], acceleration per second derivative of the position [-], weights; of coherent lines."""
     lines, values, weights = [], [], []
     for record in records:
@@ -199,11 +205,32 @@ def shown_between(response: SensorResponse) -> Between:
         both = response.fitted([Between(v, slow_position.position_lag) for v in (slow.lag, *SHORT)])
         found = response.better(both, found, WORTH_OF_SECOND)
         besides += [found] if found is both else []
-    modes = [BaseMode(8.0 * AMPLIFIED / (2.0 * np.pi * f) ** 2, f, 0.05) for f in BASES]
     for beside in besides:
-        on_base = response.fitted([replace(beside, base=mode) for mode in modes])
-        found = response.better(on_base, found, WORTH_OF_BASE if found.base is None else WORTH)
+        found = response.better(on_base(response, beside), found, WORTH_OF_BASE if found.base is None else WORTH)
     return found
+
+
+def on_base(response: SensorResponse, beside: Between) -> Between:
+    """What explains most of a response with a base that gives way beside something else."""
+    modes = [BaseMode(8.0 * AMPLIFIED / (2.0 * np.pi * f) ** 2, f, 0.05) for f in BASES]
+    return response.fitted([replace(beside, base=mode) for mode in modes])
+
+
+def base_between(records: Sequence[Record]) -> BaseMode | None:
+    """The base that the sensors show most of, however little that is; none where they tell nothing of each other."""
+    response = response_of([between_sensors([record]) for record in records])
+    if response is None:
+        return None
+    beside = replace(shown_between(response), base=None)
+    return min((on_base(response, b) for b in (Between(), beside)), key=response.cost).base
+
+
+def response_of(lines: Sequence[Lines]) -> SensorResponse | None:
+    """The lines of all recordings; None where they are too few or their signs differ."""
+    omega, values, weights = (np.concatenate(parts) for parts in zip(*lines, strict=True))
+    if len(omega) < FEWEST or np.sum(weights * values.real) <= 0.0:
+        return None
+    return SensorResponse(omega, values, weights / np.sum(weights))
 
 
 def sensor_pair(records: Sequence[Record]) -> SensorPair:
@@ -217,14 +244,13 @@ def sensor_pair(records: Sequence[Record]) -> SensorPair:
     for record, (omega, values, weights) in zip(records, each, strict=True):
         if len(omega) >= FEWEST and (ratio := float(np.average(values.real, weights=weights))) < OPPOSITE:
             raise ShakeError(turned(record, ratio))
-    omega, values, weights = (np.concatenate(parts) for parts in zip(*each, strict=True))
-    if len(omega) < FEWEST or np.sum(weights * values.real) <= 0.0:
+    response = response_of(each)
+    if response is None:
         return ALIKE
-    response = SensorResponse(omega, values, weights / np.sum(weights))
     found = shown_between(response)
     rest, gain, delay = response.left(found)
-    sizes, slowest = rest[: len(omega)], max(found.lag, found.position_lag)
-    shows = float(sizes @ sizes) < WIDEST**2 and slowest * float(np.min(omega)) < SLOW_AS_SCALE
+    sizes, slowest = rest[: len(response.omega)], max(found.lag, found.position_lag)
+    shows = float(sizes @ sizes) < WIDEST**2 and slowest * float(np.min(response.omega)) < SLOW_AS_SCALE
     by_filter = FILTER_DELAY / found.cutoff if found.cutoff else 0.0
     scale_error = float(np.exp(gain)) - 1.0 if shows else None
     return SensorPair(delay + by_filter, found.lag, found.position_lag, scale_error, found.base)

@@ -316,20 +316,16 @@ def shows_at_once(pieces: RecordingProblem, effect: JoiningEffect, before: Fit) 
 def effects_between_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:
     """Values, by dotted name, of the effects on a table that show between its sensors, among those that it may lack."""
     base, scale = sensors.base, sensors.scale_error
-    shown: dict[str, dict[str, float]] = {}
+    shown = dict[str, float]()
     if sensors.lag:
-        shown["accelerometer_lag"] = {"time_constant": sensors.lag}
+        shown["effects.accelerometer_lag.time_constant"] = sensors.lag
     if sensors.position_lag:
-        shown["position_sensor_lag"] = {"time_constant": sensors.position_lag}
+        shown["effects.position_sensor_lag.time_constant"] = sensors.position_lag
     if scale is not None and abs(scale) > LEAST_SCALE:
-        shown["accelerometer_scale"] = {"error": scale}
+        shown["effects.accelerometer_scale.error"] = scale
     if base is not None:
-        shown["base_flexibility"] = {
-            "compliance": base.compliance_mass / table.moved_mass,
-            "frequency": base.frequency,
-            "damping": base.damping,
-        }
-    return {f"effects.{e}.{name}": v for e in shown if e in may_lack for name, v in shown[e].items()}
+        shown |= base.on(table)
+    return {name: value for name, value in shown.items() if name.split(".")[1] in may_lack}
 
 
 def with_friction_of(guess: TableParameters, table: TableParameters, model: UnknownModel) -> TableParameters:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import SensorPair, sensor_pair
+from shake_ros.core.identification.sensor_pair import SensorPair, base_between, sensor_pair
 from shake_ros.core.quantities import ShakeError
 
 SAMPLE_TIME, COUNT = 0.002, 15000
@@ -100,6 +100,20 @@ def test_base_that_gives_way_beside_slow_sensors(lag: float, position_lag: float
     assert found.base.compliance_mass == pytest.approx(MASS / STIFFNESS, rel=0.03)
     assert found.base.frequency == pytest.approx(FREQUENCY, rel=0.005)
     assert found.base.damping == pytest.approx(DAMPING, rel=0.15)
+
+
+def test_base_that_hardly_shows_is_one_to_try() -> None:
+    natural = 2.0 * np.pi * 15.0
+
+    def stiff(omega: np.ndarray) -> np.ndarray:
+        swinging = natural**2 - omega**2 + 0.1j * natural * omega
+        return np.asarray(1.0 / (1.0 - omega**2 * 2e-7 * natural**2 / swinging))
+
+    assert told_by(stiff).base is None
+    found = base_between([record(stiff)])
+    assert found is not None
+    assert found.frequency == pytest.approx(15.0, rel=0.05)
+    assert found.compliance_mass == pytest.approx(2e-7, rel=0.3)
 
 
 def test_position_alone_tells_of_nothing() -> None:
