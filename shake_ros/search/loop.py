@@ -97,10 +97,14 @@ def tempered(better: np.ndarray, worse: np.ndarray) -> float:
 
 
 def evidence(more: Scored, less: Scored) -> float:
-    """Log odds of one model against another, from estimation and validation data [nats]."""
+    """Log odds of one model against another, from estimation and validation data [nats].
+
+    No more counts than the fit gained on its own data: what only the validation data gain is chance.
+    """
     effects, better, worse = len(more.model.effects) - len(less.model.effects), more.by_block, less.by_block
-    floor = effects * more.seen.floor * (more.fitted.prediction.count + more.seen.count) / len(better)
-    return tempered(better, worse + floor) - price_over(more, less)
+    worse = worse + effects * more.seen.floor * (more.fitted.prediction.count + more.seen.count) / len(better)
+    fitted = float(np.sum((better - worse)[: len(more.fitted.likelihood)]))
+    return min(tempered(better, worse), fitted) - price_over(more, less)
 
 
 def price_over(more: Scored, less: Scored) -> float:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
 from shake_ros.search.answer import DECLARED, answer
 from shake_ros.search.candidates import listed
-from shake_ros.search.loop import LONG, SearchData, SetSearch, tempered
+from shake_ros.search.loop import LONG, SearchData, SetSearch, evidence, tempered
 from shake_ros.search.proposal import linearised, proposals
 from shake_ros.settings import load_table
 
@@ -87,6 +89,22 @@ def test_gain_that_varies_from_block_to_block_counts_less() -> None:
     assert tempered(steady, np.zeros(50)) == pytest.approx(100.0)
     assert tempered(wild, np.zeros(50)) < 1.0
     assert tempered(np.zeros(50), steady) == pytest.approx(-100.0)
+
+
+@pytest.mark.parametrize(("fitted", "validation", "counts"), [(2.0, 2.0, True), (0.0, 4.0, False), (4.0, -4.0, False)])
+def test_gain_of_the_validation_data_alone_is_no_evidence(fitted: float, validation: float, counts: bool) -> None:
+    def scored(effects: int, gain: float, other: float) -> Any:
+        prediction = SimpleNamespace(count=1000)
+        model = SimpleNamespace(effects=["effect"] * effects, x=np.zeros(5 + effects))
+        blocks = np.full(12, gain)
+        return SimpleNamespace(
+            model=model,
+            fitted=SimpleNamespace(prediction=prediction, likelihood=blocks),
+            seen=SimpleNamespace(count=1000, floor=0.0),
+            by_block=np.concatenate([blocks, np.full(12, other)]),
+        )
+
+    assert (evidence(scored(1, fitted, validation), scored(0, 0.0, 0.0)) > 0.0) is counts
 
 
 def test_a_model_without_an_effect_is_fitted_from_where_the_one_with_it_stands() -> None:
