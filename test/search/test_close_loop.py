@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from closed_loops import CASES, command
+from closed_loops import CASES, DEAD_BAND, LEAN, command, recording
 
 from shake_ros.core.discovery.decision import ForwardStep, Refit
-from shake_ros.core.discovery.problem import ScoredFit
+from shake_ros.core.discovery.given_answer import GivenAnswer
+from shake_ros.core.discovery.problem import ModelStructure, ScoredFit, SearchProblem
 from shake_ros.core.discovery.selection import Selection
+from shake_ros.core.failures import RAISING
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.declared import effect_candidates
-from shake_ros.search.close_loop import passed_through
+from shake_ros.core.identification.time_budget import never
+from shake_ros.declared import effect_candidates, model_structure
+from shake_ros.search import close_loop as closing
+from shake_ros.search.close_loop import passed_through, searched
 from shake_ros.settings import load_table
 
 
@@ -35,6 +40,25 @@ def test_closing_the_loop_where_nothing_is_missing_ends_with_the_declared_model(
     assert result.models == ()
     assert result.final is result.baseline
     assert not result.remaining.above_noise
+
+
+@pytest.mark.parametrize("hidden", ["spool_deadband", "nothing"])
+def test_slow_motion_is_searched_where_the_predictor_leaves_much(hidden: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (effect,) = (c for c in effect_candidates() if c.effect == "spool_deadband")
+    asked = []
+
+    def answer(model: ModelStructure, *_: object, slow: bool) -> GivenAnswer:
+        asked.append(slow)
+        table = model.table.with_values({effect.strength.name: DEAD_BAND})
+        return GivenAnswer(table, (effect,), {}) if slow else GivenAnswer(model.table, (), {}, predicted=True)
+
+    monkeypatch.setattr(closing, "answer", answer)
+    model = replace(model_structure(load_table("bergamo")), candidates=(effect,))
+    runs = [recording(hidden, seed, name) for seed, name in ((1, "learn"), (2, "hold"))]
+    problem = SearchProblem.of(model, runs[:1], runs[1:], LEAN, lambda *_: None)
+    _, found = searched(problem, model, runs[:1], runs[1:], lambda *_: None, never, RAISING)
+    assert asked == ([False, True] if hidden != "nothing" else [False])
+    assert [s.chosen.candidate.effect for s in found.steps] == ([hidden] if hidden != "nothing" else [])
 
 
 class Recorded:
