@@ -101,17 +101,18 @@ def kind_of(effect: str) -> str:
     return "listed" if hidden.HIDDEN[effect].listed else "unlisted"
 
 
+def left_open(group: Sequence[str]) -> Sequence[str]:
+    """The effects of which an answer means one: of more than LARGEST_GROUP the first alone counts."""
+    return group if len(group) <= LARGEST_GROUP else group[:1]
+
+
 def judged(effect: str, report: Mapping[str, Any]) -> dict[str, Any]:
     """Whether the answer is right: None where a question does not arise."""
     steps, rest, kind = report["steps"], report["remaining"], kind_of(effect)
     named = [step["effect"] for step in steps]
     answer = named[0] if named else "unlisted" if rest["place"] else NONE
     group = [answer, *(steps[0]["alternatives"] if steps else [])]
-    hit = (
-        answer == "unlisted"
-        if kind == "unlisted"
-        else effect in group[:1] or (effect in group and len(group) <= LARGEST_GROUP)
-    )
+    hit = answer == "unlisted" if kind == "unlisted" else effect in left_open(group)
     place = steps[0]["place"] if steps else rest["place"]
     confident = "unlisted" not in named and answer != NONE and not rest["above_noise"]
     return {

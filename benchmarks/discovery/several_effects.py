@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.discovery import hidden_tables as hidden
-from benchmarks.discovery.confusion import LARGEST_GROUP
+from benchmarks.discovery.confusion import left_open
 from shake_ros.api.close_loop import close_loop
 from shake_ros.api.model import model
 from shake_ros.api.read import recording
@@ -69,8 +69,7 @@ def measure(seed: int, length: float, minutes: float) -> dict[str, Any]:
     began = time.perf_counter()
     found = close_loop(model("full"), *data, minutes=minutes, progress=False)
     named, final = found.effects.names, found.closed.final
-    groups = [{e.name, *e.alternatives} for e in found.effects]
-    groups = [g if len(g) <= LARGEST_GROUP else {e.name} for g, e in zip(groups, found.effects, strict=True)]
+    groups = [set(left_open([e.name, *e.alternatives])) for e in found.effects]
     return {
         "hidden": [{"effect": e, "found": e in named, "among": any(e in g for g in groups)} for e in effects],
         "named": list(named),

@@ -58,7 +58,7 @@ def answer(
     data = search_data(model, estimation, validation or estimation, slow)
     search = SetSearch(data, effects_tried(model, estimation, slow), budget, progress, shown, certain)
     behind, unknown = filter_of(estimation[0]), model.simulator.nuisances
-    begin = beginning(model, behind, slow)
+    begin = beginning(model, behind)
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
         for better in search.run(begin, UNKNOWN if unknown else DECLARED):
@@ -88,10 +88,10 @@ def search_data(
     return SearchData(*(runs([Segment.of(r) for r in part], Levels()) for part in parts))
 
 
-def beginning(model: ModelStructure, behind: SensorFilter, slow: bool) -> FreeModel:
+def beginning(model: ModelStructure, behind: SensorFilter) -> FreeModel:
     """The model with the effects that show without a search, from which it begins.
 
-    behind : delay and filter of the accelerometer, which are free where the table is unknown. slow : see `tried`.
+    behind : delay and filter of the accelerometer, which are free where the table is unknown.
     """
     own = [p for p in (*model.free, *model.late) if not is_of_recording(p.name)]
     found = start_of(model.table, own)
@@ -103,7 +103,7 @@ def beginning(model: ModelStructure, behind: SensorFilter, slow: bool) -> FreeMo
     for c in model.candidates:
         if model.fitted is not None and c.effect in model.shown:
             values = {p.name: model.fitted.value(p.name) for p in c.free}
-            found = found.with_effect(tried(c, slow), values)
+            found = found.with_effect(tried(c, slow=True), values)  # a backlash that shows is searched slowly
     return found
 
 

@@ -222,7 +222,7 @@ def base_between(records: Sequence[Record]) -> BaseMode | None:
     if response is None:
         return None
     beside = replace(shown_between(response), base=None)
-    return min((on_base(response, b) for b in (Between(), beside)), key=response.cost).base
+    return min((on_base(response, b) for b in {Between(), beside}), key=response.cost).base
 
 
 def response_of(lines: Sequence[Lines]) -> SensorResponse | None:
