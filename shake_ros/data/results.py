@@ -62,7 +62,7 @@ def unknown_json(identified: Sequence[Estimate], data: Prepared) -> dict[str, An
             "null_shift": n.null_shift,
             "acceleration_bias": n.acceleration_bias,
             "acceleration_drift": n.drift,
-            "command_spikes": n.spikes,
+            "command_spikes": n.glitches,
         }
         for n in data.nuisances
     }

@@ -18,10 +18,10 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, decimate, sosfiltfilt
 
 from shake_ros.core.identification.explained_band import limited
+from shake_ros.core.identification.glitches import unseen_glitches, without
 from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import ALIKE, SensorPair, sensor_pair, timely
-from shake_ros.core.identification.spikes import unseen_spikes, without
 from shake_ros.core.plant.sensors import FILTER_DELAY
 from shake_ros.core.quantities import ShakeError
 
@@ -40,14 +40,14 @@ FULL_SCALES = (1.0, 10.0, 20.0, 100.0)  # of a command: per unit, volts, milliam
 class Nuisance:
     """What was taken out of one recording.
 
-    null_shift : of the valve [-]. acceleration_bias [m/s²], None without acceleration. spikes : samples of the command.
+    null_shift : of the valve [-]. acceleration_bias [m/s²], None without acceleration. glitches : of the command.
     drift : by which the bias wanders, from its least to its largest [m/s²].
     """
 
     recording: str
     null_shift: float
     acceleration_bias: float | None
-    spikes: int = 0
+    glitches: int = 0
     drift: float = 0.0
 
 
@@ -72,9 +72,9 @@ class Prepared:
     def alike(self, records: Sequence[Record]) -> tuple[list[Record], tuple[Nuisance, ...]]:
         """Other recordings with scale and sensors as these have shown, without their own offsets; and these."""
         first = 1 + max((r.run for r in (*self.estimation, *self.validation)), default=-1)
-        places = unseen_spikes(records)
+        places = unseen_glitches(records)
         scaled = [
-            per_unit(thinned(without_spikes(r, at)), self.full_scale) for r, at in zip(records, places, strict=True)
+            per_unit(thinned(without_glitches(r, at)), self.full_scale) for r, at in zip(records, places, strict=True)
         ]
         found, offsets = _without_offsets(scaled, self.sensors.delay, places, first)
         band = self.estimation[0].explained if self.estimation else None
@@ -107,7 +107,7 @@ class Prepared:
 
     def changes(self) -> list[str]:
         """What was done to the signals, a phrase each."""
-        notes = (self.lateness(), self.promptness(), self.spikes(), self.drifts(), self.note(), self.limit())
+        notes = (self.lateness(), self.promptness(), self.glitches(), self.drifts(), self.note(), self.limit())
         return [*filter(None, notes)]
 
     def limit(self) -> str:
@@ -149,12 +149,10 @@ class Prepared:
             "time is counted from there"
         )
 
-    def spikes(self) -> str:
-        """How many spikes were taken out of the commands; empty where none was."""
-        count = sum(n.spikes for n in self.nuisances)
-        return (
-            f"{count} spikes of one sample removed from the commands; the motion does not follow them" if count else ""
-        )
+    def glitches(self) -> str:
+        """How many glitches were taken out of the commands; empty where none was."""
+        count = sum(n.glitches for n in self.nuisances)
+        return f"{count} glitches removed from the commands; the motion does not follow them" if count else ""
 
     def drifts(self) -> str:
         """By how much the biases of the accelerometer wander; empty where none does."""
@@ -251,9 +249,9 @@ def thinned(record: Record) -> Record:
     )
 
 
-def without_spikes(record: Record, places: np.ndarray) -> Record:
-    """The recording without spikes of its command at some samples."""
-    return replace(record, commands=without(record.commands, places)) if len(places) else record
+def without_glitches(record: Record, found: Sequence[np.ndarray]) -> Record:
+    """The recording without glitches of its command."""
+    return replace(record, commands=without(record.commands, found)) if found else record
 
 
 def null_shift(record: Record) -> float:
@@ -297,8 +295,8 @@ def without_offsets(record: Record) -> tuple[Record, Nuisance]:
 def prepared(estimation: Sequence[Record], validation: Sequence[Record]) -> Prepared:
     """Both sets of recordings at a rate that a fit takes, with the command per unit and without offsets."""
     both = [*estimation, *validation]
-    places = unseen_spikes(both)
-    both = [thinned(without_spikes(r, at)) for r, at in zip(both, places, strict=True)]
+    places = unseen_glitches(both)
+    both = [thinned(without_glitches(r, at)) for r, at in zip(both, places, strict=True)]
     check_travel(both)
     check_zero(both)
     scale = full_scale(both)
@@ -310,10 +308,10 @@ def prepared(estimation: Sequence[Record], validation: Sequence[Record]) -> Prep
 
 
 def _without_offsets(
-    records: Sequence[Record], delay: float, places: Sequence[np.ndarray], first: int = 0
+    records: Sequence[Record], delay: float, places: Sequence[Sequence[np.ndarray]], first: int = 0
 ) -> tuple[list[Record], tuple[Nuisance, ...]]:
-    """Recordings without their offsets, numbered from `first` on, and these; places : of the spikes taken out."""
+    """Recordings without their offsets, numbered from `first` on, and these; places : of the glitches taken out."""
     found = [without_offsets(timely(r, delay)) for r in records]
     runs = list(dict.fromkeys(r.name for r, _ in found))
     numbered = [replace(r, run=first + runs.index(r.name)) for r, _ in found]
-    return numbered, tuple(replace(n, spikes=len(at)) for (_, n), at in zip(found, places, strict=True))
+    return numbered, tuple(replace(n, glitches=len(at)) for (_, n), at in zip(found, places, strict=True))
