@@ -106,12 +106,12 @@ def test_backlash_is_fitted_from_starts_of_its_own_where_these_are_not_hopeless(
 
 
 def test_null_shift_that_the_free_run_tells_leaves_what_else_was_taken_out() -> None:
-    before = Nuisance("run", 0.001, 0.1, spikes=7)
+    before = Nuisance("run", 0.001, 0.1, glitches=7)
     data = Prepared([foreign_run(425)], [], 1.0, (before,))
     told = null_shifts(unknown_model(), load_table("bergamo"), data.estimation)
     (after,) = data.with_nuisances(NuisanceEstimates(shifts=told)).nuisances
     assert after.null_shift != before.null_shift
-    assert (after.acceleration_bias, after.spikes) == (0.1, 7)
+    assert (after.acceleration_bias, after.glitches) == (0.1, 7)
 
 
 @pytest.mark.parametrize("second", [0.5 * SAME, 1.5 * SAME])
