@@ -110,18 +110,25 @@ def accounts_json(parts: Sequence[Account]) -> list[dict[str, Any]]:
 
 
 def innovations_json(found: Innovations | None) -> dict[str, Any] | None:
-    """Errors of prediction over the sensor noise by rate of drawing [1/s] and by horizon [s]; null without any."""
+    """Errors of prediction over the sensor noise by rate of drawing [1/s] and by horizon [s]; null without any.
+
+    A run that a rate of drawing makes unstable has null in its place.
+    """
     if found is None:
         return None
+
+    def ended(values: Sequence[float]) -> list[float | None]:
+        return [value if math.isfinite(value) else None for value in values]
+
     return {
         "rates": list(RATES),
-        "over_noise": {channel: list(values) for channel, values in found.errors.items()},
-        "by_noise_alone": {channel: list(values) for channel, values in found.by_noise.items()},
-        "relative_cost": list(found.relative),
+        "over_noise": {channel: ended(values) for channel, values in found.errors.items()},
+        "by_noise_alone": {channel: ended(values) for channel, values in found.by_noise.items()},
+        "relative_cost": ended(found.relative),
         "best_rate": found.best,
         "drawing_helps": found.helps,
         "horizons": list(HORIZONS),
-        "over_noise_ahead": {channel: list(values) for channel, values in found.horizons.items()},
+        "over_noise_ahead": {channel: ended(values) for channel, values in found.horizons.items()},
         "text": found.text,
     }
 

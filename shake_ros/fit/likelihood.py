@@ -103,6 +103,7 @@ class FreeRuns(Likelihood):
 
     own_levels: ClassVar[tuple[str, ...]] = ("position",)
     floor = 0.05  # a free run leaves more than the noise of any model, and every effect takes some of that
+    least: ClassVar[float] = 1.0  # level of noise at least
 
     def __init__(self, records: Sequence[Record], model: DeclaredModel, levels: Levels) -> None:
         self.records, self.model, self.levels = list(records), model, levels
@@ -127,12 +128,12 @@ class FreeRuns(Likelihood):
         """The same with the runs at a parameter vector, and at the level of noise that they leave."""
         made = self.filtered(vector)
         assert made._found is not None
-        level = max(float(np.sqrt(np.sum(made._found**2) / self.count)), 1.0)
+        level = max(float(np.sqrt(np.sum(made._found**2) / self.count)), self.least)
         return made.with_levels(replace(self.levels, position=level)) if "position" in names else made
 
     def part(self, seconds: float) -> FreeRuns:
         """The same on evenly spread pieces of the recordings, without runs."""
-        return FreeRuns(windows(self.records, seconds), self.model, self.levels)
+        return type(self)(windows(self.records, seconds), self.model, self.levels)
 
     def _left(self, vectors: np.ndarray) -> np.ndarray:
         """Residuals in parts of the sensors' noise, shape (m, n)."""
@@ -148,7 +149,7 @@ class FreeRuns(Likelihood):
         assert self._found is not None
         blocks, r = self._problem.blocks(), self._found / self.levels.position
         left, count = np.bincount(blocks, r**2), np.bincount(blocks, self._problem.independent())
-        return np.asarray(-count * np.log(self.levels.position) - 0.5 * np.maximum(left, count))
+        return np.asarray(-count * np.log(self.levels.position) - 0.5 * np.maximum(left, self.least * count))
 
     @property
     def count(self) -> int:
@@ -158,3 +159,13 @@ class FreeRuns(Likelihood):
     def run_sizes(self) -> list[int]:
         """Number of residuals of each recording."""
         return self._problem.run_sizes()
+
+
+class ShakenRuns(FreeRuns):
+    """Free runs of a table that something beside its command shakes, below the frequency up to which that explains it.
+
+    What counts as noise there is what a linear filter of the command leaves: a mark, which a model may beat.
+    """
+
+    floor = 0.0
+    least = 0.0

@@ -10,12 +10,12 @@ from shake_ros.core.discovery.given_answer import GivenAnswer
 from shake_ros.core.discovery.problem import ModelStructure
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.core.identification.free_parameters import is_of_recording
-from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.recordings import Record, windows
 from shake_ros.core.identification.sensor_filter import SensorFilter, filter_of
 from shake_ros.core.identification.sensor_pair import BASE, base_between
 from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.explain.backlash import BACKLASH, shows_backlash, width_of_gap
-from shake_ros.fit.likelihood import FreeRuns, Levels
+from shake_ros.fit.likelihood import FreeRuns, Levels, ShakenRuns
 from shake_ros.fit.model import SENSOR_DELAY, SENSOR_FILTER, FreeModel, TriedEffect, start_of
 from shake_ros.fit.prediction import Predictor, SlowRuns
 from shake_ros.fit.segment import Segment, pieces
@@ -57,7 +57,8 @@ def answer(
     slow = slow or BACKLASH in certain
     data = search_data(model, estimation, validation or estimation, slow)
     search = SetSearch(data, effects_tried(model, estimation, slow), budget, progress, shown, certain)
-    behind, unknown = filter_of(estimation[0]), model.simulator.nuisances
+    unknown, shaken = model.simulator.nuisances, estimation[0].explained is not None
+    behind = filter_of(estimation[0]) if unknown and not shaken else None
     begin = beginning(model, behind)
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
@@ -69,7 +70,7 @@ def answer(
         for effect, instead in others.items()
     }
     best = models[-1].model if models else begin
-    sensor = found_filter(best, behind) if unknown else None
+    sensor = None if behind is None else found_filter(best, behind)
     found, predicted = tuple(known[c.name] for c in best.effects), type(data.estimation) is Predictor
     return GivenAnswer(best.found_table(), found, rivals, not done, sensor, predicted)
 
@@ -79,8 +80,11 @@ def search_data(
 ) -> SearchData:
     """The recordings as the model is fitted to them: by a predictor, or by free runs where none follows it.
 
-    slow : free runs of slow motion.
+    No predictor has the noise of a table that something beside its command shakes. slow : free runs of slow motion.
     """
+    if estimation[0].explained is not None:
+        parts = windows([*estimation], SECONDS, PIECE), windows([*validation], VALIDATION_SECONDS, PIECE)
+        return SearchData(*(ShakenRuns(part, model.simulator, Levels()) for part in parts))
     if model.simulator.layout is not FULL_LAYOUT:
         return SearchData(*(FreeRuns(r, model.simulator, Levels()) for r in (estimation, validation)))
     runs = SlowRuns if slow else Predictor
@@ -88,14 +92,14 @@ def search_data(
     return SearchData(*(runs([Segment.of(r) for r in part], Levels()) for part in parts))
 
 
-def beginning(model: ModelStructure, behind: SensorFilter) -> FreeModel:
+def beginning(model: ModelStructure, behind: SensorFilter | None) -> FreeModel:
     """The model with the effects that show without a search, from which it begins.
 
-    behind : delay and filter of the accelerometer, which are free where the table is unknown.
+    behind : delay and filter of the accelerometer, where these are free: of an unknown table that its command explains.
     """
     own = [p for p in (*model.free, *model.late) if not is_of_recording(p.name)]
     found = start_of(model.table, own)
-    if model.simulator.nuisances:
+    if behind is not None:
         found = start_of(model.table, (*own, SENSOR_DELAY, SENSOR_FILTER))
         x = found.x.copy()
         x[-1] = behind.by_filter / SENSOR_FILTER.scale  # the delay beside it has been taken out of the recordings

@@ -1,10 +1,10 @@
 """The band in which the command explains the response, and what no filter of the command explains in it.
 
 Noise in the valve, friction that catches and rings the oil column, and play shake a laboratory's table by as much as a
-small earthquake does. Its phase is nobody's doing: a free run cannot have it, and a fit to it bends the table until the
-run is calm. From the frequency on at which the acceleration is no longer coherent with the command, it is compared no
-more where much of its power lies there; below, what a linear filter of the command leaves counts as noise. Little of
-what a nonlinear table does lies beyond: what its nonlinearity adds to a wide command is partly coherent with it.
+small earthquake does. Its phase is nobody's doing: a free run cannot have it. Where much of the acceleration's power
+lies above the frequency from which it is no longer coherent with the command, a run is compared below that alone, and
+should be calm above; what a linear filter of the command leaves below counts as noise. Little of what a nonlinear table
+does lies beyond: what its nonlinearity adds to a wide command is partly coherent with it.
 """
 
 from __future__ import annotations
@@ -73,7 +73,9 @@ def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = (
         square, right = np.sum([n.square for n in others], axis=0), np.sum([n.right for n in others], axis=0)
         left = own.signals - own.terms @ np.linalg.lstsq(square, right, rcond=None)[0]
         levels = np.minimum(np.std(left, axis=0), np.std(own.signals, axis=0))  # another motion's filter may not fit
-        found.append(replace(r, explained=ExplainedBand(band, *levels.tolist())))
+        felt, (velocity, acceleration) = _felt(r), levels.tolist()
+        beyond = float(np.std(felt - low_pass(felt, r.sample_time, band)))
+        found.append(replace(r, explained=ExplainedBand(band, velocity, acceleration, beyond)))
     return found
 
 

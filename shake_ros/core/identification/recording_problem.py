@@ -113,6 +113,8 @@ class RecordingProblem:
                 parts.append(w_x * (position - record.position)[:, record.start :])
             own = slice(len(parts) - self._channels(record), len(parts))
             parts[own] = [self._in_band(part, record) for part in parts[own]]
+            if record.acceleration is not None and record.explained is not None:
+                parts[own.start + 1] += self._beyond(acceleration, record)
         parts += [(vectors[:, [i]] - value) / deviation for i, value, deviation in self.model.priors]
         return np.concatenate(parts, axis=1)
 
@@ -121,6 +123,16 @@ class RecordingProblem:
         if self.band < HIGHEST / record.sample_time:
             part = low_pass(part, record.sample_time, self.band)
         return record.in_band(part)[:, :: record.every]
+
+    @staticmethod
+    def _beyond(acceleration: np.ndarray, record: Record) -> np.ndarray:
+        """What runs ring beyond the band that the command explains, over what the table does there.
+
+        No run can have its phase, so the best one is calm; without that, what rings there would have no damping.
+        """
+        assert record.explained is not None
+        ringing = (acceleration - record.in_band(acceleration))[:, record.start :]
+        return np.asarray(ringing / record.explained.beyond)[:, :: record.every]
 
     @staticmethod
     def _samples(record: Record) -> np.ndarray:

@@ -45,12 +45,13 @@ class ExplainedBand:
     """Where the command explains the response, see explained_band.py.
 
     highest : frequency of it [Hz]. velocity, acceleration : standard deviation of what it leaves of them there [m/s],
-    [m/s²].
+    [m/s²]. beyond : that of the acceleration above [m/s²].
     """
 
     highest: float
     velocity: float
     acceleration: float
+    beyond: float
 
 
 @dataclass(frozen=True)

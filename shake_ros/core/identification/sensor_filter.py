@@ -19,10 +19,9 @@ from scipy.optimize import minimize_scalar
 from shake_ros.core.identification.fit import Adjustment, Fit
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import timely
+from shake_ros.core.identification.sensor_pair import SHARES, SensorPair, timely
 from shake_ros.core.plant.sensors import FILTER_DELAY
 
-SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the delay that may be a filter's
 CUTOFFS = (0.4, 0.2, 0.1, 0.05)  # of a filter where no delay shows, in parts of the sampling rate
 SHORTEST_DELAY = 0.1  # samples, from which a filter is sought whose delay shows
 HIGH_RATIO = 5.0  # ratio of the residual to the noise from which no filter is chosen
@@ -70,9 +69,9 @@ def is_late(record: Record) -> bool:
     return record.delay > SHORTEST_DELAY * record.sample_time
 
 
-def behind_filter(records: Sequence[Record]) -> SensorFilter | None:
-    """All of the delay that recordings show as a filter's, which most accelerometers have; None where none is late."""
-    return next((SensorFilter(r.delay, r.delay) for r in records if is_late(r)), None)
+def behind_filter(records: Sequence[Record], sensors: SensorPair) -> SensorFilter | None:
+    """The filter that the sensors show in the delay of recordings; None where none is late."""
+    return next((SensorFilter(r.delay, sensors.filter_share * r.delay) for r in records if is_late(r)), None)
 
 
 def better_filter(problem: RecordingProblem, found: Fit) -> SensorFilter | None:

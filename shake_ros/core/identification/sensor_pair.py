@@ -45,6 +45,7 @@ EARLIEST = -1e-3  # delay of the acceleration; before its position it does not c
 WORTH = 0.8  # fall of the cost from which a lag counts as one, or a filter
 WORTH_OF_SECOND = 0.9  # the same of the other sensor's lag beside it, one number more for hundreds of lines
 WORTH_OF_BASE = 0.5  # the same of a base's mode, which has three parameters
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the delay that may be a filter's
 BASE = "base_flexibility"
 BASES = (4.0, 7.0, 11.0, 16.0, 24.0, 35.0)  # natural frequencies from which one is sought [Hz]
 AMPLIFIED = 0.05  # β at low damping and a third of the frequency, from which it is sought
@@ -102,6 +103,7 @@ class SensorPair:
     """Delay of the accelerometer against the position, lags of both [s]; 0 where none shows.
 
     scale_error : of the accelerometer, None where it cannot be told [-]. base : None where none shows.
+    filter_share : of the delay that comes from a filter of second order; all of it where the gain does not tell [-].
     """
 
     delay: float = 0.0
@@ -109,6 +111,7 @@ class SensorPair:
     position_lag: float = 0.0
     scale_error: float | None = None
     base: BaseMode | None = None
+    filter_share: float = 1.0
 
 
 Lines = tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64]]
@@ -251,9 +254,25 @@ def sensor_pair(records: Sequence[Record]) -> SensorPair:
     rest, gain, delay = response.left(found)
     sizes, slowest = rest[: len(response.omega)], max(found.lag, found.position_lag)
     shows = float(sizes @ sizes) < WIDEST**2 and slowest * float(np.min(response.omega)) < SLOW_AS_SCALE
-    by_filter = FILTER_DELAY / found.cutoff if found.cutoff else 0.0
+    delay += FILTER_DELAY / found.cutoff if found.cutoff else 0.0
     scale_error = float(np.exp(gain)) - 1.0 if shows else None
-    return SensorPair(delay + by_filter, found.lag, found.position_lag, scale_error, found.base)
+    share = share_of_filter(response, found, delay)
+    return SensorPair(delay, found.lag, found.position_lag, scale_error, found.base, share)
+
+
+def share_of_filter(response: SensorResponse, found: Between, delay: float) -> float:
+    """Part of a delay [s] that comes from a filter; all of it, as with most accelerometers, where the gain is silent.
+
+    Below the cut-off of a filter of a higher order the gain stays flat, and the delay is nearly a dead time.
+    """
+    if delay <= 0.0:
+        return 1.0
+
+    def cost(share: float) -> float:
+        return response.cost(replace(found, cutoff=FILTER_DELAY / (share * delay) if share else 0.0))
+
+    best = min(SHARES, key=cost)
+    return best if cost(best) < WORTH * cost(1.0) else 1.0
 
 
 def turned(record: Record, ratio: float) -> str:

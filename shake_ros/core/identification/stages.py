@@ -90,7 +90,7 @@ def staged_start(
     """
     progress("first guess from the recordings", 0.0)
     assert model.table is not None
-    data = data.with_nuisances(NuisanceEstimates(behind_filter(data.estimation)))
+    data = data.with_nuisances(NuisanceEstimates(behind_filter(data.estimation, data.sensors)))
     if (band := explained_band(data.estimation)) < np.inf:
         progress(f"the command explains nothing of the acceleration above {band:.3g} Hz: compared below", 0.0)
         data = data.below(band)

@@ -13,7 +13,7 @@ from scipy.signal import lsim
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_filter import SensorFilter, behind_filter, better_filter, filter_of
-from shake_ros.core.identification.sensor_pair import timely
+from shake_ros.core.identification.sensor_pair import ALIKE, timely
 from shake_ros.core.identification.unknown_model import UnknownModel
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.settings import load_table
@@ -85,7 +85,7 @@ def test_a_table_that_is_far_off_chooses_no_filter() -> None:
 def test_recording_without_a_delay_has_no_filter() -> None:
     made = record(SEED, SECONDS)
     plain = Record("plain", SAMPLE_TIME, made.commands, made.position, made.acceleration)
-    assert behind_filter([plain]) is None
+    assert behind_filter([plain], ALIKE) is None
     assert better(plain) is None
 
 
@@ -100,7 +100,7 @@ def test_filter_whose_delay_a_clock_makes_up_for_is_found_for_a_table_of_which_l
 
 
 def test_all_of_a_delay_counts_as_a_filter_at_first() -> None:
-    begun = behind_filter([late(filtered(), DELAY)])
+    begun = behind_filter([late(filtered(), DELAY)], ALIKE)
     assert begun == SensorFilter(DELAY, DELAY)
     assert begun.cutoff == pytest.approx(CUTOFF)
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.signal import butter, freqs
 
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.sensor_pair import SensorPair, base_between, sensor_pair
@@ -119,3 +120,19 @@ def test_base_that_hardly_shows_is_one_to_try() -> None:
 def test_position_alone_tells_of_nothing() -> None:
     record = Record("alone", SAMPLE_TIME, np.zeros(COUNT), np.sin(OMEGA[1] * np.arange(COUNT) * SAMPLE_TIME))
     assert sensor_pair([record]) == SensorPair()
+
+
+def through(order: int, cutoff: float) -> Response:
+    """A Butterworth filter."""
+    return lambda omega: freqs(*butter(order, 2.0 * np.pi * cutoff, analog=True), omega)[1]
+
+
+def test_a_steep_filter_above_the_lines_is_mostly_a_dead_time() -> None:
+    found = told_by(through(6, 60.0))
+    assert (found.lag, found.position_lag, found.base) == (0.0, 0.0, None)
+    assert found.filter_share < 0.8
+    assert told_by(through(2, 25.0)).filter_share == 1.0
+
+
+def test_all_of_a_delay_counts_as_a_filter_where_the_gain_does_not_tell() -> None:
+    assert told_by(through(2, 300.0)).filter_share == 1.0
