@@ -22,6 +22,7 @@ BLOCK = 0.5  # length of a block of time for standard errors [s], shorter where 
 BLOCKS = 24  # blocks in all: with fewer, the scatter of the blocks tells too little of itself
 NULL_ROUNDS = 3  # of looking for a null shift
 NULL_STEP, NULL_MOST = 1e-4, 2e-3  # step of its difference, and how far one round moves it at most [-]
+CALM = 0.3  # weight of what rings beyond the band: it is narrow, so that most of its samples repeat others
 HIGHEST = 0.4  # of the sampling rate, above which a band takes nothing away
 
 
@@ -132,7 +133,7 @@ class RecordingProblem:
         """
         assert record.explained is not None
         ringing = (acceleration - record.in_band(acceleration))[:, record.start :]
-        return np.asarray(ringing / record.explained.beyond)[:, :: record.every]
+        return np.asarray(CALM * ringing / record.explained.beyond)[:, :: record.every]
 
     @staticmethod
     def _samples(record: Record) -> np.ndarray:
