@@ -118,11 +118,18 @@ def found_filter(model: FreeModel, before: SensorFilter) -> SensorFilter:
 
 
 def effects_tried(model: ModelStructure, records: Sequence[Record], slow: bool) -> list[TriedEffect]:
-    """The effects that a model may lack; a base is tried with the mode that shows most between the sensors, too.
+    """The effects that a model may lack, tried also as they show: off its frequency a mode promises little.
 
-    Off its frequency a mode promises little.
+    Those that the model begins with have the values of its first fit, and a base the mode that shows most between the
+    sensors.
     """
-    effects = [tried(c, slow) for c in model.candidates]
+
+    def as_shown(effect: TriedEffect) -> TriedEffect:
+        if model.fitted is None or effect.name not in model.shown:
+            return effect
+        return effect.with_trial({p.name: model.fitted.value(p.name) for p in effect.free})
+
+    effects = [as_shown(tried(c, slow)) for c in model.candidates]
     base = base_between(records) if any(e.name == BASE for e in effects) else None
     return effects if base is None else [e.with_trial(base.on(model.table)) if e.name == BASE else e for e in effects]
 

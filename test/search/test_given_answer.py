@@ -15,6 +15,7 @@ from shake_ros.core.discovery.problem import ModelStructure
 from shake_ros.core.discovery.unlisted_functions import OF_MOTION
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.search.answer import effects_tried
 from shake_ros.search.candidates import function, listed
 from shake_ros.settings import load_table
 
@@ -61,3 +62,14 @@ def test_search_that_leaves_more_than_it_began_with_ends_with_its_beginning(
     if answer is not None:
         assert [c.effect for c in answer.effects] == [began]
         assert answer.table is fitted
+
+
+def test_an_effect_that_showed_is_tried_at_the_values_of_its_first_fit() -> None:
+    known = {c.effect: c for c in effect_candidates()}
+    table, effect = load_table("bergamo"), known["specimen_resonance"]
+    values = {f"effects.specimen_resonance.{n}": v for n, v in (("mass", 80.0), ("frequency", 7.49), ("damping", 1e-3))}
+    model = ModelStructure(table, free_parameters(), candidates=(effect,))
+    (plain,) = effects_tried(model, [], slow=False)
+    shown = ModelStructure(table, model.free, (), (effect,), fitted=table.with_values(values), shown=(effect.effect,))
+    (tried,) = effects_tried(shown, [], slow=False)
+    assert tried.trials == (*plain.trials, (values,))
