@@ -25,7 +25,7 @@ LEAKAGE, SENSOR = hypothesis("leakage.internal", "flow"), hypothesis("sensor.gai
 def change(*answers: Hypothesis, explained: bool = True) -> Change:
     """Of the best answer and its rivals."""
     best, *rivals = answers
-    named = Named(best, tuple(rivals), best.place, explained, (0.03, 0.1, 0.03))
+    named = Named(best, tuple(rivals), best.place, explained, True, (0.03, 0.1, 0.03))
     return Change("run", 3.0, 3 * SECOND, 5 * SECOND, 8.0, named)
 
 

@@ -181,8 +181,8 @@ class FreeModel:
     def found_table(self) -> TableParameters:
         """The table with the values found."""
         vector = self.vectors(self.x)[0]
-        values = {n: float(vector[c]) for n, c in zip(self.names, self.columns, strict=True) if n not in SENSOR}
-        return self.table.with_values(values)
+        own = [(p, float(vector[c])) for p, c in zip(self.free, self.columns, strict=True) if p.name not in SENSOR]
+        return self.table.with_values({p.name: min(max(v, p.low), p.high) for p, v in own})  # x · scale is rounded
 
 
 def start_of(table: TableParameters, free: Sequence[FreeParameter]) -> FreeModel:

@@ -6,9 +6,11 @@ change of one parameter by δ moves its mean by H e δ. So
 
     z = eᵀ H V⁻¹ s / √(eᵀ H V⁻¹ H e)
 
-is a standard normal variable for each parameter and each m. A second one watches what no followed parameter explains:
-the logarithm of the innovations' mean square against that of the reference. The threshold is that of the false alarms
-per hour, over all variables and all m that are looked at.
+is a standard normal variable for each parameter and each m. Q also holds what does not matter: no model is exact, and
+other motions show other values. A change that moves less of the acceleration than what matters stays below the
+threshold, however precisely it is known. A second variable watches what no followed parameter explains: the logarithm
+of the innovations' mean square against that of the reference. The threshold is that of the false alarms per hour, over
+all variables and all m that are looked at.
 """
 
 from __future__ import annotations
@@ -82,7 +84,8 @@ def scores(known: KnownState, wander: np.ndarray, windows: Sequence[WindowEviden
 
     Parameters
     ----------
-    wander : variance that the parameters gained since, shape (p,). inflation : of the variance of the innovations.
+    wander : variance that the parameters gained since, and of what does not matter, shape (p,).
+    inflation : of the variance of the innovations.
     """
     h = sum((w.vector for w in windows), np.zeros(len(wander))) / inflation
     information = sum((w.information for w in windows), np.zeros((len(wander),) * 2)) / inflation
@@ -111,6 +114,7 @@ def alarm(
     normal: tuple[float, float],
     limit: float,
     count: int,
+    apart: np.ndarray,
 ) -> Alarm | None:
     """The change that the windows show most clearly, if any.
 
@@ -118,12 +122,12 @@ def alarm(
     ----------
     history : windows with what was known before each, the newest last. walk : variance gained in a window, shape (p,).
     normal : as in `growth`. limit : from `threshold`.
-    count : of the first parameters, that may change.
+    count : of the first parameters, that may change. apart : variance of what does not matter, shape (p,).
     """
     best: Alarm | None = None
     for lag in (m for m in LAGS if m <= len(history)):
         windows = [w for _, w in history[-lag:]]
-        z = scores(history[-lag][0], lag * walk, windows, inflation)[:count]
+        z = scores(history[-lag][0], lag * walk + apart, windows, inflation)[:count]
         parameter = int(np.argmax(np.abs(z)))
         found = Alarm(lag, parameter, float(z[parameter]))
         if (grown := growth(windows, normal)) > abs(found.score):

@@ -49,6 +49,9 @@ class TwinTest(Parameters):
     reference: float = quantity("s", "motion that shows what is normal", low=5.0, high=600.0)
     false_alarms: float = quantity("1/h", "false alarms of the test", low=1e-6, high=10.0)
     naming: float = quantity("s", "motion after a change from which it is named", low=1.0, high=60.0)
+    matters: float = quantity(
+        "-", "share of the acceleration that a change must move to be reported", low=0.0, high=1.0
+    )
 
 
 @dataclass(frozen=True)

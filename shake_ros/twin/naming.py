@@ -83,7 +83,7 @@ class Hypothesis:
     @property
     def square(self) -> float:
         """Mean square of the residuals [-]."""
-        return float(self.residuals @ self.residuals) / max(int(np.count_nonzero(self.residuals)), 1)
+        return _mean_square(self.residuals)
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,7 @@ class Named:
     ----------
     best : the best hypothesis. rivals : those that are possible beside it. place : where it acts.
     explained : whether the best one reduces the innovations to what is normal.
+    changed : whether any is likelier than no change, or no change leaves more than what is normal.
     error : of the acceleration in a free run before the change, since, and since with the best one [-].
     """
 
@@ -101,7 +102,15 @@ class Named:
     rivals: tuple[Hypothesis, ...]
     place: str
     explained: bool
+    changed: bool
     error: tuple[float, float, float]
+
+    @property
+    def share(self) -> float:
+        """Share of the acceleration that changed: of the error since, what the best one explains, or where none does,
+        what was not there before [-]."""
+        before, since, left = self.error
+        return math.sqrt(max(since**2 - (left if self.explained else before) ** 2, 0.0)) if self.changed else 0.0
 
     @property
     def verdict(self) -> str:
@@ -187,18 +196,21 @@ class Naming:
         ----------
         normal_square : mean square of the innovations up to which they count as explained [-].
         """
-        found = self._against_past([self._refitted(*h) for h in self._screened()])
+        found = self._against_past(self._refits())
         best = found[0]
         explained = bool(best.evidence > 0.0 and best.square < normal_square)
+        left = self.fitted.prediction.residuals(self.model.vectors(self.model.x))[0]
+        changed = bool(best.evidence > 0.0 or _mean_square(left) > normal_square)
         rivals = tuple(h for h in found[1:] if self._rivals(h, best))
         place = best.place if explained else self._place_of_unlisted(best)
         vectors = [m.vectors(m.x) for m in (self.model, best.model)]
         errors = free_run_errors(np.vstack(vectors), self.since)
         known = free_run_errors(vectors[0], self.before)[0] if self.before else math.nan
-        return Named(best, rivals, place, explained, (float(known), float(errors[0]), float(errors[1])))
+        return Named(best, rivals, place, explained, changed, (float(known), float(errors[0]), float(errors[1])))
 
-    def _screened(self) -> list[tuple[TriedEffect, EffectSet]]:
-        """The best hypotheses by their linear gain since the change less that before it, the best first."""
+    def _refits(self) -> list[Hypothesis]:
+        """The best hypotheses by their linear gain since the change less that before it, refitted in this order while
+        the gain is worth it beside what a refit has found."""
         moved = [self._moved(i) for i in range(len(self.model.x))]
         taken = {*self.model.table.effects, *(n.split(".")[1] for n in self.model.names if n.startswith("effects."))}
         tried = [*moved, *(listed(c) for c in self.candidates if c.effect not in taken)]
@@ -208,9 +220,13 @@ class Naming:
             again = [replace(effect, trials=(s.trials[0].directions,)) for effect, s in best]
             had = {effect.strength.name: self._share * s.gain for effect, s in self._gains(self.past, again)}
         net = {effect.strength.name: s.gain - had.get(effect.strength.name, 0.0) for effect, s in best}
-        least = WORTH * max(net.values(), default=0.0) - PRIOR - RIVAL
-        order = sorted(best, key=lambda h: -net[h[0].strength.name])[:REFITTED]
-        return [h for h in order if net[h[0].strength.name] >= least]
+        found, most = list[Hypothesis](), 0.0
+        for effect, proposal in sorted(best, key=lambda h: -net[h[0].strength.name])[:REFITTED]:
+            if net[effect.strength.name] < WORTH * most - PRIOR - RIVAL:
+                break
+            found.append(self._refitted(effect, proposal))
+            most = max(most, found[-1].evidence)
+        return found
 
     def _gains(self, fitted: PredictorFit, tried: Sequence[TriedEffect]) -> list[tuple[TriedEffect, EffectSet]]:
         """Each hypothesis that gains anything at its best trial, to first order and on some windows; the best first."""
@@ -339,6 +355,10 @@ class Naming:
         return lin.trials[int(np.argmax(gains))].candidate.place if gains and max(gains) > 0.0 else best.place
 
 
+def _mean_square(residuals: np.ndarray) -> float:
+    return float(residuals @ residuals) / max(int(np.count_nonzero(residuals)), 1)
+
+
 def _single(lin: Linearised, m: int, gain: float, parts: np.ndarray) -> EffectSet:
     index = list(lin.places[m])
     change = lin.own + lin.response[:, index] @ parts
@@ -356,9 +376,28 @@ def free_run_errors(vectors: np.ndarray, records: Sequence[Record]) -> np.ndarra
     for r in records:
         if r.acceleration is None:
             continue
-        for i, v in enumerate(vectors):
-            lag = float(v[TABLE + SENSOR.index(SENSOR_FILTER.name)]) if len(v) > TABLE else 0.0
-            late = SensorFilter(lag, lag).applied(r)
-            left[i] += np.sum(late.acceleration_left(FULL.simulate(v[None, :TABLE], late)[1]) ** 2)
-        size += float(np.sum(np.where(r.whole, r.acceleration, 0.0)[r.start :] ** 2))
+        left += [np.sum(_left(v, r) ** 2) for v in vectors]
+        size += _size(r)
     return np.sqrt(left / size) if size else np.full(len(vectors), math.nan)
+
+
+def free_run_shares(vectors: np.ndarray, records: Sequence[Record]) -> np.ndarray:
+    """Share of the acceleration by which free runs of the rows differ from that of the first, shape (m − 1,) [-]."""
+    apart, size = np.zeros(len(vectors) - 1), 0.0
+    for r in records:
+        first = _left(vectors[0], r)
+        apart += [np.sum((_left(v, r) - first) ** 2) for v in vectors[1:]]
+        size += _size(r)
+    return np.sqrt(apart / size)
+
+
+def _left(vector: np.ndarray, r: Record) -> np.ndarray:
+    """What a free run leaves of the acceleration."""
+    lag = float(vector[TABLE + SENSOR.index(SENSOR_FILTER.name)]) if len(vector) > TABLE else 0.0
+    late = SensorFilter(lag, lag).applied(r)
+    return late.acceleration_left(FULL.simulate(vector[None, :TABLE], late)[1])
+
+
+def _size(r: Record) -> float:
+    assert r.acceleration is not None
+    return float(np.sum(np.where(r.whole, r.acceleration, 0.0)[r.start :] ** 2))

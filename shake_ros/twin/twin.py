@@ -37,14 +37,16 @@ from shake_ros.twin.change import (
 )
 from shake_ros.twin.evidence import WindowEvidence, evidence
 from shake_ros.twin.followed import Followed, TwinSettings, followed
-from shake_ros.twin.naming import ESTABLISHED, Named, Naming, free_run_errors
-from shake_ros.twin.reference import fitted_to, held, scatter
+from shake_ros.twin.naming import ESTABLISHED, Named, Naming, free_run_errors, free_run_shares
+from shake_ros.twin.reference import FEW, fitted_to, held, scatter
 
 LEARNING, WATCHING, NAMING, PAUSED = "learning", "watching", "naming", "paused"
 MOVING = 20.0  # position noise and …
 FELT = 4.0  # … acceleration noise, of which motion has so many times as much
 FOREIGN = 0.6  # relative error of the acceleration in free runs, from which a table's file is that of another table
 FAR = 10.0  # times the size of a change that matters, within which a changed parameter lies
+STEP = 0.05  # of the size of a change that matters, by which a free run is differentiated
+LEAST_FELT = 1e-3  # share of the acceleration that one unit of a parameter moves at least [-]
 FROZEN = 0.2  # for which a sensor stands still to the last digit while the table moves [s]
 KEPT = 160  # windows
 MOST_NAMED = 5  # windows from which a change is named
@@ -107,7 +109,7 @@ class TwinWindow:
 @dataclass(frozen=True)
 class _Normal:
     """What the reference has shown: levels of noise, inflation of the variance, log mean square and its deviation,
-    error of free runs, loudness, the table."""
+    error of free runs, loudness, the table, and the variance of what does not matter, shape (p,)."""
 
     levels: Levels
     inflation: float
@@ -115,6 +117,7 @@ class _Normal:
     error: float
     loudness: float
     table: TableParameters
+    apart: np.ndarray
 
 
 class Twin:
@@ -288,8 +291,9 @@ class Twin:
     ) -> TwinWindow:
         p, covariance = self._count, self._known.covariance
         scale, values = self._model.scale[:p], self._known.mean[:p] * self._model.scale[:p]
-        deviations = np.sqrt(np.diag(covariance)[:p]) * scale
-        moved = np.sqrt(np.diag(conditional(covariance, p))) * scale
+        apart = self._normal.apart[:p] if self._normal else 0.0
+        deviations = np.sqrt(np.diag(covariance)[:p] + apart) * scale
+        moved = np.sqrt(np.diag(conditional(covariance, p)) + apart) * scale
         at = (start - self._origin) * 1e-9
         return TwinWindow(
             *(self._recording, at, start, stop, state, note, values, deviations, moved),
@@ -336,8 +340,19 @@ class Twin:
         self._model, self._known = model, pooled(first, found, inflation)
         logs = np.log([w.square for w in found])
         square = (float(np.mean(logs)), float(np.std(logs)))
-        self._normal = _Normal(levels, inflation, square, error, loudness, model.found_table())
+        apart = self._indifferent(records[:: max(len(records) // FEW, 1)])
+        self._normal = _Normal(levels, inflation, square, error, loudness, model.found_table(), apart)
         self._waiting = []
+
+    def _indifferent(self, records: list[Record]) -> np.ndarray:
+        """Variance of what does not matter, zero of what is held: where a parameter is known, a change that moves as
+        much of the acceleration as matters reaches the threshold of the test."""
+        x, steps = self._known.mean, self.followed.sizes * STEP
+        moved = np.vstack([x, x + np.eye(self._count, len(x)) * steps[:, None]])
+        felt = free_run_shares(self._model.vectors(moved), records) / steps
+        found = np.zeros(len(x))
+        found[: self._count] = (self.settings.test.matters / np.maximum(felt, LEAST_FELT) / self._limit) ** 2
+        return found
 
     def _tested(self, stop: int) -> Change | None:
         """The change that is named with this window, if any."""
@@ -346,7 +361,7 @@ class Twin:
         past = [(known, w) for known, w, *_ in self._history]
         known = (self._normal.inflation, self._normal.square)
         if self._alarm is None:
-            found = alarm(past, walk, *known, self._limit, self._count)
+            found = alarm(past, walk, *known, self._limit, self._count, self._normal.apart)
             if found and found.parameter >= 0:
                 found = replace(found, windows=windows_since(past, found, known[0], FAR * self.followed.sizes))
             self._alarm = (found, stop) if found else None
@@ -357,7 +372,8 @@ class Twin:
             return None
         return self._name(*self._alarm)
 
-    def _name(self, found: Alarm, noticed: int) -> Change:
+    def _name(self, found: Alarm, noticed: int) -> Change | None:
+        """The change of an alarm; none where it does not matter, and the windows since are followed like any others."""
         assert self._normal is not None
         m, normal = found.windows, self._normal
         known, first, since, at = self._history[-m]
@@ -375,6 +391,11 @@ class Twin:
         )
         usual = math.exp(normal.square[0] + 3.0 * math.hypot(normal.square[1], SQUARE_SPREAD))
         named = naming.named(usual)
+        if not named.share > self.settings.test.matters:
+            windows = [w for _, w, *_ in self._history[-m:]]
+            self._known = pooled(known, windows[:-1], normal.inflation)
+            self._go_on(float(np.mean([math.log(w.square) for w in windows])))
+            return None
         self._take(named, known)
         return Change(first.record.name, at, since, noticed, found.score, named)
 
@@ -392,8 +413,13 @@ class Twin:
         x = np.concatenate([kept.model.x[:p], known.mean[p:]])
         self._model = replace(self._model.at(x), table=kept.model.found_table())
         self._known = KnownState(self._model.x, covariance)
-        grown = max(math.log(kept.square), self._normal.square[0])
-        self._normal = replace(self._normal, square=(grown, self._normal.square[1]))
+        self._go_on(math.log(kept.square))
+
+    def _go_on(self, square: float) -> None:
+        """Watch again, where the log mean square of the innovations has become normal."""
+        assert self._normal is not None
+        mean, spread = self._normal.square
+        self._normal = replace(self._normal, square=(max(square, mean), spread))
         self._history, self._alarm = [], None
 
 

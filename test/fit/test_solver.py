@@ -141,3 +141,10 @@ def test_delayed_accelerometer_is_read_where_it_was_later() -> None:
     felt = piece.measured(0.003)[:, 1]
     assert felt[100:200] == pytest.approx(piece.acceleration[103:203], abs=1e-9)
     assert np.isnan(felt[-3:]).all()
+
+
+def test_a_value_at_its_bound_stays_within_it_in_the_table_whatever_its_scale_rounds() -> None:
+    table = load_table("bergamo")
+    for scale in np.linspace(0.3, 0.7, 40):
+        model = start_of(table, [FreeParameter("valve.damping", float(scale), 0.05, 5.0, "-")])
+        assert model.at(np.zeros(1)).found_table().value("valve.damping") == pytest.approx(0.05)

@@ -18,7 +18,7 @@ from shake_ros.settings import load_table, load_variant
 pytestmark = pytest.mark.second_tier  # test/twin/test_release.py holds what is handed on
 FLOW = "valve.flow_coefficient"
 SHARE = 0.9  # of the file's flow coefficient that the table has
-SETTINGS = """{window: 1.0, reference: 5.0, false_alarms: 0.01, naming: 4.0,
+SETTINGS = """{window: 1.0, reference: 5.0, false_alarms: 0.01, naming: 4.0, matters: 0.02,
  parameters: {valve.flow_coefficient: {file: 0.1, walk: 0.01}, bulk_modulus.modulus: {file: 0.1, walk: 0.1}}}"""
 
 

@@ -29,7 +29,7 @@ from .recording_processes import own_node, process, spin_until
 TRUTH = hidden.declared_truth(71)
 TABLE = load_table("bergamo").with_values({name: getattr(TRUTH, field) for name, field in hidden.DECLARED.items()})
 SECONDS, FROZEN = 7.6, slice(6500, 7200)
-SETTINGS = "{window: 1.0, reference: 5.0, false_alarms: 0.01, naming: 4.0, parameters: {%s}}"
+SETTINGS = "{window: 1.0, reference: 5.0, false_alarms: 0.01, naming: 4.0, matters: 0.02, parameters: {%s}}"
 
 
 def played(path: Path) -> Path:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
+from named_changes import LEAKAGE, change
 
 from shake_ros.core.identification.recordings import Record
 from shake_ros.twin.change import KnownState, alarm, threshold, windows_since
 from shake_ros.twin.evidence import WindowEvidence
 
-P, WALK = 3, np.full(3, 1e-6)
+P, WALK, EXACT = 3, np.full(3, 1e-6), np.zeros(3)
 NORMAL = (0.0, 0.1)
 NONE = Record("none", 1e-3, np.zeros(64), np.zeros(64))
 
@@ -27,7 +31,7 @@ def windows(count: int, jump: np.ndarray, since: int, seed: int) -> list[tuple[K
 
 
 def alarms(history: list[tuple[KnownState, WindowEvidence]], limit: float) -> list[int]:
-    return [k for k in range(1, len(history) + 1) if alarm(history[:k], WALK, 1.0, NORMAL, limit, P)]
+    return [k for k in range(1, len(history) + 1) if alarm(history[:k], WALK, 1.0, NORMAL, limit, P, EXACT)]
 
 
 def test_a_table_without_change_raises_no_more_alarms_than_were_allowed() -> None:
@@ -40,7 +44,7 @@ def test_a_jump_is_noticed_at_once_and_its_instant_is_found() -> None:
     history = windows(24, np.array([0.0, 1.5, 0.0]), 20, 1)
     limit = threshold(0.01, 2.0, P + 1)
     assert alarms(history, limit)[0] == 21
-    found = alarm(history, WALK, 1.0, NORMAL, limit, P)
+    found = alarm(history, WALK, 1.0, NORMAL, limit, P, EXACT)
     assert found is not None
     assert found.parameter == 1
     assert windows_since(history, found, 1.0, np.full(P, 10.0)) == 4
@@ -49,6 +53,21 @@ def test_a_jump_is_noticed_at_once_and_its_instant_is_found() -> None:
 def test_what_no_parameter_explains_is_noticed_by_the_innovations() -> None:
     history = windows(10, np.zeros(P), 10, 2)
     grown = [(k, WindowEvidence(NONE, w.information, w.vector, 4.0, 40, w.motion)) for k, w in history]
-    found = alarm(grown, WALK, 1.0, NORMAL, threshold(0.01, 2.0, P + 1), P)
+    found = alarm(grown, WALK, 1.0, NORMAL, threshold(0.01, 2.0, P + 1), P, EXACT)
     assert found is not None
     assert found.parameter == -1
+
+
+def test_a_change_that_does_not_matter_is_no_alarm_however_well_it_is_known() -> None:
+    history = windows(24, np.array([0.0, 1.5, 0.0]), 20, 1)
+    limit = threshold(0.01, 2.0, P + 1)
+    assert alarm(history, WALK, 1.0, NORMAL, limit, P, np.array([0.0, (1.2 / limit) ** 2, 0.0])) is not None
+    assert alarm(history, WALK, 1.0, NORMAL, limit, P, np.array([0.0, (2.0 / limit) ** 2, 0.0])) is None
+
+
+def test_the_share_of_a_change_is_what_its_name_explains_or_what_was_not_there_before() -> None:
+    found = replace(change(LEAKAGE).named, error=(0.04, 0.05, 0.03))
+    assert found.share == pytest.approx(0.04)
+    unnamed = replace(found, explained=False)
+    assert unnamed.share == pytest.approx(0.03)
+    assert replace(unnamed, changed=False).share == 0.0
