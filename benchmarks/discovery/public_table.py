@@ -21,8 +21,10 @@ import shake_ros as sr
 from benchmarks import ROOT
 from benchmarks.discovery.measured_data import command, imported, per_cent, verdict
 
-COLUMNS = ("--time", "Time", "--command", "Voltage command*0.1", "--position", "Table disp*0.001")
-ACCELERATION = ("--acceleration", " Acc 1F*0.001")
+COLUMNS = (
+    *("--time", "Time", "--command", "Voltage command*0.1"),
+    *("--position", "Table disp*0.001", "--acceleration", " Acc 1F*0.001"),
+)
 FIXED = ("1999_921_TCU029_NS", "1999_921_TAP089_EW", "1999_921_KAU050_NS", "1999_921_HWA011_EW")
 LAGS, BELOW = 205, 20.0  # of the linear filter, one second; what it is fitted below [Hz]
 
@@ -46,8 +48,8 @@ def linear(learn: Sequence[Path], hold: Sequence[Path]) -> str:
 def split(data: Path, out: Path, names: Sequence[str], minutes: float | None) -> None:
     """The answer from two recordings, judged by two others."""
     files = {f.stem: f for f in data.glob("*/*.csv")}
-    bags = [imported(files[n], out, (*COLUMNS, *ACCELERATION)) for n in names]
-    place = out / "_".join(names[:1])
+    bags = [imported(files[n], out, COLUMNS) for n in names]
+    place = out / names[0]
     limit = ("--minutes", minutes) if minutes else ()
     chosen = ("--config", "unknown", "--learn", *bags[:2], "--hold", *bags[2:], "--out", place, "--force", *limit)
     _, seconds = command("close_loop", *chosen)
@@ -58,11 +60,8 @@ def split(data: Path, out: Path, names: Sequence[str], minutes: float | None) ->
     values = {n: e["value"] for n, e in report["final"]["parameters"].items()}
     specimen = "effects.specimen_resonance"
     if f"{specimen}.mass" in values:
-        mass = values[f"{specimen}.mass"]
-        share = mass / values["body.table_mass"]
-        print(
-            f"    specimen: {values[f'{specimen}.frequency']:.2f} Hz, share of the moved mass {share:.2f}", flush=True
-        )
+        share = values[f"{specimen}.mass"] / values["body.table_mass"]
+        print(f"    specimen: {values[f'{specimen}.frequency']:.2f} Hz, share of the moved mass {share:.2f}")
 
 
 def main(given: Sequence[str] = tuple(sys.argv[1:])) -> None:

@@ -73,8 +73,8 @@ def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = (
         square, right = np.sum([n.square for n in others], axis=0), np.sum([n.right for n in others], axis=0)
         left = own.signals - own.terms @ np.linalg.lstsq(square, right, rcond=None)[0]
         levels = np.minimum(np.std(left, axis=0), np.std(own.signals, axis=0))  # another motion's filter may not fit
-        felt, (velocity, acceleration) = _felt(r), levels.tolist()
-        beyond = float(np.std(felt - low_pass(felt, r.sample_time, band)))
+        velocity, acceleration = levels.tolist()
+        beyond = float(np.std(_felt(r) - own.signals[:, 1]))
         found.append(replace(r, explained=ExplainedBand(band, velocity, acceleration, beyond)))
     return found
 
