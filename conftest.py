@@ -73,12 +73,25 @@ def _place(name: str) -> int:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """A file at a time, in the order of the collection."""
+    """A file at a time, in the order of the collection; a test with which its worker ended is not run again."""
     from xdist.scheduler import LoadScopeScheduling
 
     class ByGroup(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
             return _group(nodeid)
+
+        @property
+        def tests_finished(self) -> bool:
+            return not self.workqueue and super().tests_finished
+
+        def remove_node(self, node: Any) -> str | None:
+            units = self.assigned_work[node]
+            left = [(unit, name) for unit in units.values() for name, over in unit.items() if not over]
+            for unit, name in left[:1]:
+                unit[name] = True
+            self.assigned_work[node] = {scope: unit for scope, unit in units.items() if not all(unit.values())}
+            super().remove_node(node)
+            return left[0][1] if left else None
 
     config.option.loadscopereorder = False
     return ByGroup(config, log)

@@ -134,7 +134,7 @@ def test_table_is_run_tripped_recorded_learned_from_and_lost_by_mouse(ros_domain
         assert "table:=" in operator.see("command.textContent")
 
         # the loop's process dies, then the lab ends
-        os.kill(children(lab.process.pid)["composed"], signal.SIGKILL)
+        os.kill(children(lab.process.pid)["graph"], signal.SIGKILL)
         operator.wait_for(
             "the alarm",
             lambda: "loop died: killed by signal 9" in operator.see("document.getElementById('alert').innerText"),

@@ -105,6 +105,7 @@ def test_every_node_has_the_priority_the_processor_and_the_locked_memory_that_it
         "player": {"input": str(bag), "loop": True},
         "recorder": {"output": str(tmp_path / "bag")},
         "page": {"port": 0},
+        "twin": {"table": "bergamo"},
     }
     sensors = ("joint_states", "imu", "pressure_a", "pressure_b", "pressure_supply")
     apart = {topic: f"other/{topic}" for topic in sensors}
