@@ -312,7 +312,7 @@ class Discovery(fitted.FittedResult):
 
         sets = self.estimation, self.validation, self.test
         names = [fitted.names_of(records) for records in sets]
-        content = close_loop_json(self.closed, names[0], names[1], self.model.kind, names[2])
+        content = close_loop_json(self.closed, names[0], names[1], self.model.kind, names[2]) | {"open": self.open}
         step, identified = self.failures.step, tuple[Estimate, ...]()
         with step("residuals in report.json"):
             if self.diagnosis:

@@ -17,6 +17,7 @@ from shake_ros.api.discovery import Discovery
 from shake_ros.api.identify import METHODS, identify
 from shake_ros.api.import_csv import OF_SECOND, SIGNALS, import_csv, import_proposal
 from shake_ros.api.live_table import InterlockHeldError
+from shake_ros.api.progress import Progress
 from shake_ros.api.read import Recordings, read
 from shake_ros.api.table import table
 from shake_ros.cli.arguments import (
@@ -277,7 +278,9 @@ def decide_live(answers: list[Discovery], given: argparse.Namespace, arguments: 
                 print("nobody released it (--acknowledge NAME says who does): the search ends with what it has")
                 return None
             try:
-                made = table.play(asked.motion_at(table.sample_time), bag.name)
+                with Progress("recording") as bar:
+                    bar(f"the table moves; recording {bag.name}", 0.0)
+                    made = table.play(asked.motion_at(table.sample_time), bag.name)
             except InterlockHeldError as held:
                 print(f"{held}; the search ends with what it has", file=sys.stderr)
                 return None

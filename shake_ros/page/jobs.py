@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,17 +23,25 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @dataclass
 class Job:
-    """One command. state : running, done, failed, cancelled. asks : what it wants released, empty for nothing."""
+    """One command.
+
+    state : running, done, failed, cancelled. work, part, begun : what of it runs now, how much is done, since when.
+    asks : what it wants released, empty for nothing. of : the page's request. open : whether models are left open.
+    """
 
     number: int
     arguments: tuple[str, ...]
     out: Path
+    of: Mapping[str, Any]
     started: float = field(default_factory=time.time)
     ended: float = 0.0
     state: str = "running"
+    work: str = ""
     doing: str = "starting"
     part: float = 0.0
+    begun: float = field(default_factory=time.time)
     asks: str = ""
+    open: bool = False
     lines: list[str] = field(default_factory=list)
 
     @property
@@ -43,19 +51,32 @@ class Job:
 
     def left(self) -> float | None:
         """Time left [s], once it can be estimated."""
-        elapsed = time.time() - self.started
+        elapsed = time.time() - self.begun
         if self.state != "running" or self.part < 0.03 or elapsed < 3.0:
             return None
         return elapsed * (1.0 - self.part) / self.part
 
+    def progress(self, part: float, text: str) -> None:
+        """Take a line of its progress; the bar begins again with each piece of work."""
+        work, _, doing = text.partition(": ")
+        if work != self.work:
+            self.work, self.part, self.begun = work, 0.0, time.time()
+        self.part, self.doing = max(self.part, part), doing
+
+    @property
+    def answer(self) -> Path:
+        """Folder of the newest answer: that of the last further recording, where there is one."""
+        decided = self.out / "decided"
+        return decided if (decided / "table.yaml").is_file() else self.out
+
     def status(self) -> dict[str, Any]:
         """For the page."""
-        decided = self.out / "decided"  # the answer of the last further recording
-        answer = decided if (decided / "table.yaml").is_file() else self.out
+        answer = self.answer
         design = answer / "next" / "report.html"
         return {
             "number": self.number, "command": self.command, "state": self.state, "doing": self.doing,
-            "part": self.part, "left": self.left(), "seconds": (self.ended or time.time()) - self.started,
+            "work": self.work, "of": dict(self.of), "open": self.open, "part": self.part,
+            "left": self.left(), "seconds": (self.ended or time.time()) - self.started,
             "lines": self.lines[-60:], "kind": self.arguments[0], "asks": self.asks,
             "report": self._shown(answer / "report.html"), "next": self._shown(design),
             "table": (answer / "table.yaml").is_file(), "table_path": str(answer / "table.yaml"),
@@ -66,6 +87,11 @@ class Job:
         return str(page.relative_to(self.out.parent)) if page.is_file() else ""
 
 
+def _leaves_open(report: Path) -> bool:
+    """Whether a search says that models are left open."""
+    return report.is_file() and bool(json.loads(report.read_text(encoding="utf-8")).get("open"))
+
+
 class Jobs:
     """The jobs of this start; results in `folder`."""
 
@@ -74,8 +100,8 @@ class Jobs:
         self.all: list[Job] = []
         self._process: subprocess.Popen[str] | None = None
 
-    def start(self, kind: str, arguments: Sequence[str], name: str) -> Job:
-        """Run `./shake KIND ARGUMENTS --out …`; ShakeError where one runs."""
+    def start(self, kind: str, arguments: Sequence[str], name: str, of: Mapping[str, Any]) -> Job:
+        """Run `./shake KIND ARGUMENTS --out …` for a request; ShakeError where one runs."""
         if self.all and self.all[-1].state == "running":
             raise ShakeError(f"{self.all[-1].arguments[0]} is running; cancel it first")
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -83,7 +109,7 @@ class Jobs:
         number = 2
         while out.exists():
             out, number = self.folder / f"{name}_{number}", number + 1
-        job = Job(len(self.all) + 1, (kind, *arguments, "--out", str(out)), out)
+        job = Job(len(self.all) + 1, (kind, *arguments, "--out", str(out)), out, of)
         environment = {**os.environ, "SHAKE_ROS_PROGRESS": "parts"}
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
         self._process = subprocess.Popen(
@@ -102,11 +128,11 @@ class Jobs:
             if part == RELEASE:
                 job.asks = json.loads(text)
             elif found:
-                job.part, job.doing = max(job.part, float(part)), text.partition(": ")[2] or text
+                job.progress(float(part), text)
             elif line.strip():
                 job.lines.append(line.strip())
         code = process.wait()
-        job.ended, job.asks = time.time(), ""
+        job.ended, job.asks, job.open = time.time(), "", _leaves_open(job.answer / "report.json")
         if job.state == "running":
             job.state = "done" if code == 0 else "failed"
             job.part = 1.0 if code == 0 else job.part

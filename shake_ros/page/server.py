@@ -212,7 +212,8 @@ class LivePage:
         if kind == "decide":
             arguments += ["--namespace", site.desk.namespace]
         command = "identify" if kind == "identify" else "close_loop"
-        job = site.jobs.start(command, arguments, f"{kind}_{'_'.join(learn)}"[:60])
+        of = {"kind": kind, "learn": learn, "hold": hold, "table": message.get("table")}
+        job = site.jobs.start(command, arguments, f"{kind}_{'_'.join(learn)}"[:60], of)
         return Answer(True, f"started: {job.command}")
 
 

@@ -79,10 +79,12 @@ class PageDesk:
         self._thd: dict[str, Any] = {}
         self._harmonics: list[list[float]] = []
         self._twin = TwinHistory()
+        self._release = ""
         self._spectrum: dict[str, list[float]] = {}
         self._spectrum_at = 0.0
         self._processes: dict[str, str] = {}
         self._recording, self._recording_since, self._note = "", 0.0, ""
+        self._recording_asked = 0.0
         self.model = ""
         node = frame.node
         for topic, heard in (
@@ -105,6 +107,9 @@ class PageDesk:
                 continue
             if part == "fault":
                 self._trips.append({"at": time.time(), "text": f"fault on purpose: {text}", "cause": "fault"})
+                continue
+            if part == "release":
+                self._release = text
                 continue
             name = node.rpartition("/")[2]
             if name not in self._nodes or time.monotonic() - self._nodes[name]["heard"] > SILENT:
@@ -147,8 +152,15 @@ class PageDesk:
                 self._library.note(Path(self._recording).name, words)
             self._note = ""
         if recording != self._recording:
-            self._recording_since = self._store.time()
+            self._recording_since, self._recording_asked = self._store.time(), time.monotonic()
         self._recording = recording
+
+    def _records(self) -> bool:
+        """Whether the recorder has said that it gets the table's commands."""
+        report = self._nodes.get("recorder", {"heard": 0.0})
+        counts = f"{interface.VALVE_COMMAND.name}.count"
+        newer = bool(self._recording) and report["heard"] > self._recording_asked
+        return newer and any(name.endswith(counts) and value != "0" for name, value in report["values"].items())
 
     def _look_at_spectrum(self) -> None:
         now = time.monotonic()
@@ -208,8 +220,10 @@ class PageDesk:
             "trips": list(self._trips), "thd": thd, "harmonics": self._harmonics if thd else [],
             "spectrum": self._spectrum, "runs": runs, "last_run": self.runs.runs[-1] if runs else None,
             "model_error": self._model_error(), "model": self.model, "words": self._words(), "died": died,
-            "processes": list(self._processes), "recording": self._recording, "lab": self._lab is not None,
+            "processes": list(self._processes), "recording": self._recording, "records": self._records(),
+            "lab": self._lab is not None,
             "recording_for": max(0.0, self._store.time() - self._recording_since) if self._recording else 0.0,
+            "released": self.remote.value("twin", "release"), "release": self._release,
             "play": self.remote.value("reference_generator", "play"),
             "repeat": self.remote.value("reference_generator", "repeat"), "lockstep": self._frame.lockstep,
         }  # fmt: skip

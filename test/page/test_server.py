@@ -22,7 +22,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from shake_ros.page.desk import Answer
-from shake_ros.page.jobs import Jobs
+from shake_ros.page.jobs import Job, Jobs
 from shake_ros.page.library import Library
 from shake_ros.page.samples import HEADER, ROW, Prediction, SampleStore
 from shake_ros.page.server import Server, Site
@@ -293,6 +293,8 @@ ASKING = """#!/bin/sh
 printf 'release\\t"1.5 mm at 2 Hz"\\n'
 read name
 echo "moved by ${name:-nobody}"
+for out in "$@"; do :; done
+mkdir -p "$out" && echo '{"open": true}' > "$out/report.json"
 """
 
 
@@ -315,6 +317,16 @@ def test_a_job_moves_the_table_only_once_the_operator_has_released_it(running, m
         job = until(socket, lambda m: m.get("jobs") and m["jobs"][0]["state"] == "done")["jobs"][0]
     assert job["lines"][-1] == f"moved by {by}"
     assert job["asks"] == ""
+    assert job["open"]
+    assert job["of"] == {"kind": "decide", "learn": ["quake"], "hold": ["other"], "table": None}
+
+
+def test_progress_begins_again_with_each_piece_of_work(tmp_path) -> None:
+    job = Job(1, ("close_loop",), tmp_path, {})
+    job.progress(0.9, "close_loop: verdicts")
+    job.progress(0.2, "next_recording: refitting the rivals")
+    job.progress(0.1, "next_recording: a motion")
+    assert (job.work, job.doing, job.part) == ("next_recording", "a motion", 0.2)
 
 
 def flood(socket: Any, text: str, count: int) -> None:

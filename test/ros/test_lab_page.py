@@ -1,4 +1,4 @@
-"""The laboratory by mouse and keyboard, in a real browser: run, trip, reset, record, learn, load the found table."""
+"""The laboratory by mouse and keyboard, in a real browser: run, trip, record, learn, decide, follow, release."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from lab_process import Started, children
 
 from benchmarks.page.browser import CHROMIUM, DRIVER, Operator, chromium
-from shake_ros.settings import find, read_yaml
+from benchmarks.page.by_mouse import next_recording, options, quick_interlock, record, twin
 
 if not (CHROMIUM and DRIVER):
     warnings.warn("the live page is opened in no browser: apt install chromium chromium-driver", stacklevel=1)
@@ -30,33 +29,12 @@ def operator(tmp_path: Path) -> Iterator[Operator]:
         yield Operator(driver)
 
 
-def quick_interlock(folder: Path) -> Path:
-    """As on the real table, but at low and high pressure for a tenth of a second."""
-    settings = read_yaml(find("interlock", "bergamo"))
-    path = folder / "quick.yaml"
-    path.write_text(yaml.safe_dump({**settings, "low_pressure_time": 0.1, "high_pressure_time": 0.1}))
-    return path
-
-
 def accelerogram(folder: Path) -> Path:
     """Two columns: two seconds of a swept tone [s], [m/s²]."""
     time_ = np.arange(0.0, 2.0, 0.005)
     path = folder / "shaker.csv"
     np.savetxt(path, np.c_[time_, np.sin(2 * np.pi * (2 + time_) * time_) * np.sin(np.pi * time_ / 2)], delimiter=",")
     return path
-
-
-def record(operator: Operator, folder: Path, name: str, seconds: float) -> None:
-    """Play and record by mouse."""
-    operator.type("#record-name", name)
-    operator.click("#record")
-    operator.said(f"recording to {folder}/recordings/{name}")
-    operator.wait_for("the red dot", lambda: operator.see("!!document.querySelector('.rec')"))
-    operator.click("#play")
-    operator.pass_time(seconds)
-    operator.click("#rest")
-    operator.click("#unrecord")
-    operator.said(f"recording closed: {folder}/recordings/{name}")
 
 
 @pytest.mark.second_tier
@@ -146,3 +124,49 @@ def test_table_is_run_tripped_recorded_learned_from_and_lost_by_mouse(ros_domain
         assert lab.end() == 0, lab.lines
         operator.state("disconnected")
         assert not operator.find("#stop").is_enabled()
+
+
+@pytest.mark.second_tier
+def test_next_recording_is_designed_released_played_and_searched_by_mouse(ros_domain, tmp_path, operator) -> None:
+    results, asked = tmp_path / "results" / "decide_first", 0
+    with Started(*options(tmp_path)) as lab:
+        operator.driver.get(lab.wait_for("open http").partition("open ")[2])
+        for state in next_recording(operator, tmp_path):
+            if state == "asks":
+                asked += 1
+                assert "the next recording: " in operator.find(".asks").text
+                assert "shows or excludes" in operator.find(".asks").text
+                operator.driver.switch_to.frame(operator.find("#report"))
+                drawn = operator.driver.find_elements("css selector", ".uplot")
+                operator.driver.switch_to.default_content()
+                assert drawn, "no picture of the predictions"
+                assert operator.see("shake.state.status.nodes.reference_generator.message").endswith("ended")
+        assert state == "done", operator.find("#work").text
+        assert operator.see("report.src").endswith("decide_first/decided/report.html")
+        assert operator.errors() == []
+        assert lab.end() == 0, lab.lines
+    assert asked >= 1
+    assert (results / "recordings" / "next_1" / "metadata.yaml").is_file()
+    assert not (results / "recordings" / "next_2").exists()
+
+
+@pytest.mark.second_tier
+def test_twin_is_watched_released_and_taken_back_by_mouse(ros_domain, tmp_path, operator) -> None:
+    with Started(*options(tmp_path)) as lab:
+        operator.driver.get(lab.wait_for("open http").partition("open ")[2])
+        shown = twin(operator, tmp_path)
+        assert next(shown) == "unchanged"
+        operator.wait_for("a curve for each", lambda: len(operator.see("document.querySelectorAll('.uplot')")) > 8)
+        assert operator.peak("twin_acceleration") == pytest.approx(operator.peak("acceleration"), rel=0.3)
+        assert next(shown) == "released"
+        assert "flow_coefficient × 1.0" in operator.find("#twin-release").text
+        assert next(shown) == "changed"
+        operator.wait_for("the change", lambda: "flow_coefficient × 0.8" in operator.find("#twin-changes").text)
+        assert "→ have the spool and its null checked" in operator.find("#twin-changes").text
+        assert next(shown) == "taken back"
+        assert next(shown) == "fault"
+        operator.wait_for("the fault", lambda: "accelerometer_scale" in operator.find("#twin-changes").text)
+        assert "→ check mounting, cables and calibration" in operator.find("#twin-changes").text
+        assert list(shown) == []
+        assert operator.errors() == []
+        assert lab.end() == 0, lab.lines

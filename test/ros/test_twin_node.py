@@ -121,3 +121,7 @@ def test_light_changes_and_curves_reach_the_page(ros_domain, tmp_path) -> None:
         assert desk.twin()["changes"][0]["since"] == 3.0
         (curve,) = desk.twin()["parameters"]
         assert curve["value"] == [0.6] * 5
+        twin.frame.diagnostics.event("release", 0, "released to the loop: leakage.internal × 2", {})
+        spin_until(frame.node, lambda: desk.status()["release"], "the release")
+        assert desk.status()["release"] == "released to the loop: leakage.internal × 2"
+        assert desk.status()["nodes"]["twin"]["part"] == "twin"  # an event is not the node's report

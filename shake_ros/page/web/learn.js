@@ -41,6 +41,13 @@ async function refresh() {
   }
 }
 
+const KINDS = { identify: 'Identify', close_loop: 'Close the loop', decide: 'Decide' }
+const WORK = { close_loop: 'search', next_recording: 'next recording', tune: 'gains' }  // beside those that are named well
+const doing = job => job.state === 'running' && job.work ? `${WORK[job.work] || job.work}: ${job.doing}` : job.doing
+const OPEN = {
+  close_loop: '<b>Several models remain possible</b><button class="go" data-decide>Decide</button><span class="quiet">designs the motion that distinguishes them, asks before the enabled table moves, records, and searches again</span>',
+  decide: '<b>Several models remain possible</b><span class="quiet"><i>Next recording</i> states what no motion distinguishes, and what would</span>',
+}
 const span = seconds => seconds == null ? '' : seconds > 90 ? `about ${Math.round(seconds / 60)} min left` : `about ${Math.round(seconds)} s left`
 
 function jobs(status) {
@@ -50,13 +57,18 @@ function jobs(status) {
   const operator = status.role === 'operator'
   element('work').innerHTML = '<h2>Work</h2>' + (status.jobs.length ? '' : '<p class="quiet">nothing has been started</p>') + [...status.jobs].reverse().map(job => `
     <div class="job" data-job="${job.number}" data-state="${job.state}">
-    <div class="row"><b>${text(job.kind)}</b> <span>${job.asks ? 'waits for your release' : text(job.state)}</span> <span class="quiet">${Math.round(job.seconds)} s ${job.asks ? '' : span(job.left)}</span>
+    <div class="row"><b>${text(KINDS[job.of.kind])}</b> <span>${job.asks ? 'waits for your release' : text(job.state)}</span> <span class="quiet">${Math.round(job.seconds)} s ${job.asks ? '' : span(job.left)}</span>
     ${job.state === 'running' ? '<button data-cancel>Cancel</button>' : ''}${job.report ? `<button data-report="${text(job.report)}">Report</button>` : ''}${job.next ? `<button data-report="${text(job.next)}">Next recording</button>` : ''}</div>
     ${job.asks ? `<div class="asks" role="alert"><b>The table would move</b><pre>${text(job.asks)}</pre><div class="row"><button class="go" data-release="true" ${operator ? '' : 'disabled'}>Release</button><button data-release="false" ${operator ? '' : 'disabled'}>Stop here</button><span class="quiet">Release plays and records this motion now; Stop here ends with the answer so far</span></div></div>` : ''}
-    <progress max="1" value="${job.part}" aria-label="progress"></progress><div class="quiet">${text(job.doing)}</div>
+    <progress max="1" value="${job.part}" aria-label="progress"></progress><div class="quiet">${text(doing(job))}</div>
+    ${job.state === 'done' && job.open ? `<div class="row open">${OPEN[job.of.kind] || ''}</div>` : ''}
     <code>${text(job.command)}</code>
     ${job.lines.length ? `<details${job.state === 'failed' ? ' open' : ''}><summary>Output</summary><pre>${job.lines.map(text).join('\n')}</pre></details>` : ''}
     ${job.table ? `<div class="row use"><b>Use this table</b> <label><input type="checkbox" data-for="observer" checked> observer</label><label><input type="checkbox" data-for="controller" checked> controller</label>${status.nodes.plant ? '<label><input type="checkbox" data-for="plant"> simulated table (stops it first)</label>' : ''}<button data-use="${text(job.table_path)}" ${operator ? '' : 'disabled'}>Load</button><span class="quiet">then play the same reference again: Runs shows the tracking before and after</span></div>` : ''}</div>`).join('')
+  element('work').querySelectorAll('[data-decide]').forEach(button => {
+    button.disabled = !operator
+    button.onclick = () => act('job', { ...status.jobs.find(job => job.number === +button.closest('.job').dataset.job).of, kind: 'decide' })
+  })
   element('work').querySelectorAll('[data-cancel]').forEach(button => { button.onclick = () => act('cancel') })
   element('work').querySelectorAll('[data-release]').forEach(button => { button.onclick = () => act('release', { released: button.dataset.release === 'true' }) })
   element('work').querySelectorAll('[data-report]').forEach(button => { button.onclick = () => openIt(button.dataset.report) })

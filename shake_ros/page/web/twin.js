@@ -1,5 +1,6 @@
 // The twin beside the table: its light, what has changed and what to do, each followed parameter with its 90 % band.
 import { axisStyle, BLUE, dark, GREY } from './curves.js'
+import { act } from './run.js'
 import { fetched, on } from './socket.js'
 import { chart, clock, current, put, text, twin } from './state.js'
 
@@ -15,6 +16,15 @@ function light(status) {
   const words = found && (found.values.state !== 'watching' || !found.level) ? text(found.message) : ''  // else the changes say it
   const over = found ? `stopped at ${clock(Date.now() / 1000 - found.age)}; ${start} starts it again` : `none runs; ${start} starts one`
   put('twin-text', found && !found.lost ? words : `${words} <span class="quiet">${over}</span>`)
+}
+
+function release(status) {
+  const found = twin(status), on = status.released
+  if (!found || found.lost || on == null) { put('twin-release', ''); return }
+  put('twin-release', `<div class="row"><button id="release" data-operator>${on ? 'Take back' : 'Release'}</button><span class="quiet">${on ? 'observer and controller have the followed values' : 'gives the followed values to observer and controller'}${status.release ? `; ${text(status.release)}` : ''}</span></div>`)
+  const button = document.getElementById('release')
+  button.disabled = status.role !== 'operator'
+  button.onclick = () => act('set', { node: 'twin', name: 'release', value: !on })
 }
 
 const change = one => `<div class="trip${one.level < 2 ? ' indicate' : ''}"><b>${text(one.change)}</b> since ${when(one.since)}${one.rivals ? `, or ${text(one.rivals)}` : ''}
@@ -45,6 +55,6 @@ async function refresh() {
 }
 
 export function begin() {
-  on('status', light)
+  on('status', status => { light(status); release(status) })
   setInterval(refresh, 2000)
 }
