@@ -47,7 +47,7 @@ def quick_interlock(folder: Path) -> Path:
 
 def options(folder: Path) -> list[str]:
     """Arguments of a lab that does not wait for the clock."""
-    own = ["--reference", "multisine", "--interlock", str(quick_interlock(folder)), "--pace", "4"]
+    own = ["--reference", "multisine", "--interlock", str(quick_interlock(folder)), "--pace", "2"]
     return ["--lockstep", "--composed", "--port", "0", "--folder", str(folder), *own]
 
 

@@ -37,6 +37,7 @@ from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import check_folder, write_json
 from shake_ros.experiment_design.next_recording import NextRecording, decide, next_recording
+from shake_ros.page.jobs import RECORDED
 from shake_ros.report.text import (
     close_loop_lines,
     diagnosis_lines,
@@ -285,7 +286,7 @@ def decide_live(answers: list[Discovery], given: argparse.Namespace, arguments: 
                 print(f"{held}; the search ends with what it has", file=sys.stderr)
                 return None
             shutil.copytree(made, bag)
-            print(f"recorded: {bag}", flush=True)
+            print(f"{RECORDED}{bag}", flush=True)
             return read(bag)
 
         def keep(more: Discovery) -> None:

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from shake_ros.core.quantities import ShakeError
 
 NICENESS = 15  # the graph goes first
 RELEASE = "release"  # begins a line in which a command asks whether the table may move
+RECORDED = "recorded: "  # begins a line that names a recording that a command has made
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -93,10 +94,10 @@ def _leaves_open(report: Path) -> bool:
 
 
 class Jobs:
-    """The jobs of this start; results in `folder`."""
+    """The jobs of this start; results in `folder`. recorded : called with each recording that one of them makes."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, recorded: Callable[[Path], None] = lambda _: None) -> None:
+        self.folder, self._recorded = folder, recorded
         self.all: list[Job] = []
         self._process: subprocess.Popen[str] | None = None
 
@@ -131,6 +132,8 @@ class Jobs:
                 job.progress(float(part), text)
             elif line.strip():
                 job.lines.append(line.strip())
+                if line.startswith(RECORDED):
+                    self._recorded(Path(line.strip().removeprefix(RECORDED)))
         code = process.wait()
         job.ended, job.asks, job.open = time.time(), "", _leaves_open(job.answer / "report.json")
         if job.state == "running":

@@ -85,6 +85,10 @@ class Library:
             raise ShakeError(f"no recording {name}")
         return found
 
+    def take(self, path: Path) -> None:
+        """Show a recording of a result folder as well, under the name of both."""
+        (self.folder / f"{path.parent.parent.name}_{path.name}").symlink_to(path.resolve())
+
     def note(self, name: str, words: Mapping[str, Any]) -> None:
         """Write down what ran."""
         (self.folder / f"{checked_name(name)}.json").write_text(json.dumps(dict(words), indent=1), encoding="utf-8")

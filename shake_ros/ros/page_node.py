@@ -113,7 +113,8 @@ class PageNode(Behaviour):
         (folder / "recordings").mkdir(parents=True, exist_ok=True)
         self._model = load_table(own.model) if own.model else None
         self.store = SampleStore(frame.period, Prediction(frame.sample_time, None))
-        library, self.jobs = Library(folder / "recordings"), Jobs(folder / "results")
+        library = Library(folder / "recordings")
+        self.jobs = Jobs(folder / "results", library.take)
         self._lab = call_lab(own.lab) if own.lab else None
         self.desk = PageDesk(frame, self.store, library, self._lab)
         self.desk.model = own.model

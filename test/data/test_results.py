@@ -50,7 +50,7 @@ def check_error(content: Any, learn: list[str], hold: list[str]) -> None:
 def check_report(report: Any) -> None:
     """The whole contract of report.json of `close_loop`."""
     keys = ["schema", "model", "recordings", "noise", "baseline", "steps", "final", "remaining"]
-    assert list(report) == [*keys, "function", "ended_early", "form_errors", "failed"]
+    assert list(report) == [*keys, "function", "ended_early", "form_errors", "open", "failed"]
     assert report["failed"] == []
     assert set(report["form_errors"]) == set(report["final"]["parameters"])
     assert all(number(e) and e >= 0.0 for e in report["form_errors"].values())

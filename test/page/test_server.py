@@ -61,7 +61,8 @@ class Running:
     def __init__(self, folder: Path) -> None:
         (folder / "recordings").mkdir()
         self.desk, self.store = QuietDesk(), SampleStore(MS, Prediction(0.001, None))
-        library, jobs = Library(folder / "recordings"), Jobs(folder / "results")
+        library = Library(folder / "recordings")
+        jobs = Jobs(folder / "results", library.take)
         self.server = Server(Site(self.desk, self.store, library, jobs, folder, "127.0.0.1", 0))
         self.host = self.server._address.removeprefix("http://").rstrip("/")
         self.server.start()
@@ -294,7 +295,8 @@ printf 'release\\t"1.5 mm at 2 Hz"\\n'
 read name
 echo "moved by ${name:-nobody}"
 for out in "$@"; do :; done
-mkdir -p "$out" && echo '{"open": true}' > "$out/report.json"
+mkdir -p "$out/recordings/next_1" && echo '{"open": true}' > "$out/report.json"
+echo "recorded: $out/recordings/next_1"
 """
 
 
@@ -315,7 +317,8 @@ def test_a_job_moves_the_table_only_once_the_operator_has_released_it(running, m
         assert asking["asks"] == "1.5 mm at 2 Hz"
         assert ask(socket, "release", released=released)["ok"]
         job = until(socket, lambda m: m.get("jobs") and m["jobs"][0]["state"] == "done")["jobs"][0]
-    assert job["lines"][-1] == f"moved by {by}"
+    assert job["lines"][0] == f"moved by {by}"
+    assert running.server.site.library.path("decide_quake_next_1").is_dir()
     assert job["asks"] == ""
     assert job["open"]
     assert job["of"] == {"kind": "decide", "learn": ["quake"], "hold": ["other"], "table": None}

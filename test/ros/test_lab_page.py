@@ -143,6 +143,7 @@ def test_next_recording_is_designed_released_played_and_searched_by_mouse(ros_do
                 assert operator.see("shake.state.status.nodes.reference_generator.message").endswith("ended")
         assert state == "done", operator.find("#work").text
         assert operator.see("report.src").endswith("decide_first/decided/report.html")
+        operator.find("[data-mark=learn][data-run=decide_first_next_1]")
         assert operator.errors() == []
         assert lab.end() == 0, lab.lines
     assert asked >= 1
