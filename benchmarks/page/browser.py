@@ -92,10 +92,18 @@ class Operator:
         self.click(f"nav [data-tab={name}]")
 
     def type(self, css: str, text: str) -> None:
-        """Instead of what the field holds."""
+        """Instead of what the field holds; what the page replaces meanwhile is looked for again."""
+        from selenium.common.exceptions import WebDriverException
         from selenium.webdriver import Keys
 
-        self.find(css).send_keys(Keys.CONTROL, "a", Keys.NULL, text)
+        def typed() -> bool:
+            try:
+                self.driver.find_element("css selector", css).send_keys(Keys.CONTROL, "a", Keys.NULL, text)
+                return True
+            except WebDriverException:
+                return False
+
+        self.wait_for(f"{text!r} in {css}", typed)
         self.clicks += 1
 
     def choose(self, css: str, value: str) -> None:

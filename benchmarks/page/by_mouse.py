@@ -29,7 +29,7 @@ from shake_ros.settings import find, load_table, read_yaml
 
 WIDTH, HEIGHT = 1200, 1150  # of a picture [pixels]
 TIMEOUT = 600.0  # for any step, on a busy machine [s]
-SECONDS = 3.0  # of each of the two recordings [s]
+SECONDS = 2.0  # of each of the two recordings [s]
 JOB = "shake.state.status.jobs.at(-1)"
 TWIN = """{window: 1.0, reference: 5.0, false_alarms: 0.01, naming: 3.0, matters: 0.02, parameters: {
   valve.flow_coefficient: {file: 0.1, walk: 0.01}, bulk_modulus.modulus: {file: 0.1, walk: 0.1}}}"""
@@ -45,9 +45,9 @@ def quick_interlock(folder: Path) -> Path:
     return path
 
 
-def options(folder: Path) -> list[str]:
-    """Arguments of a lab that does not wait for the clock."""
-    own = ["--reference", "multisine", "--interlock", str(quick_interlock(folder)), "--pace", "2"]
+def options(folder: Path, pace: float = 1.0) -> list[str]:
+    """Arguments of a lab in lock-step, at most so many times as fast as the clock."""
+    own = ["--reference", "multisine", "--interlock", str(quick_interlock(folder)), "--pace", f"{pace:g}"]
     return ["--lockstep", "--composed", "--port", "0", "--folder", str(folder), *own]
 
 
@@ -65,9 +65,9 @@ def record(operator: Operator, folder: Path, name: str, seconds: float) -> None:
 
 
 def next_recording(operator: Operator, folder: Path) -> Iterator[str]:
-    """Two recordings, and a third that is designed, released and played; a further one is not released.
+    """Two recordings, and a third that is designed, released and played; the search for a fourth is cancelled.
 
-    Yields what the page shows: "asks" before the table may move, "done" at the end.
+    Yields "asks" before the table may move, "decided" once the search has gone on, and "cancelled".
     """
     operator.state("off")
     operator.click("#enable")
@@ -80,17 +80,16 @@ def next_recording(operator: Operator, folder: Path) -> Iterator[str]:
     operator.click("[data-mark=hold][data-run=second]")
     operator.click("#decide")
     operator.said("started: ./shake close_loop")
-    for answer in ("true", "false"):
-        operator.wait_for("a design", lambda: operator.see(f"{JOB}.asks || {JOB}.state !== 'running'"))
-        if not operator.see(f"{JOB}.asks"):
-            break
-        operator.wait_for("its page", lambda: "next/report.html" in (operator.see("report.src") or ""))
-        yield "asks"
-        operator.click(f"[data-release={answer}]")
-        operator.said("released by the operator" if answer == "true" else "not released")
-        operator.wait_for("the answer's end", lambda: not operator.see(f"{JOB}.asks"))
-    operator.wait_for("the job's end", lambda: operator.see(f"{JOB}.state") != "running")
-    yield str(operator.see(f"{JOB}.state"))
+    operator.wait_for("a design", lambda: operator.see(f"{JOB}.asks || {JOB}.state !== 'running'"))
+    operator.wait_for("its page", lambda: "next/report.html" in (operator.see("report.src") or ""))
+    yield "asks"
+    operator.click("[data-release=true]")
+    operator.said("released by the operator")
+    operator.wait_for("the decision", lambda: "decided/report.html" in operator.see("report.src"))
+    yield "decided"
+    operator.click("[data-cancel]")
+    operator.wait_for("the job's end", lambda: operator.see(f"{JOB}.state") == "cancelled")
+    yield "cancelled"
 
 
 @contextmanager
@@ -154,6 +153,7 @@ def fault(operator: Operator, name: str, value: float) -> None:
 
 
 DONE: Mapping[str, Callable[[Operator, Path], Iterator[str]]] = {"next_recording": next_recording, "twin": twin}
+PACE = {"next_recording": 1.0, "twin": 4.0}  # the search needs a processor, the twin much motion
 SHOWN = {"next_recording": "#work", "twin": "#twin-light"}  # what is on top of a picture
 
 
@@ -166,7 +166,8 @@ def main() -> int:
     begun, domain = time.monotonic(), int(os.environ.get("ROS_DOMAIN_ID", "0"))
     with tempfile.TemporaryDirectory(prefix="by_mouse-") as name:
         folder = Path(name)
-        with laboratory(options(folder), domain) as lab, chromium(folder / "profile", WIDTH, HEIGHT) as driver:
+        words = options(folder, PACE[given.what])
+        with laboratory(words, domain) as lab, chromium(folder / "profile", WIDTH, HEIGHT) as driver:
             driver.get(lab.waits_for("open http", TIMEOUT).partition("open ")[2])
             operator = Operator(driver, TIMEOUT)
             for number, state in enumerate(DONE[given.what](operator, folder), 1):

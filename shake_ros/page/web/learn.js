@@ -83,7 +83,7 @@ function jobs(status) {
     }
   })
   const last = status.jobs.at(-1)
-  const wanted = last && (last.asks ? last.next : last.state === 'done' && last.report)
+  const wanted = last && (last.asks ? last.next : (last.state === 'done' || last.report.includes('/decided/')) && last.report)
   if (wanted && wanted !== offered) openIt(offered = wanted)
   if (last) show(last.command)
 }

@@ -108,7 +108,7 @@ function nodes(status) {
     return `<tr title="${text(node.message)}"><td><i class="dot ${node.lost ? 'lost' : 'l' + node.level}"></i>${text(name)}</td><td class="n">${node.lost ? 'lost' : Math.round(v.rate_hz)}</td>` +
       `<td class="n">${v.missed_deadlines}</td><td class="n">${latency}</td><td class="n">${lost}</td></tr>`
   })
-  put('nodes', `<div class="wide"><table><tr><th>node</th><th class="n">Hz</th><th class="n">missed</th><th class="n">latency p99, ms</th><th class="n">lost</th></tr>${rows.join('')}</table></div>`)
+  put('nodes', `<div class="wide"><table><tr><th>node</th><th class="n">Hz</th><th class="n">missed</th><th class="n" title="99th percentile of the latency">p99, ms</th><th class="n">lost</th></tr>${rows.join('')}</table></div>`)
   const slow = status.nodes.plant && !status.lockstep && status.trips.some(trip => SLOW.includes(trip.cause))
   const trips = folded(status.trips).slice(-8).reverse().map(trip => `<div class="trip ${text(trip.action || trip.cause)}"><b>${text(trip.cause)}${trip.times > 1 ? ` × ${trip.times}` : ''}</b> ${clock(trip.at)}` +
     (trip.value && trip.cause !== 'stop' ? `, value ${number(trip.value)} against ${number(trip.limit)} ${text(trip.unit === '-' ? '' : trip.unit)}` : '') + `<br><span class="quiet">${text(trip.text)}${trip.action ? ` → ${text(trip.action)}` : ''}</span></div>`)
@@ -160,7 +160,7 @@ function spectra(status) {
 }
 
 function runs(status) {
-  const rows = status.runs.slice(-6).reverse().map((run, i) => `<tr><td>${clock(run.ended)}</td><td>${text((run.reference || '').split('/').pop())}</td><td title="${text(run.controller)}, ${text(run.observer)}">${text((run.controller || '').split('/').slice(-2).join('/'))}</td><td class="n">${number(run.error_rms * 1e3)}</td><td class="n">${run.error_relative == null ? '–' : (100 * run.error_relative).toFixed(2)}</td></tr>`)
+  const rows = status.runs.slice(-6).reverse().map((run, i) => `<tr><td>${clock(run.ended)}</td><td title="${text(run.reference)}">${text((run.reference || '').split('/').pop())}</td><td title="${text(run.controller)}, ${text(run.observer)}">${text((run.controller || '').split('/').slice(-2).join('/'))}</td><td class="n">${number(run.error_rms * 1e3)}</td><td class="n">${run.error_relative == null ? '–' : (100 * run.error_relative).toFixed(2)}</td></tr>`)
   put('runs', rows.length ? `<div class="wide"><table><tr><th>ended</th><th>reference</th><th>controller</th><th class="n">error rms, mm</th><th class="n">%</th></tr>${rows.join('')}</table></div>` : '<span class="quiet">none yet: play a reference</span>')
 }
 
