@@ -280,7 +280,7 @@ def decide_live(answers: list[Discovery], given: argparse.Namespace, arguments: 
                 return None
             try:
                 with Progress("recording") as bar:
-                    bar(f"the table moves; recording {bag.name}", 0.0)
+                    bar(f"{bag.name}: the table moves", 0.0)
                     made = table.play(asked.motion_at(table.sample_time), bag.name)
             except InterlockHeldError as held:
                 print(f"{held}; the search ends with what it has", file=sys.stderr)

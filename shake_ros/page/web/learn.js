@@ -5,7 +5,7 @@ import { act, choices, refresh as refreshControls, show, toast } from './run.js'
 
 const element = id => document.getElementById(id)
 const marked = { learn: new Set(), hold: new Set() }
-let shown = '', jobsShown = '', entries = [], offered = '', declared = ''
+let shown = '', jobsShown = '', asked = '', entries = [], offered = '', declared = ''
 const number = (value, factor = 1) => plain(value == null ? null : value * factor)
 
 async function refresh() {
@@ -51,20 +51,21 @@ const OPEN = {
 const span = seconds => seconds == null ? '' : seconds > 90 ? `about ${Math.round(seconds / 60)} min left` : `about ${Math.round(seconds)} s left`
 
 function jobs(status) {
-  const signature = JSON.stringify(status.jobs.map(job => ({ ...job, seconds: Math.round(job.seconds), left: Math.round(job.left || 0) }))) + status.role
+  const signature = JSON.stringify(status.jobs.map(job => ({ ...job, seconds: Math.round(job.seconds), left: Math.round(job.left || 0) }))) + status.role + (status.jobs.at(-1)?.asks ? status.state : '')
   if (signature === jobsShown) return
   jobsShown = signature
-  const operator = status.role === 'operator'
+  const operator = status.role === 'operator', ready = status.state === 'run'
+  const read = new Set([...element('work').querySelectorAll('details[open]')].map(one => one.closest('.job').dataset.job))
   element('work').innerHTML = '<h2>Work</h2>' + (status.jobs.length ? '' : '<p class="quiet">nothing has been started</p>') + [...status.jobs].reverse().map(job => `
     <div class="job" data-job="${job.number}" data-state="${job.state}">
     <div class="row"><b>${text(KINDS[job.of.kind])}</b> <span>${job.asks ? 'waits for your release' : text(job.state)}</span> <span class="quiet">${Math.round(job.seconds)} s ${job.asks ? '' : span(job.left)}</span>
     ${job.state === 'running' ? '<button data-cancel>Cancel</button>' : ''}${job.report ? `<button data-report="${text(job.report)}">Report</button>` : ''}${job.next ? `<button data-report="${text(job.next)}">Next recording</button>` : ''}</div>
-    ${job.asks ? `<div class="asks" role="alert"><b>The table would move</b><pre>${text(job.asks)}</pre><div class="row"><button class="go" data-release="true" ${operator ? '' : 'disabled'}>Release</button><button data-release="false" ${operator ? '' : 'disabled'}>Stop here</button><span class="quiet">Release plays and records this motion now; Stop here ends with the answer so far</span></div></div>` : ''}
-    <progress max="1" value="${job.part}" aria-label="progress"></progress><div class="quiet">${text(doing(job))}</div>
+    ${job.asks ? `<div class="asks" role="alert"><b>The table would move</b><pre>${text(job.asks)}</pre><div class="row"><button class="go" data-release="true" ${operator && ready ? '' : 'disabled'}>Release</button><button data-release="false" ${operator ? '' : 'disabled'}>Stop here</button><span class="quiet">${ready ? 'Release plays and records this motion now' : 'the table does not run: enable it first'}; Stop here ends with the answer so far</span></div></div>` : ''}
+    <progress max="1" ${job.state !== 'running' || job.part ? `value="${job.part}"` : ''} aria-label="progress"></progress><div class="quiet">${text(doing(job))}</div>
     ${job.state === 'done' && job.open ? `<div class="row open">${OPEN[job.of.kind] || ''}</div>` : ''}
     <code>${text(job.command)}</code>
-    ${job.lines.length ? `<details${job.state === 'failed' ? ' open' : ''}><summary>Output</summary><pre>${job.lines.map(text).join('\n')}</pre></details>` : ''}
-    ${job.table ? `<div class="row use"><b>Use this table</b> <label><input type="checkbox" data-for="observer" checked> observer</label><label><input type="checkbox" data-for="controller" checked> controller</label>${status.nodes.plant ? '<label><input type="checkbox" data-for="plant"> simulated table (stops it first)</label>' : ''}<button data-use="${text(job.table_path)}" ${operator ? '' : 'disabled'}>Load</button><span class="quiet">then play the same reference again: Runs shows the tracking before and after</span></div>` : ''}</div>`).join('')
+    ${job.lines.length ? `<details${job.state === 'failed' || read.has(String(job.number)) ? ' open' : ''}><summary>Output</summary><pre>${job.lines.map(text).join('\n')}</pre></details>` : ''}
+    ${job.table && job.state !== 'running' ? `<div class="row use"><b>Use this table</b> <label><input type="checkbox" data-for="observer" checked> observer</label><label><input type="checkbox" data-for="controller" checked> controller</label>${status.nodes.plant ? '<label><input type="checkbox" data-for="plant"> simulated table (stops it first)</label>' : ''}<button data-use="${text(job.table_path)}" ${operator ? '' : 'disabled'}>Load</button><span class="quiet">then play the same reference again: Runs shows the tracking before and after</span></div>` : ''}</div>`).join('')
   element('work').querySelectorAll('[data-decide]').forEach(button => {
     button.disabled = !operator
     button.onclick = () => act('job', { ...status.jobs.find(job => job.number === +button.closest('.job').dataset.job).of, kind: 'decide' })
@@ -86,6 +87,8 @@ function jobs(status) {
   const wanted = last && (last.asks ? last.next : (last.state === 'done' || last.report.includes('/decided/')) && last.report)
   if (wanted && wanted !== offered) openIt(offered = wanted)
   if (last) show(last.command)
+  if (last?.asks && last.asks !== asked) document.querySelector('.asks').scrollIntoView({ block: 'center' })
+  asked = last?.asks
 }
 
 function openIt(page) {

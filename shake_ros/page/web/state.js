@@ -59,6 +59,7 @@ function header(status) {
   for (const [name, value] of Object.entries(status.words)) facts.push(`<span>${name} <b>${text(value.split('/').slice(-2).join('/'))}</b></span>`)
   const beside = twin(status)
   if (beside) facts.push(`<span>${beside.dot}twin <b>${text(beside.word)}</b></span>`)
+  if (status.jobs.at(-1)?.asks) facts.push('<span class="asking">● a motion waits for your release under Learn</span>')
   if (status.recording) facts.push(status.records ? `<span class="rec">● recording ${text(status.recording.split('/').pop())} ${Math.round(status.recording_for)} s</span>` : '<span>○ recorder starting: wait before you play</span>')
   put('facts', facts.join(''))
   const seat = { operator: 'you have the controls', waiting: status.taken ? 'another page has the controls <button id="take">Take them</button>' : '', spectator: 'spectator: read only' }
