@@ -43,6 +43,7 @@ async function refresh() {
 
 const KINDS = { identify: 'Identify', close_loop: 'Close the loop', decide: 'Decide' }
 const WORK = { close_loop: 'search', next_recording: 'next recording', tune: 'gains' }  // beside those that are named well
+const kept = ({ seconds, left, part, doing, ...rest }) => rest  // what changes all the time is written in place: a click is not lost
 const doing = job => job.state === 'running' && job.work ? `${WORK[job.work] || job.work}: ${job.doing}` : job.doing
 const OPEN = {
   close_loop: '<b>Several models remain possible</b><button class="go" data-decide>Decide</button><span class="quiet">designs the motion that distinguishes them, asks before the enabled table moves, records, and searches again</span>',
@@ -51,17 +52,27 @@ const OPEN = {
 const span = seconds => seconds == null ? '' : seconds > 90 ? `about ${Math.round(seconds / 60)} min left` : `about ${Math.round(seconds)} s left`
 
 function jobs(status) {
-  const signature = JSON.stringify(status.jobs.map(job => ({ ...job, seconds: Math.round(job.seconds), left: Math.round(job.left || 0) }))) + status.role + (status.jobs.at(-1)?.asks ? status.state : '')
-  if (signature === jobsShown) return
+  const signature = JSON.stringify(status.jobs.map(kept)) + status.role + (status.jobs.at(-1)?.asks ? status.state : '')
+  if (signature !== jobsShown) draw(status)
   jobsShown = signature
+  for (const job of status.jobs) {
+    const card = element('work').querySelector(`[data-job="${job.number}"]`), bar = card.querySelector('progress')
+    card.querySelector('.time').textContent = `${Math.round(job.seconds)} s ${job.asks ? '' : span(job.left)}`
+    card.querySelector('.doing').textContent = doing(job)
+    if (job.state === 'running' && !job.part) bar.removeAttribute('value')
+    else bar.value = job.part
+  }
+}
+
+function draw(status) {
   const operator = status.role === 'operator', ready = status.state === 'run'
   const read = new Set([...element('work').querySelectorAll('details[open]')].map(one => one.closest('.job').dataset.job))
   element('work').innerHTML = '<h2>Work</h2>' + (status.jobs.length ? '' : '<p class="quiet">nothing has been started</p>') + [...status.jobs].reverse().map(job => `
     <div class="job" data-job="${job.number}" data-state="${job.state}">
-    <div class="row"><b>${text(KINDS[job.of.kind])}</b> <span>${job.asks ? 'waits for your release' : text(job.state)}</span> <span class="quiet">${Math.round(job.seconds)} s ${job.asks ? '' : span(job.left)}</span>
+    <div class="row"><b>${text(KINDS[job.of.kind])}</b> <span>${job.asks ? 'waits for your release' : text(job.state)}</span> <span class="quiet time"></span>
     ${job.state === 'running' ? '<button data-cancel>Cancel</button>' : ''}${job.report ? `<button data-report="${text(job.report)}">Report</button>` : ''}${job.next ? `<button data-report="${text(job.next)}">Next recording</button>` : ''}</div>
     ${job.asks ? `<div class="asks" role="alert"><b>The table would move</b><pre>${text(job.asks)}</pre><div class="row"><button class="go" data-release="true" ${operator && ready ? '' : 'disabled'}>Release</button><button data-release="false" ${operator ? '' : 'disabled'}>Stop here</button><span class="quiet">${ready ? 'Release plays and records this motion now' : 'the table does not run: enable it first'}; Stop here ends with the answer so far</span></div></div>` : ''}
-    <progress max="1" ${job.state !== 'running' || job.part ? `value="${job.part}"` : ''} aria-label="progress"></progress><div class="quiet">${text(doing(job))}</div>
+    <progress max="1" aria-label="progress"></progress><div class="quiet doing"></div>
     ${job.state === 'done' && job.open ? `<div class="row open">${OPEN[job.of.kind] || ''}</div>` : ''}
     <code>${text(job.command)}</code>
     ${job.lines.length ? `<details${job.state === 'failed' || read.has(String(job.number)) ? ' open' : ''}><summary>Output</summary><pre>${job.lines.map(text).join('\n')}</pre></details>` : ''}
