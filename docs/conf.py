@@ -32,6 +32,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented"
 napoleon_google_docstring = False
+highlight_language = "none"  # a block that names no language is a program's output
 pygments_style, pygments_dark_style = "friendly", "monokai"
 napoleon_use_ivar = True
 suppress_warnings = ["ref.python"]  # a word of a docstring that two classes have as an attribute
