@@ -49,7 +49,7 @@ const OPEN = {
   close_loop: '<b>Several models remain possible</b><button class="go" data-decide>Decide</button><span class="quiet">designs the motion that distinguishes them, asks before the enabled table moves, records, and searches again</span>',
   decide: '<b>Several models remain possible</b><span class="quiet"><i>Next recording</i> states what no motion distinguishes, and what would</span>',
 }
-const span = seconds => seconds == null ? '' : seconds > 90 ? `about ${Math.round(seconds / 60)} min left` : `about ${Math.round(seconds)} s left`
+const span = seconds => seconds == null ? '' : seconds > 90 ? `, about ${Math.round(seconds / 60)} min left for this part` : `, about ${Math.round(seconds)} s left for this part`
 
 function jobs(status) {
   const signature = JSON.stringify(status.jobs.map(kept)) + status.role + (status.jobs.at(-1)?.asks ? status.state : '')
@@ -57,7 +57,7 @@ function jobs(status) {
   jobsShown = signature
   for (const job of status.jobs) {
     const card = element('work').querySelector(`[data-job="${job.number}"]`), bar = card.querySelector('progress')
-    card.querySelector('.time').textContent = `${Math.round(job.seconds)} s ${job.asks ? '' : span(job.left)}`
+    card.querySelector('.time').textContent = `${Math.round(job.seconds)} s${job.asks ? '' : span(job.left)}`
     card.querySelector('.doing').textContent = doing(job)
     if (job.state === 'running' && !job.part) bar.removeAttribute('value')
     else bar.value = job.part

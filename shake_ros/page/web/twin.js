@@ -21,7 +21,7 @@ function light(status) {
 function release(status) {
   const found = twin(status), on = status.released
   if (!found || found.lost || on == null) { put('twin-release', ''); return }
-  put('twin-release', `<div class="row"><button id="release" data-operator>${on ? 'Take back' : 'Release'}</button><span class="quiet">${text(status.release || (on ? 'waiting for a window of a sound table' : 'the followed values to observer and controller'))}</span></div>`)
+  put('twin-release', `<div class="row"><button id="release" data-operator>${on ? 'Take back' : 'Release'}</button><span class="${status.release.startsWith('not released') ? 'wrong' : 'quiet'}">${text(status.release || (on ? 'waiting for a window of a sound table' : 'the followed values to observer and controller'))}</span></div>`)
   const button = document.getElementById('release')
   button.disabled = status.role !== 'operator'
   button.onclick = () => act('set', { node: 'twin', name: 'release', value: !on })
