@@ -114,7 +114,7 @@ def test_report_of_a_closed_loop_keeps_the_contract(case: str) -> None:
     expected = json.loads(json.dumps(close_loop_json(run.result, ["learn"], ["hold"], "full")))
     diagnosed = ("predictable", "innovations")  # which `diagnose` adds to what the search tells
     expected["remaining"] |= {key: report["remaining"][key] for key in diagnosed}
-    assert report == {**expected, "failed": []}
+    assert report == {**expected, "open": False, "failed": []}  # established, or nothing
 
 
 def test_step_of_the_report_names_the_effect_with_its_parameters_and_evidence() -> None:
