@@ -18,23 +18,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
 from shake_ros.core.effects.hydraulics import factor
 from shake_ros.core.friction.tustin import force
 from shake_ros.core.identification.fit import fit
-from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.cylinder import rest_pressures, volumes
 from shake_ros.core.plant.hydraulics import chamber_moduli, exchange_compliance
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.plant.simulation import run as simulated
-from shake_ros.declared import free_parameters
 from shake_ros.measured.runs import PRINTED, printed_tables
 from shake_ros.report.chart import Chart, ChartSeries, Panel
-from shake_ros.settings import find, load_table, read_yaml
-from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, motions, moved, recorded, sine, words
+from shake_ros.settings import load_table
+from shake_ros.thesis.reproduce import (
+    Claim,
+    ExperimentReport,
+    Rows,
+    asked_in,
+    free_of,
+    motions,
+    moved,
+    recorded,
+    sine,
+    words,
+)
 
 STEPS = 400  # of each side of the cycle, by the midpoint rule
 
@@ -82,8 +90,7 @@ EXTENT = 40e5  # load pressure to which figure 6.31 is drawn [Pa]
 
 def run(progress: Progress, settings: str = "bulk_modulus") -> ExperimentReport:
     """All runs under the three models."""
-    path = find("reproduce", settings)
-    asked = strict(read_yaml(path), KEYS, str(path))
+    asked = asked_in(settings, KEYS)
     plant = load_table(asked["plant"])
     printed = printed_tables(load_table("bergamo"))[PRINTED[asked["printed"]]]
     progress("table 6.10", 0.0)
@@ -142,11 +149,8 @@ def _fitted(asked: Mapping[str, Any], plant: TableParameters, printed: TablePara
     waves = {number: asked["runs"][number] for number in asked["fitted_to"]}
     (mass,) = {wave["mass"] for wave in waves.values()}
     records = [_record(number, _loaded(plant, wave), wave, asked) for number, wave in waves.items()]
-    known = {f.name: f for f in free_parameters()}
-    start = printed.with_values({"body.specimen_mass": mass})
-    free = FreeParameters(start, [known[name] for name in asked["free"]])
-    problem = RecordingProblem(records)
-    return free.table(fit(problem, free, free.start(), evaluations=30).x)
+    free = free_of(printed.with_values({"body.specimen_mass": mass}), asked["free"])
+    return free.table(fit(RecordingProblem(records), free, free.start(), evaluations=30).x)
 
 
 def _table(asked: Mapping[str, Any], errors: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Rows:

@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 
 from shake_ros.api.compare import Comparison, compare
-from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
 from shake_ros.core.loop.metrics import Metrics, Outcome, mean, over
 from shake_ros.report.chart import Chart
 from shake_ros.report.comparison_page import amplitudes, error_chart, number, response_chart, spectrum_chart
-from shake_ros.settings import find, read_yaml
-from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows
+from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, asked_in
 
 LAWS = ("feedforward PI", "sliding mode", "super-twisting")
 LOOPS = ("thesis's loop", "linear observer", "tuned gains")
@@ -25,8 +23,7 @@ FIGURES = {"position_error": "position", "velocity_error": "velocity", "accelera
 
 def run(progress: Progress, settings: str = "controllers") -> ExperimentReport:
     """All loops of config/compare/thesis.yaml, judged as config/reproduce/controllers.yaml, or another file, says."""
-    path = find("reproduce", settings)
-    words = strict(read_yaml(path), KEYS, str(path))
+    words = asked_in(settings, KEYS)
     found = compare(words["settings"], progress=progress)
     printed = [f"{law}, {LOOPS[0]}" for law in LAWS]
     other = compare(words["settings"], only=printed, changes=words["other_plant"], progress=progress)

@@ -14,7 +14,7 @@ best on that part. Beside it: a radial-basis network.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -279,6 +279,58 @@ def window_fits(windows: Sequence[Record], free: FreeParameters, x: np.ndarray) 
         fit(NearTo(RecordingProblem([w]), free, x), free, x, evaluations=EVALUATIONS, tolerance=1e-3).x for w in windows
     ]
     return inputs, np.array(fitted)
+
+
+@dataclass(frozen=True)
+class SeedResult:
+    """A network of one seed, on the windows that it has not seen.
+
+    Attributes
+    ----------
+    seed : of split and weights.
+    training : with its curves.
+    radial_basis : mean square of the scaled error on the test part of a radial-basis network, beside `training.test`.
+    errors : mean relative error of the free run over the windows to test on, of velocity and acceleration, by what
+        gives the parameters: "one set", "network", "fit to the window", the least that any schedule could have.
+    """
+
+    seed: int
+    training: Training
+    radial_basis: float
+    errors: Mapping[str, tuple[float, float]]
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Of the training, by name: mean squares of the scaled error of θ, where the mean gives 1 [-]."""
+        t = self.training
+        errors = {"learn": t.learn, "stop": t.stop, "test": t.test, "radial_basis": self.radial_basis}
+        return {"seed": self.seed, "epochs": t.epochs, "kept": t.kept, **errors}
+
+
+def window_errors(windows: Sequence[Record], free: FreeParameters, rows: np.ndarray) -> tuple[float, float]:
+    """Mean relative error of velocity and acceleration over windows, each with its row of parameters."""
+    found = []
+    for window, vector in zip(windows, free.vectors(np.clip(rows, free.low, free.high)), strict=True):
+        error = RecordingProblem([window]).errors(vector)[window.name]
+        found.append((error["velocity"], error.get("acceleration", np.nan)))
+    velocity, acceleration = np.mean(found, axis=0)
+    return float(velocity), float(acceleration)
+
+
+def trained(
+    seed: int, windows: Sequence[Record], free: FreeParameters, one: np.ndarray, data: tuple[np.ndarray, np.ndarray]
+) -> SeedResult:
+    """Train on the windows' features and parameters, and run the test windows; one : the constant set."""
+    training = train(*data, seed)
+    test = training.split.test
+    held = [windows[k] for k in test]
+    rows = {
+        "one set": np.tile(one, (len(test), 1)),
+        "network": training.network(data[0][test]),
+        "fit to the window": data[1][test],
+    }
+    errors = {name: window_errors(held, free, values) for name, values in rows.items()}
+    return SeedResult(seed, training, radial_basis(*data, training.split), errors)
 
 
 def schedule_of(network: Network, free: FreeParameters, record: Record) -> tuple[np.ndarray, np.ndarray]:

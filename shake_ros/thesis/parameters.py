@@ -15,21 +15,23 @@ from shake_ros.core.identification.free_parameters import FreeParameter, FreePar
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.declared import free_parameters
 from shake_ros.report.chart import Chart
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 from shake_ros.thesis.reproduce import (
     Claim,
     ExperimentReport,
     Rows,
+    asked_in,
     difference,
-    inputs,
+    free_of,
     motions,
     moved,
+    noisy,
     recorded,
     sine,
     words,
 )
+from shake_ros.thesis.sensitivity import NAMES, values_of
 
 KEYS = ("sample_time", "seed", "friction", "linear")
 FRICTION_KEYS = ("table", "theta_5", "inputs", "seconds", "laws", "starts", "recovered_within")
@@ -51,8 +53,7 @@ PRINTED_COSTS = {"6.5": 106.14, "6.6": 42.07, "6.7": 26.63}
 
 def run(progress: Progress, settings: str = "parameters") -> ExperimentReport:
     """Fits of each friction law from a start away from the printed values, and of θ to each input."""
-    path = find("reproduce", settings)
-    asked = strict(read_yaml(path), KEYS, str(path))
+    path, asked = find("reproduce", settings), asked_in(settings, KEYS)
     friction = strict(asked["friction"], FRICTION_KEYS, f"{path}: friction")
     linear = strict(asked["linear"], LINEAR_KEYS, f"{path}: linear")
     tables, drawn, claims, beside = [], [], [], list[list[str]]()
@@ -88,15 +89,6 @@ def run(progress: Progress, settings: str = "parameters") -> ExperimentReport:
     )
 
 
-def _noisy(record: Record, table: TableParameters, rng: np.random.Generator) -> Record:
-    """The recording with the noise of the table's sensors."""
-    assert record.acceleration is not None
-    noise = rng.standard_normal((2, len(record.commands)))
-    position = record.position + table.sensors.position_noise * noise[0]
-    felt = record.acceleration + table.sensors.acceleration_noise * noise[1]
-    return Record(record.name, record.sample_time, record.commands, position, felt)
-
-
 def printed_plant(law: str, asked: Mapping[str, Any]) -> TableParameters:
     """The declared table with a printed friction law and the modulus of tables 6.5 to 6.7."""
     table = load_table(asked["table"])
@@ -110,7 +102,7 @@ def _law(
     plant, dt = printed_plant(law, asked), common["sample_time"]
     rng = np.random.default_rng(common["seed"])
     clean = [recorded(words(wave), plant, sine(wave, asked["seconds"], dt), dt) for wave in asked["inputs"]]
-    records = [_noisy(r, plant, rng) for r in clean]
+    records = [noisy(r, plant, rng) for r in clean]
     names = [f"friction.{name}{end}" for name in FITTED for end in DIRECTIONS] + ["bulk_modulus.modulus"]
     printed = {name: plant.value(name) for name in names}
     free = FreeParameters(plant, [FreeParameter(n, 0.1 * v, 0.1 * v, 10.0 * v, "") for n, v in printed.items()])
@@ -161,12 +153,11 @@ def _beside(number: str, law: str, problem: RecordingProblem, table: TableParame
 
 def _tustin(number: str, problem: RecordingProblem, plant: TableParameters) -> list[list[str]]:
     """Rows of Tustin's law, the same both ways and with levels that differ by direction."""
-    known = {f.name: f for f in free_parameters()}
     start = plant.with_sections(friction=load_table("bergamo").friction)
     start = start.with_values(dict(zip(TUSTIN, LEVELS, strict=True)))
+    same = free_of(start, (*TUSTIN, "bulk_modulus.modulus"))
     rows = []
-    for name, more in (("Tustin", []), ("Tustin, by direction", [ASYMMETRY])):
-        free = FreeParameters(start, [*(known[n] for n in (*TUSTIN, "bulk_modulus.modulus")), *more])
+    for name, free in (("Tustin", same), ("Tustin, by direction", same.extended([ASYMMETRY]))):
         rows.append(_beside(number, name, problem, free.table(fit(problem, free, free.start(), evaluations=40).x)))
     return rows
 
@@ -193,18 +184,17 @@ def thetas(table: TableParameters, flow_coefficient: float) -> list[float]:
 
 def _of_thetas(table: TableParameters, printed: list[float], flow_coefficient: float) -> TableParameters:
     """The table with printed θ."""
-    values = [*printed[:4], printed[4] * 0.5 * table.body.cylinder_volume, printed[5], printed[6] * flow_coefficient]
-    return table.with_values(dict(zip(THETA, values, strict=True)) | {"leakage.internal": 0.0})
+    levels, others = dict(zip(TUSTIN, printed[:4], strict=True)), dict(zip(NAMES, printed[4:], strict=True))
+    return table.with_values(levels | values_of(table, flow_coefficient, others))
 
 
 def _thetas(asked: Mapping[str, Any], dt: float) -> tuple[Rows, list[Chart], list[Claim]]:
-    plant, base, waves = load_table(asked["plant"]), load_table("bergamo"), inputs()
-    known = {f.name: f for f in free_parameters()}
+    plant, base, waves = load_table(asked["plant"]), load_table("bergamo"), read_yaml(find("reproduce", "inputs"))
     found, drawn, claims = {}, [], []
     for number, (name, printed) in zip((16, 17, 18), asked["printed"].items(), strict=False):
         record = recorded(name, plant, sine(waves[name], asked["seconds"], dt), dt)
         start = _of_thetas(base, printed, asked["flow_coefficient"])
-        free = FreeParameters(start, [known[n] for n in THETA])
+        free = free_of(start, THETA)
         problem = RecordingProblem([record])
         table = free.table(fit(problem, free, free.start(), evaluations=25).x)
         found[name] = thetas(table, asked["flow_coefficient"])

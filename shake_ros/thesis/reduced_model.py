@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -20,16 +19,15 @@ from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.declared import free_parameters
-from shake_ros.report.chart import Chart
+from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 from shake_ros.thesis.reproduce import (
     Claim,
     ExperimentReport,
     Rows,
+    asked_in,
     difference,
-    inputs,
     motions,
-    over_frequency,
     recorded,
     sine,
     words,
@@ -77,8 +75,7 @@ def observed(name: str, table: TableParameters, record: Record) -> tuple[Errors,
 
 def run(progress: Progress, settings: str = "reduced_model") -> ExperimentReport:
     """Fit of β, errors over frequency, figures 6.37, 6.38, and the observer on both β."""
-    path = find("reproduce", settings)
-    asked = strict(read_yaml(path), KEYS, str(path))
+    asked = asked_in(settings, KEYS)
     plant, dt, seconds = load_table(asked["plant"]), asked["sample_time"], asked["seconds"]
 
     def record(name: str, wave: Mapping[str, Any]) -> Record:
@@ -86,7 +83,7 @@ def run(progress: Progress, settings: str = "reduced_model") -> ExperimentReport
 
     printed_beta = load_variant("observer", asked["printed"], OBSERVERS)[1]
     section = ReducedParameters(**{b: getattr(printed_beta, b) for b in BETAS})
-    known = inputs()
+    known = read_yaml(find("reproduce", "inputs"))
     progress("reduced model: β", 0.0)
     models = {
         PRINTED: TableParameters(REDUCED_LAYOUT, {"dynamics": section}),
@@ -146,9 +143,16 @@ def _frequency_rows(asked: Mapping[str, Any], curves: Mapping[str, Sequence[Erro
 
 
 def _frequency_figure(asked: Mapping[str, Any], curves: Mapping[str, Sequence[Errors]]) -> Chart:
-    errors = {name: {c: [getattr(e, c) for e in found] for c in Errors._fields} for name, found in curves.items()}
+    panels = []
+    for channel in Errors._fields:
+        series = [
+            ChartSeries(name, 100.0 * np.array([getattr(e, channel) for e in found]), f"c{k}", kind="marks")
+            for k, (name, found) in enumerate(curves.items())
+        ]
+        x = np.array(asked["frequencies"], dtype=np.float64)
+        panels.append(Panel(f"error of the {channel} [%]", x, tuple(series), log=True))
     caption = f"Error of (6.36) against the full model, sines of amplitude {asked['amplitude']:g}"
-    return over_frequency("over_frequency", asked["frequencies"], errors, caption)
+    return Chart("over_frequency", "frequency [Hz]", tuple(panels), caption)
 
 
 def _motion_chart(number: str, record: Record, models: Mapping[str, TableParameters]) -> Chart:
@@ -187,15 +191,7 @@ def _observer(
             errors, estimate = observed(name, table, record)
             rows.append([record.name, label, *(f"{100.0 * e:.1f} %" for e in errors)])
             runs[f"observer, {label}"] = (estimate[:, 1], estimate[:, 2])
-        drawn.append(
-            motions(
-                "observer",
-                "full model",
-                record,
-                runs,
-                span,
-                f"As figure 6.40: sliding-mode observer under {record.name}",
-            )
-        )
+        caption = f"As figure 6.40: sliding-mode observer under {record.name}"
+        drawn.append(motions("observer", "full model", record, runs, span, caption))
     head = ("input", "β of the observer", "velocity", "acceleration")
     return Rows("Error of the sliding-mode observer, λ of table 6.12, open loop without noise", head, rows), drawn

@@ -10,12 +10,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress, ProgressOption
+from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.quantities import unknown_name
 from shake_ros.data.result_folder import new_folder, write_json
+from shake_ros.declared import free_parameters
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page, write_page
 from shake_ros.report.result_table import ResultTable, aligned
@@ -80,10 +83,16 @@ def difference(printed: float, found: float) -> str:
     return f"{100.0 * (found / printed - 1.0):+.1f} %" if printed else "–"
 
 
-def inputs() -> dict[str, dict[str, float]]:
-    """u1, u2, … of config/reproduce/inputs.yaml."""
-    content: dict[str, dict[str, float]] = read_yaml(find("reproduce", "inputs"))
-    return content
+def asked_in(name: str, keys: Sequence[str]) -> dict[str, Any]:
+    """Content of config/reproduce/NAME.yaml, or of another file; missing and unknown keys are errors."""
+    path = find("reproduce", name)
+    return strict(read_yaml(path), keys, str(path))
+
+
+def free_of(table: TableParameters, names: Sequence[str]) -> FreeParameters:
+    """A table with these parameters free."""
+    known = {f.name: f for f in free_parameters()}
+    return FreeParameters(table, [known[name] for name in names])
 
 
 def sine(wave: Mapping[str, Any], seconds: float, sample_time: float) -> np.ndarray:
@@ -102,6 +111,15 @@ def recorded(name: str, table: TableParameters, commands: np.ndarray, sample_tim
     return Record(name, sample_time, commands, out[:, 0], out[:, 2])
 
 
+def noisy(record: Record, table: TableParameters, rng: np.random.Generator) -> Record:
+    """The recording with the noise of the table's sensors."""
+    assert record.acceleration is not None
+    noise = rng.standard_normal((2, len(record.commands)))
+    position = record.position + table.sensors.position_noise * noise[0]
+    felt = record.acceleration + table.sensors.acceleration_noise * noise[1]
+    return Record(record.name, record.sample_time, record.commands, position, felt)
+
+
 def words(wave: Mapping[str, Any]) -> str:
     """An input in the thesis's notation.
 
@@ -112,21 +130,19 @@ def words(wave: Mapping[str, Any]) -> str:
 
 
 class ThesisExperiment(NamedTuple):
-    """The function that runs an experiment and gives an `Experiment`, and a line about it."""
+    """The module of this folder whose `run` gives the report, and a line about the experiment."""
 
-    run_by: str
+    module: str
     line: str
 
 
 EXPERIMENTS: dict[str, ThesisExperiment] = {
-    "sensitivity": ThesisExperiment("shake_ros.thesis.sensitivity:run", "6.3.4, what θ_5, θ_6 and θ_7 do"),
-    "reduced_model": ThesisExperiment("shake_ros.thesis.reduced_model:run", "6.3.7, 6.4.1, (6.36) over frequency"),
-    "parameters": ThesisExperiment("shake_ros.thesis.parameters:run", "6.3.3, 6.3.4, tables 6.5 to 6.8"),
-    "neural_schedule": ThesisExperiment(
-        "shake_ros.thesis.neural_schedule:run", "6.3.5, parameters scheduled by a neural network"
-    ),
-    "bulk_modulus": ThesisExperiment("shake_ros.thesis.bulk_modulus:run", "6.3.6, table 6.10, the soft zone"),
-    "controllers": ThesisExperiment("shake_ros.thesis.controllers:run", "6.4.2–6.4.5, the three controllers"),
+    "sensitivity": ThesisExperiment("sensitivity", "6.3.4, what θ_5, θ_6 and θ_7 do"),
+    "reduced_model": ThesisExperiment("reduced_model", "6.3.7, 6.4.1, (6.36) over frequency"),
+    "parameters": ThesisExperiment("parameters", "6.3.3, 6.3.4, tables 6.5 to 6.8"),
+    "neural_schedule": ThesisExperiment("schedule", "6.3.5, parameters scheduled by a neural network"),
+    "bulk_modulus": ThesisExperiment("bulk_modulus", "6.3.6, table 6.10, the soft zone"),
+    "controllers": ThesisExperiment("controllers", "6.4.2–6.4.5, the three controllers"),
 }
 
 
@@ -247,26 +263,6 @@ def motions(
     return Chart(name, "time [s]", tuple(panels), caption)
 
 
-def over_frequency(
-    name: str, frequencies: Sequence[float], errors: Mapping[str, Mapping[str, Sequence[float]]], caption: str
-) -> Chart:
-    """Relative error of velocity and acceleration over frequency, one curve for each model."""
-    x = np.array(frequencies, dtype=np.float64)
-    panels = [
-        Panel(
-            f"error of the {channel} [%]",
-            x,
-            tuple(
-                ChartSeries(title, 100.0 * np.array(found[channel]), f"c{k}", kind="marks")
-                for k, (title, found) in enumerate(errors.items())
-            ),
-            log=True,
-        )
-        for channel in CHANNELS
-    ]
-    return Chart(name, "frequency [Hz]", tuple(panels), caption)
-
-
 ALL = "all"
 
 
@@ -337,6 +333,6 @@ def reproduce(*names: str, progress: ProgressOption = True) -> Reproduction:
         for i, name in enumerate(wanted):
             bar.span(i / len(wanted), (i + 1) / len(wanted))
             bar(EXPERIMENTS[name].line, 0.0)
-            module, function = EXPERIMENTS[name].run_by.split(":")
-            found[name] = getattr(importlib.import_module(module), function)(bar)
+            experiment = importlib.import_module(f"shake_ros.thesis.{EXPERIMENTS[name].module}")
+            found[name] = experiment.run(bar)
     return Reproduction(found)

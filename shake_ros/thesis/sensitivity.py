@@ -5,7 +5,7 @@ The experiment of 6.3.4 does so on the constant modulus of table 6.8 and on tabl
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,134 +18,113 @@ from shake_ros.api.progress import Progress
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import initial_state, run_batch
 from shake_ros.data.result_folder import refuse_existing, write_json, writing
-from shake_ros.report.chart import Chart, ChartSeries, Panel
+from shake_ros.report.chart import COLOURS, Chart, ChartSeries, Panel, new_figure, tidy
 from shake_ros.settings import find, load_table, read_yaml
-from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows
+from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, sine
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
 
 KEYS = (
     "table", "flow_coefficient", "amplitude", "frequency", "periods", "sample_time", "base",
     "theta_5", "theta_6", "theta_7",
 )  # fmt: skip
 NUMBERS = {"theta_5": ("6_19", "6_20"), "theta_6": ("6_21", "6_22"), "theta_7": ("6_23", "6_24")}
-CHANNELS = ("position", "velocity", "acceleration")
-STEADY_PERIODS = 6
-
-
+NAMES = {"theta_5": "θ_5", "theta_6": "θ_6", "theta_7": "θ_7"}
 SYMBOLS = {"theta_5": ("θ₅", "Pa/m³"), "theta_6": ("θ₆", "m³/(s·Pa)"), "theta_7": ("θ₇", "")}
-ROWS = (("position [m]", 0), ("velocity [m/s]", 1), ("acceleration [m/s²]", 2))
-SHOWN_PERIODS = 3
+CHANNELS = {"position": "m", "velocity": "m/s", "acceleration": "m/s²"}
+STEADY_PERIODS, SHOWN_PERIODS = 6, 3
 HIGHEST_HARMONIC = 15
-LOWEST_SHOWN = 1e-2  # [m/s²]
-
-
-def value_label(study: ParameterStudy, value: float) -> str:
-    """Legend of one run."""
-    symbol, unit = SYMBOLS[study.name]
-    return f"{symbol} = {value:g} {unit}".rstrip()
-
-
+LOWEST_SHOWN = 1e-2  # of a figure [m/s²]
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class ParameterStudy:
-    """Simulations with one parameter changed.
+    """Simulations under a sine with one parameter changed.
 
     Attributes
     ----------
     name : of the parameter.
     values : shape (m,) in the unit of the thesis's θ.
+    frequency : of the command [Hz].
     sample_time : [s].
-    commands : shape (n,) [-].
     motion : shape (m, n, 3): position [m], velocity [m/s], acceleration [m/s²].
     """
 
     name: str
     values: Floats
+    frequency: float
     sample_time: float
-    commands: Floats
     motion: Floats
 
-    def spectrum(self, samples: int) -> tuple[Floats, Floats]:
-        """Frequencies [Hz], shape (k,), and amplitudes [m/s²], shape (m, k), of the last `samples` of acceleration."""
-        last = self.motion[:, -samples:, 2]
-        amplitude = 2.0 / samples * np.abs(np.fft.rfft(last, axis=1))
-        return np.asarray(np.fft.rfftfreq(samples, self.sample_time), dtype=float), np.asarray(amplitude, dtype=float)
+    def last(self, periods: int) -> Floats:
+        """The end of the motion, shape (m, k, 3)."""
+        return self.motion[:, -round(periods / self.frequency / self.sample_time) :]
 
-    def spread(self, samples: int) -> Floats:
-        """How far the runs lie apart in position, velocity and acceleration, relative to their size, shape (3,) [-].
+    def harmonics(self, orders: Sequence[int]) -> Floats:
+        """Amplitudes of the steady acceleration at multiples of the command's frequency, shape (m, orders) [m/s²]."""
+        steady = self.last(STEADY_PERIODS)[:, :, 2]
+        amplitudes = 2.0 / steady.shape[1] * np.abs(np.fft.rfft(steady, axis=1))
+        return np.asarray(amplitudes[:, [STEADY_PERIODS * k for k in orders]])
 
-        The root mean square over the last `samples` of the difference between the runs with the least and the greatest
+    @property
+    def spread(self) -> dict[str, float]:
+        """How far the runs lie apart in position, velocity and acceleration, relative to their size [-].
+
+        The root mean square, over the steady part, of the difference between the runs with the least and the greatest
         value, over that of their mean; the drift of an open-loop position is left out.
         """
-        last = self.motion[:, -samples:, :] - self.motion[:, -samples:, :].mean(axis=1, keepdims=True)
-        low, high = last[int(np.argmin(self.values))], last[int(np.argmax(self.values))]
-        return np.asarray(np.std(high - low, axis=0) / np.std(0.5 * (high + low), axis=0))
+        steady = self.last(STEADY_PERIODS)
+        steady = steady - steady.mean(axis=1, keepdims=True)
+        low, high = steady[int(np.argmin(self.values))], steady[int(np.argmax(self.values))]
+        found = np.std(high - low, axis=0) / np.std(0.5 * (high + low), axis=0)
+        return dict(zip(CHANNELS, found.tolist(), strict=True))
 
+    @property
+    def shown(self) -> tuple[Floats, Floats]:
+        """Time (k,) [s] and motion (m, k, 3) of the last periods, the position about its mean."""
+        motion = self.last(SHOWN_PERIODS).copy()
+        motion[:, :, 0] -= motion[:, :, 0].mean(axis=1, keepdims=True)
+        samples = np.arange(self.motion.shape[1], dtype=np.float64)
+        return samples[-motion.shape[1] :] * self.sample_time, motion
 
-def study_of(
-    table: TableParameters,
-    name: str,
-    values: Floats,
-    settings: list[dict[str, float]],
-    commands: Floats,
-    sample_time: float,
-) -> ParameterStudy:
-    """Simulate the table with each of `settings` (dotted names to values), side by side.
-
-    Parameters
-    ----------
-    name, values : the parameter that is varied and its values.
-    commands : shape (n,) [-].
-    sample_time : [s].
-    """
-    vectors = np.array([table.with_values(changes).vector() for changes in settings])
-    starts = np.array([initial_state(vector) for vector in vectors])
-    motion = run_batch(vectors, starts, commands, sample_time, columns=(0, 1, 2))
-    return ParameterStudy(name, np.asarray(values, dtype=float), sample_time, commands, motion)
+    @property
+    def labels(self) -> list[str]:
+        """Legend of each run."""
+        symbol, unit = SYMBOLS[self.name]
+        return [f"{symbol} = {value:g} {unit}".rstrip() for value in self.values.tolist()]
 
 
 @dataclass(frozen=True, repr=False)
 class Sensitivity:
-    """Simulations with one parameter changed at a time, by parameter.
+    """Simulations with one parameter changed at a time.
 
     Attributes
     ----------
-    studies : simulations of each parameter.
-    frequency : of the command [Hz].
-    samples : of the steady part.
+    studies : simulations by parameter.
     """
 
     studies: Mapping[str, ParameterStudy]
-    frequency: float
-    samples: int
-
-    def spread(self, name: str) -> dict[str, float]:
-        """How far the motions of a parameter's least and greatest value lie apart, relative to their size [-]."""
-        return dict(zip(CHANNELS, self.studies[name].spread(self.samples).tolist(), strict=True))
 
     def summary(self) -> dict[str, Any]:
         """Odd harmonics of the acceleration [m/s²] and spread of the motion [-], per parameter."""
-        content: dict[str, Any] = {}
-        for name, result in self.studies.items():
-            frequencies, amplitudes = result.spectrum(self.samples)
-            places = [int(np.argmin(np.abs(frequencies - k * self.frequency))) for k in range(1, 16, 2)]
-            harmonics = amplitudes[:, places].tolist()
-            content[name] = {"values": result.values.tolist(), "odd_harmonics": harmonics, "spread": self.spread(name)}
-        return content
+        odd = range(1, HIGHEST_HARMONIC + 1, 2)
+        return {
+            name: {
+                "values": study.values.tolist(),
+                "odd_harmonics": study.harmonics(odd).tolist(),
+                "spread": study.spread,
+            }
+            for name, study in self.studies.items()
+        }
 
     def plot(self) -> dict[str, Figure]:
         """Figures 6.19 to 6.24 by number."""
-        from shake_ros.thesis.figures_table import motion_figure, spectrum_figure
-
         found = {}
         for name, (motion, spectrum) in NUMBERS.items():
-            found[motion] = motion_figure(self.studies[name], self.frequency)
-            found[spectrum] = spectrum_figure(self.studies[name], self.frequency, self.samples)
+            found[motion] = motion_figure(self.studies[name])
+            found[spectrum] = spectrum_figure(self.studies[name])
         return found
 
     def report(self, out: str | Path, force: bool = False) -> None:
@@ -160,10 +139,39 @@ class Sensitivity:
 
     def __repr__(self) -> str:
         lines = ["spread of the motion between the least and the greatest value, relative to its size"]
-        for name in self.studies:
-            spread = "  ".join(f"{key} {value:6.1%}" for key, value in self.spread(name).items())
+        for name, study in self.studies.items():
+            spread = "  ".join(f"{key} {value:6.1%}" for key, value in study.spread.items())
             lines.append(f"  {name}: {spread}")
         return "\n".join(lines)
+
+
+def motion_figure(study: ParameterStudy) -> Figure:
+    """Figures 6.19, 6.21, 6.23: position, velocity and acceleration over the last periods."""
+    figure = new_figure(9.0, 7.0)
+    panels = np.ravel(figure.subplots(3, 1, sharex=True))
+    time, motion = study.shown
+    for column, (axes, (channel, unit)) in enumerate(zip(panels, CHANNELS.items(), strict=True)):
+        for i, label in enumerate(study.labels):
+            axes.plot(time, motion[i, :, column], color=COLOURS[i % len(COLOURS)], linewidth=1.4, label=label)
+        tidy(axes, "time [s]" if axes is panels[-1] else "", f"{channel} [{unit}]")
+    panels[0].legend(frameon=False, fontsize=9, ncols=len(study.values), loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    return figure
+
+
+def spectrum_figure(study: ParameterStudy) -> Figure:
+    """Figures 6.20, 6.22, 6.24: amplitudes of the acceleration over frequency."""
+    figure = new_figure(9.0, 4.0)
+    axes = figure.subplots()
+    orders, width = np.arange(1, HIGHEST_HARMONIC + 1), 0.8 / len(study.values)
+    for i, (label, heights) in enumerate(zip(study.labels, study.harmonics(orders.tolist()), strict=True)):
+        offset = (i - 0.5 * (len(study.values) - 1)) * width
+        axes.bar(orders + offset, heights, width, color=COLOURS[i % len(COLOURS)], label=label)
+    axes.set_xticks(orders, [f"{k * study.frequency:g}" for k in orders])
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=LOWEST_SHOWN)
+    axes.legend(frameon=False, fontsize=9)
+    tidy(axes, "frequency [Hz]", "acceleration [m/s²]")
+    return figure
 
 
 def check_free(folder: Path, force: bool) -> None:
@@ -209,48 +217,57 @@ def sensitivity(study: str = "thesis", table: str | TableParameters | None = Non
     if table is None or isinstance(table, str):
         table = load_table(table or settings["table"])
     dt, frequency = settings["sample_time"], settings["frequency"]
-    length = round(settings["periods"] / frequency / dt)
-    commands = settings["amplitude"] * np.sin(2.0 * np.pi * frequency * np.arange(length) * dt)
+    commands = sine(settings, settings["periods"] / frequency, dt)
     studies = {}
     for name in NUMBERS:
         thetas = [settings["base"] | {name: value} for value in settings[name]]
-        changes = [values_of(table, settings["flow_coefficient"], changed) for changed in thetas]
-        studies[name] = study_of(table, name, np.array(settings[name], dtype=float), changes, commands, dt)
-    return Sensitivity(studies, frequency, round(STEADY_PERIODS / frequency / dt))
+        tables = [table.with_values(values_of(table, settings["flow_coefficient"], changed)) for changed in thetas]
+        vectors = np.array([one.vector() for one in tables])
+        starts = np.array([initial_state(vector) for vector in vectors])
+        motion = run_batch(vectors, starts, commands, dt, columns=(0, 1, 2))
+        studies[name] = ParameterStudy(name, np.array(settings[name], dtype=float), frequency, dt, motion)
+    return Sensitivity(studies)
 
 
 STUDIES = {"thesis": "table 6.8", "table_6_9": "table 6.9"}
-NAMES = {"theta_5": "θ_5", "theta_6": "θ_6", "theta_7": "θ_7"}
 BEYOND = (3, 5, 7, 9, 11)  # orders among which the dominant harmonic is sought
 
 
-def dominant(study: Sensitivity, name: str) -> list[float]:
+def dominant(study: ParameterStudy) -> list[float]:
     """Frequency of the largest harmonic beyond the fundamental for each value [Hz]."""
-    frequencies, amplitudes = study.studies[name].spectrum(study.samples)
-    places = [int(np.argmin(np.abs(frequencies - k * study.frequency))) for k in BEYOND]
-    return [BEYOND[int(i)] * study.frequency for i in np.argmax(amplitudes[:, places], axis=1)]
+    return [BEYOND[int(i)] * study.frequency for i in np.argmax(study.harmonics(BEYOND), axis=1)]
 
 
-def size(study: Sensitivity, name: str) -> list[float]:
-    """Root mean square of the velocity for each value over that of the first [-]."""
-    found = np.std(study.studies[name].motion[:, -study.samples :, 1], axis=1)
-    return [float(v) for v in found / found[0]]
+def charts(title: str, study: ParameterStudy) -> list[Chart]:
+    """Motion over the last periods (figures 6.19, 6.21, 6.23), harmonics of the acceleration (6.20, 6.22, 6.24)."""
+    time, motion = study.shown
+    orders = range(1, HIGHEST_HARMONIC + 1)
+    amplitudes, frequencies = study.harmonics(orders), study.frequency * np.array(orders)
 
+    def curves(runs: Floats, kind: str) -> tuple[ChartSeries, ...]:
+        return tuple(
+            ChartSeries(label, run, f"c{i}", kind=kind)
+            for i, (label, run) in enumerate(zip(study.labels, runs, strict=True))
+        )
 
-def charts(title: str, study: Sensitivity, name: str) -> list[Chart]:
-    """The two figures of a parameter."""
-    of, (motion, spectrum) = study.studies[name], NUMBERS[name]
-    shown = {motion: "motion for values of", spectrum: "harmonics of the acceleration for values of"}
-    words = {n: f"As figure {n.replace('_', '.')}: {what} {NAMES[name]}, {title}" for n, what in shown.items()}
-    return [
-        study_motion(f"figure_{motion}", of, study.frequency, words[motion]),
-        study_spectrum(f"figure_{spectrum}", of, study.frequency, study.samples, words[spectrum]),
+    over_time = [
+        Panel(f"{channel} [{unit}]", time, curves(motion[:, :, column], "line"))
+        for column, (channel, unit) in enumerate(CHANNELS.items())
     ]
-
-
-def spreads(study: Sensitivity, name: str) -> list[str]:
-    """Spread of position, velocity and acceleration."""
-    return [f"{100.0 * v:.1f} %" for v in study.spread(name).values()]
+    over_frequency = [Panel("acceleration [m/s²]", frequencies, curves(amplitudes, "marks"), log=True)]
+    kinds = (
+        ("motion", "time [s]", over_time),
+        ("harmonics of the acceleration", "frequency [Hz]", over_frequency),
+    )
+    return [
+        Chart(
+            f"figure_{number}",
+            x,
+            tuple(panels),
+            f"As figure {number.replace('_', '.')}: {what} for values of {NAMES[study.name]}, {title}",
+        )
+        for number, (what, x, panels) in zip(NUMBERS[study.name], kinds, strict=True)
+    ]
 
 
 def run(progress: Progress) -> ExperimentReport:
@@ -258,15 +275,20 @@ def run(progress: Progress) -> ExperimentReport:
     found = {}
     for i, (study, title) in enumerate(STUDIES.items()):
         progress(f"sensitivity, {title}", i / len(STUDIES))
-        found[title] = sensitivity(study)
-    claims = [claim for title, study in found.items() for claim in _claims(title, study)]
+        found[title] = sensitivity(study).studies
+    claims = [claim for title, studies in found.items() for claim in _claims(title, studies)]
     rows = [
-        [title, NAMES[name], *spreads(study, name), ", ".join(f"{f:g}" for f in dominant(study, name))]
-        for title, study in found.items()
-        for name in NAMES
+        [
+            title,
+            NAMES[name],
+            *(f"{100.0 * v:.1f} %" for v in study.spread.values()),
+            ", ".join(f"{f:g}" for f in dominant(study)),
+        ]
+        for title, studies in found.items()
+        for name, study in studies.items()
     ]
     head = ("plant", "parameter", "position", "velocity", "acceleration", "dominant harmonic [Hz], by value")
-    drawn = [chart for title, study in found.items() for name in NAMES for chart in charts(title, study, name)]
+    drawn = [chart for title, studies in found.items() for study in studies.values() for chart in charts(title, study)]
     return ExperimentReport(
         title="Sensitivity to θ_5, θ_6 and θ_7",
         lead="u = 0.5 sin(2π·3t), one parameter at a time; thesis 6.3.4, figures 6.19 to 6.24.",
@@ -287,11 +309,13 @@ def run(progress: Progress) -> ExperimentReport:
     )
 
 
-def _claims(title: str, study: Sensitivity) -> list[Claim]:
-    felt = {name: study.spread(name)["acceleration"] for name in NAMES}
-    moved = {name: study.spread(name)["velocity"] for name in NAMES}
+def _claims(title: str, studies: Mapping[str, ParameterStudy]) -> list[Claim]:
+    felt = {name: study.spread["acceleration"] for name, study in studies.items()}
+    moved = {name: study.spread["velocity"] for name, study in studies.items()}
     shown = ", ".join(f"{NAMES[n]} {100.0 * felt[n]:.0f} %" for n in NAMES)
-    harmonics, sizes = dominant(study, "theta_5"), size(study, "theta_7")
+    harmonics = dominant(studies["theta_5"])
+    velocity = np.std(studies["theta_7"].last(STEADY_PERIODS)[:, :, 1], axis=1)
+    sizes = (velocity / velocity[0]).tolist()
     return [
         Claim(
             "6.3.4", f"θ_5 changes the acceleration more than θ_6 ({title})", "text only", shown,
@@ -307,29 +331,3 @@ def _claims(title: str, study: Sensitivity) -> list[Claim]:
             moved["theta_7"] == max(moved.values()) and sizes == sorted(sizes),
         ),
     ]  # fmt: skip
-
-
-def study_motion(name: str, study: ParameterStudy, frequency: float, caption: str) -> Chart:
-    """Figures 6.19, 6.21, 6.23: position, velocity and acceleration over the last periods."""
-    shown = round(SHOWN_PERIODS / frequency / study.sample_time)
-    time = np.arange(len(study.commands), dtype=np.float64)[-shown:] * study.sample_time
-    panels = []
-    for title, column in ROWS:
-        runs = study.motion[:, -shown:, column]
-        runs = runs - runs.mean(axis=1, keepdims=True) if column == 0 else runs
-        series = [ChartSeries(value_label(study, float(v)), runs[i], f"c{i}") for i, v in enumerate(study.values)]
-        panels.append(Panel(title, time, tuple(series)))
-    return Chart(name, "time [s]", tuple(panels), caption)
-
-
-def study_spectrum(name: str, study: ParameterStudy, frequency: float, samples: int, caption: str) -> Chart:
-    """Figures 6.20, 6.22, 6.24: amplitudes of the acceleration's harmonics."""
-    found, amplitudes = study.spectrum(samples)
-    harmonics = frequency * np.arange(1, HIGHEST_HARMONIC + 1)
-    places = [int(np.argmin(np.abs(found - f))) for f in harmonics]
-    series = [
-        ChartSeries(value_label(study, float(v)), amplitudes[i, places], f"c{i}", kind="marks")
-        for i, v in enumerate(study.values)
-    ]
-    panel = Panel("acceleration [m/s²]", harmonics, tuple(series), log=True)
-    return Chart(name, "frequency [Hz]", (panel,), caption)

@@ -10,7 +10,6 @@ from matplotlib.image import imread
 
 from shake_ros import __main__ as shake_ros
 from shake_ros.thesis import figures_laws
-from shake_ros.thesis.figures import FIGURES
 
 
 def main(arguments: list[str]) -> int:
@@ -23,15 +22,6 @@ def test_a_figure_is_drawn_into_the_folder(tmp_path: Path, name: str) -> None:
     (picture,) = (tmp_path / "new").glob("*.png")
     assert picture.name == f"figure_{name.replace('.', '_')}.png"
     assert np.ptp(imread(picture)) > 0.5
-
-
-def test_every_row_of_the_table_names_a_function_that_exists() -> None:
-    import importlib
-
-    for entry in FIGURES.values():
-        module, function = entry.drawn_by.split(":")
-        assert callable(getattr(importlib.import_module(module), function))
-        assert entry.line
 
 
 def test_figure_2_4_shows_four_models_for_each_air_content() -> None:

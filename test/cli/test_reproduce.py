@@ -13,7 +13,7 @@ from shake_ros.api.progress import Progress
 from shake_ros.entry_points import ENTRY_POINTS
 from shake_ros.measured.runs import PRINTED, printed_tables
 from shake_ros.settings import find, load_table, read_yaml
-from shake_ros.thesis import bulk_modulus, controllers, neural_schedule, reduced_model
+from shake_ros.thesis import bulk_modulus, controllers, reduced_model, schedule
 from shake_ros.thesis.reproduce import EXPERIMENTS, figure_list
 
 
@@ -136,7 +136,7 @@ def test_the_neural_schedule_is_compared_with_one_set_and_the_physical_effect(tm
     words = {"settings": str(tmp_path / "few.yaml"), "good_within": 0.2}
     (tmp_path / "words.yaml").write_text(yaml.safe_dump(words), encoding="utf-8")
     with Progress("test", lambda text, part: None) as tell:
-        found = neural_schedule.run(tell, str(tmp_path / "words.yaml"))
+        found = schedule.run(tell, str(tmp_path / "words.yaml"))
     assert len(found.claims) == 4
     assert found.claims[3].holds  # soft_zone, which the table has, leaves the least of both recordings
     assert "soft_zone" in found.claims[3].found

@@ -8,11 +8,11 @@ import pytest
 pytest.importorskip("matplotlib")
 
 from shake_ros.settings import load_table
-from shake_ros.thesis import figures_table
+from shake_ros.thesis.figures import describing_functions, oil_spring
 
 
 def test_drawn_describing_functions_part_from_the_linear_table_only_where_it_is_none() -> None:
-    gain, phase = figures_table.describing_functions().axes
+    gain, phase = describing_functions().axes
     linear, *sines = gain.lines
     at_low = [line.get_ydata()[0] for line in sines]
     assert at_low[1] == pytest.approx(linear.get_ydata()[0], rel=0.06)  # 10 %, 1 Hz: the velocity gain
@@ -22,7 +22,7 @@ def test_drawn_describing_functions_part_from_the_linear_table_only_where_it_is_
 
 
 def test_oil_column_is_softest_in_mid_stroke_and_the_poles_agree() -> None:
-    lines = figures_table.oil_spring().axes[0].lines
+    lines = oil_spring().axes[0].lines
     table = load_table("bergamo")
     for closed, poles in zip(lines[::2], lines[1::2], strict=True):
         frequency = closed.get_ydata()

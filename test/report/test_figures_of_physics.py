@@ -11,7 +11,7 @@ from shake_ros.core.effects import EFFECTS
 from shake_ros.core.valve import VALVES
 from shake_ros.core.valve.response import valve_response
 from shake_ros.settings import load_variant
-from shake_ros.thesis import figures_laws, figures_table
+from shake_ros.thesis import figures, figures_laws
 
 
 @pytest.mark.parametrize("name", ["curves", "lag", "presliding", "stick_slip"])
@@ -28,7 +28,7 @@ def test_break_away_figure_falls():
 
 
 def test_valve_steps_reach_their_ends_in_both_models():
-    lines = figures_table.steps().axes[0].lines
+    lines = figures_laws.steps().axes[0].lines
     ends = [line.get_ydata()[-1] for line in lines]
     assert ends[:5] == pytest.approx([10.0, 25.0, 50.0, 75.0, 100.0], abs=1.0)
     assert ends[5:] == pytest.approx(ends[:5], abs=1.0)
@@ -36,20 +36,20 @@ def test_valve_steps_reach_their_ends_in_both_models():
 
 def test_every_effect_of_the_full_model_is_shown_at_a_strength_of_its_own():
     for name in {name for name, e in EFFECTS.items() if "full" in e.models} - {"unlisted"}:
-        shown = EFFECTS[name](**figures_table.strength(name))
+        shown = EFFECTS[name](**figures.strength(name))
         assert shown != EFFECTS[name](), name
 
 
 @pytest.mark.parametrize("name", ["soft_zone", "spool_deadband", "position_sensor_lag"])
 def test_an_effect_changes_what_its_figure_shows(name):
     for frequency in (2.0, 5.0):
-        _, before, after = figures_table.responses(name, frequency)
+        _, before, after = figures.responses(name, frequency)
         assert np.std(after - before) > 0.01 * np.std(before)
-    assert len(figures_table.effect_figure(name).axes) == 4
+    assert len(figures.effect_figure(name).axes) == 4
 
 
 def test_figure_6_11_is_the_full_step_of_a_valve_of_150_hz() -> None:
-    (axes,) = figures_table.second_order_step().axes
+    (axes,) = figures_laws.second_order_step().axes
     time, spool = axes.lines[0].get_data()
     assert abs(spool[-1] - 1.0) < 2e-3  # k_v = 1, within the hysteresis of table 6.4
     # (3.19): an overshoot of exp(−π D/√(1 − D²)) = 3.3 % after π/(ω √(1 − D²)) = 2.9 ms, but the spool stops at 1
@@ -58,11 +58,11 @@ def test_figure_6_11_is_the_full_step_of_a_valve_of_150_hz() -> None:
 
 
 def test_flow_force_is_odd_without_load_and_the_retuned_spool_reaches_its_command() -> None:
-    force, steps = figures_table.flow_force().axes
+    force, steps = figures_laws.flow_force().axes
     without_load = force.lines[1].get_ydata()
     np.testing.assert_allclose(without_load, -without_load[::-1], atol=1e-9)
     ends = [line.get_ydata()[-1] for line in steps.lines]
-    np.testing.assert_allclose(ends[:5], 100.0 * np.array(figures_table.settings()[0]["steps"]), rtol=0.02)
+    np.testing.assert_allclose(ends[:5], 100.0 * np.array(figures_laws.settings("valve")["steps"]), rtol=0.02)
     jets, spring = (load_variant("valve", name, VALVES)[1] for name in ("detailed_flow_force", "detailed"))
     not_retuned = jets.replace(amplifier_gain=spring.amplifier_gain)
     spool = valve_response(not_retuned, np.full(240, 0.5), 5e-5, 2.06e7, 1e5)

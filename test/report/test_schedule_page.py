@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from shake_ros.core.identification.recordings import Record
-from shake_ros.thesis.network import Split, Training, first_network
+from shake_ros.thesis.network import SeedResult, Split, Training, first_network
 from shake_ros.thesis.schedule import (
     ScheduleComparison,
-    SeedResult,
     ValidationRuns,
     answer,
     learning_chart,
