@@ -9,7 +9,8 @@ strong part; the power spectral density is the strong part's, averaged over thir
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.core.quantities import Parameters, choice, quantity
 from shake_ros.core.reference.baseline import filtered
+from shake_ros.qualification.motion import aimed
 from shake_ros.qualification.required import RequiredSpectrum
 
 Array = NDArray[np.float64]
@@ -85,6 +87,21 @@ class SpectrumAssessment:
     def passed(self) -> bool:
         """Whether every rule that is asked holds."""
         return all(v.passed is not False for v in self.verdicts)
+
+    @property
+    def failing(self) -> str:
+        """The rules that do not hold, with what was asked and measured."""
+        return "; ".join(f"{v.rule}, {v.asked}: {v.measured}" for v in self.verdicts if v.passed is False)
+
+    def content(self) -> dict[str, Any]:
+        """Verdicts and spectra, for JSON."""
+        return {
+            "passed": self.passed,
+            "rules": [asdict(v) for v in self.verdicts],
+            "frequencies": self.frequencies.tolist(),
+            "required": self.required.tolist(),
+            "found": self.found.tolist(),
+        }
 
     @property
     def ratio(self) -> Array:
@@ -160,6 +177,38 @@ def assess(motion: Array, time_step: float, required: RequiredSpectrum, rules: R
     )
 
 
+@dataclass(frozen=True)
+class Tested:
+    """One run.
+
+    Attributes
+    ----------
+    drive : (n, 3) [m], [m/s], [m/s²].
+    motion : (n,) measured acceleration as it is assessed [m/s²].
+    assessment : its verdicts.
+    matched : (m,) TRS at the frequencies of `motion.aimed` [m/s²].
+    error : rms of ln(TRS/aim) over those of them within the required band [-].
+    """
+
+    drive: Array
+    motion: Array
+    assessment: SpectrumAssessment
+    matched: Array
+    error: float
+
+
+def tested(
+    drive: Array, acceleration: Array, time_step: float, required: RequiredSpectrum, rules: Rules, per_octave: int
+) -> Tested:
+    """A run from its drive and its measured acceleration (n,) [m/s²]; per_octave : frequencies that are matched."""
+    motion = measured_motion(acceleration, time_step, rules)
+    f, levels = aimed(required, per_octave, rules.aim, rules.aim_last)
+    found = np.abs(response_spectrum(motion, time_step, f, required.damping, band_limited=True).acceleration)
+    inside = f <= required.frequencies[-1] * (1.0 + 1e-9)
+    error = float(np.sqrt(np.mean(np.square(np.log(found / levels)[inside]))))
+    return Tested(drive, motion, assess(motion, time_step, required, rules), found, error)
+
+
 def _spectrum(f: Array, ratio: Array, rules: Rules) -> list[Verdict]:
     """The rules of the spectrum."""
     below = ratio < 1.0
@@ -204,17 +253,10 @@ def _time(a: Array, h: float, required: RequiredSpectrum, rules: Rules) -> list[
     needed = rules.zero_period_share * required.zero_period
     first, last = strong_part(a, rules.strong_share)
     five, much = arias_times(a, h)
-    _, all_but = arias_times(a, h, 0.001, 0.999)
-    begun, _ = arias_times(a, h, 0.001, 0.999)
+    begun, all_but = arias_times(a, h, 0.001, 0.999)
     strong, arias, whole = (last - first) * h, much - five, all_but - begun
     spread = quarters(a[first : last + 1])
     _, power = density(a[first : last + 1], h, float(required.frequencies[0]), float(required.frequencies[-1]))
-    reported = Verdict(
-        "power spectral density of the strong part, third octaves",
-        "–",
-        _empty(power),
-        None,
-    )
 
     def least(rule: str, limit: float, value: float) -> Verdict:
         return Verdict(
@@ -236,9 +278,10 @@ def _time(a: Array, h: float, required: RequiredSpectrum, rules: Rules) -> list[
             f"{spread:.2f}",
             spread <= rules.stationarity if rules.stationarity else None,
         ),
-        reported,
+        Verdict(
+            "power spectral density of the strong part, third octaves",
+            "–",
+            f"largest over smallest {float(power.max() / max(power.min(), 1e-300)):.3g}",
+            None,
+        ),
     ]
-
-
-def _empty(power: Array) -> str:
-    return f"largest over smallest {float(power.max() / max(power.min(), 1e-300)):.3g}"

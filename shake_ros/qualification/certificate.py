@@ -11,10 +11,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, ScalarFormatter
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from shake_ros.report.chart import AFTER, BEFORE, COLOURS, GREY, Chart, ChartSeries, Panel, new_figure, tidy
+from shake_ros.report.chart import (
+    AFTER,
+    BEFORE,
+    COLOURS,
+    GREY,
+    Chart,
+    ChartSeries,
+    Panel,
+    name_decades,
+    new_figure,
+    tidy,
+)
 from shake_ros.report.page import Page
 
 if TYPE_CHECKING:
@@ -24,61 +35,57 @@ Array = NDArray[np.float64]
 BAND = 0.9, 1.3  # of the RRS, drawn as the tolerance band
 
 
-def spectra_axes(axes: Axes, f: Array, required: Array, found: Array) -> None:
-    """RRS with its band from 0.9 to 1.3, and TRS."""
+def spectra_axes(axes: Axes, found: Qualification) -> None:
+    """RRS with its band from 0.9 to 1.3, and TRS of the last run."""
+    last = found.assessment
+    f, required = last.frequencies, last.required
     axes.fill_between(f, BAND[0] * required, BAND[1] * required, color=GREY, alpha=0.25, label="0.9 to 1.3 RRS")
     axes.loglog(f, required, color=COLOURS[1], linewidth=2.0, label="required, RRS")
-    axes.loglog(f, found, color=COLOURS[0], linewidth=1.4, label="test, TRS")
+    axes.loglog(f, last.found, color=COLOURS[0], linewidth=1.4, label="test, TRS")
     for side in (axes.xaxis, axes.yaxis):
-        side.set_major_formatter(ScalarFormatter())
-        side.set_minor_formatter(NullFormatter())
-    marks = [m for m in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0) if f[0] <= m <= f[-1]]
-    axes.set_xticks(marks, [f"{m:g}" for m in marks])
-    low, high = axes.get_ylim()
-    levels = [m * 10.0**k for k in range(-3, 4) for m in (1.0, 2.0, 5.0) if low <= m * 10.0**k <= high]
-    axes.set_yticks(levels, [f"{m:g}" for m in levels])
+        name_decades(side)
     tidy(axes, "frequency [Hz]", "absolute acceleration [m/s²]")
     axes.legend(frameon=False)
 
 
-def motions(motion: Array, sample_time: float, drift: float) -> list[tuple[str, Array]]:
-    """Measured acceleration, and its velocity and displacement above the frequency of its drift [Hz], with labels."""
-    f = np.fft.rfftfreq(motion.size, sample_time)
+def motions(found: Qualification) -> dict[str, Array]:
+    """Measured acceleration of the last run, and its velocity and displacement above its drift, by label."""
+    motion, drift = found.runs[-1].motion, _drift(found)
+    f = np.fft.rfftfreq(motion.size, found.sample_time)
     slope = np.where(f >= drift, 1.0 / (2j * np.pi * np.maximum(f, drift)), 0.0)
     spectrum = np.fft.rfft(motion)
     velocity, displacement = (np.fft.irfft(spectrum * slope**order, motion.size) for order in (1, 2))
-    return [
-        ("acceleration [m/s²]", motion),
-        ("velocity [m/s]", velocity),
-        ("displacement [mm]", 1e3 * displacement),
-    ]
+    return {
+        "acceleration [m/s²]": motion,
+        "velocity [m/s]": velocity,
+        "displacement [mm]": 1e3 * displacement,
+    }
 
 
-def motion_axes(axes: Sequence[Axes], motion: Array, sample_time: float, drift: float) -> None:
+def motion_axes(axes: Sequence[Axes], found: Qualification) -> None:
     """As many of `motions` as there are axes."""
-    time = np.arange(len(motion)) * sample_time
-    for place, (label, signal) in zip(axes, motions(motion, sample_time, drift), strict=False):
-        place.plot(time, signal, color=COLOURS[0], linewidth=0.6)
+    for place, (label, signal) in zip(axes, motions(found).items(), strict=False):
+        place.plot(np.arange(len(signal)) * found.sample_time, signal, color=COLOURS[0], linewidth=0.6)
         tidy(place, "time [s]" if place is axes[-1] else "", label)
 
 
-def convergence_axes(axes: Axes, errors: Sequence[float]) -> None:
+def convergence_axes(axes: Axes, found: Qualification) -> None:
     """Error of the spectrum, run by run."""
-    axes.plot(np.arange(1, len(errors) + 1), 100.0 * np.asarray(errors), "o-", color=COLOURS[0])
+    numbers = np.arange(1, len(found.runs) + 1)
+    axes.plot(numbers, [100.0 * run.error for run in found.runs], "o-", color=COLOURS[0])
     axes.set_ylim(bottom=0.0)
-    axes.set_xticks(np.arange(1, len(errors) + 1))
+    axes.set_xticks(numbers)
     tidy(axes, "run", "spectrum missed, rms of ln [%]")
 
 
 def qualification_figure(found: Qualification) -> Figure:
     """Spectra, motion and convergence in one figure."""
-    figure, last = new_figure(10.0, 6.0), found.assessment
-    parts = np.atleast_1d(np.asarray(figure.subfigures(2, 1, height_ratios=(3, 2)), dtype=object))
-    top, bottom = parts
-    spectra_axes(top.subplots(), last.frequencies, last.required, last.found)
+    figure = new_figure(10.0, 6.0)
+    top, bottom = np.atleast_1d(np.asarray(figure.subfigures(2, 1, height_ratios=(3, 2)), dtype=object))
+    spectra_axes(top.subplots(), found)
     left, right = bottom.subplots(1, 2, width_ratios=(3, 1))
-    motion_axes([left], found.runs[-1].motion, found.sample_time, 0.4 * float(last.frequencies[0]))
-    convergence_axes(right, [run.error for run in found.runs])
+    motion_axes([left], found)
+    convergence_axes(right, found)
     return figure
 
 
@@ -159,7 +166,7 @@ SHIFTS = ("resonance before", "after", "frequency moved", "damping moved")
 
 def _charts(found: Qualification) -> tuple[Chart, Chart]:
     """Spectra and motion, to zoom on the page."""
-    last, motion = found.assessment, found.runs[-1].motion
+    last = found.assessment
     f, required = last.frequencies, last.required
     band = [ChartSeries(f"{share:g} RRS", share * required, "grey", kind="dashed") for share in BAND]
     curves = (
@@ -169,10 +176,9 @@ def _charts(found: Qualification) -> tuple[Chart, Chart]:
     )
     spectra = Panel("absolute acceleration [m/s²]", f, curves, log=True, height=320)
     grid = "Required and test response spectrum of the last run on the code's own grid"
-    time = np.arange(len(motion)) * found.sample_time
     panels = tuple(
-        Panel(label, time, (ChartSeries(label, values, "c0"),))
-        for label, values in motions(motion, found.sample_time, _drift(found))
+        Panel(label, np.arange(len(values)) * found.sample_time, (ChartSeries(label, values, "c0"),))
+        for label, values in motions(found).items()
     )
     caption = "Measured acceleration of the last run; velocity and displacement from it, high-passed at "
     return (
@@ -273,14 +279,8 @@ def _rows(
                 x, top, "\n".join(lines), fontsize=size, va="top", color=colour, weight=weight, linespacing=1.25
             )
         top -= LINE * max(map(len, cells)) + 0.006
-        figure.add_artist(_line(top + 0.004))
+        figure.add_artist(Line2D([MARGIN, 1.0 - MARGIN], [top + 0.004] * 2, color=GREY, linewidth=0.4))
     return top - 0.015
-
-
-def _line(y: float) -> Any:
-    from matplotlib.lines import Line2D
-
-    return Line2D([MARGIN, 1.0 - MARGIN], [y, y], color=GREY, linewidth=0.4)
 
 
 def _first(found: Qualification) -> Figure:
@@ -295,8 +295,7 @@ def _first(found: Qualification) -> Figure:
 
 def _spectra(found: Qualification) -> Figure:
     figure = _sheet("Required and test response spectrum")
-    last = found.assessment
-    spectra_axes(figure.add_axes((0.13, 0.55, 0.76, 0.36)), last.frequencies, last.required, last.found)
+    spectra_axes(figure.add_axes((0.13, 0.55, 0.76, 0.36)), found)
     top = _rows(figure, 0.49, [found.error.columns, *found.error.cells()], (8, 24, 24, 24, 20))
     if _resonances(found):
         top = _rows(figure, top, [RESONANCES, *_resonances(found)], (26, 20, 18, 20, 16))
@@ -304,14 +303,14 @@ def _spectra(found: Qualification) -> Figure:
             top = _rows(figure, top, [SHIFTS, *_shifts(found)], (26, 20, 26, 28))
     if len(found.runs) > 1:
         place = figure.add_axes((0.13, 0.08, 0.4, min(0.2, top - 0.12)))
-        convergence_axes(place, [run.error for run in found.runs])
+        convergence_axes(place, found)
     return figure
 
 
 def _motion(found: Qualification) -> Figure:
     figure = _sheet("Motion of the last run")
     places = [figure.add_axes((0.13, y, 0.76, 0.24)) for y in (0.68, 0.39, 0.10)]
-    motion_axes(places, found.runs[-1].motion, found.sample_time, _drift(found))
+    motion_axes(places, found)
     return figure
 
 

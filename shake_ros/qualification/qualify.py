@@ -23,17 +23,9 @@ from shake_ros.core.reference.baseline import states_from_rest
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.recordings import TableRecording
-from shake_ros.iteration.iterate import Learn
-from shake_ros.qualification.asked import (
-    Asked,
-    QualificationSettings,
-    Test,
-    Tested,
-    asked_of,
-    iterate_test,
-    released,
-)
-from shake_ros.qualification.motion import Demand, demand, refusal, synthesise
+from shake_ros.qualification.asked import Asked, QualificationSettings, asked_of, released
+from shake_ros.qualification.assessment import Tested, tested
+from shake_ros.qualification.motion import Demand, corrected_drive, demand, refusal, synthesise
 from shake_ros.qualification.required import RequiredSpectrum
 from shake_ros.qualification.resonance import ResonanceSearch, search_motion
 from shake_ros.qualification.result import Qualification, searched_in
@@ -180,26 +172,26 @@ def qualify(
     )
     with Progress("qualify", progress) as bar:
         bar("making the motion", 0.0)
-        motion = made_motion(asked.test, seed, record)
+        motion = made_motion(asked, seed, record)
         own = own_loop(asked.model) if asked.makes_loop else None
-        words = described(motion, demand(motion, asked.test.table, asked.test.motion))
+        words = described(motion, demand(motion, asked.table, asked.motion))
         bar(words, 0.0)
         if live is None:
-            laboratory: Laboratory = SimulatedLaboratory(asked.test.table, asked.settings, delay, seed, own, [])
+            laboratory: Laboratory = SimulatedLaboratory(asked.table, asked.settings, delay, seed, own, [])
         else:
             asked = released(asked, live, own, words, release)
-            laboratory = LiveLaboratory(live, own, delay * asked.test.sample_time)
+            laboratory = LiveLaboratory(live, own, delay * asked.sample_time)
         return conduct(asked, laboratory, motion, seed, bar)
 
 
-def made_motion(test: Test, seed: int, record: str | Path | Accelerogram | None = None) -> Array:
+def made_motion(asked: Asked, seed: int, record: str | Path | Accelerogram | None = None) -> Array:
     """The first drive of a test, (n, 3); ShakeError where it does not fit the table."""
-    start = _record(record, test.sample_time)
-    acceleration = synthesise(test.required, test.table, test.motion, test.sample_time, seed, start)
-    motion = states_from_rest(acceleration, test.sample_time)
-    why = refusal(motion, test.table, test.motion)
+    start = _record(record, asked.sample_time)
+    acceleration = synthesise(asked.required, asked.table, asked.motion, asked.sample_time, seed, start)
+    motion = states_from_rest(acceleration, asked.sample_time)
+    why = refusal(motion, asked.table, asked.motion)
     if why:
-        raise ShakeError(f"{test.required.name}: {why}")
+        raise ShakeError(f"{asked.required.name}: {why}")
     return motion
 
 
@@ -213,23 +205,22 @@ def conduct(
 ) -> Qualification:
     """Search, runs, search; `searches` : whether there is one before, and one after."""
     before = _search(asked, laboratory, "search_before", seed) if searches[0] else None
-    made, reason = _runs(asked.test, laboratory, motion, asked.model, asked.learn, bar)
+    made, reason = _runs(asked, laboratory, motion, bar)
     after = _search(asked, laboratory, "search_after", seed) if searches[1] else None
-    test, step = asked.test, asked.test.sample_time
     when = datetime.now(timezone.utc).isoformat(timespec="seconds")
-    about = {**asked.about, "loop": f"{laboratory.words}, {1e-3 / step:g} kHz", **laboratory.remarks, "date": when}
+    loop = f"{laboratory.words}, {1e-3 / asked.sample_time:g} kHz"
     return Qualification(
-        required=test.required,
-        rules=test.rules,
+        required=asked.required,
+        rules=asked.rules,
         runs=tuple(made),
         reason=reason,
-        sample_time=step,
-        about=about,
+        sample_time=asked.sample_time,
+        about={**asked.about, "loop": loop, **laboratory.remarks, "date": when},
         recordings=tuple(laboratory.recordings),
         before=before,
         after=after,
         shift=asked.settings.search.shift,
-        per_octave=test.motion.per_octave,
+        per_octave=asked.motion.per_octave,
         search=asked.band,
     )
 
@@ -243,33 +234,52 @@ def described(states: Array, used: Demand) -> str:
 
 
 def _runs(
-    test: Test,
-    laboratory: Laboratory,
-    motion: Array,
-    model: TableParameters,
-    learn: Learn | None,
-    bar: Callable[[str, float], None],
+    asked: Asked, laboratory: Laboratory, motion: Array, bar: Callable[[str, float], None]
 ) -> tuple[list[Tested], str]:
-    """The runs of a test and why they ended."""
+    """Run after run, at least one, and why the last one did not pass; empty where it did.
 
-    def play(carried: TableParameters, drive: Array, number: int) -> tuple[Array, Array]:
-        run = laboratory.play(carried, drive, f"run_{number + 1}", number)
-        if run.acceleration is None:
-            raise ShakeError(f"{run.name}: no topic imu")
-        return run.acceleration, run.position
+    Between runs the drive is corrected, or the model fitted to the newest recording.
+    """
+    step, p = asked.sample_time, asked.settings.running
+    made, drive, model = list[Tested](), motion, asked.model
+    while True:
+        number = len(made) + 1
+        recorded = laboratory.play(model, drive, f"run_{number}", number - 1)
+        if recorded.acceleration is None:
+            raise ShakeError(f"{recorded.name}: no topic imu")
+        run = tested(drive, recorded.acceleration, step, asked.required, asked.rules, asked.motion.per_octave)
+        made.append(run)
+        ratio, passed = run.assessment.ratio, run.assessment.passed
+        text = f"run {number}: spectrum missed by {100.0 * run.error:.1f} %, TRS/RRS {ratio.min():.3f} to"
+        bar(f"{text} {ratio.max():.3f}, {'passed' if passed else 'not passed'}", number / (p.runs + 1))
+        if passed:
+            return made, ""
+        reason = given_up(asked, [one.error for one in made], float(np.max(np.abs(recorded.position))))
+        if reason:
+            return made, f"{reason}; what fails: {run.assessment.failing}"
+        if asked.learn is not None:
+            command, position = recorded.valve_command, recorded.position
+            model = asked.learn(model, [Record(recorded.name, step, command, position, recorded.acceleration)])
+            continue
+        peak = float(np.max(np.abs(run.motion)))
+        following = corrected_drive(drive[:, 2], run.matched, peak, asked.required, asked.motion, step, p.gain)
+        drive = states_from_rest(following, step)
+        used = max(demand(drive, asked.table, asked.motion))
+        if used > 1.0:
+            return made, f"the next drive would need {used:.2f} times what the table may use"
 
-    def again(carried: TableParameters, _: int) -> TableParameters:
-        assert learn is not None
-        run = laboratory.recordings[-1]
-        return learn(carried, [Record(run.name, run.sample_time, run.valve_command, run.position, run.acceleration)])
 
-    def on_run(number: int, run: Tested) -> None:
-        ratio = run.assessment.ratio
-        low, high = ratio.min(), ratio.max()
-        text = f"run {number}: spectrum missed by {100.0 * run.error:.1f} %, TRS/RRS {low:.3f} to {high:.3f}"
-        bar(f"{text}, {'passed' if run.assessment.passed else 'not passed'}", number / (test.running.runs + 1))
-
-    return iterate_test(test, motion, play, model, None if learn is None else again, on_run)
+def given_up(asked: Asked, errors: list[float], position: float) -> str:
+    """Why no further run is made; empty where one is."""
+    p, stop = asked.settings.running, 0.5 * asked.table.value("body.stroke")
+    if position >= p.near_limit * stop:
+        return f"the table reached {1e3 * position:.0f} mm, the end stops are at {1e3 * stop:.0f} mm"
+    if len(errors) >= 3 and errors[-1] > p.growth * errors[-2] and errors[-2] > p.growth * errors[-3]:
+        listed = ", ".join(f"{100.0 * e:.1f}" for e in errors)
+        return f"the spectrum's error grew twice ({listed} % rms of the logarithm)"
+    if len(errors) < p.runs:
+        return ""
+    return f"not passed after {len(errors)} {'run' if len(errors) == 1 else 'runs'}"
 
 
 def _record(given: str | Path | Accelerogram | None, step: float) -> Array | None:
@@ -285,9 +295,8 @@ def _search(asked: Asked, laboratory: Laboratory, name: str, seed: int) -> Reson
     """The resonances that a low motion shows; None without a search or pressures."""
     if asked.settings.search.level == 0.0:
         return None
-    test = asked.test
-    drive = search_motion(asked.settings.search, test.sample_time, seed)
-    used = max(demand(drive, test.table, test.motion))
+    drive = search_motion(asked.settings.search, asked.sample_time, seed)
+    used = max(demand(drive, asked.table, asked.motion))
     if used > 1.0:
         raise ShakeError(f"search: its motion needs {used:.2f} times what the table may use")
     return searched_in(laboratory.play(asked.model, drive, name, 500 + len(laboratory.recordings)), asked.band)

@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, shown
+from shake_ros.core.quantities import Parameters, ShakeError, choice, member_from, quantity, shown, strict_keys
+from shake_ros.settings import find, read_yaml
 
 Array = NDArray[np.float64]
 GRAVITY = 9.80665  # [m/s²]
@@ -184,3 +185,24 @@ def from_points(content: Mapping[str, Any], where: str) -> RequiredSpectrum:
     last = float(points[-1, 1]) if zero is None else float(zero)
     f, levels = points.T
     return RequiredSpectrum(str(content["name"]), f.copy(), levels.copy(), float(damping), last, str(content["source"]))
+
+
+def load_required(name: str) -> tuple[RequiredSpectrum, str]:
+    """A required spectrum of config/required_spectra, or of a YAML file, and the name of its rules."""
+    path = find("required_spectra", name)
+    return required_from(read_yaml(path), str(path))
+
+
+def required_from(content: Any, where: str) -> tuple[RequiredSpectrum, str]:
+    """A required spectrum from a mapping, and the name of its rules."""
+    if not isinstance(content, Mapping) or "rules" not in content:
+        raise ShakeError(f"{where}: missing key 'rules' (a name of config/qualification_rules or a YAML file)")
+    rest = {key: value for key, value in content.items() if key != "rules"}
+    rules = str(content["rules"])
+    if rest.get("kind") == "points":
+        return from_points(strict_keys(rest, POINTS, where, POINTS, kind="key"), where), rules
+    if rest.get("kind") not in FORMULAS:
+        known = ", ".join(sorted((*FORMULAS, "points")))
+        raise ShakeError(f"{where}: kind '{rest.get('kind')}' is not known; known: {known}")
+    _, formula = member_from(rest, FORMULAS, where, kind="required spectrum")  # type: ignore[type-var]
+    return formula.required(), rules

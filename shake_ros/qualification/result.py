@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,8 +13,7 @@ import numpy as np
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
 from shake_ros.data.result_folder import new_folder, write_json, writing
-from shake_ros.qualification.asked import Tested, assessment_json, checksums, missed, required_json
-from shake_ros.qualification.assessment import Rules, SpectrumAssessment, assess, measured_motion
+from shake_ros.qualification.assessment import Rules, SpectrumAssessment, Tested, tested
 from shake_ros.qualification.required import RequiredSpectrum
 from shake_ros.qualification.resonance import Resonance, ResonanceSearch, SearchBand, Shift
 from shake_ros.report.result_table import ResultTable
@@ -114,14 +114,15 @@ class Qualification:
     def content(self, sums: dict[str, str]) -> dict[str, Any]:
         """certificate.json."""
         found = {n: None if r is None else asdict(r) for n, r in (("before", self.before), ("after", self.after))}
+        f, levels = self.required.frequencies, self.required.levels
         return {
             "schema": SCHEMA,
             "passed": self.passed,
             "reason": self.reason or self.moved,
             "about": self.about,
-            "required": required_json(self.required),
+            "required": {**asdict(self.required), "frequencies": f.tolist(), "levels": levels.tolist()},
             "rules": asdict(self.rules),
-            "runs": [{"error": run.error, **assessment_json(run.assessment)} for run in self.runs],
+            "runs": [{"error": run.error, **run.assessment.content()} for run in self.runs],
             "per_octave": self.per_octave,
             "search": None if self.search is None else {**asdict(self.search), "shift": self.shift},
             "resonance": found,
@@ -192,6 +193,15 @@ def certified(folder: str | Path) -> tuple[Qualification, tuple[str, ...]]:
     return again, differences
 
 
+def checksums(folder: Path) -> dict[str, str]:
+    """SHA-256 of each file below a folder, by its path from there."""
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
 def _again(certified: dict[str, Any], recordings: Path, where: str) -> Qualification:
     """A certificate's test from its recordings; all but what was asked and the reason is computed again."""
     asked = dict(certified["required"])
@@ -204,10 +214,8 @@ def _again(certified: dict[str, Any], recordings: Path, where: str) -> Qualifica
         if found.acceleration is None:
             raise ShakeError(f"{recordings / found.name}: no topic imu")
         step = round(found.sample_time, 9)
-        motion = measured_motion(found.acceleration, step, rules)
         drive = np.zeros((0, 3)) if found.reference is None else found.reference
-        _, error = missed(motion, step, required, rules, per_octave)
-        runs.append(Tested(drive, motion, assess(motion, step, required, rules), error))
+        runs.append(tested(drive, found.acceleration, step, required, rules, per_octave))
     searched = dict(certified["search"] or {})
     shift = float(searched.pop("shift", 0.1))
     band = SearchBand(**searched) if searched else None
@@ -260,7 +268,7 @@ def _differences(certified: dict[str, Any], again: Qualification, sums: dict[str
     ]
     lines += [f"recordings/{n}: is absent" for n in certified["sha256"] if n not in sums]
     for k, (before, run) in enumerate(zip(certified["runs"], again.runs, strict=True)):
-        now = assessment_json(run.assessment)
+        now = run.assessment.content()
         for old, new in zip(before["rules"], now["rules"], strict=True):
             if old != new:
                 lines.append(f"run {k + 1}: {new['rule']}: {new['measured']}, the certificate says {old['measured']}")

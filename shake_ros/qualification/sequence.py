@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from shake_ros.api.live_table import LiveLaboratory, LiveTable, OwnLoop, own_loop
+from shake_ros.api.live_table import LiveLaboratory, LiveTable, own_loop
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.simulate import Simulation
 from shake_ros.commissioning.steps import watched
@@ -213,22 +213,15 @@ def qualify_sequence(
         seed=seed,
         live=live,
     )
-    header: dict[str, Any] = {
-        "required": str(required),
-        "plan": plan,
-        "rules": rules,
-        "scale": scale,
-        "set": dict(set or {}),
-    }
-    header |= {"table": str(table), "model": model and str(model), "settings": settings, "runs": runs, "delay": delay}
-    log = _Log.opened(top, {**header, "seed": seed, "specimen": specimen, "live": live is not None})
+    named: dict[str, Any] = {"required": str(required), "plan": plan, "rules": rules, "scale": scale}
+    named |= {"set": dict(set or {}), "table": str(table), "model": model and str(model), "settings": settings}
+    named |= {"runs": runs, "delay": delay, "seed": seed, "specimen": specimen, "live": live is not None}
+    log = _Log.opened(top, named)
     found = TestSequence(chosen, log.done(chosen))
-    laboratories = _Laboratories(asked, seed, delay, live)
+    lasting = None if live is None else LiveLaboratory(live, late=delay * asked.sample_time)
     with Progress("qualify", progress) as bar:
-        motion = made_motion(asked.test, seed)  # of the full level, which has to fit before anything moves
-        for number, stage in enumerate(chosen.stages):
-            if number < len(found.done):
-                continue
+        motion = made_motion(asked, seed)  # of the full level, which has to fit before anything moves
+        for number, stage in list(enumerate(chosen.stages))[len(found.done) :]:
             if found.reason:
                 break
             state = _announced(found, stage)
@@ -236,16 +229,17 @@ def qualify_sequence(
             if not by:
                 found = replace(found, waiting=state)
                 break
-            log.released(stage, by)
+            date = log.released(stage, by)
             drive = stage.share * motion if not found.done else _drive_of(found.done[-1], stage)
             bar(f"{stage.name}, released by {by}", number / len(chosen.stages))
-            laboratory, now = laboratories.of(number), _at(asked, stage.share)
+            laboratory = _laboratory(asked, lasting, delay, 100 * seed + number)
+            now = replace(asked, required=asked.required.scaled(stage.share))
             if live is not None:
                 now = replace(now, about={**now.about, "released by": by})
             test = conduct(now, laboratory, drive, seed, lambda text, _: bar(text, 0.0), stage.searches)
             test.report(top / stage.name)
             held = log.ended(stage, len(test.runs), chosen)
-            found = TestSequence(chosen, log.done(chosen, (*found.done, StageDone(stage, test, held, by, ""))))
+            found = replace(found, done=(*found.done, StageDone(stage, test, held, by, date)))
             log.written(found)
     log.written(found)
     return found
@@ -255,14 +249,7 @@ def sequence_of(folder: str | Path) -> tuple[TestSequence, tuple[str, ...]]:
     """A sequence from its folder, all its certificates computed again, and the figures that differ."""
     log, differences = _Log.read(Path(folder)), list[str]()
     plan = load_plan(str(log.content["asked"]["plan"]))
-    return TestSequence(plan, log.done(plan, differences=differences)), tuple(differences)
-
-
-def _at(asked: Asked, share: float) -> Asked:
-    """The same at a share of its spectrum."""
-    if share == 1.0:
-        return asked
-    return replace(asked, test=replace(asked.test, required=asked.test.required.scaled(share)))
+    return TestSequence(plan, log.done(plan, differences)), tuple(differences)
 
 
 def _drive_of(done: StageDone, stage: Stage) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -281,27 +268,13 @@ def _announced(found: TestSequence, stage: Stage) -> str:
     return f"{text}; before it: {last.stage.name} passed, interlock {last.interlock or 'clear'}{searched}"
 
 
-@dataclass
-class _Laboratories:
-    """What plays each test: the simulated table with noise of its own, or the live one; and the loop that all share."""
-
-    asked: Asked
-    seed: int
-    delay: int
-    live: LiveTable | None
-    own: OwnLoop | None = None
-    _lasting: LiveLaboratory | None = None
-
-    def of(self, number: int) -> Laboratory:
-        if self.own is None and self.asked.makes_loop:
-            self.own = own_loop(self.asked.model)
-        if self.live is None:
-            seed = 100 * self.seed + number
-            return SimulatedLaboratory(self.asked.test.table, self.asked.settings, self.delay, seed, self.own, [])
-        if self._lasting is None:
-            self._lasting = LiveLaboratory(self.live, self.own, self.delay * self.asked.test.sample_time)
-        self._lasting.recordings, self._lasting.missing = [], {}
-        return self._lasting
+def _laboratory(asked: Asked, lasting: LiveLaboratory | None, delay: int, seed: int) -> Laboratory:
+    """What plays a test: the simulated table with noise of its own, or the live one, whose recordings begin anew."""
+    own = own_loop(asked.model) if asked.makes_loop else None
+    if lasting is None:
+        return SimulatedLaboratory(asked.table, asked.settings, delay, seed, own, [])
+    lasting.own, lasting.recordings, lasting.missing = own, [], {}
+    return lasting
 
 
 @dataclass
@@ -338,35 +311,31 @@ class _Log:
                 raise ShakeError(f"{found.path}: was begun with {name} = {before}, now it is {value}")
         return found
 
-    def done(
-        self, plan: Plan, known: tuple[StageDone, ...] = (), differences: list[str] | None = None
-    ) -> tuple[StageDone, ...]:
-        """The tests that ended, from their recordings where they are not known.
+    def done(self, plan: Plan, differences: list[str] | None = None) -> tuple[StageDone, ...]:
+        """The tests that ended, from their recordings.
 
         What differs from a certificate is added to `differences`; without such a list it is an error.
         """
         rows, top = [], self.path.parent
-        for k, stage in enumerate(plan.stages):
+        for stage in plan.stages:
             row = self.content["tests"].get(stage.name)
             if row is None or not (top / stage.name).is_dir():
                 break
-            if k < len(known):
-                test = known[k].test
-            else:
-                test, found = certified(top / stage.name)
-                if found and differences is None:
-                    raise ShakeError(f"{top / stage.name}: {found[0]}")
-                if differences is not None:
-                    differences += [f"{stage.name}: {line}" for line in found]
+            test, found = certified(top / stage.name)
+            if found and differences is None:
+                raise ShakeError(f"{top / stage.name}: {found[0]}")
+            if differences is not None:
+                differences += [f"{stage.name}: {line}" for line in found]
             held = row["interlock"] if "interlock" in row else self.ended(stage, len(test.runs), plan)
             rows.append(StageDone(stage, test, held, row["released_by"], row["date"]))
         return tuple(rows)
 
-    def released(self, stage: Stage, by: str) -> None:
-        """Who released a test, written before it moves."""
+    def released(self, stage: Stage, by: str) -> str:
+        """Who released a test, written before it moves; returns when."""
         now = datetime.now(timezone.utc).isoformat(timespec="seconds")
         self.content["tests"][stage.name] = {"released_by": by, "date": now}
         write_json(self.path, self.content)
+        return now
 
     def ended(self, stage: Stage, runs: int, plan: Plan) -> str:
         """What the interlock says to the last run of a test whose folder is written."""
