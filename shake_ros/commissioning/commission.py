@@ -21,6 +21,7 @@ from shake_ros.api.read import Recordings
 from shake_ros.api.simulate import Simulation
 from shake_ros.api.tune_table import TunedTable, tune_table
 from shake_ros.commissioning.steps import (
+    LEVEL,
     UNITS,
     Array,
     CommissionSettings,
@@ -30,7 +31,6 @@ from shake_ros.commissioning.steps import (
     Step,
     announced,
     interlock_of,
-    interlock_parameters,
     load_commission,
     tracked,
 )
@@ -40,6 +40,7 @@ from shake_ros.core.loop.metrics import come_to_rest
 from shake_ros.core.loop.robust import Uncertainty
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import ShakeError
+from shake_ros.core.safety.causes import InterlockParameters
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program
 from shake_ros.data.result_folder import new_folder, write_json
@@ -201,7 +202,8 @@ class _Way:
         """The motion within the interlock of a level that distinguishes what the search left open; None for none."""
         if self.found is None or not self.found.open:
             return None
-        asked = next_recording(self.found, interlock=interlock_parameters(interlock), progress=self.progress)
+        limits = InterlockParameters.from_mapping(interlock, LEVEL)
+        asked = next_recording(self.found, interlock=limits, progress=self.progress)
         if asked.motion is None:
             return None
         motion = asked.motion_at(self.settings.numbers.sample_time)
@@ -214,24 +216,13 @@ def run_chart(name: str, title: str, step: Step) -> Chart:
     """Reference and sensors of a run over time, and the command."""
     run = step.run
     assert run.reference is not None and run.valve_command is not None and run.acceleration is not None
+    wanted = ChartSeries("reference", 1e3 * run.reference[:, 0], "c5", kind="dashed")
+    felt = ChartSeries("reference", run.reference[:, 2], "c5", kind="dashed")
+    command = ChartSeries("valve command", run.valve_command, "c1")
     rows = (
-        Panel(
-            "position [mm]",
-            run.time,
-            (
-                ChartSeries("reference", 1e3 * run.reference[:, 0], "c5", kind="dashed"),
-                ChartSeries("measured", 1e3 * run.position, "c0"),
-            ),
-        ),
-        Panel(
-            "acceleration [m/s²]",
-            run.time,
-            (
-                ChartSeries("measured", run.acceleration, "c0"),
-                ChartSeries("reference", run.reference[:, 2], "c5", kind="dashed"),
-            ),
-        ),
-        Panel("command [-]", run.time, (ChartSeries("valve command", run.valve_command, "c1"),), height=120),
+        Panel("position [mm]", run.time, (wanted, ChartSeries("measured", 1e3 * run.position, "c0"))),
+        Panel("acceleration [m/s²]", run.time, (ChartSeries("measured", run.acceleration, "c0"), felt)),
+        Panel("command [-]", run.time, (command,), height=120),
     )
     return Chart(name, "time [s]", rows, f"{title}: reference, sensors and command")
 
@@ -242,10 +233,11 @@ def commission_page(found: Commission, command: str = "") -> str:
     page = Page("Commissioning", verdict, Made(command))
     page.heading("Steps")
     page.result(found.frame, warn=[i for i, step in enumerate(found.steps) if step.held])
-    scope = (
-        "of the true motion if it is known, otherwise of the measured one, over the rms of the reference about its mean"
+    page.paragraph(
+        "Errors are rms errors of the true motion if it is known, otherwise of the measured one, over the rms of the "
+        "reference about its mean.",
+        note=True,
     )
-    page.paragraph(f"Errors are rms errors {scope}.", note=True)
     page.heading("Table and gains")
     for line in lines:
         page.paragraph(line)
@@ -306,7 +298,6 @@ def commission(
         stage: CommissionStage = SimulatedStage(declared.with_values(changes), s, delay)
     else:
         stage = LiveStage.on(live, s, changes)
-        s = stage.settings
     with Progress("commission", progress) as bar:
         steps, reason = _climb(_Way(stage, known, s, bar), release)
     return Commission(tuple(steps), s, reason)

@@ -26,6 +26,7 @@ from shake_ros.data.reference_file import played
 from shake_ros.settings import find, read_yaml
 
 KEYS = ("reference", "seconds", "levels", "search_from", "controller", "observer", "interlock", "laws", "numbers")
+Array = NDArray[np.float64]
 HELD = ("position_hard", "velocity", "acceleration", "tracking_error")  # limits that grow with the level
 
 
@@ -75,19 +76,17 @@ def load_commission(name: str) -> CommissionSettings:
         search_from = float(content["search_from"])
     except (TypeError, ValueError):
         raise ShakeError(f"{path}: levels, seconds and search_from: expected numbers") from None
-    grows = all(low < high for low, high in zip((0.0, *levels), levels, strict=False))
-    if not levels or not grows or levels[-1] > 1.0 or not 1.0 < seconds < 1e4:
+    if not levels or any(np.diff((0.0, *levels)) <= 0.0) or levels[-1] > 1.0 or not 1.0 < seconds < 1e4:
         raise ShakeError(f"{path}: levels {list(levels)} must grow from above 0 to at most 1, seconds be above 1")
     for law in content["laws"]:
         if law not in LAWS:
             raise unknown_name("law", law, LAWS, str(path))
     numbers = CommissionNumbers.from_mapping(content["numbers"], f"{path}: numbers")
-    own: dict[str, Any] = {"levels": levels, "seconds": seconds, "search_from": search_from, "numbers": numbers}
-    own["laws"] = tuple(content["laws"])
-    return CommissionSettings(**{**content, **own})
+    own = {"levels": levels, "seconds": seconds, "search_from": search_from, "numbers": numbers}
+    return CommissionSettings(**{**content, **own, "laws": tuple(content["laws"])})
 
 
-def interlock_of(settings: CommissionSettings, motion: NDArray[np.float64], first: float) -> dict[str, Any]:
+def interlock_of(settings: CommissionSettings, motion: Array, first: float) -> dict[str, Any]:
     """The interlock of a level as its YAML content: limits around its motion (n, 3), never beyond the outermost ones.
 
     `first` is the first level over this one. The causes that it holds at ramp the command to zero.
@@ -95,13 +94,8 @@ def interlock_of(settings: CommissionSettings, motion: NDArray[np.float64], firs
     path, n = find("interlock", settings.interlock), settings.numbers
     content = read_yaml(path)
     outermost = InterlockParameters.from_mapping(content, str(path))
-    largest = n.margin * np.max(np.abs(motion), axis=0)
-    wanted = (
-        largest[0] + n.least_position,
-        largest[1] + n.least_velocity,
-        largest[2] + n.least_acceleration,
-        n.distance / first,
-    )
+    least = n.least_position, n.least_velocity, n.least_acceleration
+    wanted = (*(n.margin * np.max(np.abs(motion), axis=0) + least), n.distance / first)
     causes: dict[str, Any] = {name: dict(value) for name, value in content["causes"].items()}
     for name, value in zip(HELD, wanted, strict=True):
         limit = float(min(value, outermost.response(name).threshold))
@@ -111,12 +105,7 @@ def interlock_of(settings: CommissionSettings, motion: NDArray[np.float64], firs
     return {**content, "causes": causes}
 
 
-def interlock_parameters(content: Mapping[str, Any]) -> InterlockParameters:
-    """The interlock of such a content."""
-    return InterlockParameters.from_mapping(content, "interlock of the level")
-
-
-Array = NDArray[np.float64]
+LEVEL = "interlock of the level"
 UNITS = {"position_hard": "m", "velocity": "m/s", "acceleration": "m/s²", "tracking_error": "m"}
 
 
@@ -171,26 +160,26 @@ def watched(run: Simulation, content: Mapping[str, Any]) -> tuple[str, float]:
     assert r.pressure_supply is not None and r.acceleration is not None and r.reference is not None
     assert r.valve_command is not None
     columns = r.position, r.acceleration, r.pressure_supply, r.valve_command, r.reference[:, 0]
-    held = first_trip(interlock_parameters(content), WatchedRun(dt, *(c.tolist() for c in columns)), HELD)
+    held = first_trip(
+        InterlockParameters.from_mapping(content, LEVEL), WatchedRun(dt, *(c.tolist() for c in columns)), HELD
+    )
     if held is None:
         return "", len(r.time) * dt
     trip, k = held
     return f"{trip.cause} {trip.value:.3g} beyond {trip.limit:.3g} at {k * dt:.3f} s", k * dt
 
 
-def motion_of(run: TableRecording) -> Array:
-    """Position, velocity, acceleration of a run (n, 3): the true ones if they are known, otherwise measured, and the
-    velocity as the observer has it."""
-    if run.truth is not None:
-        return run.truth
-    assert run.estimate is not None and run.acceleration is not None
-    return np.column_stack([run.position, run.estimate[:, 1], run.acceleration])
-
-
 def tracked(run: TableRecording) -> tuple[float, float, float]:
-    """Errors of position, velocity and acceleration behind the reference [-]."""
+    """Errors of position, velocity and acceleration behind the reference [-].
+
+    Of the true motion if it is known, otherwise of the measured one with the observer's velocity.
+    """
     assert run.reference is not None
-    x, v, a = normalised_error(run.reference, motion_of(run)).tolist()
+    motion = run.truth
+    if motion is None:
+        assert run.estimate is not None and run.acceleration is not None
+        motion = np.column_stack([run.position, run.estimate[:, 1], run.acceleration])
+    x, v, a = normalised_error(run.reference, motion).tolist()
     return x, v, a
 
 
@@ -214,7 +203,7 @@ def announced(
     )
 
 
-NEEDED = ("position_hard", "velocity", "acceleration")  # limits that a live interlock has to act on
+NEEDED = HELD[:3]  # limits that a live interlock has to act on
 SOFT = "position_soft"
 
 
@@ -274,14 +263,13 @@ class SimulatedStage:
         return StageRun(replace(part, name=name), held)
 
 
-@dataclass
+@dataclass(frozen=True)
 class LiveStage:
     """The table of a running graph; its interlock gets the limits of each level, its nodes the loop."""
 
     table: LiveTable
     settings: CommissionSettings
     outermost: dict[str, float]
-    loops: int = 0
 
     @classmethod
     def on(cls, table: LiveTable, settings: CommissionSettings, changes: Mapping[str, float]) -> LiveStage:
