@@ -141,6 +141,10 @@ class HarmonicProblem:
         ends = np.cumsum([len(r.orders) for r in self.runs]).tolist()
         return [slice(end - len(r.orders), end) for r, end in zip(self.runs, ends, strict=True)]
 
+    def distortion(self, values: np.ndarray) -> np.ndarray:
+        """THD of each run from amplitudes in the order of `measured`, shape (number of runs,) [-]."""
+        return np.array([total_harmonic_distortion(values[span]) for span in self.spans])
+
     def part(self, indices: Sequence[int]) -> HarmonicProblem:
         """The same problem with some of the runs only."""
         return HarmonicProblem([self.runs[i] for i in indices], *self._times)
@@ -192,29 +196,22 @@ class HarmonicAccount(HarmonicAmplitudes):
 
     Attributes
     ----------
-    distortion : THD of the measured orders, shape (number of runs,) [-].
     whole_distortion : THD of all orders below half the sampling rate, odd and even, shape (number of runs,) [-].
     traces : per run the acceleration over its whole periods, from a peak of the command on, shape (samples,) [m/s²].
     """
 
-    distortion: np.ndarray
     whole_distortion: np.ndarray
     traces: tuple[np.ndarray, ...]
 
     @property
+    def distortion(self) -> np.ndarray:
+        """THD of the measured orders, shape (number of runs,) [-]."""
+        return self.problem.distortion(self.amplitudes)
+
+    @property
     def distortion_error(self) -> np.ndarray:
         """THD minus the measured one, shape (number of runs,) [-]."""
-        return self.distortion - measured_distortion(self.problem)
-
-
-def measured_distortion(problem: HarmonicProblem) -> np.ndarray:
-    """THD of the measured amplitudes of each run, shape (number of runs,) [-]."""
-    return distortion(problem, problem.measured)
-
-
-def distortion(problem: HarmonicProblem, values: np.ndarray) -> np.ndarray:
-    """THD of each run from amplitudes in the order of `problem.measured`, shape (number of runs,) [-]."""
-    return np.array([total_harmonic_distortion(values[span]) for span in problem.spans])
+        return self.distortion - self.problem.distortion(self.problem.measured)
 
 
 def account(problem: HarmonicProblem, vector: np.ndarray) -> HarmonicAccount:
@@ -227,8 +224,7 @@ def account(problem: HarmonicProblem, vector: np.ndarray) -> HarmonicAccount:
         traces.append(trace)
         parts.append(every[run.orders - 1])
         whole.append(total_harmonic_distortion(every))
-    values = np.concatenate(parts)
-    return HarmonicAccount(problem, values, distortion(problem, values), np.array(whole), tuple(traces))
+    return HarmonicAccount(problem, np.concatenate(parts), np.array(whole), tuple(traces))
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from shake_ros.core.identification.fit import Fit, fit
+from shake_ros.core.identification.fit import Fit, costs, fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.measured.harmonics import HarmonicAccount, HarmonicAmplitudes, HarmonicProblem, account
@@ -97,16 +97,13 @@ def best_of(
     short = []
     for centre in centres:
         starts = spread(free, centre, count, rng)
-        costs = np.sum(np.nan_to_num(problem.residuals(free.vectors(starts)), nan=1e3) ** 2, axis=1)
-        start = starts[int(np.argmin(costs))]
+        start = starts[int(np.argmin(costs(problem, free, starts)))]
         short.append(fit(problem, free, start, evaluations=SHORT, tolerance=1e-3))
     best = min(short, key=lambda f: f.cost)
     return fit(problem, free, best.x, evaluations=LONG, tolerance=1e-4)
 
 
-def extended_fit(
-    problem: HarmonicProblem, base: Fit, others: Sequence[np.ndarray], variant: Variant, starts: int = STARTS
-) -> Fit:
+def extended_fit(problem: HarmonicProblem, base: Fit, others: Sequence[np.ndarray], variant: Variant) -> Fit:
     """A fitted model extended by a variant: from each of its trials at each of `others`.
 
     Parameters
@@ -121,14 +118,7 @@ def extended_fit(
             x = extended.x_of(values)
             x[: len(other)] = other
             centres.append(x)
-    return best_of(problem, extended, centres, starts, variant.seed)
-
-
-def second_effect(runs: MeasuredRuns, variant: Variant, starts: int = STARTS) -> FittedVariant:
-    """The best model of a study with one more extension, fitted from that model's solution."""
-    best = runs.best
-    name = f"{best.name} + {variant.name}" if best.name else variant.name
-    return FittedVariant(name, variant.effect, extended_fit(runs.problem, best.fit, [best.fit.x], variant, starts))
+    return best_of(problem, extended, centres, STARTS, variant.seed)
 
 
 def study(
@@ -138,7 +128,6 @@ def study(
     problem: HarmonicProblem,
     progress: Progress,
     first: Sequence[Mapping[str, float]] = (),
-    starts: int = STARTS,
 ) -> MeasuredRuns:
     """Fit the declared model and every variant; the best variant once more from starts around its solution.
 
@@ -148,24 +137,22 @@ def study(
     free : its parameters that may move.
     variants : extensions to try.
     first : values by dotted name from which the declared model is fitted too.
-    starts : random starts looked at around each centre.
     """
     declared_free = FreeParameters(table, free)
     progress("declared model", 0.0)
-    centres = [declared_free.start(), *(declared_free.x_of(values) for values in first)]
-    declared = best_of(problem, declared_free, centres, 2 * starts, 0)
+    given = [declared_free.x_of(values) for values in first]
+    declared = best_of(problem, declared_free, [declared_free.start(), *given], 2 * STARTS, 0)
     result = []
     for i, variant in enumerate(variants):
         progress(variant.name, (i + 1) / (len(variants) + 2))
-        others = [declared.x, *(declared_free.x_of(values) for values in first)]
-        best = extended_fit(problem, declared, others, variant, starts)
+        best = extended_fit(problem, declared, [declared.x, *given], variant)
         result.append(FittedVariant(variant.name, variant.effect, best))
     if not result:
         return MeasuredRuns(problem, FittedVariant("", "", declared), ())
     progress("the best one again", (len(variants) + 1) / (len(variants) + 2))
     best_index = min(range(len(result)), key=lambda i: result[i].criterion)
     leader = result[best_index]
-    again = best_of(problem, leader.fit.free, [leader.fit.x] * 5, starts, AGAIN)
+    again = best_of(problem, leader.fit.free, [leader.fit.x] * 5, STARTS, AGAIN)
     if again.cost < leader.fit.cost:
         result[best_index] = FittedVariant(leader.name, leader.effect, again)
     return MeasuredRuns(problem, FittedVariant("", "", declared), tuple(sorted(result, key=lambda v: v.criterion)))
@@ -175,7 +162,7 @@ NEIGHBOURS = 3  # random starts around the solution of all runs, beside that sol
 SPREAD = 0.3  # their logarithmic standard deviation
 
 
-def predicted(problem: HarmonicProblem, fitted: Fit, index: int, neighbours: int = NEIGHBOURS) -> np.ndarray:
+def predicted(problem: HarmonicProblem, fitted: Fit, index: int) -> np.ndarray:
     """Amplitudes of run `index` by the model fitted to all other runs, shape (orders of the run,) [m/s²].
 
     The fit starts at the solution of all runs and at random places around it, and the best fit to the other runs
@@ -183,7 +170,7 @@ def predicted(problem: HarmonicProblem, fitted: Fit, index: int, neighbours: int
     """
     others = problem.part([i for i in range(len(problem.runs)) if i != index])
     rng = np.random.default_rng(index)
-    factors = np.exp(SPREAD * rng.standard_normal((neighbours, len(fitted.x))))
+    factors = np.exp(SPREAD * rng.standard_normal((NEIGHBOURS, len(fitted.x))))
     starts = [fitted.x, *np.clip(fitted.x * factors, fitted.free.low, fitted.free.high)]
     short = [fit(others, fitted.free, x, evaluations=SHORT, tolerance=1e-3) for x in starts]
     best = min(short, key=lambda f: f.cost)
@@ -191,15 +178,9 @@ def predicted(problem: HarmonicProblem, fitted: Fit, index: int, neighbours: int
     return np.asarray(problem.part([index]).simulated(fitted.free.vectors(best.x))[0])
 
 
-def left_out(problem: HarmonicProblem, fitted: Fit, neighbours: int = NEIGHBOURS) -> HarmonicAmplitudes:
-    """Every run predicted from the others.
-
-    Parameters
-    ----------
-    fitted : fit to all runs, whose free parameters are fitted anew each time.
-    neighbours : random starts around it.
-    """
-    parts = [predicted(problem, fitted, i, neighbours) for i in range(len(problem.runs))]
+def left_out(problem: HarmonicProblem, fitted: Fit) -> HarmonicAmplitudes:
+    """Every run predicted from the others; `fitted` is the fit to all, whose parameters are fitted anew each time."""
+    parts = [predicted(problem, fitted, i) for i in range(len(problem.runs))]
     return HarmonicAmplitudes(problem, np.concatenate(parts))
 
 
@@ -255,13 +236,11 @@ def printed_model(problem: HarmonicProblem, name: str, table: TableParameters) -
     return MeasuredModel(name, table, account(problem, table.vector()))
 
 
-def fitted_model(problem: HarmonicProblem, fitted: FittedVariant, neighbours: int = NEIGHBOURS) -> MeasuredModel:
+def fitted_model(problem: HarmonicProblem, fitted: FittedVariant) -> MeasuredModel:
     """A fitted model with each run left out once."""
-    vector = fitted.fit.vector
-    table = fitted.fit.table
     name = f"with {fitted.name}, fitted" if fitted.name else "declared model, fitted"
-    prediction = left_out(problem, fitted.fit, neighbours) if len(problem.runs) > 1 else None
-    return MeasuredModel(name, table, account(problem, vector), fitted, prediction)
+    prediction = left_out(problem, fitted.fit) if len(problem.runs) > 1 else None
+    return MeasuredModel(name, fitted.fit.table, account(problem, fitted.fit.vector), fitted, prediction)
 
 
 def exchanged_models(problem: HarmonicProblem, printed: MeasuredModel, fitted: MeasuredModel) -> list[MeasuredModel]:
@@ -282,7 +261,6 @@ def compare(
     printed: Mapping[str, TableParameters],
     seconds: Sequence[Variant],
     progress: Progress,
-    neighbours: int = NEIGHBOURS,
 ) -> HarmonicComparison:
     """Account for every model of a study, and for second effects on top of its best one.
 
@@ -290,7 +268,6 @@ def compare(
     ----------
     printed : tables by name.
     seconds : extensions to try on top.
-    neighbours : starts of the fits with a run left out.
     """
     problem, best = runs.problem, runs.best
     single = [runs.declared, *runs.variants]
@@ -298,12 +275,13 @@ def compare(
     fitted, added = [], []
     for i, model in enumerate(single):
         progress(f"runs left out, {model.name or 'declared model'}", i / steps)
-        fitted.append(fitted_model(problem, model, neighbours))
+        fitted.append(fitted_model(problem, model))
     for i, variant in enumerate(seconds):
         progress(f"second effect: {variant.name}", (len(single) + 2 * i) / steps)
-        model = second_effect(runs, variant)
+        name = f"{best.name} + {variant.name}" if best.name else variant.name
+        model = FittedVariant(name, variant.effect, extended_fit(problem, best.fit, [best.fit.x], variant))
         progress(f"runs left out, {model.name}", (len(single) + 2 * i + 1) / steps)
-        added.append(fitted_model(problem, model, neighbours))
+        added.append(fitted_model(problem, model))
     added.sort(key=lambda m: m.fitted.criterion if m.fitted else np.inf)
     given = tuple(printed_model(problem, name, table) for name, table in printed.items())
     index = single.index(best)

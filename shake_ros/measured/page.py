@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from shake_ros.core.identification.uncertainty import Estimate, at_bound
-from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, measured_distortion
+from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun
 from shake_ros.measured.models import HarmonicComparison, MeasuredModel
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.page import Made, Page
@@ -24,10 +24,8 @@ def title(run: HarmonicRun) -> str:
 
 def harmonics_chart(problem: HarmonicProblem, models: Sequence[tuple[str, Array, str]]) -> Chart:
     """Amplitudes of every run, measured and of each model given as name, amplitudes of all runs and colour."""
-    panels, first = [], 0
-    for run in problem.runs:
-        span = slice(first, first + len(run.orders))
-        first += len(run.orders)
+    panels = []
+    for run, span in zip(problem.runs, problem.spans, strict=True):
         series = [
             ChartSeries(f"{title(run)}: measured", np.asarray(run.measured, dtype=np.float64), "measured", kind="rings")
         ]
@@ -72,7 +70,7 @@ RUNS_NOTE = "amplitude of the acceleration [m/s²] by order; THD of these orders
 def run_table(comparison: HarmonicComparison, index: int) -> ResultTable:
     """One run: each order's amplitude, measured and of each model shown, with its error and its THD."""
     run, span = comparison.problem.runs[index], comparison.problem.spans[index]
-    measured = 100.0 * float(measured_distortion(comparison.problem)[index])
+    measured = 100.0 * float(comparison.problem.distortion(comparison.problem.measured)[index])
     rows: list[tuple[str | float | None, ...]] = [("measured", *map(float, run.measured), None, measured, None)]
     for model in (*comparison.printed, *comparison.fitted):
         found = model.account

@@ -16,7 +16,7 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.declared import DEFAULT_TABLE, free_parameters
-from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, PrintedParameters, measured_distortion
+from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, PrintedParameters
 from shake_ros.measured.models import HarmonicComparison, MeasuredModel, MeasuredRuns, Variant, compare, study
 from shake_ros.measured.page import comparison_lines, harmonics_chart, measured_page, shown
 from shake_ros.report.chart import static_figure
@@ -57,7 +57,7 @@ def _model_json(model: MeasuredModel) -> dict[str, Any]:
 def comparison_json(comparison: HarmonicComparison) -> dict[str, Any]:
     """All models with every run's amplitudes [m/s²], THD as a ratio."""
     problem = comparison.problem
-    measured = measured_distortion(problem).tolist()
+    measured = problem.distortion(problem.measured).tolist()
     runs = []
     for run, span, thd in zip(problem.runs, problem.spans, measured, strict=True):
         simulated = {m.name: m.account.amplitudes[span].tolist() for m in comparison.models}

@@ -20,7 +20,7 @@ from shake_ros.core.quantities import UnknownName
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
 from shake_ros.demonstration import demo
 from shake_ros.demonstration.page import DemoResult, track_of
-from shake_ros.measured import runs
+from shake_ros.measured import models, runs
 from shake_ros.measured.models import MeasuredRuns
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
@@ -38,10 +38,9 @@ def measured() -> MeasuredRuns:
     def short(path: Path) -> object:
         return few if path.name == "variants.yaml" else read_yaml(path)
 
-    study = runs.study
     with (
         mock.patch.object(runs, "read_yaml", short),
-        mock.patch.object(runs, "study", lambda *a, **m: study(*a, **{**m, "starts": 3})),
+        mock.patch.object(models, "STARTS", 3),
         contextlib.redirect_stderr(io.StringIO()),
         Progress("test") as bar,
     ):

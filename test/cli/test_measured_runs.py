@@ -17,7 +17,6 @@ from pages import read_page
 
 from shake_ros import __main__ as shake_ros
 from shake_ros.measured import models, runs
-from shake_ros.measured import models as studies
 from shake_ros.measured.harmonics import account
 from shake_ros.settings import find, load_table
 
@@ -58,13 +57,10 @@ def written(tmp_path: Path, content: object) -> str:
 @contextlib.contextmanager
 def shortened() -> Iterator[None]:
     """Fits of few steps from few starts: enough for the files, not for the figures."""
-    study = runs.study
     with (
-        mock.patch.object(studies, "SHORT", 2),
-        mock.patch.object(studies, "LONG", 3),
         mock.patch.object(models, "SHORT", 2),
         mock.patch.object(models, "LONG", 2),
-        mock.patch.object(runs, "study", lambda *a, **m: study(*a, **{**m, "starts": 1})),
+        mock.patch.object(models, "STARTS", 1),
         contextlib.redirect_stderr(io.StringIO()),
     ):
         yield

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.analysis.thd import harmonics
-from shake_ros.measured.harmonics import HarmonicAccount, HarmonicProblem, HarmonicRun, account, measured_distortion
+from shake_ros.measured.harmonics import HarmonicAccount, HarmonicProblem, HarmonicRun, account
 from shake_ros.settings import find, load_table, read_yaml
 
 VECTOR = load_table("bergamo").vector()
@@ -24,7 +24,7 @@ def result(problem: HarmonicProblem) -> HarmonicAccount:
 
 
 def test_measured_distortion_is_the_one_of_tables_6_1_and_6_2(problem: HarmonicProblem) -> None:
-    assert 100 * measured_distortion(problem) == pytest.approx([49.5, 22.6, 17.1, 71.2, 21.2], abs=0.06)
+    assert 100 * problem.distortion(problem.measured) == pytest.approx([49.5, 22.6, 17.1, 71.2, 21.2], abs=0.06)
 
 
 def test_amplitudes_are_those_that_a_fit_sees(problem: HarmonicProblem, result: HarmonicAccount) -> None:

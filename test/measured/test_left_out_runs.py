@@ -7,6 +7,7 @@ import pytest
 
 from shake_ros.core.identification.fit import Fit, fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
+from shake_ros.measured import models
 from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun
 from shake_ros.measured.models import left_out, predicted
 from shake_ros.settings import load_table
@@ -36,13 +37,18 @@ def runs(distorted: int | None = None) -> HarmonicProblem:
     )
 
 
+@pytest.fixture(autouse=True)
+def few_neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(models, "NEIGHBOURS", 1)
+
+
 def solution(problem: HarmonicProblem) -> Fit:
     return fit(problem, FREE, FREE.start(), evaluations=30)
 
 
 def test_runs_of_the_model_itself_are_predicted_from_the_others() -> None:
     problem = runs()
-    result = left_out(problem, solution(problem), neighbours=1)
+    result = left_out(problem, solution(problem))
     assert result.amplitudes == pytest.approx(problem.measured, rel=0.02)
     assert result.rms == pytest.approx(np.sqrt(np.mean((result.amplitudes - problem.measured) ** 2)))
 
@@ -50,12 +56,12 @@ def test_runs_of_the_model_itself_are_predicted_from_the_others() -> None:
 def test_prediction_of_a_run_does_not_follow_what_was_measured_in_it() -> None:
     problem = runs(distorted=1)
     truth = runs().measured[problem.spans[1]]
-    assert predicted(problem, solution(problem), 1, neighbours=1) == pytest.approx(truth, rel=0.02)
+    assert predicted(problem, solution(problem), 1) == pytest.approx(truth, rel=0.02)
 
 
 def test_error_of_a_wrong_run_stands_at_that_run() -> None:
     problem = runs(distorted=1)
-    result = left_out(problem, solution(problem), neighbours=1)
+    result = left_out(problem, solution(problem))
     assert result.run_rms[1] == pytest.approx(
         np.sqrt(np.mean((0.5 * problem.measured[problem.spans[1]]) ** 2)), rel=0.05
     )
