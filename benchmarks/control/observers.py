@@ -15,7 +15,7 @@ all loads. Normalised root mean square errors in percent, `velocity/acceleration
 Below: Levant's differentiator and the thesis's observer by forward Euler, for comparison; the latter as (6.38) and with
 the gate of (5.49), which in discrete time never opens. --measured takes strong-motion records instead of the synthetic
 ones, at most 20 s of each; --layers prints the boundary layers of
-config/observer/model_sliding_mode.yaml; --save writes benchmarks/control/observers.txt.
+config/observer/sliding_mode_tuned.yaml and model_sliding_mode.yaml; --save writes benchmarks/control/observers.txt.
 """
 
 from __future__ import annotations
@@ -276,15 +276,33 @@ def bound(runs: list[Run]) -> str:
 
 
 def layers() -> str:
-    """The boundary layers within which `model_sliding_mode` has the Kalman gain of half the table's β."""
+    """The boundary layers within which the two sliding-mode observers have a Kalman filter's gain.
+
+    `sliding_mode_tuned` that of the table's β for a white jerk of 9 m/s^2.5 (it has no state for a disturbance),
+    `model_sliding_mode` that of half the table's β.
+    """
     _, table = load_variant("observer", "linear_bergamo", {"linear": LinearObserver})
+    _, tuned = load_variant("observer", "sliding_mode_tuned", {"sliding_mode": SlidingModeObserver})
     _, p = load_variant("observer", "model_sliding_mode", {"model_sliding_mode": ModelSlidingModeObserver})
     half = {f"beta{i}": 0.5 * getattr(table, f"beta{i}") for i in range(1, 6)}
-    g1, g2, g3, g4 = kalman_gain(table.replace(**half, jerk_noise=0.3, disturbance_noise=60.0), SAMPLE_TIME)
-    ratios = (SAMPLE_TIME * (1.0 / g1 - 1.0), g1 / g2 - SAMPLE_TIME, g2 / g3 - SAMPLE_TIME, g3 / g4 - SAMPLE_TIME)
-    gains = (p.lambda1, p.lambda2, p.lambda3, p.lambda4)
-    lines = [f"boundary{i + 1}: {g * r:.4g}" for i, (g, r) in enumerate(zip(gains, ratios, strict=True))]
-    return "\n".join([*lines, f"jerk_per_command: {half['beta3']:.4g}"])
+    chosen = (
+        (
+            "sliding_mode_tuned",
+            {"jerk_noise": 9.0, "disturbance_noise": 1e-3},
+            (tuned.lambda1, tuned.lambda2, tuned.lambda3),
+        ),
+        (
+            "model_sliding_mode",
+            {**half, "jerk_noise": 0.3, "disturbance_noise": 60.0},
+            (p.lambda1, p.lambda2, p.lambda3, p.lambda4),
+        ),
+    )
+    lines = []
+    for name, changes, gains in chosen:
+        g1, g2, g3, g4 = kalman_gain(table.replace(**changes), SAMPLE_TIME)
+        ratios = (SAMPLE_TIME * (1.0 / g1 - 1.0), g1 / g2 - SAMPLE_TIME, g2 / g3 - SAMPLE_TIME, g3 / g4 - SAMPLE_TIME)
+        lines += [f"{name}: boundary{i + 1}: {g * r:.4g}" for i, (g, r) in enumerate(zip(gains, ratios, strict=False))]
+    return "\n".join([*lines, f"model_sliding_mode: jerk_per_command: {half['beta3']:.4g}"])
 
 
 def main() -> None:
