@@ -37,7 +37,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from benchmarks.control.hidden_loop import run_hidden
+from benchmarks.control.hidden_loop import closed_loop
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.tune_table import tune_table
 from shake_ros.core.control import CONTROLLERS
@@ -53,7 +53,7 @@ from shake_ros.core.loop.metrics import ASIDE, SETTLING, come_to_rest, ringing, 
 from shake_ros.core.loop.robust import Uncertainty
 from shake_ros.core.loop.trials import AT_REST
 from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.runner import Observer, work
+from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import FIELDS, FULL_LAYOUT, TableParameters
 from shake_ros.data.reference_file import build_program
 from shake_ros.declared import effect_candidates, free_parameters
@@ -66,7 +66,6 @@ SEVERITY = 0.3
 THREE_SEEDS = ("soft_zone", "supply_droop", "specimen_resonance")
 DELAYS = (1.5e-3, 3.0e-3, 5.0e-3, 6.0e-3)  # [s]
 PAIRS = (("soft_zone", "specimen_resonance"), ("supply_droop", "spool_deadband"), ("turbulent_leakage", "slow_valve"))
-LATE = 1  # samples by which a command reaches the table late
 SECONDS = 6.0  # of the earthquake, its strongest part
 RINGING = 0.5  # see above
 SATURATED = 0.005
@@ -197,23 +196,11 @@ def motion() -> np.ndarray:
     return settle_first(come_to_rest(rows, hidden.SAMPLE), hidden.SAMPLE)
 
 
-def closed_loop(
-    truth: hidden.Truth, observer: Observer, law: Controller, reference: np.ndarray, seed: int
-) -> ClosedLoop:
-    """A run on the hidden table; rows behind a lost loop are NaN."""
-    n = len(reference)
-    assert law.virtual is not None
-    feedforward = law.virtual.follow(reference)
-    noise = hidden.POSITION_NOISE * np.random.default_rng(seed).standard_normal(n)
-    motion, command = np.full((n, 3), np.nan), np.zeros(n)
-    kept, model = observer.compiled
-    state = law.initial_state()[: law.law_size]
-    seen = observer.initial_state(ASIDE)
-    end = run_hidden(
-        truth, ASIDE, law.law, state, kept, seen, model, reference, feedforward, LATE, noise, work(), motion, command
-    )
-    motion[end:] = np.nan
-    return ClosedLoop(hidden.SAMPLE, reference, motion, motion, command, np.zeros((n, 5)))
+def followed(truth: hidden.Truth, observer: Observer, law: Controller, reference: np.ndarray, seed: int) -> ClosedLoop:
+    """A run on the hidden table, whose position alone is measured, begun at rest aside."""
+    noise = np.full((len(reference), 4), np.nan)
+    noise[:, 0] = hidden.POSITION_NOISE * np.random.default_rng(seed).standard_normal(len(reference))
+    return closed_loop(truth, observer, law, reference, noise, start=ASIDE)
 
 
 def as_configured(law: str, observer: str, model: TableParameters) -> tuple[Observer, Controller]:
@@ -259,7 +246,7 @@ def tried(content: dict[str, Any], law: str, seed: int) -> dict[str, Any]:
         "extended": as_configured(law, "model", extended),
         "with gains": tuned.loop(),
     }
-    found: dict[str, Any] = {n: figures(closed_loop(truth, *loop, reference, seed)) for n, loop in loops.items()}
+    found: dict[str, Any] = {n: figures(followed(truth, *loop, reference, seed)) for n, loop in loops.items()}
     virtual = loops["with gains"][1].virtual
     assert virtual is not None
     needed = float(np.mean(np.abs(virtual.follow(reference)[0]) >= 1.0 - 1e-9))

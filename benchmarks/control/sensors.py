@@ -19,24 +19,23 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from benchmarks.control.hidden_loop import closed_loop
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.tune_table import TunedTable, tune_table
 from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.runner import Controller, step_controller
+from shake_ros.core.control.runner import Controller
 from shake_ros.core.control.three_variable import ThreeVariable
 from shake_ros.core.loop.metrics import SETTLING, come_to_rest, ringing, settle_first
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.model import ModelObserver
-from shake_ros.core.observer.runner import Observer, step_observer, work
+from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.data.reference_file import build_program
 from shake_ros.settings import load_table, load_variant
 
 SECONDS, LOST_AT = 8.0, 4.0  # [s] of the earthquake
-LATE = 1  # samples by which a command reaches the table late
 LAG, BIAS = 0.002, 0.2  # [s], [m/s²] of the accelerometer
 PRESSURE_NOISE = 2e4  # [Pa]
 ACCELEROMETER, PRESSURES = (0,), (1, 2)
@@ -78,36 +77,6 @@ ROWS = (
     Row("both, x 4, 1.2", BOTH, faster=4.0, damping=1.2),
     Row("  accelerometer lost", BOTH, ACCELEROMETER, "lost", 4.0, 1.2),
 )
-
-
-@numba.njit(cache=True, nogil=True)
-def run(t, law, state, observer, seen, model, reference, feedforward, late, noise, frozen_at, bias, space, out):
-    """Observer and law around the hidden table; columns of noise: position, accelerometer, P_A, P_B, NaN where the
-    sensor says nothing; from sample `frozen_at` on the accelerometer repeats itself. Returns the number of samples."""
-    truth, command, estimates = out
-    y, d = np.zeros(hidden.STATES), np.zeros(hidden.STATES)
-    y[hidden.PA] = y[hidden.PB] = 0.5 * (t.supply + t.tank)
-    y[hidden.PS] = t.supply
-    k, extra = np.zeros((4, hidden.STATES)), np.zeros(hidden.STATES)
-    h = hidden.SAMPLE / hidden.SUBSTEPS
-    estimate, last, measured = np.zeros(3), 0.0, np.zeros(4)
-    for i in range(len(reference)):
-        truth[i, 2] = hidden.rates(t, y, i * hidden.SAMPLE, last, hidden.regular_friction(t, y), d)
-        truth[i, 0], truth[i, 1] = y[hidden.X], y[hidden.V]
-        measured[0] = round((y[hidden.X] + noise[i, 0]) / hidden.POSITION_STEP) * hidden.POSITION_STEP
-        if i < frozen_at:
-            measured[1] = y[hidden.LAGA] + bias + noise[i, 1]
-        measured[2], measured[3] = y[hidden.PA] + noise[i, 2], y[hidden.PB] + noise[i, 3]
-        step_observer(seen, observer, model, measured, command[i - 1] if i > 0 else 0.0, hidden.SAMPLE, space, estimate)
-        if not math.isfinite(estimate[2] + truth[i, 2]):
-            return i
-        estimates[i] = estimate
-        state, command[i] = step_controller(state, law, feedforward[1][i], estimate, feedforward[0][i], hidden.SAMPLE)
-        for j in range(hidden.SUBSTEPS):
-            back = i * hidden.SUBSTEPS + j - late * hidden.SUBSTEPS
-            last = command[back // hidden.SUBSTEPS] if back >= 0 else 0.0
-            hidden.step(t, y, i * hidden.SAMPLE + j * h, h, last, k, extra)
-    return len(reference)
 
 
 def model_and_truth() -> tuple[TableParameters, hidden.Truth]:
@@ -170,18 +139,8 @@ def tried(
     row: Row, truth: hidden.Truth, observer: Observer, law: Controller, reference: np.ndarray, seed: int
 ) -> ClosedLoop:
     """The run behind its rest."""
-    n = len(reference)
-    noise, frozen = noise_of(row, n, seed)
-    assert law.virtual is not None
-    feedforward = law.virtual.follow(reference)
-    motion, command, estimates = np.full((n, 3), np.nan), np.zeros(n), np.full((n, 3), np.nan)
-    kept, model = observer.compiled
-    state, seen = law.initial_state()[: law.law_size], observer.initial_state(0.0)
-    out = motion, command, estimates
-    given = model, reference, feedforward, LATE, noise, frozen, BIAS
-    end = run(truth, law.law, state, kept, seen, *given, work(), out)
-    motion[end:] = np.nan
-    return ClosedLoop(hidden.SAMPLE, reference, estimates, motion, command, noise).after(SETTLING)
+    noise, frozen_at = noise_of(row, len(reference), seed)
+    return closed_loop(truth, observer, law, reference, noise, frozen_at=frozen_at, bias=BIAS).after(SETTLING)
 
 
 def line_of(name: str, runs: list[ClosedLoop], ahead: int) -> str:
