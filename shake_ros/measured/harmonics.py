@@ -19,7 +19,8 @@ from shake_ros.core.analysis.thd import total_harmonic_distortion
 from shake_ros.core.plant.simulation import initial_state, run_batch
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 
-LONGEST_WINDOW = 20.0  # of a segment of whole periods [s]
+LEAST_WINDOW, LONGEST_WINDOW = 0.5, 20.0  # of a segment of whole periods [s]
+SETTLING = 0.5  # at least, before it [s]
 
 
 @dataclass(frozen=True)
@@ -112,26 +113,23 @@ class HarmonicProblem:
 
     Parameters
     ----------
-    runs : the measured runs. sample_time, settle [s].
-    window : least length of the whole periods looked at [s].
+    runs : measured.
     """
 
-    def __init__(
-        self, runs: Sequence[HarmonicRun], sample_time: float = 1e-3, settle: float = 0.5, window: float = 0.5
-    ) -> None:
+    sample_time = 1e-3  # [s]
+
+    def __init__(self, runs: Sequence[HarmonicRun]) -> None:
         self.runs = list(runs)
-        self.sample_time = sample_time
-        self._times = (sample_time, settle, window)
-        self._settled = [whole_periods(r.frequency, sample_time, settle) for r in self.runs]
+        self._settled = [whole_periods(r.frequency, self.sample_time, SETTLING) for r in self.runs]
         self._commands = [
-            sine_command(r, sample_time, first + whole_periods(r.frequency, sample_time, window))
+            sine_command(r, self.sample_time, first + whole_periods(r.frequency, self.sample_time, LEAST_WINDOW))
             for r, first in zip(self.runs, self._settled, strict=True)
         ]
         for run in self.runs:
-            if run.orders[-1] * run.frequency * sample_time >= 0.5:
+            if run.orders[-1] * run.frequency * self.sample_time >= 0.5:
                 raise ShakeError(
                     f"frequency = {run.frequency:g} Hz: order {run.orders[-1]} is not below half the sampling rate, "
-                    f"{0.5 / sample_time:g} Hz"
+                    f"{0.5 / self.sample_time:g} Hz"
                 )
         self.measured = np.concatenate([r.measured for r in self.runs])
 
@@ -147,7 +145,7 @@ class HarmonicProblem:
 
     def part(self, indices: Sequence[int]) -> HarmonicProblem:
         """The same problem with some of the runs only."""
-        return HarmonicProblem([self.runs[i] for i in indices], *self._times)
+        return HarmonicProblem([self.runs[i] for i in indices])
 
     def steady(self, vectors: np.ndarray, index: int) -> np.ndarray:
         """Acceleration of run `index` over its whole periods for rows of parameters, shape (m, samples) [m/s²].

@@ -78,7 +78,7 @@ class MeasuredRuns:
 
     def amplitudes(self, fitted: FittedVariant) -> np.ndarray:
         """Simulated amplitudes of a fitted variant, in the order of the measured ones [m/s²]."""
-        return np.asarray(self.problem.simulated(fitted.fit.free.vectors(fitted.fit.x))[0])
+        return np.asarray(self.problem.measured + fitted.fit.residuals)
 
 
 def spread(free: FreeParameters, centre: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -208,22 +208,17 @@ class MeasuredModel:
 class HarmonicComparison:
     """Models printed, then fitted: the declared one, single extensions and second ones on top of the best of these.
 
-    `best` is the place among `fitted` of the model that explains the runs best by the information criterion without a
-    second effect; `exchanged` are the last printed model with one group of its parameters from that fit; `seconds` are
-    ordered by the criterion.
+    `chosen` is the one of `fitted` that explains the runs best by the information criterion, without a second effect;
+    `exchanged` are the last printed model with one group of its parameters from that fit; `seconds` are ordered by the
+    criterion.
     """
 
     problem: HarmonicProblem
     printed: tuple[MeasuredModel, ...]
     fitted: tuple[MeasuredModel, ...]
-    best: int
+    chosen: MeasuredModel
     exchanged: tuple[MeasuredModel, ...]
     seconds: tuple[MeasuredModel, ...]
-
-    @property
-    def chosen(self) -> MeasuredModel:
-        """The best fitted model."""
-        return self.fitted[self.best]
 
     @property
     def models(self) -> tuple[MeasuredModel, ...]:
@@ -284,6 +279,6 @@ def compare(
         added.append(fitted_model(problem, model))
     added.sort(key=lambda m: m.fitted.criterion if m.fitted else np.inf)
     given = tuple(printed_model(problem, name, table) for name, table in printed.items())
-    index = single.index(best)
-    exchanged = exchanged_models(problem, given[-1], fitted[index]) if given else []
-    return HarmonicComparison(problem, given, tuple(fitted), index, tuple(exchanged), tuple(added))
+    chosen = fitted[single.index(best)]
+    exchanged = exchanged_models(problem, given[-1], chosen) if given else []
+    return HarmonicComparison(problem, given, tuple(fitted), chosen, tuple(exchanged), tuple(added))

@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 COUPLING = 0.7  # share of the off-diagonal terms that is solved for: more spoils the record, as the authors say
 RIDGE = 0.3  # of the mean diagonal: neighbours that peak together do not fight with large wavelets
 WIDTH, SLOPE = 1.178, -0.93  # γ = WIDTH f^SLOPE [s], of the authors
+WAVELETS = 12  # rounds
 CLOSE_ENOUGH = 0.01  # rms difference of the logarithms at which the corrections end
 
 
@@ -50,19 +51,18 @@ def correct(
     frequencies: Array,
     target: Array,
     damping: float,
-    rounds: int,
-    zero_period: float = 0.0,
+    zero_period: float,
 ) -> Array:
-    """The record with wavelets added, the best of `rounds` (n,) [m/s²]; a round that makes it worse is halved.
+    """The record with wavelets added, the best of some rounds (n,) [m/s²]; a round that makes it worse is halved.
 
     A record whose largest acceleration lies below `zero_period` [m/s²] is raised there; a larger one is left.
     """
     best, least, step = record, math.inf, 1.0
     now, addition = record, np.zeros_like(record)
-    for _ in range(rounds + 1):
+    for _ in range(WAVELETS + 1):
         _, values, times = response_spectrum(now, time_step, frequencies, damping, band_limited=True)
         place = int(np.argmax(np.abs(now)))
-        low = min(0.0, math.log(abs(float(now[place])) / zero_period)) if zero_period else 0.0
+        low = min(0.0, math.log(abs(float(now[place])) / zero_period))
         missed = np.append(np.log(np.abs(values) / target), low)
         off = float(np.sqrt(np.mean(np.square(missed)))) + abs(low)
         if off < least:
@@ -118,7 +118,7 @@ def _solved(c: Array, missing: Array) -> Array:
 COARSE = 0.004  # [s], about the time step at which a motion is matched
 ABOVE = 1.5  # times the last frequency, to which the motion is kept at the last level
 REST = 1.0  # [s] of rest at either end
-WAVELETS, PASSES, AMPLITUDES = 12, 3, 6  # rounds of a pass, passes, rounds
+PASSES, AMPLITUDES = 3, 6  # passes with wavelets, rounds of the amplitudes before them
 FINE = 0.5  # frequencies of an octave times the damping, at least: below, the spectrum dips between them
 WIDER = 0.5  # of the high-pass of a motion: that of its corrections, each of which would lower the first frequency
 TOP = 1.05  # of the peak aimed at: what is above is cut before the wavelets; a spectrum's rigid end is the peak
@@ -245,7 +245,7 @@ def matched(
     top = TOP * max(peak, float(wanted[keep][-1]))
     for _ in range(PASSES):
         record = np.clip(record, -top, top)
-        record = correct(record, time_step, f[keep], wanted[keep], required.damping, WAVELETS, peak)
+        record = correct(record, time_step, f[keep], wanted[keep], required.damping, peak)
         record = at_rest(record, time_step, low)
     return record
 
