@@ -1,4 +1,4 @@
-"""The figures of friction, valve and effects draw what they say."""
+"""The figures of friction, valve, table and effects draw what they say."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ pytest.importorskip("matplotlib")
 from shake_ros.core.effects import EFFECTS
 from shake_ros.core.valve import VALVES
 from shake_ros.core.valve.response import valve_response
-from shake_ros.settings import load_variant
+from shake_ros.settings import load_table, load_variant
 from shake_ros.thesis import figures, figures_laws
 
 
@@ -67,3 +67,26 @@ def test_flow_force_is_odd_without_load_and_the_retuned_spool_reaches_its_comman
     not_retuned = jets.replace(amplifier_gain=spring.amplifier_gain)
     spool = valve_response(not_retuned, np.full(240, 0.5), 5e-5, 2.06e7, 1e5)
     assert 0.85 < spool[-1] / 0.5 < 0.95  # short of its command
+
+
+def test_drawn_describing_functions_part_from_the_linear_table_only_where_it_is_none() -> None:
+    gain, phase = figures.describing_functions().axes
+    linear, *sines = gain.lines
+    at_low = [line.get_ydata()[0] for line in sines]
+    assert at_low[1] == pytest.approx(linear.get_ydata()[0], rel=0.06)  # 10 %, 1 Hz: the velocity gain
+    peaks = [float(np.max(line.get_ydata())) for line in sines]
+    assert peaks[0] > 1.2 * peaks[-1]  # a larger amplitude damps the oil column more
+    assert all(np.all(np.diff(line.get_ydata()) < 30.0) for line in phase.lines)
+
+
+def test_oil_column_is_softest_in_mid_stroke_and_the_poles_agree() -> None:
+    lines = figures.oil_spring().axes[0].lines
+    table = load_table("bergamo")
+    for closed, poles in zip(lines[::2], lines[1::2], strict=True):
+        frequency = closed.get_ydata()
+        assert int(np.argmin(frequency)) == len(frequency) // 2
+        np.testing.assert_allclose(poles.get_ydata(), frequency, rtol=0.03)  # a moving table opens its chambers
+        assert poles.get_ydata()[len(frequency) // 2] == pytest.approx(min(frequency), rel=5e-3)
+    b, modulus = table.body, table.value("bulk_modulus.modulus")
+    middle = np.sqrt(4.0 * modulus * b.piston_area**2 / (b.cylinder_volume * 650.0)) / (2.0 * np.pi)
+    assert lines[2].get_ydata()[len(lines[2].get_ydata()) // 2] == pytest.approx(middle, rel=1e-3)
