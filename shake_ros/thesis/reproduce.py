@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -71,7 +71,7 @@ class ExperimentReport:
     claims: Sequence[Claim]
     tables: Sequence[Rows] = ()
     charts: Sequence[Chart] = ()
-    remarks: Sequence[str] = field(default=())
+    remarks: Sequence[str] = ()
 
 
 def difference(printed: float, found: float) -> str:
@@ -152,7 +152,7 @@ HEAD = ("section", "the thesis says", "printed", "here", "verdict")
 
 def claim_rows(claims: Sequence[Claim]) -> list[list[str]]:
     """A row for each claim."""
-    return [[c.source, c.statement, c.printed, c.found, c.verdict] for c in claims]
+    return [[*c[:4], c.verdict] for c in claims]
 
 
 def experiment_page(experiment: ExperimentReport, command: str = "") -> Page:
@@ -178,52 +178,7 @@ def experiment_page(experiment: ExperimentReport, command: str = "") -> Page:
     return page
 
 
-def index_page(
-    experiments: Mapping[str, ExperimentReport], command: str = "", figures: Mapping[str, str] | None = None
-) -> Page:
-    """The page of all claims, by experiment, and of the figures of the chapter with what draws them or why not."""
-    page = Page("Chapter 6 of the thesis, run again", count_of(experiments), Made(command))
-    for name, experiment in experiments.items():
-        page.heading(experiment.title)
-        page.link("its tables, figures and remarks", f"{name}.html")
-        page.table(HEAD, claim_rows(experiment.claims))
-    if figures:
-        page.heading("Figures of the chapter")
-        page.table(("figure", "drawn by, or why not"), [list(row) for row in figures.items()])
-    return page
-
-
-def count_of(experiments: Mapping[str, ExperimentReport]) -> str:
-    """How many claims hold, in a sentence."""
-    verdicts = [c.holds for e in experiments.values() for c in e.claims]
-    counts = [verdicts.count(v) for v in (True, False, None)]
-    return f"{len(verdicts)} claims: {counts[0]} hold, {counts[1]} do not, {counts[2]} cannot be decided."
-
-
-def tables_text(experiments: Mapping[str, ExperimentReport]) -> str:
-    """All tables, aligned for a terminal."""
-    parts = [
-        f"{title} ({name})\n{aligned([head, *(list(map(str, row)) for row in rows)], [False] * len(head))}\n"
-        for name, experiment in experiments.items()
-        for title, head, rows in experiment.tables
-    ]
-    return "\n".join(parts)
-
-
-def claims_text(experiments: Mapping[str, ExperimentReport]) -> str:
-    """All claims, aligned for a terminal."""
-    parts = [count_of(experiments)]
-    for name, experiment in experiments.items():
-        parts += [
-            "",
-            f"{experiment.title} ({name})",
-            aligned([HEAD, *claim_rows(experiment.claims)], [False] * len(HEAD)),
-        ]
-    return "\n".join(parts)
-
-
-CHANNELS = ("velocity", "acceleration")
-UNITS = {"velocity": "m/s", "acceleration": "m/s²"}
+CHANNELS = {"velocity": "m/s", "acceleration": "m/s²"}
 RUN_COLOURS = ("measured", "before", "after", "c3")
 
 
@@ -251,14 +206,14 @@ def motions(
     drawn = {truth: (record.velocity, record.acceleration), **runs}
     panels = [
         Panel(
-            f"{channel} [{UNITS[channel]}]",
+            f"{channel} [{unit}]",
             time,
             tuple(
                 ChartSeries(title, run[k][span], colour, width=2.0 if colour == "measured" else 1.2)
                 for (title, run), colour in zip(drawn.items(), RUN_COLOURS, strict=False)
             ),
         )
-        for k, channel in enumerate(CHANNELS)
+        for k, (channel, unit) in enumerate(CHANNELS.items())
     ]
     return Chart(name, "time [s]", tuple(panels), caption)
 
@@ -275,22 +230,52 @@ class Reproduction:
     @property
     def claims(self) -> ResultTable:
         """Every claim: experiment, section, statement, what is printed, what is found, verdict."""
-        rows = [(name, *c[:4], c.verdict) for name, e in self.experiments.items() for c in e.claims]
+        rows = [(name, *row) for name, e in self.experiments.items() for row in claim_rows(e.claims)]
         return ResultTable(("experiment", "section", "statement", "printed", "found", "verdict"), rows)
+
+    @property
+    def count(self) -> str:
+        """How many claims hold, in a sentence."""
+        verdicts = [c.holds for e in self.experiments.values() for c in e.claims]
+        counts = [verdicts.count(v) for v in (True, False, None)]
+        return f"{len(verdicts)} claims: {counts[0]} hold, {counts[1]} do not, {counts[2]} cannot be decided."
+
+    def index(self, command: str = "") -> Page:
+        """The page of all claims, and of the figures of the chapter with what draws them or why nothing does."""
+        page = Page("Chapter 6 of the thesis, run again", self.count, Made(command))
+        for name, experiment in self.experiments.items():
+            page.heading(experiment.title)
+            page.link("its tables, figures and remarks", f"{name}.html")
+            page.table(HEAD, claim_rows(experiment.claims))
+        page.heading("Figures of the chapter")
+        page.table(("figure", "drawn by, or why not"), [list(row) for row in figure_list().items()])
+        return page
+
+    def tables(self) -> str:
+        """All tables, aligned for a terminal."""
+        return "\n".join(
+            f"{title} ({name})\n{aligned([head, *(list(map(str, row)) for row in rows)], [False] * len(head))}\n"
+            for name, experiment in self.experiments.items()
+            for title, head, rows in experiment.tables
+        )
 
     def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
         """Write index.html, a page for each experiment, claims.txt, claims.json, tables.txt; as Discovery.report."""
         with new_folder(Path(out), force=force) as folder:
-            write_page(index_page(self.experiments, command, figure_list()), folder, name="index")
+            write_page(self.index(command), folder, name="index")
             for name, experiment in self.experiments.items():
                 write_page(experiment_page(experiment, command), folder, figures, name)
             (folder / "claims.txt").write_text(f"{self!r}\n", encoding="utf-8")
-            (folder / "tables.txt").write_text(tables_text(self.experiments), encoding="utf-8")
+            (folder / "tables.txt").write_text(self.tables(), encoding="utf-8")
             content = {name: [c._asdict() for c in e.claims] for name, e in self.experiments.items()}
             write_json(folder / "claims.json", {"schema": "shake_ros.reproduce/1", "claims": content})
 
     def __repr__(self) -> str:
-        return claims_text(self.experiments)
+        parts = [self.count]
+        for name, e in self.experiments.items():
+            rows = [HEAD, *claim_rows(e.claims)]
+            parts += ["", f"{e.title} ({name})", aligned(rows, [False] * len(HEAD))]
+        return "\n".join(parts)
 
 
 def figure_list() -> dict[str, str]:
