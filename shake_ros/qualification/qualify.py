@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 from shake_ros.api.live_table import FUSED, LiveLaboratory, LiveTable, OwnLoop, Release, own_loop
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.simulate import Simulation, simulate
-from shake_ros.core.control.runner import Controller
 from shake_ros.core.identification.recordings import Record
-from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.baseline import states_from_rest
@@ -25,7 +23,7 @@ from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.recordings import TableRecording
 from shake_ros.qualification.asked import Asked, QualificationSettings, asked_of, released
 from shake_ros.qualification.assessment import Tested, tested
-from shake_ros.qualification.motion import Demand, corrected_drive, demand, refusal, synthesise
+from shake_ros.qualification.motion import corrected_drive, demand, refusal, synthesise
 from shake_ros.qualification.required import RequiredSpectrum
 from shake_ros.qualification.resonance import ResonanceSearch, search_motion
 from shake_ros.qualification.result import Qualification, searched_in
@@ -63,13 +61,6 @@ class SimulatedLaboratory:
     own: OwnLoop | None
     recordings: list[TableRecording]
 
-    def loop(self, model: TableParameters) -> tuple[str | Observer, str | Controller]:
-        """Observer and controller with a model, or the names of those that take one."""
-        loop = self.settings.loop
-        if self.own is None:
-            return loop.observer, loop.controller
-        return self.own.of(model, loop.sample_time, self.delay * loop.sample_time)
-
     @property
     def words(self) -> str:
         """Controller and observer, for the certificate."""
@@ -86,12 +77,17 @@ class SimulatedLaboratory:
 
     def play(self, model: TableParameters, drive: Array, name: str, number: int) -> TableRecording:
         """One recorded run."""
-        observer, controller = self.loop(model)
+        loop, made = self.settings.loop, self.own
+        observer, controller = (
+            (loop.observer, loop.controller)
+            if made is None
+            else made.of(model, loop.sample_time, self.delay * loop.sample_time)
+        )
         try:
             run: Simulation = simulate(
                 self.plant,
                 drive,
-                self.settings.loop.sample_time,
+                loop.sample_time,
                 controller=controller,
                 observer=observer,
                 model=model,
@@ -174,7 +170,7 @@ def qualify(
         bar("making the motion", 0.0)
         motion = made_motion(asked, seed, record)
         own = own_loop(asked.model) if asked.makes_loop else None
-        words = described(motion, demand(motion, asked.table, asked.motion))
+        words = described(asked, motion)
         bar(words, 0.0)
         if live is None:
             laboratory: Laboratory = SimulatedLaboratory(asked.table, asked.settings, delay, seed, own, [])
@@ -225,9 +221,10 @@ def conduct(
     )
 
 
-def described(states: Array, used: Demand) -> str:
+def described(asked: Asked, states: Array) -> str:
     """Peaks of a motion and what it uses of the table, in words."""
     x, v, a = np.max(np.abs(states), axis=0)
+    used = demand(states, asked.table, asked.motion)
     name, share = max(zip(used._fields, used, strict=True), key=lambda item: item[1])
     text = f"motion: {a:.2f} m/s², {v:.3f} m/s, {1e3 * x:.1f} mm at most"
     return f"{text}; {100.0 * share:.0f} % of the {name} that the table may use"
