@@ -19,6 +19,7 @@ LOOPS = ("thesis's loop", "linear observer", "tuned gains")
 OTHER = "thesis's loop, table 6.8"  # on the other plant
 KEYS = ("settings", "other_plant", "sines", "tracks_within", "same_within", "responses")
 FIGURES = {"position_error": "position", "velocity_error": "velocity", "acceleration_error": "acceleration"}
+HEAD = ("controller", *FIGURES.values(), "command travel [1/s]", "unstable runs")
 
 
 def run(progress: Progress, settings: str = "controllers") -> ExperimentReport:
@@ -38,7 +39,7 @@ def run(progress: Progress, settings: str = "controllers") -> ExperimentReport:
         claims=[claim for loop in LOOPS for claim in _claims(found, loop, words)]
         + [c._replace(statement=c.statement.replace(LOOPS[0], OTHER)) for c in _claims(other, LOOPS[0], words)],
         tables=[
-            Rows(f"{title}, {plant}", _head(), rows)
+            Rows(f"{title}, {plant}", HEAD, rows)
             for plant, of, loops in (
                 ("plant of table 6.9", found, LOOPS),
                 ("plant of table 6.8 with soft zone", other, LOOPS[:1]),
@@ -98,10 +99,6 @@ def _metrics(
     return over(own, mean), sum(o.metrics.unstable for o in own)
 
 
-def _head() -> tuple[str, ...]:
-    return ("controller", *FIGURES.values(), "command travel [1/s]", "unstable runs")
-
-
 def _rows(found: Comparison, loops: Sequence[str], reference: str | None, load: float | None) -> list[list[str]]:
     rows = []
     for loop in loops:
@@ -152,22 +149,14 @@ def _claims(found: Comparison, loop: str, words: Mapping[str, Any]) -> list[Clai
     ]  # fmt: skip
     for law, source in (("sliding mode", "6.4.3, 6.50"), ("super-twisting", "6.4.4, 6.57")):
         light, heavy = (_metrics(found, f"{law}, {loop}", words["sines"], load)[0] for load in (0.0, 500.0))
-        holds = all(
-            getattr(heavy, f) <= (1.0 + words["same_within"]) * getattr(light, f)
-            for f in ("position_error", "velocity_error")
-        )
-        shown = "; ".join(
-            f"{FIGURES[f]} {share(getattr(light, f))} → {share(getattr(heavy, f))}"
-            for f in ("position_error", "velocity_error")
-        )
+        both = {f: (getattr(light, f), getattr(heavy, f)) for f in ("position_error", "velocity_error")}
+        holds = all(loaded <= (1.0 + words["same_within"]) * alone for alone, loaded in both.values())
+        shown = "; ".join(f"{FIGURES[f]} {share(alone)} → {share(loaded)}" for f, (alone, loaded) in both.items())
         claims.append(Claim(source, f"sines under {law} the same with 500 kg ({loop})", "figure only", shown, holds))
     for law, source in zip(LAWS, ("6.4.2", "6.4.3", "6.4.4"), strict=True):
         m, unstable = everywhere[law]
         holds = unstable == 0 and m.position_error <= words["tracks_within"]
-        shown = f"position {share(m.position_error)}, {unstable} of {_count(found, f'{law}, {loop}')} runs unstable"
+        count = sum(o.entry == f"{law}, {loop}" for o in found.outcomes)
+        shown = f"position {share(m.position_error)}, {unstable} of {count} runs unstable"
         claims.append(Claim(source, f"{law} tracks the references ({loop})", "figure only", shown, holds))
     return claims
-
-
-def _count(found: Comparison, entry: str) -> int:
-    return sum(o.entry == entry for o in found.outcomes)
