@@ -1,9 +1,9 @@
 """Which engine: the cores of this machine, or a cluster by its address; both as `concurrent.futures.Executor`.
 
-On this machine each worker sits behind a `ProcessPoolExecutor` of its own. One executor with several workers (that of
-the standard library, loky's) fails every task in flight when one of them dies, and pebble's workers share one pipe,
-where a task that is read but not yet acknowledged is lost with its worker. Here a death breaks one executor of one
-worker: its task is known, and the next one gets a fresh worker.
+On this machine a thread waits beside each worker process. A `ProcessPoolExecutor`, as loky's, fails every task in
+flight when one of its workers dies, and pebble's workers share one pipe, where a task that is read but not yet
+acknowledged is lost with its worker. Here each worker has a pipe of its own: the task that dies with it is known, and
+the next one gets a fresh worker.
 
 A cluster is a running Dask scheduler. Needs `pip install 'shake_ros[cluster]'`.
 """
@@ -16,21 +16,17 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 from urllib.parse import urlsplit
 
 from shake_ros.core.plant.simulation import workers as cores
 from shake_ros.core.quantities import ShakeError, shown
-
-if TYPE_CHECKING:
-    from distributed import Client
-
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -83,81 +79,53 @@ class ProcessWorkers(ThreadPoolExecutor):
 
 
 class _Seat:
-    """A place for one worker process, and the executor in front of it."""
+    """A place for one worker process."""
 
     def __init__(self) -> None:
-        self._pool: ProcessPoolExecutor | None = None
-        self._life: Connection | None = None  # the process ends when this is closed
+        self._worker: tuple[SpawnProcess, Connection] | None = None
         self._over = False
-        self._changing = threading.Lock()
 
     def call(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
+        if self._worker is None or not self._worker[0].is_alive():
+            self._worker = self._started()
+        process, pipe = self._worker
+        if self._over:
+            process.kill()
         try:
-            future = self._begun(fn, *args, **kwargs)
-        except BrokenProcessPool:  # it died while it had nothing to do
-            self._pool = None
-            future = self._begun(fn, *args, **kwargs)
-        try:
-            return future.result()
-        except BrokenProcessPool:
-            self._pool = None
+            pipe.send((fn, args, kwargs))
+            done, found = pipe.recv()
+        except (EOFError, OSError):
+            process.join()
             raise WorkerDied from None
+        if not done:
+            raise found
+        return found  # type: ignore[no-any-return]
 
-    def _begun(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """A call given to a process that runs."""
-        pool = self._taken()
+    def _started(self) -> tuple[SpawnProcess, Connection]:
+        pipe, other = SPAWN.Pipe()
+        process = SPAWN.Process(target=_serve, args=(other,), daemon=True)
+        with _starting, _quiet_start():
+            process.start()
+        other.close()
         try:
-            return pool.submit(fn, *args, **kwargs)
-        except RuntimeError:  # of a broken executor, or of one that is shut down
-            if self._over:
-                raise WorkerDied from None
-            raise
-
-    def _taken(self) -> ProcessPoolExecutor:
-        """The executor of a process that runs."""
-        if self._pool is None and not self._over:
-            _, life = self._emptied()
-            if life is not None:
-                life.close()
-            watched, self._life = SPAWN.Pipe(duplex=False)
-            fresh = ProcessPoolExecutor(1, mp_context=SPAWN, initializer=_begin, initargs=(watched,))
-            with _starting, _quiet_start():
-                begun = fresh.submit(os.getpid)
-            try:
-                begun.result()
-            except BrokenProcessPool:
-                if self._over:
-                    raise WorkerDied from None
-                raise ShakeError(
-                    "a worker process cannot start: see what it printed; in a script of your own, call it "
-                    'beneath `if __name__ == "__main__":`'
-                ) from None
-            finally:
-                watched.close()
-            self._pool = fresh
-        pool = self._pool
-        if self._over or pool is None:
-            self.end(at_once=True)
-            raise WorkerDied
-        return pool
+            pipe.recv()
+        except EOFError:
+            raise ShakeError(
+                "a worker process cannot start: see what it printed; in a script of your own, call it "
+                'beneath `if __name__ == "__main__":`'
+            ) from None
+        return process, pipe
 
     def end(self, *, at_once: bool = False) -> None:
         """Let the process end when it has done what it does, or at once."""
         self._over = True
-        pool, life = self._emptied()
-        if at_once and life is not None:
-            life.close()
-        if pool is not None:
-            pool.shutdown(cancel_futures=True)
-        if life is not None:
-            life.close()
-
-    def _emptied(self) -> tuple[ProcessPoolExecutor | None, Connection | None]:
-        """What the seat held, for one caller alone: the thread of a call ends its seat too."""
-        with self._changing:
-            held = self._pool, self._life
-            self._pool = self._life = None
-        return held
+        if self._worker is not None:
+            process, pipe = self._worker
+            if at_once:
+                process.kill()
+            else:
+                pipe.close()
+            process.join()
 
 
 @contextmanager
@@ -180,18 +148,29 @@ def _quiet_start() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _begin(watched: Connection) -> None:
-    """In a worker: Ctrl-C is for the process that gives the work, whose end is the worker's own."""
+def _serve(pipe: Connection) -> None:
+    """In a worker: call after call. Ctrl-C is for the process that gives the work, whose end is the worker's own."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-
-    def watch() -> None:
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    pipe.send("ready")
+    while True:
         try:
-            watched.recv()  # nothing comes; it returns when the other end is closed, if only by a death
-        except (EOFError, OSError):
-            os._exit(1)
+            fn, args, kwargs = pipe.recv()
+        except EOFError:
+            return
+        try:
+            answer = True, fn(*args, **kwargs)
+        except Exception as error:
+            answer = False, error
+        pipe.send(answer)
 
-    threading.Thread(target=watch, daemon=True).start()
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 WAIT = 20.0  # for the scheduler's answer [s]
@@ -226,42 +205,6 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
-
-
-def connect(address: str) -> Client:
-    """A client of the scheduler, whose workers are encrypted too, or on this machine.
-
-    The certificates of tls:// are those of Dask's own configuration (`distributed.comm.tls`).
-
-    Raises
-    ------
-    ShakeError : the address is refused, Dask is not installed, certificates are missing, nobody answers.
-    """
-    check_address(address)
-    try:
-        from distributed import Client, Security
-    except ModuleNotFoundError as error:
-        if error.name not in ("distributed", "dask"):
-            raise
-        raise ShakeError(
-            "--engine needs the Python package 'distributed', which is not installed: pip install 'shake_ros[cluster]'"
-        ) from None
-    try:
-        security = Security(require_encryption=True) if address.startswith("tls:") else None
-        client = Client(address, security=security, timeout=WAIT, set_as_default=False)
-    except (OSError, ValueError, TypeError, RuntimeError) as error:
-        reason = next((line for line in str(error).splitlines() if line.strip()), type(error).__name__)
-        raise ShakeError(f"engine {address}: no connection ({reason})") from None
-    refused = [worker for worker in client.nthreads() if not _private(worker)]
-    if refused:
-        client.close()
-        raise ShakeError(f"engine {address}: its worker {refused[0]} is not encrypted and not on this machine")
-    return client
-
-
-def threads(client: Any) -> int:
-    """Tasks that the cluster's workers take at a time, now; at least one, as workers may still come."""
-    return max(sum(client.nthreads().values()), 1)
 
 
 def _private(worker: str) -> bool:
@@ -325,13 +268,36 @@ def engine(address: str | None = None, workers: int | None = None) -> Iterator[E
 
 @contextmanager
 def _cluster(address: str) -> Iterator[Engine]:
-    client = connect(address)
-    try:
-        from distributed.scheduler import KilledWorker
+    """A scheduler whose workers are encrypted too, or on this machine.
 
+    The certificates of tls:// are those of Dask's own configuration (`distributed.comm.tls`).
+    """
+    check_address(address)
+    try:
+        from distributed import Client, Security
+        from distributed.scheduler import KilledWorker
+    except ModuleNotFoundError as error:
+        if error.name not in ("distributed", "dask"):
+            raise
+        raise ShakeError(
+            "--engine needs the Python package 'distributed', which is not installed: pip install 'shake_ros[cluster]'"
+        ) from None
+    try:
+        security = Security(require_encryption=True) if address.startswith("tls:") else None
+        client = Client(address, security=security, timeout=WAIT, set_as_default=False)
+    except (OSError, ValueError, TypeError, RuntimeError) as error:
+        reason = next((line for line in str(error).splitlines() if line.strip()), type(error).__name__)
+        raise ShakeError(f"engine {address}: no connection ({reason})") from None
+
+    def width() -> int:
+        return max(sum(client.nthreads().values()), 1)  # at least one, as workers may still come
+
+    try:
+        if refused := [worker for worker in client.nthreads() if not _private(worker)]:
+            raise ShakeError(f"engine {address}: its worker {refused[0]} is not encrypted and not on this machine")
         executor = client.get_executor(pure=False)
         try:
-            yield Engine(f"the cluster {address}", executor, lambda: threads(client), 1, (KilledWorker,), False)
+            yield Engine(f"the cluster {address}", executor, width, 1, (KilledWorker,), False)
         except BaseException:
             executor.shutdown(wait=False)  # cancels what is left
             raise

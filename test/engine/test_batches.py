@@ -136,14 +136,14 @@ def test_ended_at_once_no_worker_is_left():
 def test_a_call_whose_worker_is_ended_before_it_begins_fails_as_one_whose_worker_died(monkeypatch):
     with ProcessWorkers(1) as workers:
         seat = workers._all[0]
-        taken = seat._taken
+        started = seat._started
 
         def ended_meanwhile():
-            pool = taken()
+            worker = started()
             seat.end(at_once=True)
-            return pool
+            return worker
 
-        monkeypatch.setattr(seat, "_taken", ended_meanwhile)
+        monkeypatch.setattr(seat, "_started", ended_meanwhile)
         with pytest.raises(WorkerDied):
             workers.submit(os.getpid).result(timeout=60.0)
 
