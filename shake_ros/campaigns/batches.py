@@ -22,6 +22,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from dataclasses import dataclass
 from importlib.metadata import version
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,7 +33,7 @@ from shake_ros.data.result_folder import as_json
 from shake_ros.settings import config_folder
 
 PACKAGE = Path(__file__).resolve().parent.parent
-NO_INFLUENCE = ("shake_ros.report", "shake_ros.page", "shake_ros.cli")  # they show what others have found
+NO_INFLUENCE = ("shake_ros.report.", "shake_ros.page.", "shake_ros.cli.")  # they show what others have found
 NOT_PHYSICS = ("studies", "layouts", "description")  # folders of config/
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
 
@@ -68,36 +69,32 @@ def sources(module: str) -> dict[str, Path]:
     >>> {"shake_ros.core.quantities", "shake_ros.settings"} <= set(sources("shake_ros.campaigns.batches"))
     True
     """
-    roots = {"shake_ros": PACKAGE}
+    places = {"shake_ros": PACKAGE.parent}
     top = module.partition(".")[0]
-    if top not in roots:
-        found = _folder_of(top)
-        if found is None:
-            return {**_closure(["shake_ros.campaigns.batches"], roots), module: _file_of(top)}
-        roots[top] = found
-    if _path(module, roots) is None:
-        raise ShakeError(f"module {shown(module)} is not there")
-    return _closure([module, "shake_ros.campaigns.batches"], roots)
-
-
-def _closure(first: list[str], roots: dict[str, Path]) -> dict[str, Path]:
+    spec = importlib.util.find_spec(top)
+    if spec is None:
+        raise ShakeError(f"module {shown(top)} is not there")
+    where = next(iter(spec.submodule_search_locations or ()), spec.origin) or ""
+    places.setdefault(top, Path(where).parent)
+    if _path(module, places) is None:
+        raise ShakeError(f"module {shown(module)} has no source")
     found: dict[str, Path] = {}
-    waiting = list(first)
+    waiting = [module, __name__]
     while waiting:
         name = waiting.pop()
-        path = _path(name, roots)
-        if path is not None and name not in found and not f"{name}.".startswith(tuple(f"{n}." for n in NO_INFLUENCE)):
+        path = _path(name, places)
+        if path is not None and name not in found and not f"{name}.".startswith(NO_INFLUENCE):
             found[name] = path
             waiting += _imports(path)
     return found
 
 
-def _path(name: str, roots: dict[str, Path]) -> Path | None:
-    """The file of a module of the roots; None for anything else."""
-    top, *inner = name.split(".")
-    if top not in roots:
+def _path(name: str, places: dict[str, Path]) -> Path | None:
+    """The file of a module whose package lies in one of the places; None for anything else."""
+    parts = name.split(".")
+    if parts[0] not in places:
         return None
-    whole = roots[top].joinpath(*inner)
+    whole = places[parts[0]].joinpath(*parts)
     return next((p for p in (whole.with_suffix(".py"), whole / "__init__.py") if p.is_file()), None)
 
 
@@ -122,22 +119,6 @@ def _named(node: ast.AST) -> Iterator[str]:
             yield from (f"{child.module}.{alias.name}" for alias in child.names)
         elif not (isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING"):
             yield from _named(child)
-
-
-def _folder_of(top: str) -> Path | None:
-    """The folder of a package by its name; None where it is a single file."""
-    spec = importlib.util.find_spec(top)
-    if spec is None:
-        raise ShakeError(f"module {shown(top)} is not there")
-    places = list(spec.submodule_search_locations or ())
-    return Path(places[0]) if places else None
-
-
-def _file_of(top: str) -> Path:
-    spec = importlib.util.find_spec(top)
-    if spec is None or spec.origin is None or not Path(spec.origin).is_file():
-        raise ShakeError(f"module {shown(top)} has no source")
-    return Path(spec.origin)
 
 
 BATCH = 0.15  # wanted length of a batch [s]; short tasks cost by the message else
@@ -222,7 +203,7 @@ def run(
         most = engine.width() * (1 if mean > LONG else 2)
         suspect = bool(again) or any(batch.deaths for batch in flying.values())
         while len(flying) < (1 if suspect and not engine.sure else most):
-            some = again.popleft() if again else _Batch(_next(left, _size(mean, length)))
+            some = again.popleft() if again else _Batch(list(islice(left, _size(mean, length))))
             if not some.tasks:
                 break
             flying[engine.executor.submit(work, function, some.tasks, version, engine.threads)] = some
@@ -247,15 +228,6 @@ def run(
 def _size(mean: float, length: float) -> int:
     """Tasks of a mean time [s] that make a batch; one while the time is not known."""
     return min(max(math.ceil(length / max(mean, 1e-9)), 1), LARGEST)
-
-
-def _next(tasks: Iterator[Task], count: int) -> list[Task]:
-    found = []
-    for task in tasks:
-        found.append(task)
-        if len(found) == count:
-            break
-    return found
 
 
 def _died(some: _Batch, again: deque[_Batch]) -> Iterator[list[TaskOutcome]]:
