@@ -30,8 +30,8 @@ from pathlib import Path
 import shake_ros as sr
 from benchmarks import ROOT
 from shake_ros.campaigns.batches import Task, TaskOutcome, run
+from shake_ros.campaigns.campaign import CampaignFile
 from shake_ros.campaigns.engine import Engine, engine
-from shake_ros.campaigns.rows import CampaignFile
 
 TASKS = "benchmarks.campaign.tasks"
 FIT = "benchmarks.identification.interval_coverage:measure"

@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.discovery import confusion
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.progress import Progress
-from shake_ros.campaigns.tables import Share
+from shake_ros.campaigns.report import Share
 from shake_ros.core.identification.approach import INJECTION, approached
 from shake_ros.core.identification.equal_commands import FreeAndPredictor, process_noise
 from shake_ros.core.identification.fit import Fit, fit

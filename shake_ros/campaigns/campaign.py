@@ -1,29 +1,206 @@
-"""`campaign`: a study of many independent fits or loops, here or on a cluster, that can be resumed."""
+"""`campaign`: a study of many independent fits or loops, here or on a cluster, that can be resumed.
+
+The rows are in one SQLite file: each written as it comes, none twice, safe against any end.
+"""
 
 from __future__ import annotations
 
+import fcntl
 import json
 import math
+import os
+import sqlite3
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from datetime import datetime, timezone
+from itertools import chain
 from pathlib import Path
+from types import TracebackType
 from typing import Any
-
-import numpy as np
 
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.campaigns.batches import Task, TaskOutcome, code_version, run
 from shake_ros.campaigns.engine import engine
-from shake_ros.campaigns.rows import CampaignFile, FinishedRow
-from shake_ros.campaigns.study import Study, StudySection, canonical, load_study
-from shake_ros.campaigns.tables import against, groups, in_both, numbers, section_table, share, shown
+from shake_ros.campaigns.report import campaign_page, section_table
+from shake_ros.campaigns.study import Study, canonical, load_study
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import writing
-from shake_ros.report.chart import Chart, ChartSeries, Panel
-from shake_ros.report.page import Made, Page, write_page
+from shake_ros.report.page import write_page
 from shake_ros.report.result_table import ResultTable
+
+FILE = "rows.sqlite"
+LAYOUT = 1
+TABLES = """
+CREATE TABLE campaign (name TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE rows (
+    key TEXT PRIMARY KEY,         -- hash of measure, values, content of files, code
+    given TEXT NOT NULL,          -- the row's values, JSON
+    version TEXT NOT NULL,        -- of the code
+    figures TEXT,                 -- what was measured, JSON; NULL where it failed
+    failed TEXT,                  -- why
+    seconds REAL NOT NULL,        -- by the clock
+    processor REAL NOT NULL,      -- of the processor [s]
+    worker TEXT NOT NULL,         -- machine and process
+    finished TEXT NOT NULL        -- UTC
+) WITHOUT ROWID;
+"""
+
+
+@dataclass(frozen=True)
+class FinishedRow:
+    """A row with what was measured.
+
+    Attributes
+    ----------
+    given : its values.
+    figures : measured, None where it failed.
+    failed : why.
+    seconds, processor : by the clock, of the processor [s].
+    version : of the code.
+    """
+
+    given: Mapping[str, Any]
+    figures: Mapping[str, Any] | None
+    failed: str | None
+    seconds: float
+    processor: float
+    version: str
+
+    def value(self, column: str) -> Any:
+        """A figure or, where there is none of that name, a value that was given."""
+        if self.figures is not None and column in self.figures:
+            return self.figures[column]
+        return self.given.get(column)
+
+
+class CampaignFile:
+    """The file of a campaign, opened by one process at a time; use it in a `with`.
+
+    Parameters
+    ----------
+    folder : of the campaign.
+    measure : what its rows are of; a folder with rows of another study is refused.
+    write : make the folder and keep others out.
+    """
+
+    def __init__(self, folder: Path, measure: str | None = None, *, write: bool = True) -> None:
+        self._path, self._lock = folder / FILE, -1
+        others = folder.exists() and any(p.name[0] != "." for p in folder.iterdir())
+        if not self._path.exists() and (others or not write):
+            raise ShakeError(f"{folder}: is not a folder of a campaign: it has no {FILE}")
+        try:
+            if write:
+                folder.mkdir(parents=True, exist_ok=True)
+                self._lock = _locked(folder)
+            mode = "rwc" if write else "ro"
+            self._base = sqlite3.connect(
+                f"{self._path.absolute().as_uri()}?mode={mode}", uri=True, isolation_level=None
+            )
+            self._base.execute("PRAGMA busy_timeout = 10000")
+            if write:
+                self._begin(measure or "")
+            self.measure = self.meta("measure")
+            if self.meta("layout") != str(LAYOUT):
+                raise ShakeError(f"{self._path}: is written by another version of the program")
+            if measure is not None and self.measure != measure:
+                raise ShakeError(f"{folder}: holds rows of another study, of {self.measure}")
+        except (OSError, sqlite3.Error) as error:
+            self._unlock()
+            raise ShakeError(f"{self._path}: cannot be used ({error})") from None
+        except ShakeError:
+            self._unlock()
+            raise
+
+    def _begin(self, measure: str) -> None:
+        self._base.execute("PRAGMA journal_mode = WAL")
+        self._base.execute("PRAGMA synchronous = NORMAL")
+        if self._base.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0:
+            self._base.executescript(f"BEGIN; {TABLES} COMMIT;")
+            self.describe(layout=str(LAYOUT), measure=measure)
+
+    def _unlock(self) -> None:
+        if self._lock >= 0:
+            os.close(self._lock)
+
+    def __enter__(self) -> CampaignFile:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._base.close()
+        self._unlock()
+
+    def meta(self, name: str) -> str:
+        """A property of the campaign; empty where there is none."""
+        found = self._base.execute("SELECT value FROM campaign WHERE name = ?", (name,)).fetchone()
+        return found[0] if found else ""
+
+    def describe(self, **values: str) -> None:
+        """Store a property of the campaign."""
+        with self._at_once():
+            self._base.executemany("INSERT OR REPLACE INTO campaign VALUES (?, ?)", values.items())
+
+    def __contains__(self, key: str) -> bool:
+        return self._base.execute("SELECT 1 FROM rows WHERE key = ?", (key,)).fetchone() is not None
+
+    def add(self, rows: Iterable[tuple[str, str, str, str | None, str | None, float, float, str]]) -> None:
+        """Write rows: key, given, version, figures, failed, seconds, processor, worker; all or none."""
+        now = datetime.now(timezone.utc).isoformat(timespec="seconds")
+        with self._at_once():
+            self._base.executemany("INSERT INTO rows VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", [(*r, now) for r in rows])
+
+    def forget_failed(self, version: str) -> int:
+        """Take out the rows that failed with a version; returns how many."""
+        with self._at_once():
+            return self._base.execute("DELETE FROM rows WHERE failed IS NOT NULL AND version = ?", (version,)).rowcount
+
+    def row(self, key: str) -> FinishedRow | None:
+        """A row by its key."""
+        found = self._base.execute(f"SELECT {_COLUMNS} FROM rows WHERE key = ?", (key,)).fetchone()
+        return None if found is None else _row(found)
+
+    def __iter__(self) -> Iterator[FinishedRow]:
+        """All rows, of every version."""
+        for found in self._base.execute(f"SELECT {_COLUMNS} FROM rows ORDER BY finished, key"):
+            yield _row(found)
+
+    def __len__(self) -> int:
+        return int(self._base.execute("SELECT count(*) FROM rows").fetchone()[0])
+
+    @contextmanager
+    def _at_once(self) -> Iterator[None]:
+        try:
+            self._base.execute("BEGIN IMMEDIATE")
+            try:
+                yield
+            except BaseException:
+                self._base.execute("ROLLBACK")
+                raise
+            self._base.execute("COMMIT")
+        except sqlite3.Error as error:
+            raise ShakeError(f"{self._path}: cannot be written ({error})") from None
+
+
+_COLUMNS = "given, figures, failed, seconds, processor, version"
+
+
+def _row(found: tuple[Any, ...]) -> FinishedRow:
+    given, figures, *rest = found
+    return FinishedRow(json.loads(given), None if figures is None else json.loads(figures), *rest)
+
+
+def _locked(folder: Path) -> int:
+    """A lock that ends with the process, however that ends."""
+    handle = os.open(folder / ".lock", os.O_CREAT | os.O_RDWR, 0o644)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        raise ShakeError(f"{folder}: another campaign is running in it") from None
+    return handle
 
 
 @dataclass(frozen=True, repr=False)
@@ -190,11 +367,8 @@ def _run_missing(work: _Work, address: str | None, workers: int | None) -> None:
     if first is None:
         return  # no process is started for nothing
 
-    def left() -> Iterator[Task]:
-        yield first
-        yield from tasks
-
-    with engine(address, workers) as chosen, closing(run(chosen, work.study.measure, left())) as batches:
+    left = chain([first], tasks)
+    with engine(address, workers) as chosen, closing(run(chosen, work.study.measure, left)) as batches:
         for outcomes in batches:
             work.keep(outcomes)
 
@@ -222,148 +396,3 @@ def _duration(seconds: float) -> str:
     if seconds < 100.0:
         return f"{seconds:.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"
-
-
-MOST_FAILED = 50  # listed
-MOST_CURVES = 6
-
-NOTES = {
-    "shares": "Shares of the rows with their 95 % intervals (Wilson's score).",
-    "matrix": "How often each true effect (row) was named as which effect (column).",
-    "spread": "Median, quartiles and largest value of each figure.",
-    "rate": "Events in 100 of what they are counted over, with the 95 % interval of a Poisson process.",
-}
-
-
-def campaign_page(found: Campaign, other: Sequence[FinishedRow] | None, command: str = "") -> Page:
-    """The whole page; other : rows of an older campaign to compare with."""
-    study, rows, missing, older, failed = found.study, found.rows, found.missing, found.older, found.failed
-    page = Page(study.title, f"The study {study.name}: {study.measure} on every row.", Made(command))
-    page.heading("What there is")
-    hours = math.fsum(row.processor for row in rows) / 3600.0
-    page.cards(
-        [
-            (f"{len(rows)} of {len(rows) + missing}", "rows"),
-            (f"{hours:.3g}", "core-hours"),
-            (str(len(failed)), "failed"),
-        ]
-    )
-    notes = [f"{missing} rows are missing; the same command continues with them."] if missing else []
-    notes += [f"{older} rows of another version of the code or of the study are in the file and not shown."] * (
-        older > 0
-    )
-    page.paragraph(" ".join([f"Version of the code: {found.version}.", *notes]), note=True)
-    for section in study.sections:
-        _section(page, section, rows)
-    if other is not None:
-        _older(page, study, rows, other)
-    _time(page, rows)
-    if failed:
-        page.heading("Rows that failed")
-        cells = [[_words(row), str(row.failed)] for row in failed[:MOST_FAILED]]
-        page.table(["row", "why"], cells)
-        if len(failed) > MOST_FAILED:
-            page.paragraph(f"and {len(failed) - MOST_FAILED} more in rows.sqlite.", note=True)
-    return page
-
-
-def _words(row: FinishedRow) -> str:
-    return ", ".join(f"{name} {shown(value)}" for name, value in row.given.items())
-
-
-def _section(page: Page, section: StudySection, rows: Sequence[FinishedRow]) -> None:
-    page.heading(section.title)
-    page.paragraph(NOTES[section.kind], note=True)
-    head, cells = section_table(section, rows)
-    if not cells:
-        page.paragraph("No row yet.")
-        return
-    page.table(head, cells)
-    if section.kind == "shares" and len(cells) > 1:
-        for title, column in section.columns.items():
-            page.chart(_share_chart(section, title, column, rows))
-    if section.kind == "spread":
-        for title, column in section.columns.items():
-            if chart := _spread_chart(section, title, column, rows):
-                page.chart(chart)
-
-
-def _share_chart(section: StudySection, title: str, column: str, rows: Sequence[FinishedRow]) -> Chart:
-    """A share over its groups with its interval."""
-    found = [(values, share(some, column)) for values, some in groups(section, rows)]
-    x = np.arange(len(found), dtype=np.float64)
-    value = np.array([100.0 * s.value for _, s in found])
-    low, high = (np.array([100.0 * s.interval[end] for _, s in found]) for end in (0, 1))
-    series = (
-        ChartSeries(title, value, "measured", kind="points"),
-        ChartSeries("95 % interval, lower end", low, "c0", kind="marks"),
-        ChartSeries("upper end", high, "c0", kind="marks"),
-    )
-    ticks = {float(k): " ".join(map(shown, values)) for k, (values, _) in enumerate(found)}
-    panel = Panel(f"{title} [%]", x, series, height=230)
-    view = (-0.5, len(found) - 0.5)
-    return Chart(
-        f"share_{column}", ", ".join(section.by), (panel,), f"{section.title}: {title}", ticks=ticks, view=view
-    )
-
-
-def _spread_chart(section: StudySection, title: str, column: str, rows: Sequence[FinishedRow]) -> Chart | None:
-    """The sorted values of each group over the share of rows that stay below."""
-    found = [(v, n) for v, some in groups(section, rows) if len(n := numbers(some, column)) > 1][:MOST_CURVES]
-    if not found:
-        return None
-    share_of_rows = np.linspace(0.0, 100.0, 101)
-    curves = [
-        ChartSeries(" ".join(map(shown, values)) or title, np.quantile(n, share_of_rows / 100.0), f"c{k}", width=1.6)
-        for k, (values, n) in enumerate(found)
-    ]
-    log = all(n[0] > 0.0 and n[-1] > 30.0 * n[0] for _, n in found)
-    panel = Panel(title, share_of_rows, tuple(curves), log=log, height=230)
-    return Chart(f"spread_{column}", "rows below [%]", (panel,), f"{section.title}: {title}")
-
-
-def _older(page: Page, study: Study, rows: Sequence[FinishedRow], other: Sequence[FinishedRow]) -> None:
-    page.heading("Comparison with the older campaign")
-    here, there = in_both(rows, other)
-    if not here:
-        page.paragraph("No row is in both.")
-        return
-    same = [
-        canonical(a.figures) == canonical(b.figures) and a.failed == b.failed for a, b in zip(here, there, strict=True)
-    ]
-    page.paragraph(f"{len(here)} rows are in both; {sum(same)} are the same to the last bit.")
-    head, cells = against(rows, other, study.sections)
-    if cells:
-        page.table(head, cells)
-    changed = [pair for pair, equal in zip(zip(here, there, strict=True), same, strict=True) if not equal]
-    if changed:
-        page.subheading("Rows that differ")
-        cells = [[_words(a), _difference(a, b)] for a, b in changed[:MOST_FAILED]]
-        page.table(["row", "older → here"], cells)
-
-
-def _difference(here: FinishedRow, there: FinishedRow) -> str:
-    if here.figures is None or there.figures is None:
-        return f"{there.failed or 'finished'} → {here.failed or 'finished'}"
-    names = [n for n in here.figures if here.figures[n] != there.figures.get(n)]
-    short = [n for n in names if not isinstance(here.figures[n], dict | list) or len(canonical(here.figures[n])) < 60]
-    texts = [f"{n}: {shown(there.figures.get(n))} → {shown(here.figures[n])}" for n in short[:4]]
-    return "; ".join(texts) or ", ".join(names)
-
-
-def _time(page: Page, rows: Sequence[FinishedRow]) -> None:
-    seconds = np.sort([row.processor for row in rows if row.failed is None])
-    page.heading("Time")
-    if not len(seconds):
-        page.paragraph("No row yet.")
-        return
-    median, longest, total = float(np.median(seconds)), float(seconds[-1]), float(seconds.sum())
-    page.paragraph(
-        f"Processor time of a row: median {median:.3g} s, longest {longest:.3g} s; "
-        f"all rows together {total / 3600.0:.3g} core-hours."
-    )
-    if len(seconds) > 1:
-        at = np.linspace(0.0, 100.0, 101)
-        curve = ChartSeries("processor time", np.quantile(seconds, at / 100.0), "c0", width=1.6)
-        panel = Panel("of a row [s]", at, (curve,), log=bool(seconds[-1] > 30.0 * seconds[0] > 0.0))
-        page.chart(Chart("time", "rows below [%]", (panel,), "Processor time of the rows, sorted"))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from shake_ros.campaigns.rows import FILE, CampaignFile
+from shake_ros.campaigns.campaign import FILE, CampaignFile
 from shake_ros.core.quantities import ShakeError
 
 ROW = ("key", '{"seed":1}', "v1", '{"sum": 0.1}', None, 1.0, 0.9, "machine 1")
@@ -45,7 +45,7 @@ def test_rows_written_before_a_kill_are_kept(tmp_path):
     program = f"""
 import os, signal
 from pathlib import Path
-from shake_ros.campaigns.rows import CampaignFile
+from shake_ros.campaigns.campaign import CampaignFile
 file = CampaignFile(Path({str(tmp_path)!r}), "m:f")
 file.add([{ROW!r}])
 os.kill(os.getpid(), signal.SIGKILL)

@@ -1,4 +1,4 @@
-"""The tables of a campaign, from its rows: shares with intervals, confusion, spread, against an older one."""
+"""The report of a campaign, from its rows: shares with intervals, confusion, spread, against an older one."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
 
-from shake_ros.campaigns.rows import FinishedRow
-from shake_ros.campaigns.study import StudySection, canonical
+from shake_ros.campaigns.study import Study, StudySection, canonical
+from shake_ros.report.chart import Chart, ChartSeries, Panel
+from shake_ros.report.page import Made, Page
+
+if TYPE_CHECKING:
+    from shake_ros.campaigns.campaign import Campaign, FinishedRow
 
 NORMAL_95 = 1.959963984540054  # two-sided quantile of the normal distribution
 
@@ -227,3 +231,149 @@ def in_both(rows: Sequence[FinishedRow], other: Sequence[FinishedRow]) -> tuple[
     older = {canonical(row.given): row for row in other}
     pairs = [(row, older[text]) for row in rows if (text := canonical(row.given)) in older]
     return [a for a, _ in pairs], [b for _, b in pairs]
+
+
+MOST_FAILED = 50  # listed
+MOST_CURVES = 6
+
+NOTES = {
+    "shares": "Shares of the rows with their 95 % intervals (Wilson's score).",
+    "matrix": "How often each true effect (row) was named as which effect (column).",
+    "spread": "Median, quartiles and largest value of each figure.",
+    "rate": "Events in 100 of what they are counted over, with the 95 % interval of a Poisson process.",
+}
+
+
+def campaign_page(found: Campaign, other: Sequence[FinishedRow] | None, command: str = "") -> Page:
+    """The whole page; other : rows of an older campaign to compare with."""
+    study, rows, missing, older, failed = found.study, found.rows, found.missing, found.older, found.failed
+    page = Page(study.title, f"The study {study.name}: {study.measure} on every row.", Made(command))
+    page.heading("What there is")
+    hours = math.fsum(row.processor for row in rows) / 3600.0
+    page.cards(
+        [
+            (f"{len(rows)} of {len(rows) + missing}", "rows"),
+            (f"{hours:.3g}", "core-hours"),
+            (str(len(failed)), "failed"),
+        ]
+    )
+    notes = [f"{missing} rows are missing; the same command continues with them."] if missing else []
+    notes += [f"{older} rows of another version of the code or of the study are in the file and not shown."] * (
+        older > 0
+    )
+    page.paragraph(" ".join([f"Version of the code: {found.version}.", *notes]), note=True)
+    for section in study.sections:
+        _section(page, section, rows)
+    if other is not None:
+        _older(page, study, rows, other)
+    _time(page, rows)
+    if failed:
+        page.heading("Rows that failed")
+        cells = [[_words(row), str(row.failed)] for row in failed[:MOST_FAILED]]
+        page.table(["row", "why"], cells)
+        if len(failed) > MOST_FAILED:
+            page.paragraph(f"and {len(failed) - MOST_FAILED} more in rows.sqlite.", note=True)
+    return page
+
+
+def _words(row: FinishedRow) -> str:
+    return ", ".join(f"{name} {shown(value)}" for name, value in row.given.items())
+
+
+def _section(page: Page, section: StudySection, rows: Sequence[FinishedRow]) -> None:
+    page.heading(section.title)
+    page.paragraph(NOTES[section.kind], note=True)
+    head, cells = section_table(section, rows)
+    if not cells:
+        page.paragraph("No row yet.")
+        return
+    page.table(head, cells)
+    if section.kind == "shares" and len(cells) > 1:
+        for title, column in section.columns.items():
+            page.chart(_share_chart(section, title, column, rows))
+    if section.kind == "spread":
+        for title, column in section.columns.items():
+            if chart := _spread_chart(section, title, column, rows):
+                page.chart(chart)
+
+
+def _share_chart(section: StudySection, title: str, column: str, rows: Sequence[FinishedRow]) -> Chart:
+    """A share over its groups with its interval."""
+    found = [(values, share(some, column)) for values, some in groups(section, rows)]
+    x = np.arange(len(found), dtype=np.float64)
+    value = np.array([100.0 * s.value for _, s in found])
+    low, high = (np.array([100.0 * s.interval[end] for _, s in found]) for end in (0, 1))
+    series = (
+        ChartSeries(title, value, "measured", kind="points"),
+        ChartSeries("95 % interval, lower end", low, "c0", kind="marks"),
+        ChartSeries("upper end", high, "c0", kind="marks"),
+    )
+    ticks = {float(k): " ".join(map(shown, values)) for k, (values, _) in enumerate(found)}
+    panel = Panel(f"{title} [%]", x, series, height=230)
+    view = (-0.5, len(found) - 0.5)
+    return Chart(
+        f"share_{column}", ", ".join(section.by), (panel,), f"{section.title}: {title}", ticks=ticks, view=view
+    )
+
+
+def _spread_chart(section: StudySection, title: str, column: str, rows: Sequence[FinishedRow]) -> Chart | None:
+    found = [(v, n) for v, some in groups(section, rows) if len(n := numbers(some, column)) > 1][:MOST_CURVES]
+    curves = [(" ".join(map(shown, values)) or title, n) for values, n in found]
+    return _sorted_chart(f"spread_{column}", title, curves, f"{section.title}: {title}", 230) if curves else None
+
+
+def _sorted_chart(name: str, title: str, curves: Sequence[tuple[str, np.ndarray]], caption: str, height: int) -> Chart:
+    """The sorted values of each group over the share of rows that stay below."""
+    share_of_rows = np.linspace(0.0, 100.0, 101)
+    series = [
+        ChartSeries(label, np.quantile(values, share_of_rows / 100.0), f"c{k}", width=1.6)
+        for k, (label, values) in enumerate(curves)
+    ]
+    log = all(values[0] > 0.0 and values[-1] > 30.0 * values[0] for _, values in curves)
+    panel = Panel(title, share_of_rows, tuple(series), log=log, height=height)
+    return Chart(name, "rows below [%]", (panel,), caption)
+
+
+def _older(page: Page, study: Study, rows: Sequence[FinishedRow], other: Sequence[FinishedRow]) -> None:
+    page.heading("Comparison with the older campaign")
+    here, there = in_both(rows, other)
+    if not here:
+        page.paragraph("No row is in both.")
+        return
+    same = [
+        canonical(a.figures) == canonical(b.figures) and a.failed == b.failed for a, b in zip(here, there, strict=True)
+    ]
+    page.paragraph(f"{len(here)} rows are in both; {sum(same)} are the same to the last bit.")
+    head, cells = against(rows, other, study.sections)
+    if cells:
+        page.table(head, cells)
+    changed = [pair for pair, equal in zip(zip(here, there, strict=True), same, strict=True) if not equal]
+    if changed:
+        page.subheading("Rows that differ")
+        cells = [[_words(a), _difference(a, b)] for a, b in changed[:MOST_FAILED]]
+        page.table(["row", "older → here"], cells)
+
+
+def _difference(here: FinishedRow, there: FinishedRow) -> str:
+    if here.figures is None or there.figures is None:
+        return f"{there.failed or 'finished'} → {here.failed or 'finished'}"
+    names = [n for n in here.figures if here.figures[n] != there.figures.get(n)]
+    short = [n for n in names if not isinstance(here.figures[n], dict | list) or len(canonical(here.figures[n])) < 60]
+    texts = [f"{n}: {shown(there.figures.get(n))} → {shown(here.figures[n])}" for n in short[:4]]
+    return "; ".join(texts) or ", ".join(names)
+
+
+def _time(page: Page, rows: Sequence[FinishedRow]) -> None:
+    seconds = np.sort([row.processor for row in rows if row.failed is None])
+    page.heading("Time")
+    if not len(seconds):
+        page.paragraph("No row yet.")
+        return
+    median, longest, total = float(np.median(seconds)), float(seconds[-1]), float(seconds.sum())
+    page.paragraph(
+        f"Processor time of a row: median {median:.3g} s, longest {longest:.3g} s; "
+        f"all rows together {total / 3600.0:.3g} core-hours."
+    )
+    if len(seconds) > 1:
+        curve = [("processor time", seconds)]
+        page.chart(_sorted_chart("time", "of a row [s]", curve, "Processor time of the rows, sorted", 190))
