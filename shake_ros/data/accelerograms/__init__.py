@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.accelerograms import lists, networks, volumes
+from shake_ros.data.accelerograms import lists, networks
 from shake_ros.data.accelerograms.accelerogram import (
     LARGEST_FILE,
     UNITS,
@@ -38,9 +38,15 @@ FORMATS: dict[str, Format] = {
     "esm_afad": Format(networks.is_keyed, networks.keyed),
     "geonet": Format(networks.is_geonet, networks.geonet),
     "usgs_smc": Format(networks.is_smc, networks.smc),
-    "cosmos_v2": Format(volumes.is_cosmos, volumes.cosmos),
-    "cdmg_v1": Format(volumes.is_volume_1, volumes.volume_1),
-    "cdmg_v2": Format(volumes.is_volume_2, volumes.volume_2),
+    "cosmos_v2": Format(networks.is_cosmos, networks.cosmos),
+    "cdmg_v1": Format(
+        lambda lines: networks.is_volume(lines, networks.UNCORRECTED),
+        lambda text: networks.volume(text, networks.UNCORRECTED),
+    ),
+    "cdmg_v2": Format(
+        lambda lines: networks.is_volume(lines, networks.CORRECTED),
+        lambda text: networks.volume(text, networks.CORRECTED),
+    ),
     "peer_at2": Format(lists.is_listed, lists.listed),
 }
 
@@ -65,7 +71,7 @@ def read_accelerogram(path: Path | str, *, channel: int = 0, unit: str = "") -> 
     other = containers.is_workbook(head) or containers.reader_of(path, head)
     text = Text(path, [] if other else read_text(path, LARGEST_FILE).split("\n"))
     for name, form in FORMATS.items():
-        if form.recognise(text.lines):
+        if text.lines and form.recognise(text.lines):
             return read_channel(text, form.channels(text), channel, unit, name)
     try:
         return lists.read(text, channel, unit)
