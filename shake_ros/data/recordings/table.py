@@ -1,4 +1,9 @@
-"""A recording of a shaking table → arrays on one time base, with segments, provenance and findings."""
+"""A recording of a shaking table → arrays on one time base, with segments, provenance and findings.
+
+The valve's command is recorded as the controller sends it. While the pressure is off or comes up, in a hold, and while
+the master gain is below 1, the valve gets another one, or none, and a model that is driven by it learns nonsense. Each
+change is reported at once, so the reports in the order of their receipt apply to every sample.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +14,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from shake_ros.core.analysis.stretches import stretches
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import align
-from shake_ros.data.recordings.align import Grid, hold, matched
-from shake_ros.data.recordings.bag import Bag, Finding
-from shake_ros.data.recordings.cdr import Floats, Integers
-from shake_ros.data.recordings.clocks import TOPIC as DIAGNOSTICS
-from shake_ros.data.recordings.clocks import TYPE as DIAGNOSTICS_TYPE
-from shake_ros.data.recordings.clocks import Acting, shifts
+from shake_ros.data.recordings.align import Grid, hold, matched, shifts
+from shake_ros.data.recordings.bag import Bag, Finding, Message
+from shake_ros.data.recordings.cdr import Floats, Integers, UndecodableError, walk
 from shake_ros.data.recordings.publishers import Choice, Take, choices, of_the_table
 from shake_ros.data.recordings.series import (
     SIGNALS,
@@ -126,6 +129,84 @@ class TableRecording:
 
 
 ARRAYS = ("pressure_a", "pressure_b", "pressure_supply", "force", "reference", "estimate", "truth")
+
+
+DIAGNOSTICS, DIAGNOSTICS_TYPE = "diagnostics", "diagnostic_msgs/msg/DiagnosticArray"
+PASSES, SPAN = "passes", "span"  # values of a status: whether commands act, and the master gain
+FULL = 0.9995  # master gain that counts as 1, as it is printed
+BRIEF = 0.05  # [s] a shorter segment is a matter of which message was received first
+
+
+def said(data: bytes) -> bool | None:
+    """Whether commands act in full, by a message; None where none of its nodes has an interlock."""
+    try:
+        texts = walk(data, DIAGNOSTICS_TYPE).texts
+    except UndecodableError:
+        return None
+    nodes: dict[str, dict[str, str]] = {}
+    for path, key in texts.items():
+        if path.endswith("].key"):
+            status = path.partition("].values")[0]
+            nodes.setdefault(status, {})[key] = texts[path.removesuffix("key") + "value"]
+    reported = next((values for values in nodes.values() if PASSES in values), None)
+    return None if reported is None else reported[PASSES] == "True" and _number(reported.get(SPAN, "1")) >= FULL
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return 1.0
+
+
+def without_brief(acts: npt.NDArray[np.bool_], most: int) -> npt.NDArray[np.bool_]:
+    """The same, without segments of at most so many samples on which commands did not act.
+
+    >>> without_brief(np.array([False, True, False, False]), 1).tolist()
+    [True, True, False, False]
+    """
+    found = acts.copy()
+    for span in stretches(~acts):
+        if span.stop - span.start <= most:
+            found[span] = True
+    return found
+
+
+class Acting:
+    """What the reports of a recording say, in the order of their receipt."""
+
+    def __init__(self) -> None:
+        self._received: list[int] = []
+        self._acts: list[bool] = []
+
+    def add(self, message: Message) -> None:
+        """Take one message; only changes are kept."""
+        acts = said(message.data)
+        if acts is not None and (not self._acts or acts != self._acts[-1]):
+            self._received.append(message.received)
+            self._acts.append(acts)
+
+    def samples(self, received: Integers) -> npt.NDArray[np.bool_]:
+        """Whether commands acted on samples received at these times [ns]; before the first report as it says."""
+        if not self._acts:
+            return np.ones(len(received), dtype=bool)
+        at = np.searchsorted(np.array(self._received), received, side="right") - 1
+        return np.array(self._acts)[np.maximum(at, 0)]
+
+    def usable(self, received: Integers, grid: Grid, topic: str, findings: list[Finding]) -> npt.NDArray[np.bool_]:
+        """The samples on which commands acted; all of a recording that has none. What is left out is reported."""
+        acts = without_brief(self.samples(received), round(BRIEF / grid.sample_time))
+        idle = int(np.sum(~acts))
+        if not idle:
+            return acts
+        what = "commands did not act in full (pressure off, a hold, or a master gain below 1)"
+        if idle == len(acts):
+            findings.append(Finding("idle", topic, idle, f"{what} on any sample", 0.0))
+            return np.ones(len(acts), dtype=bool)
+        first = grid.seconds(int(np.argmin(acts)))
+        text = f"{what} on {idle} of {len(acts)} samples, which are left out; first at {first:.4g} s"
+        findings.append(Finding("idle", topic, idle, text, first))
+        return acts
 
 
 def read_table_recording(path: Path | str, take: Take | None = None) -> TableRecording:

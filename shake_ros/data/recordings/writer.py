@@ -18,6 +18,7 @@ import json
 import os
 import shutil
 import struct
+import tempfile
 import zlib
 from pathlib import Path
 from types import TracebackType
@@ -33,6 +34,7 @@ from mcap.writer import MCAP0_MAGIC
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings.bag import METADATA, SUFFIXES, Bag
 from shake_ros.data.recordings.cdr import typestore
+from shake_ros.data.result_folder import writing
 
 CHUNK_SIZE = 64 * 1024
 PROFILE, LIBRARY = "ros2", "shake_ros"
@@ -366,23 +368,22 @@ def recover(path: Path | str, out: Path | str | None = None) -> tuple[Path, int]
     folder of the whole recording, number of messages in it
     """
     source = Path(path)
-    target = Path(out) if out is not None else source.with_name(source.name.split(".")[0] + ".recovered")
-    with Bag(source) as bag:
-        count = _copy(bag, target)
-    if out is not None:
-        return target, count
-    kept = source.with_name(source.name + ".killed")
-    final = source if source.is_dir() else source.with_name(source.name.split(".")[0])
-    if kept.exists() or (final != source and final.exists()):
-        return target, count
-    source.rename(kept)
-    _rename_bag(target, final)
+    stem = source.name.split(".")[0]
+    kept, final = source.with_name(source.name + ".killed"), source if source.is_dir() else source.with_name(stem)
+    if out is not None or kept.exists() or (final != source and final.exists()):
+        target = source.with_name(stem + ".recovered") if out is None else Path(out)
+        return target, _copy(source, target)
+    with writing(), tempfile.TemporaryDirectory(prefix=f".{stem}-", dir=source.parent) as work:
+        whole = Path(work, final.name)
+        count = _copy(source, whole)
+        source.rename(kept)
+        whole.rename(final)
     return final, count
 
 
-def _copy(bag: Bag, target: Path) -> int:
+def _copy(source: Path, target: Path) -> int:
     count = 0
-    with BagWriter(target) as writer:
+    with Bag(source) as bag, BagWriter(target) as writer:
         numbers = {}
         for topic in bag.topics.values():
             if topic.refusal:
@@ -403,16 +404,3 @@ def _profiles(text: str) -> list[dict[str, Any]]:
     except yaml.YAMLError:
         return []
     return content if isinstance(content, list) else []
-
-
-def _rename_bag(folder: Path, final: Path) -> None:
-    """Rename a recording that `BagWriter` wrote, with the file inside and what metadata.yaml says of it."""
-    old, new = f"{folder.name}.mcap", f"{final.absolute().name}.mcap"
-    metadata = folder / METADATA
-    content = yaml.safe_load(metadata.read_text(encoding="utf-8"))
-    information = content["rosbag2_bagfile_information"]
-    information["relative_file_paths"] = [new]
-    information["files"][0]["path"] = new
-    (folder / old).rename(folder / new)
-    metadata.write_text(_yaml(content), encoding="utf-8")
-    folder.rename(final)

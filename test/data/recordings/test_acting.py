@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.fit_records import fit_records
 from shake_ros.data.recordings import TableRecording, read_table_recording
-from shake_ros.data.recordings.clocks import said
+from shake_ros.data.recordings.table import said
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
 Report = tuple[float, dict[str, str]]
