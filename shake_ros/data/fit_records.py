@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from shake_ros.core.analysis.stretches import clipped, restored, stretches
@@ -57,6 +56,9 @@ class Bridged:
     values: dict[str, Floats]
     rows: npt.NDArray[np.int64]
     filled: Flags
+
+    def __getitem__(self, part: slice) -> Bridged:
+        return Bridged({name: column[part] for name, column in self.values.items()}, self.rows[part], self.filled[part])
 
     @property
     def count(self) -> int:
@@ -106,7 +108,7 @@ def longest_short_gap(values: Mapping[str, Floats], most: int) -> int:
     number = _numbers(values["time"])
     finite = np.zeros(number[-1] + 1, dtype=np.bool_)
     finite[number] = np.all([np.isfinite(column) for column in values.values()], axis=0)
-    return max((n for n in range(1, most + 1) if _short(~finite, n).sum() > _short(~finite, n - 1).sum()), default=0)
+    return max((gap.stop - gap.start for gap in stretches(_short(~finite, most))), default=0)
 
 
 def _numbers(time: Floats) -> npt.NDArray[np.int64]:
@@ -154,55 +156,25 @@ def leaps(position: np.ndarray) -> np.ndarray:
     return np.asarray(np.flatnonzero(large) + 1)
 
 
-@dataclass(frozen=True)
-class Stretch:
-    """Samples of a recording at an even pace, short gaps filled: arrays of shape (n,).
+def even_parts(recording: TableRecording, driven_by: str = "valve_command") -> list[Bridged]:
+    """The segments of a recording without leap and longer gap that are long enough to fit, their short gaps filled.
 
-    Attributes
-    ----------
-    drive [-] or [N], position [m], acceleration [m/s²] or None.
-    first : row of the recording at which it begins.
-    valid : whether the accelerometer measured each sample: it was neither clipped nor lost.
-    filled : whether a sample or one of its values was lost.
+    Their columns are time, command, position and, where it was measured, acceleration.
     """
-
-    drive: NDArray[np.float64]
-    position: NDArray[np.float64]
-    acceleration: NDArray[np.float64] | None
-    first: int
-    valid: NDArray[np.bool_]
-    filled: NDArray[np.bool_]
-
-
-def stretches_of(recording: TableRecording, driven_by: str = "valve_command") -> list[Stretch]:
-    """The segments of a recording without leap and longer gap that are long enough to fit."""
-    drive = getattr(recording, driven_by)
-    columns = {"command": drive, "position": recording.position}
+    columns = {"command": getattr(recording, driven_by), "position": recording.position}
     if recording.acceleration is not None:
         columns["acceleration"] = recording.acceleration
-    clip, found = clipped_in(recording), list[Stretch]()
+    found = list[Bridged]()
     for rows in _joined(recording, np.isfinite(np.column_stack(list(columns.values()))).all(axis=1)):
         whole = bridged({"time": recording.time[rows]} | {n: c[rows] for n, c in columns.items()}, SHORT)
-        valid = ~whole.filled & ~((whole.rows >= 0) & clip[rows][whole.rows])
+        whole = replace(whole, rows=np.where(whole.rows < 0, -1, whole.rows + rows.start))
         cuts = leaps(whole.values["position"])
-        for first, last in zip([0, *cuts], [*cuts, len(valid)], strict=True):
-            if (last - first) * recording.sample_time < SHORTEST:
-                continue
-            part = {name: column[first:last] for name, column in whole.values.items()}
-            found.append(
-                Stretch(
-                    drive=part["command"],
-                    position=part["position"],
-                    acceleration=part.get("acceleration"),
-                    first=rows.start + int(np.max(whole.rows[: first + 1])),
-                    valid=valid[first:last],
-                    filled=whole.filled[first:last],
-                )
-            )
+        parts = [whole[a:b] for a, b in zip([0, *cuts], [*cuts, len(whole.filled)], strict=True)]
+        found += [part for part in parts if len(part.filled) * recording.sample_time >= SHORTEST]
     return found
 
 
-def _joined(recording: TableRecording, measured: NDArray[np.bool_]) -> list[slice]:
+def _joined(recording: TableRecording, measured: Flags) -> list[slice]:
     """Rows of the segments of a recording, those as one between which a few samples are lost and nothing else is."""
     most = max(1, min(SHORT, int(LONGEST_FILLED / recording.sample_time)))
     time, position = recording.time, recording.position
@@ -244,20 +216,17 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
         )
     if not all(np.isfinite(drive[span]).all() for span in recording.segments):
         raise ShakeError(f"{recording.name}: topic {driven_by} holds values that are not finite numbers")
-    records = []
-    for stretch in stretches_of(recording, driven_by):
-        if np.ptp(stretch.position) == 0.0:
+    clip, records = clipped_in(recording), []
+    for part in even_parts(recording, driven_by):
+        position, acceleration = part.values["position"], part.values.get("acceleration")
+        if np.ptp(position) == 0.0:
             continue  # at rest to the last digit: neither motion nor noise to weigh it by
-        dead = stretch.acceleration is None or np.ptp(stretch.acceleration) == 0.0  # a dead channel measures nothing
-        record = Record(
-            recording.name,
-            recording.sample_time,
-            stretch.drive,
-            stretch.position,
-            None if dead else stretch.acceleration,
-            command_before=float(stretch.drive[0]) if stretch.first or recording.time[0] > 0.0 else 0.0,
-        )
-        records.append(_without_unheard(record, stretch))
+        if acceleration is not None and np.ptp(acceleration) == 0.0:
+            acceleration = None  # a dead channel measures nothing
+        command = part.values["command"]
+        before = float(command[0]) if part.rows[0] != 0 or recording.time[0] > 0.0 else 0.0
+        record = Record(recording.name, recording.sample_time, command, position, acceleration, command_before=before)
+        records.append(_without_unheard(record, part.filled, (part.rows >= 0) & clip[part.rows]))
     if not np.ptp(recording.position[np.isfinite(recording.position)]):
         raise ShakeError(f"{recording.name}: joint_states: the position does not move, nothing to fit")
     if not records:
@@ -268,7 +237,7 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
     return records
 
 
-def clipped_in(recording: TableRecording) -> NDArray[np.bool_]:
+def clipped_in(recording: TableRecording) -> Flags:
     """Samples at which the accelerometer of a recording is clipped, shape (n,)."""
     at = np.zeros(len(recording), dtype=np.bool_)
     if recording.acceleration is not None:
@@ -277,21 +246,21 @@ def clipped_in(recording: TableRecording) -> NDArray[np.bool_]:
     return at
 
 
-def _without_unheard(record: Record, stretch: Stretch) -> Record:
+def _without_unheard(record: Record, filled: Flags, clip: Flags) -> Record:
     """The segment with its lost acceleration ignored; for spectra it follows the position there."""
-    if record.acceleration is None or stretch.valid.all() or not stretch.valid.any():
+    valid = ~filled & ~clip
+    if record.acceleration is None or valid.all() or not valid.any():
         return record
-    clip = ~stretch.valid & ~stretch.filled
-    felt = restored(record.acceleration, clip, np.gradient(record.velocity, record.sample_time))
-    return replace(record, acceleration=felt, valid=stretch.valid)
+    felt = restored(record.acceleration, clip & ~filled, np.gradient(record.velocity, record.sample_time))
+    return replace(record, acceleration=felt, valid=valid)
 
 
 def finding_lines(recording: TableRecording) -> list[str]:
     """What reading a recording met, a line each; one on lost samples, on a clipped accelerometer, on leaps."""
     lines = [f"{recording.name}: {finding}" for finding in recording.findings]
-    used = stretches_of(recording)
-    if filled := sum(int(s.filled.sum()) for s in used):
-        gaps = sum(len(stretches(s.filled)) for s in used)
+    used = even_parts(recording)
+    if filled := sum(part.count for part in used):
+        gaps = sum(part.gaps for part in used)
         lines.append(
             f"{recording.name}: {filled} lost samples in {gaps} gaps of up to {SHORT} are filled for fits by "
             "interpolation; their acceleration does not count in fits and errors"
@@ -300,7 +269,7 @@ def finding_lines(recording: TableRecording) -> list[str]:
         lines.append(f"{recording.name}: imu: its {count} clipped samples do not count in fits and errors")
     found = [span.start + k for span in recording.segments for k in leaps(recording.position[span]).tolist()]
     if found:
-        seconds = sum(len(s.drive) for s in used) * recording.sample_time
+        seconds = sum(len(part.filled) for part in used) * recording.sample_time
         lines.append(
             f"{recording.name}: joint_states: the position jumps {len(found)} times, first at "
             f"{recording.time[found[0]]:.3f} s; divided there, {seconds:.1f} of {recording.time[-1]:.1f} s are used"
