@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from shake_ros.core.analysis.stretches import stretches
+from shake_ros.core.analysis.stretches import energies, stretches
 from shake_ros.core.quantities import ShakeError, member_from
 from shake_ros.core.reference import REFERENCES
 from shake_ros.core.reference.baseline import end_at_rest
@@ -124,7 +124,8 @@ def played(recording: TableRecording, drive: Array, sample_time: float, name: st
         raise ShakeError(f"{name}: {len(reference)} samples of the graph do not contain the {len(drive)} of the motion")
     rows = slice(first, first + len(drive))
     missing = ~np.isfinite(_spread(r.acceleration, place)[rows] + _spread(r.position, place)[rows])
-    count, longest = int(missing.sum()), _longest(missing)
+    count = int(missing.sum())
+    longest = max((gap.stop - gap.start for gap in stretches(missing)), default=0)
     if count > MOST_MISSING * len(drive) or longest > LONGEST_MISSING:
         raise ShakeError(f"{name}: {count} of {len(drive)} samples are missing, {longest} in a row: not evaluated")
     off = reference[rows, 1] - drive[:, 1]
@@ -150,16 +151,9 @@ def _begin(found: Array, wanted: Array) -> int:
 
     if len(found) < len(wanted):
         return -1
-    power = np.concatenate([[0.0], np.cumsum(found**2)])
-    window = power[len(wanted) :] - power[: -len(wanted)]
-    off = window - 2.0 * correlate(found, wanted, mode="valid", method="fft")
+    off = energies(found, len(wanted)) - 2.0 * correlate(found, wanted, mode="valid", method="fft")
     near = off <= np.min(off) + SAME * float(np.sum(wanted**2))
     return int(np.flatnonzero(near)[-1])
-
-
-def _longest(missing: NDArray[np.bool_]) -> int:
-    """Most true values in a row."""
-    return max((span.stop - span.start for span in stretches(missing)), default=0)
 
 
 def _whole(r: TableRecording, place: NDArray[np.int64], rows: slice, sample_time: float, name: str) -> TableRecording:

@@ -94,12 +94,9 @@ def clock_of(position: EvenSamples, acceleration: EvenSamples) -> Clock:
     step = 1.0 / (FINE * high)
     grids = [np.arange(0.0, length, step) for length in lengths]
     lag, turned = _lag(seen(grids[0]), felt(grids[1]), step)
-    fit = _Comparison(seen, felt, lengths, step)
-    shift, drift = fit.fitted(lag)
-    rest, deviations = fit.deviations(shift, drift)
-    correlation = float(np.sqrt(1.0 - rest))
+    (shift, drift), deviations, left = _fitted(seen, felt, lengths, step, lag)
     begins = position.begin, acceleration.begin
-    return Clock(begins, shift, drift, float(deviations[0]), float(deviations[1]), correlation, turned)
+    return Clock(begins, shift, drift, deviations[0], deviations[1], float(np.sqrt(1.0 - left)), turned)
 
 
 def _lag(seen: Floats, felt: Floats, step: float) -> tuple[float, bool]:
@@ -130,50 +127,37 @@ def _lag(seen: Floats, felt: Floats, step: float) -> tuple[float, bool]:
     return (best - (len(felt) - 1)) * step, bool(alike[best] < 0.0)
 
 
-class _Comparison:
-    """Residuals of the second signal against the first, by shift and drift."""
+def _fitted(seen: Curve, felt: Curve, lengths: list[float], step: float, lag: float) -> tuple[Floats, Floats, float]:
+    """Shift [s] and drift [-] of least squares, their deviations, and the mean square that they leave, in parts.
 
-    def __init__(self, seen: Curve, felt: Curve, lengths: list[float], step: float) -> None:
-        self.seen, self.felt, self.lengths, self.step = seen, felt, lengths, step
+    Where both are there and their filters have settled: over a part in the midst first, then over more of it.
+    """
 
-    def residuals(self, x: Floats, time: Floats) -> Floats:
+    def residuals(x: Floats, time: Floats) -> Floats:
         """What the first signal leaves of the second one beside a gain, in parts of its size."""
         at = time * (1.0 + x[1]) + x[0]
-        inside = (at >= 0.0) & (at <= self.lengths[0])
-        a, b = np.where(inside, self.seen(np.clip(at, 0.0, self.lengths[0])), 0.0), self.felt(time) * inside
+        inside = (at >= 0.0) & (at <= lengths[0])
+        a, b = np.where(inside, seen(np.clip(at, 0.0, lengths[0])), 0.0), felt(time) * inside
         size = float(np.sqrt(b @ b))
         return np.asarray((b - a * (a @ b) / max(float(a @ a), 1e-300)) / max(size, 1e-300))
 
-    def common(self, shift: float) -> tuple[float, float]:
-        """Where both are there and their filters have settled, on the second clock [s]."""
-        first, last = max(0.0, -shift), min(self.lengths[1], self.lengths[0] - shift)
-        edge = min(SETTLED, 0.15 * (last - first))
-        return first + edge, last - edge
-
-    def fitted(self, shift: float) -> tuple[float, float]:
-        """Shift [s] and drift [-] of least squares: over a part in the midst first, then over more of it."""
-        first, last = self.common(shift)
-        middle, span, x = 0.5 * (first + last), FIRST_SPAN, np.array([shift, 0.0])
-        while True:
-            low, high = max(first, middle - 0.5 * span), min(last, middle + 0.5 * span)
-            time = np.arange(low, high, self.step)
-            scale = np.array([self.step, self.step / max(high - low, 1.0)])
-            bounds = np.array([x[0] - 1.0, -DRIFT]), np.array([x[0] + 1.0, DRIFT])
-            x = least_squares(self.residuals, x, bounds=bounds, x_scale=scale, args=(time,), diff_step=1e-6).x
-            if span >= last - first:
-                return float(x[0]), float(x[1])
-            span *= 2.0
-
-    def deviations(self, shift: float, drift: float) -> tuple[float, Floats]:
-        """Mean square of what is left, in parts, and standard deviations of shift and drift."""
-        time = np.arange(*self.common(shift), self.step)
-        x, h = np.array([shift, drift]), np.array([1e-5, 1e-7])
-        rows = [(self.residuals(x + d, time) - self.residuals(x - d, time)) / (2.0 * d.sum()) for d in np.diag(h)]
-        rest = self.residuals(x, time)
-        left = float(rest @ rest)
-        variance = left / len(time) * FINE / 2.0  # FINE / 2 samples tell as much as one of white noise
-        covariance = np.linalg.inv(np.array(rows) @ np.array(rows).T) * variance
-        return min(left, 1.0), np.sqrt(np.diag(covariance))
+    first, last = max(0.0, -lag), min(lengths[1], lengths[0] - lag)
+    edge = min(SETTLED, 0.15 * (last - first))
+    first, last = first + edge, last - edge
+    middle, span, x = 0.5 * (first + last), FIRST_SPAN, np.array([lag, 0.0])
+    while True:
+        low, high = max(first, middle - 0.5 * span), min(last, middle + 0.5 * span)
+        time = np.arange(low, high, step)
+        scale = np.array([step, step / max(high - low, 1.0)])
+        bounds = np.array([x[0] - 1.0, -DRIFT]), np.array([x[0] + 1.0, DRIFT])
+        found = least_squares(residuals, x, bounds=bounds, x_scale=scale, args=(time,), diff_step=1e-6)
+        x = found.x
+        if span >= last - first:
+            break
+        span *= 2.0
+    left = float(found.fun @ found.fun)
+    variance = left / len(time) * FINE / 2.0  # FINE / 2 samples tell as much as one of white noise
+    return x, np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac) * variance)), min(left, 1.0)
 
 
 FASTER = 1.5  # times as fast as the first file, from which a second one is filtered before it is thinned
