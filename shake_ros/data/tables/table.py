@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 import unicodedata
 from collections.abc import Callable, Sequence
@@ -313,29 +312,23 @@ class _Rows:
 
     def _fast(self, chunk: Sequence[str], places: Sequence[int]) -> list[Floats] | None:
         """Values of rows that hold nothing but plain numbers; None where some row holds anything else."""
-        separator, decimal = self.layout.separator, self.layout.decimal
-        text = "\n".join(chunk)
-        if '"' not in text and decimal == "," and separator != ",":
-            if "." in text:
+        separator, width, blank = self.layout.separator, self.layout.width, self.layout.separator == BLANK
+        rows = [line for line in chunk if line.strip()]
+        if self.layout.decimal == "," and separator != ",":
+            if any("." in line or '"' in line for line in rows):
                 return None
-            text = text.replace(",", ".")
-        if separator != BLANK and text.endswith(separator):
-            text = text.replace(f"{separator}\n", "\n").removesuffix(separator)
-        chunk = text.split("\n")
+            rows = [line.replace(",", ".") for line in rows]
+        counts = {len(line.split()) if blank else line.count(separator) + 1 for line in rows}
+        empty = separator * (max(counts, default=0) - width)
+        if len(counts) != 1 or max(counts) < width or not all(line.endswith(empty) for line in rows):
+            return None
         try:
-            if len(self.layout.numbers) == self.layout.width and text.strip():
-                blank = separator == BLANK
-                whole = np.loadtxt(chunk, delimiter=None if blank else separator, comments=None, quotechar='"', ndmin=2)
-                return [whole[:, place] for place in places] if whole.shape[1] == self.layout.width else None
-            rows = (
-                [line.split() for line in chunk] if separator == BLANK else list(csv.reader(chunk, delimiter=separator))
+            found = np.loadtxt(
+                rows, delimiter=None if blank else separator, comments=None, quotechar='"', usecols=places, ndmin=2
             )
-            columns = list(zip(*rows, strict=True))
-            if len(columns) < self.layout.width or any(any(column) for column in columns[self.layout.width :]):
-                return None
-            return [np.array(list(map(float, columns[place]))) for place in places]
         except ValueError:
             return None
+        return list(found.T)
 
     def _careful(self, chunk: Sequence[str], first: int, places: Sequence[int], clocks: Sequence[bool]) -> list[Floats]:
         """Values of rows with anything in them; a ShakeError where a row is short, long, or holds no number."""
