@@ -1,4 +1,4 @@
-"""`demo`: the main job end to end: recordings over DDS, the missing effect, tracking before and after."""
+"""`demo`: the main job end to end: recordings over DDS, the missing effect, tracking before and after; its page."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ import yaml
 from shake_ros.api.fitted import names_of, with_test
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.cli.arguments import CommandLine, reporting
+from shake_ros.core.control.closed_loop import normalised_error
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
@@ -28,14 +29,20 @@ from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.data.results import close_loop_json
 from shake_ros.declared import model_structure
 from shake_ros.measured.models import MeasuredRuns
+from shake_ros.measured.page import harmonics_chart
 from shake_ros.measured.runs import ALL, fit_runs, read_problem
-from shake_ros.report.close_loop_page import MODELS, mean_error
+from shake_ros.report.chart import AFTER, BEFORE, MEASURED, new_figure, png, tidy
+from shake_ros.report.charts_fit import fastest_segment, free_runs
+from shake_ros.report.close_loop_page import MODELS, mean_error, model_sections, step_text
+from shake_ros.report.page import Bar, Page, write_page
+from shake_ros.report.result_table import percent
+from shake_ros.report.sections import Track, made_of, parameters_side_by_side, tracking_section
+from shake_ros.report.text import sentence
 from shake_ros.search.close_loop import LoopClosure, close_loop
 from shake_ros.settings import find, load_search, load_table, read_yaml, save_table
 
 if TYPE_CHECKING:
-    from shake_ros.demonstration.page import DemoResult
-
+    from matplotlib.axes import Axes
 
 DURATION = {"excitation": 11.0, "earthquake": 12.0}  # of the recordings [s]
 RUNS = ("excitation", "earthquake", "earthquake_again")  # recorded, each with sensor noise of its own
@@ -177,9 +184,6 @@ def _run(
     figures: str | None,
     command: str,
 ) -> None:
-    from shake_ros.demonstration.page import DemoResult, demo_page, overview, track_of
-    from shake_ros.report.page import write_page
-
     bar.span(0.0, 0.25)
     runs = measured_runs(bar)
     with tempfile.TemporaryDirectory(prefix="shake_ros-demo-") as temporary:
@@ -190,7 +194,8 @@ def _run(
             bar.span(0.25 + 0.1 * i, 0.35 + 0.1 * i)
             recordings[name] = read_table_recording(record_run(work, name, settings, hidden, settings["declared"], bar))
         bar.span(0.45, 0.85)
-        result, learn, hold = close(settings, recordings, bar)
+        learn, hold = fit_records(recordings["excitation"]), fit_records(recordings["earthquake"])
+        result = close_loop(model_structure(load_table(settings["declared"])), learn, hold, load_search(), bar)
         save_table(
             folder / "extended_table.yaml", result.final.table, "The declared table, fitted and extended by demo."
         )
@@ -214,13 +219,35 @@ def _run(
     (folder / "summary.txt").write_text(lines(found, summary), encoding="utf-8")
 
 
-def close(
-    settings: Mapping[str, Any], recordings: Mapping[str, TableRecording], bar: Progress
-) -> tuple[LoopClosure, list[Record], list[Record]]:
-    """Step 3: fit the declared model to the recordings, find and add what it lacks."""
-    learn, hold = fit_records(recordings["excitation"]), fit_records(recordings["earthquake"])
-    model = model_structure(load_table(settings["declared"]))
-    return close_loop(model, learn, hold, load_search(), bar), learn, hold
+@dataclass(frozen=True)
+class DemoResult:
+    """What the demo found.
+
+    Attributes
+    ----------
+    runs : of the real table, with the models fitted to them.
+    hidden : name of the hidden effect.
+    result : models before and after, with their errors on test data too.
+    learn, hold, test : estimation, validation and test data.
+    tracks : the earthquake with the declared and with the extended model in observer and controller, by name.
+    """
+
+    runs: MeasuredRuns
+    hidden: str
+    result: LoopClosure
+    learn: Sequence[Record]
+    hold: Sequence[Record]
+    test: Sequence[Record]
+    tracks: Mapping[str, Track]
+
+
+def track_of(run: TableRecording) -> Track:
+    """The true motion of a recording, and its relative errors behind the reference."""
+    assert run.reference is not None and run.truth is not None
+    good = np.isfinite(run.reference).all(axis=1) & np.isfinite(run.truth).all(axis=1)
+    errors = normalised_error(run.reference[good], run.truth[good]).tolist()
+    names = ("position", "velocity", "acceleration")
+    return Track(run.time, run.reference, run.truth, dict(zip(names, errors, strict=True)))
 
 
 def summarise(found: DemoResult, seconds: float) -> dict[str, Any]:
@@ -257,6 +284,135 @@ def lines(found: DemoResult, summary: Mapping[str, Any]) -> str:
         f"{100 * before:.2f} → {100 * after:.2f} % of the velocity\n"
         f"seconds:        {summary['seconds']:.0f}\n"
     )
+
+
+def harmonic_axes(axes: Axes, runs: MeasuredRuns) -> None:
+    """Bars of the first measured run: measured, declared model, best variant."""
+    run = runs.problem.runs[0]
+    span = slice(0, len(run.orders))
+    curves = (
+        (run.measured, MEASURED, "measured on the table"),
+        (runs.amplitudes(runs.declared)[span], BEFORE, "declared model"),
+        (runs.amplitudes(runs.best)[span], AFTER, f"with {runs.best.name or 'nothing added'}"),
+    )
+    place = np.arange(len(run.orders))
+    for i, (values, colour, label) in enumerate(curves):
+        axes.bar(place + (i - 1) * 0.27, values, width=0.25, color=colour, label=label)
+    axes.set_xticks(place, [str(k) for k in run.orders])
+    axes.set_yscale("log")
+    axes.set_ylim(0.04, 20.0)
+    axes.set_title(f"real table, u = {run.amplitude:g} at {run.frequency:g} Hz", fontsize=10)
+    tidy(axes, "harmonic", "acceleration amplitude [m/s²]")
+    axes.legend(frameon=False, fontsize=9)
+
+
+def overview(found: DemoResult) -> bytes:
+    """One picture of the whole result as PNG: harmonics, acceleration of the validation data, tracking error."""
+    result = found.result
+    figure = new_figure(12.5, 7.2)
+    grid = figure.add_gridspec(2, 2)
+    harmonic_axes(figure.add_subplot(grid[0, 0]), found.runs)
+    record = found.hold[0]
+    runs_of_record = free_runs(record, result.baseline.table, result.final.table)
+    span = fastest_segment(record, 1.2)
+    time = np.arange(len(record.commands))[span] * record.sample_time
+    history = figure.add_subplot(grid[0, 1])
+    if record.acceleration is not None:
+        history.plot(time, record.acceleration[span], color=MEASURED, linewidth=1.6, label="measured (validation)")
+    history.plot(time, runs_of_record[0][span, 2], color=BEFORE, linewidth=1.1, label="declared model")
+    named = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing added"
+    history.plot(time, runs_of_record[1][span, 2], color=AFTER, linewidth=1.1, linestyle="--", label=f"with {named}")
+    tidy(history, "time [s]", "acceleration [m/s²]")
+    history.legend(frameon=False, fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    error = figure.add_subplot(grid[1, :])
+    for (label, track), colour in zip(found.tracks.items(), (BEFORE, AFTER), strict=True):
+        off = 1e3 * (track.motion[:, 0] - track.reference[:, 0])
+        error.plot(track.time, off, color=colour, linewidth=1.0, label=label)
+    tidy(error, "time [s]", "position error [mm]")
+    error.legend(frameon=False, loc="upper right", fontsize=9)
+    return png(figure)
+
+
+def measured_section(page: Page, runs: MeasuredRuns) -> None:
+    """The five measured runs of the real table."""
+    page.heading("Five measured runs of the real table")
+    page.paragraph(
+        f"{len(runs.problem.measured)} harmonic amplitudes of the acceleration under open-loop sines. The declared "
+        f"model (constant bulk modulus) misses them by {runs.declared.rms:.3f} m/s² rms; "
+        + (
+            f"with {runs.best.name}, by {runs.best.rms:.3f} m/s²."
+            if runs.best.name
+            else "no extension justifies its extra parameters."
+        )
+    )
+    best = f"with {runs.best.name or 'nothing added'}"
+    drawn = [("declared model", runs.amplitudes(runs.declared), "before"), (best, runs.amplitudes(runs.best), "after")]
+    page.chart(harmonics_chart(runs.problem, drawn))
+    models = [runs.declared, *runs.variants]
+    widest = max(v.rms for v in models)
+    rows: list[list[str | Bar]] = [
+        [v.name or "declared model", Bar(v.rms / widest, f"{v.rms:.3f}"), str(len(v.fit.x)), f"{v.criterion:.1f}"]
+        for v in models
+    ]
+    head = ("model", "rms error [m/s²]", "parameters", "information criterion")
+    page.table(head, rows, best=models.index(runs.best), start=0)
+
+
+def demo_page(found: DemoResult, summary: Mapping[str, Any], command: str = "") -> Page:
+    """The whole page; summary : content of summary.json."""
+    runs, result, sets = found.runs, found.result, (found.learn, found.hold, found.test)
+    before, after = (track.errors["position"] for track in found.tracks.values())
+    named = summary["hidden"]["named"] or "nothing"
+    page = Page(
+        "Closing the loop with measured data",
+        "A simulated table with an effect that the model is missing: recorded over DDS, found from the recordings, "
+        "added, and tracked again; and the declared model against harmonics measured on the real table.",
+        made_of(command, *sets),
+    )
+    page.heading("What was found, and how certain it is")
+    page.cards(
+        [
+            (named, f"found from the recordings; the hidden effect was {found.hidden}"),
+            (
+                f"{percent(summary['hidden']['hold_before'])} → {percent(summary['hidden']['hold_after'])}",
+                "acceleration error of the free run, validation data",
+            ),
+            (
+                f"{percent(summary['hidden']['test_before'])} → {percent(summary['hidden']['test_after'])}",
+                "acceleration error of the free run, test data",
+            ),
+            (
+                f"{percent(before)} → {percent(after)}",
+                "position error under the earthquake",
+            ),
+            (
+                f"{runs.declared.rms:.3f} → {runs.best.rms:.3f} m/s²",
+                f"error of the real table's harmonics, with {runs.best.name}",
+            ),
+        ]
+    )
+    for step, model in zip(result.search.steps, result.models, strict=True):
+        page.paragraph(step_text(step, model))
+    page.paragraph(
+        "Plant, reference generator, observer, controller and recorder ran in lock-step as separate processes: "
+        f"{sum(len(r.commands) for r in found.learn)} samples of an excitation for estimation and "
+        f"{len(found.tracks[MODELS[0]].time)} samples of the earthquake for validation. The earthquake under the "
+        "extended model is test data: no decision used it."
+    )
+    model_sections(page, result, *sets)
+    page.heading("What remains")
+    page.paragraph(sentence(result.remaining.text))
+    page.heading("The same earthquake, tracked with each model")
+    page.paragraph(
+        "Observer and controller carry a copy of the table's model: in the first run the declared model, in the second "
+        "the model identified and extended from the recordings. Errors are those of the true motion against the "
+        "reference."
+    )
+    tracking_section(page, found.tracks)
+    page.heading("Parameters")
+    parameters_side_by_side(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)))
+    measured_section(page, runs)
+    return page
 
 
 def demo_command(arguments: Sequence[str]) -> int:

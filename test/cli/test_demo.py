@@ -19,7 +19,7 @@ from shake_ros.core.effects import EFFECTS
 from shake_ros.core.quantities import UnknownName
 from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
 from shake_ros.demonstration import demo
-from shake_ros.demonstration.page import DemoResult, track_of
+from shake_ros.demonstration.demo import DemoResult, track_of
 from shake_ros.measured import models, runs
 from shake_ros.measured.models import MeasuredRuns
 from shake_ros.settings import find, load_table, read_yaml, save_table
