@@ -22,7 +22,7 @@ declared model and of the effects that it is to have are fitted to the error of 
 from each trial of an effect, whichever start is the closest. So the motion that was missed moves the inverse of the
 table and not the reference; where the model can become the table, one run is enough. Correcting the reference needs a
 table that answers nearly linearly, which one with a soft zone does not. Not in the thesis. Verified against: the
-simulated table, with models wrong by known amounts. `lacking` runs `close_loop` on the first and the last run.
+simulated table, with models wrong by known amounts.
 """
 
 from __future__ import annotations
@@ -33,10 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.discovery.unlisted_functions import UNLISTED
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
 from shake_ros.core.identification.recording_problem import RecordingProblem
@@ -45,8 +42,6 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 from shake_ros.core.reference.baseline import end_at_rest, states_from_rest
 from shake_ros.core.reference.motion import smooth_step
-from shake_ros.declared import model_structure, search_settings
-from shake_ros.search import close_loop as closing
 
 Array = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -340,39 +335,3 @@ def iterate_model(
         if reason:
             return models, errors, reason
         models.append(learn(models[-1], [record]))
-
-
-def lacking(
-    model: TableParameters,
-    runs: Sequence[Record],
-    settings: SearchSettings | None = None,
-    progress: ProgressOption = True,
-) -> str:
-    """Which effect a model lacks, in a sentence, from at least two runs; the first is fitted, the last one judges.
-
-    Parameters
-    ----------
-    model : of the feedforward.
-    runs : with acceleration, oldest first.
-    settings : of the search, where not those of config/discovery/search.yaml.
-    """
-    if len(runs) < 2:
-        return "one run does not show what the model lacks; close_loop needs two"
-    with Progress("close_loop on the runs", progress) as bar:
-        found = closing.close_loop(
-            model_structure(model), runs[:1], runs[-1:], settings or search_settings(), bar
-        ).verdicts
-    if not found:
-        return (
-            "close_loop on the runs finds nothing missing from the model: the gains do not suit this table; ./shake "
-            "tune makes new ones"
-        )
-    names = [s.effect for s in found if s.effect != UNLISTED]
-    effects = ", ".join(f"{s.effect} ({s.place}{_or(s.alternatives)})" for s in found)
-    text = f"close_loop on the runs: the model lacks {effects}"
-    return f"{text}; --refit {' '.join(names)} fits it to the runs" if names else text
-
-
-def _or(alternatives: Sequence[str]) -> str:
-    """Effects that the runs cannot distinguish from one."""
-    return f"; or {', '.join(alternatives)}" if alternatives else ""

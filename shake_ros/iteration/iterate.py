@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.fitted import Data, recordings
-from shake_ros.api.progress import ProgressOption
+from shake_ros.api.progress import Progress, ProgressOption
+from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.discovery.unlisted_functions import UNLISTED
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.loop.metrics import FREQUENCIES, HIGHEST, LOWEST
 from shake_ros.core.plant.parameters import TableParameters
@@ -19,14 +21,13 @@ from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program, write_drive
 from shake_ros.data.result_folder import new_folder, write_json
-from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.declared import effect_candidates, free_parameters, model_structure, search_settings
 from shake_ros.iteration.drive import (
     Iteration,
     Run,
     drive_from_best,
     error_in_band,
     iterate_model,
-    lacking,
     refit,
     verdict,
 )
@@ -35,6 +36,7 @@ from shake_ros.iteration.table import SimulatedTable
 from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
 from shake_ros.report.page import Made, Page, write_page
 from shake_ros.report.result_table import ResultTable, percent
+from shake_ros.search.close_loop import close_loop
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
 Array = NDArray[np.float64]
@@ -127,11 +129,28 @@ class Iterated:
     first_model: TableParameters | None = None
     records: tuple[Record, ...] = ()
 
-    def lacking(self, progress: ProgressOption = True) -> str:
-        """Which effect the model of the runs lacks, in a sentence, as `close_loop` finds it in them."""
+    def lacking(self, settings: SearchSettings | None = None, progress: ProgressOption = True) -> str:
+        """Which effect the model of the runs lacks, in a sentence, as `close_loop` finds it in the first and last.
+
+        settings : of the search, where not those of config/discovery/search.yaml.
+        """
         if self.first_model is None:
             return "no model of the table is given, so what it lacks cannot be looked for"
-        return lacking(self.first_model, self.records, progress=progress)
+        if len(self.records) < 2:
+            return "one run does not show what the model lacks; close_loop needs two"
+        model, first, last = model_structure(self.first_model), self.records[:1], self.records[-1:]
+        with Progress("close_loop on the runs", progress) as bar:
+            found = close_loop(model, first, last, settings or search_settings(), bar).verdicts
+        if not found:
+            return (
+                "close_loop on the runs finds nothing missing from the model: the gains do not suit this table; "
+                "./shake tune makes new ones"
+            )
+        others = [f"; or {', '.join(s.alternatives)}" if s.alternatives else "" for s in found]
+        effects = ", ".join(f"{s.effect} ({s.place}{other})" for s, other in zip(found, others, strict=True))
+        text = f"close_loop on the runs: the model lacks {effects}"
+        names = [s.effect for s in found if s.effect != UNLISTED]
+        return f"{text}; --refit {' '.join(names)} fits it to the runs" if names else text
 
     @property
     def best(self) -> int:

@@ -13,7 +13,6 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.baseline import states_from_rest
 from shake_ros.data.reference_file import build_program
-from shake_ros.iteration.drive import lacking
 from shake_ros.iteration.iterate import Iterated, iterate, iterate_simulated
 from shake_ros.iteration.table import SimulatedTable
 from shake_ros.settings import load_search
@@ -55,7 +54,6 @@ def test_model_that_lacks_the_soft_zone_is_reported_from_the_runs() -> None:
     table = SimulatedTable("bergamo", *FIXED, progress=False, changes={"effects.soft_zone.depth": 0.84})
     found = iterate_simulated("earthquake_rock", table, runs=2)
     assert found.wrong
-    assert found.first_model is not None
     part = slice(2000, 5000)
     runs = [
         Record(r.name, r.sample_time, r.commands[part], r.position[part], r.acceleration[part])
@@ -63,10 +61,10 @@ def test_model_that_lacks_the_soft_zone_is_reported_from_the_runs() -> None:
         if r.acceleration is not None
     ]
     short = replace(load_search(), converging_evaluations=10)
-    told = lacking(found.first_model, runs, short, progress=False)
+    told = replace(found, records=tuple(runs)).lacking(short, progress=False)
     assert told.startswith("close_loop on the runs: the model lacks soft_zone (compressibility")
     assert "--refit soft_zone" in told
-    assert "needs two" in lacking(found.first_model, runs[:1])
+    assert "needs two" in replace(found, records=tuple(runs[:1])).lacking(short)
 
 
 @pytest.mark.parametrize("load", [0.0, 500.0])

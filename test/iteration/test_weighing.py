@@ -20,8 +20,7 @@ def test_a_simulated_table_is_weighed_by_its_pressures(load: float) -> None:
     body = table.body
     force = body.piston_area * (out[:, 3] - body.area_ratio * out[:, 4])
     found = weigh(force, out[:, 2], out[:, 0], 0.001)
-    assert found.mass == pytest.approx(table.moved_mass, rel=0.02)
-    assert found.std_error < 0.02 * table.moved_mass
+    assert found == pytest.approx(table.moved_mass, rel=0.02)
 
 
 def test_a_run_at_rest_is_not_weighed() -> None:
