@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import binomtest, chi2
 
 from shake_ros.campaigns.study import Study, StudySection, canonical
 from shake_ros.report.chart import Chart, ChartSeries, Panel
@@ -18,8 +18,6 @@ from shake_ros.report.page import Made, Page
 
 if TYPE_CHECKING:
     from shake_ros.campaigns.campaign import Campaign, FinishedRow
-
-NORMAL_95 = 1.959963984540054  # two-sided quantile of the normal distribution
 
 
 class Share(NamedTuple):
@@ -46,11 +44,8 @@ class Share(NamedTuple):
         """
         if self.of == 0:
             return 0.0, 1.0
-        z, n, p = NORMAL_95, self.of, self.value
-        centre = p + z * z / (2 * n)
-        width = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-        scale = 1 + z * z / n
-        return max((centre - width) / scale, 0.0), min((centre + width) / scale, 1.0)
+        low, high = binomtest(self.hits, self.of).proportion_ci(method="wilson")
+        return float(low), float(high)
 
     def __str__(self) -> str:
         """
