@@ -185,8 +185,7 @@ def read(
     with tempfile.TemporaryDirectory(prefix="shake_ros-read-") as folder:
         for number, path in enumerate(paths):
             recording = import_csv(path, Path(folder) / str(number), command=command, position=position, **columns)
-            provenance = replace(recording.provenance, path=Path(path), files=(Path(path).name,))
-            found.append(replace(recording, name=Path(path).stem, provenance=provenance))
+            found.append(replace(recording, name=Path(path).stem))
     return Recordings(found)
 
 

@@ -261,7 +261,7 @@ def _recording(name: str, dt: float, command: Array, measured: Array, signals: d
         sample_time=dt,
         valve_command=command,
         segments=(slice(0, len(command)),),
-        provenance=Provenance(Path(name), (), {}, {}, 0, True, "simulated"),
+        provenance=Provenance({}, 0, True),
         **shown,
         **signals,  # type: ignore[arg-type]
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +41,6 @@ class Accelerogram:
     name : station, component or file name.
     format : name in the table of formats.
     unit : as found in the file, "m/s2", "cm/s2", "g", or how the file writes another one.
-    provenance : what the file says of itself, by name.
     warnings : what a user should know, one line each.
     """
 
@@ -50,7 +49,6 @@ class Accelerogram:
     name: str
     format: str
     unit: str
-    provenance: dict[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
     @property
@@ -140,8 +138,6 @@ class Component:
     factor : on the numbers, to `unit` [-].
     peak : as the header declares it, in `unit`; None where it does not.
     about_mean : the declared peak is about the mean.
-    titles : lines of text above.
-    warnings : what a user should know.
     followed : other numbers may stand right behind.
     """
 
@@ -159,8 +155,6 @@ class Component:
     factor: float = 1.0
     peak: float | None = None
     about_mean: bool = False
-    titles: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
     followed: bool = False
 
 
@@ -183,22 +177,18 @@ def read_channel(text: Text, channels: Sequence[Component], channel: int, unit: 
     c = channels[number]
     if unit and c.unit and unit != c.unit:
         raise text.bad(c.line, f"the file is in {c.unit}, not in {unit}")
-    assumed = () if unit or c.unit else ("the header names no unit, taken as g",)
     found = unit or c.unit or "g"
+    warnings = [] if unit or c.unit else ["the header names no unit, taken as g"]
     values = _values(text, c)
-    warnings = [*c.warnings, *assumed]
     acceleration, step = values[:, c.column] * c.factor, c.step
     if c.columns == 2:
         acceleration, step, more = _even(text, c, values[:, 0], acceleration)
         warnings += more
     acceleration = checked(text, step, acceleration, found, c.line)
     warnings += _peak_warning(c, acceleration, size_of(found))
-    several = {"channel": f"{number + 1} of {len(channels)}"} if len(channels) > 1 else {}
-    titles = {f"header {i + 1}": line.strip() for i, line in enumerate(c.titles) if line.strip()}
     label = f", {c.label}" if len(channels) > 1 and c.label else ""
-    return Accelerogram(
-        step, acceleration, f"{c.name or text.path.stem}{label}", form, found, several | titles, tuple(warnings)
-    )
+    name = f"{c.name or text.path.stem}{label}"
+    return Accelerogram(step, acceleration, name, form, found, tuple(warnings))
 
 
 def _values(text: Text, c: Component) -> Array:

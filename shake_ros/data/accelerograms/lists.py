@@ -37,7 +37,7 @@ AT_LEAST = 0.5  # step of a time without a unit from which it may be in millisec
 def read(text: Text, channel: int, unit: str) -> Accelerogram:
     """The acceleration of a table of columns."""
     table = table_of(text.path, text.lines) if text.lines else read_table(text.path)
-    time_place, place, channel_note = _places(table, channel)
+    time_place, place = _places(table, channel)
     time, values = table.read([time_place, place])
     for name, column in (("time", time), ("acceleration", values)):
         if not np.isfinite(column).all():
@@ -51,7 +51,6 @@ def read(text: Text, channel: int, unit: str) -> Accelerogram:
         name=table.path.stem,
         format=NAME,
         unit=found,
-        provenance={f"header {i + 1}": line for i, line in enumerate(table.header)} | channel_note,
         warnings=warnings,
     )
 
@@ -63,8 +62,8 @@ def _kind(table: ColumnTable, place: int) -> str:
     return said if said in QUANTITIES else name
 
 
-def _places(table: ColumnTable, channel: int) -> tuple[int, int, dict[str, str]]:
-    """Columns of time and acceleration, and which of several accelerations it is."""
+def _places(table: ColumnTable, channel: int) -> tuple[int, int]:
+    """Columns of time and acceleration."""
     kinds = {place: _kind(table, place) for place in table.numbers}
     times = [place for place, kind in kinds.items() if kind == "time"]
     several = [place for place, kind in kinds.items() if kind == "acceleration"]
@@ -89,8 +88,7 @@ def _places(table: ColumnTable, channel: int) -> tuple[int, int, dict[str, str]]
             f"'acceleration' ({held})"
         )
     names = [table.name(place) for place in several]
-    number = chosen(table.path, names, channel)
-    return times[0], several[number], {"channel": f"{number + 1} of {len(names)}"} if len(names) > 1 else {}
+    return times[0], several[chosen(table.path, names, channel)]
 
 
 def _unit(table: ColumnTable, place: int, asked: str) -> tuple[str, tuple[str, ...]]:
@@ -184,8 +182,7 @@ def _bare(lines: Sequence[str], place: int) -> bool:
 
 def listed(text: Text) -> list[Component]:
     """The channel of the file."""
-    end, count, step = _count_and_step(text)
-    place = _line_of(text, end)
+    place, count, step = _count_and_step(text)
     first = next((i for i in range(place, len(text.lines)) if _numbers(text.lines[i])), len(text.lines))
     head = list(text.lines[:first])
     titles = " ".join(head)
@@ -206,14 +203,8 @@ def listed(text: Text) -> list[Component]:
             line=max(place - 1, 0),
             first=first,
             count=count,
-            titles=tuple(lines),
         )
     ]
-
-
-def _line_of(text: Text, end: int) -> int:
-    """Index of the line after character `end` of the head."""
-    return "\n".join(text.lines[:HEADER_LINES])[:end].count("\n") + 1
 
 
 def _numbers(line: str) -> bool:
@@ -226,13 +217,13 @@ def _numbers(line: str) -> bool:
 
 
 def _count_and_step(text: Text) -> tuple[int, int | None, float]:
-    """Where in the head the two end, the number of samples, None where the head does not give it, and the step [s]."""
+    """Line behind the two, the number of samples, None where the head does not give it, and the step [s]."""
     head = "\n".join(text.lines[:HEADER_LINES])
     for style in (*TOGETHER, BACKWARDS):
         if match := style.search(head):
             count, step = (match[2], match[1]) if style is BACKWARDS else (match[1], match[2])
             place = head[: match.end()].count("\n")
-            return match.end(), text.whole(count, place, "NPTS"), text.number(step, place, "DT")
+            return place + 1, text.whole(count, place, "NPTS"), text.number(step, place, "DT")
     points, step_said, rate = (pattern.search(head) for pattern in (POINTS_ALONE, STEP_ALONE, RATE_ALONE))
     said = step_said or rate
     if said:
@@ -240,10 +231,10 @@ def _count_and_step(text: Text) -> tuple[int, int | None, float]:
         place = head[:end].count("\n")
         value = text.number(said[1], place, "DT")
         count_said = text.whole(points[1], place, "NPTS") if points else None
-        return end, count_said, value if step_said else 1.0 / max(value, 1e-9)
+        return place + 1, count_said, value if step_said else 1.0 / max(value, 1e-9)
     for i, line in enumerate(text.lines[:HEADER_LINES]):
         if "NPTS" in line.upper():
             raise text.bad(i, f"count and step cannot be read from '{shown(line.strip())}'")
         if _bare(text.lines, i) and (match := BARE.match(line)):
-            return len("\n".join(text.lines[: i + 1])), text.whole(match[1], i, "NPTS"), text.number(match[2], i, "DT")
+            return i + 1, text.whole(match[1], i, "NPTS"), text.number(match[2], i, "DT")
     raise text.bad(min(HEADER_LINES, len(text.lines)) - 1, "no line with NPTS and DT above it")

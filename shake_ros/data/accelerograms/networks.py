@@ -84,7 +84,6 @@ def _of_volume(text: Text, first: int, end: int, number: int) -> Component:
         width=width,
         per_line=per_line,
         peak=peak,
-        titles=tuple(header[:TITLES]),
     )
 
 
@@ -112,7 +111,6 @@ def _pairs(text: Text, first: int, end: int, number: int) -> Component:
         per_line=10,
         columns=2,
         column=1,
-        titles=tuple(header[:13]),
     )
 
 
@@ -157,7 +155,7 @@ def _of_cosmos(text: Text, first: int) -> Component:
     after = begin + -(-size // per_line)
     if not text.line(after, "the mark 'End-of-data'").lower().lstrip().startswith("end-of-data"):
         raise text.bad(after, f"'End-of-data' should follow the {size} samples that the header declares")
-    titles = tuple(" ".join(text.lines[i].split()) for i in range(first, first + COSMOS_TITLES))
+    titles = [" ".join(text.lines[i].split()) for i in range(first, first + COSMOS_TITLES)]
     name = re.sub(r"^Statn No:\s*\S+\s*", "", titles[4])
     label = next((m[0] for t in titles if (m := re.search(r"\bchan\w*\s*\d+.*", t, re.IGNORECASE))), titles[0])
     peak = None if reals[PEAK_PLACE] == UNDEFINED else reals[PEAK_PLACE]
@@ -172,7 +170,6 @@ def _of_cosmos(text: Text, first: int) -> Component:
         width=width,
         per_line=per_line,
         peak=peak,
-        titles=titles,
     )
 
 
@@ -242,7 +239,6 @@ def smc(text: Text) -> list[Component]:
     line = comments(text, line, text.whole(f"{integers[15]:.0f}", SMC_TEXT + 1, "number of comments", 0, 10_000))
     wide = len(text.line(line, "the samples").rstrip()) == 14 * min(5, count)
     declared = [abs(value) for value in (reals[29], reals[31]) if abs(value) < LARGEST_NUMBER]
-    titles = tuple(s.strip().strip("*") for s in text.lines[:SMC_TEXT])
     name = text.lines[5].replace("station =", "").strip()
     peak = max(declared) if declared else None
     return [
@@ -257,7 +253,6 @@ def smc(text: Text) -> list[Component]:
             width=14 if wide else 10,
             per_line=5 if wide else 8,
             peak=peak,
-            titles=titles,
         )
     ]
 
@@ -294,7 +289,6 @@ def knet(text: Text) -> list[Component]:
             factor=text.number(scale[1], where, "scale") / text.whole(scale[3], where, "scale", 1, 10**12),
             peak=text.number(*peak, "declared peak") if peak else None,
             about_mean=True,
-            titles=tuple(text.lines[:first]),
         )
     ]
 
@@ -351,7 +345,6 @@ def keyed(text: Text) -> list[Component]:
             columns=columns,
             column=i,
             peak=each[i],
-            titles=tuple(text.lines[:first]),
         )
         for i, label in enumerate(labels)
     ]
@@ -394,7 +387,6 @@ def geonet(text: Text) -> list[Component]:
                 per_line=10,
                 factor=text.number(size[1], first + 10, "unit") if size else 1.0,
                 peak=text.number(peak[1], first + 13, "declared peak") if peak else None,
-                titles=tuple(titles),
                 followed=True,
             )
         )

@@ -23,29 +23,6 @@ from shake_ros.data.recordings import storage
 from shake_ros.data.recordings.storage import Channel, McapFile, SqliteFile
 from shake_ros.settings import read_yaml
 
-KINDS = (
-    "damage",  # the file itself: cut, checksum, metadata that do not fit
-    "skipped",  # channels that cannot be used, with the reason
-    "undecodable",  # messages that are not what their type says
-    "joint",  # other joints on the topic, or a joint of another name
-    "publishers",  # several of one joint, of which one was chosen
-    "covariance",  # data that are declared as not measured
-    "clock",  # stamps of another clock
-    "missing_stamp",
-    "reversed_time",
-    "restart",  # time jumps back to an earlier run
-    "duplicate",
-    "gap",
-    "jitter",
-    "not_a_number",
-    "clipping",
-    "constant",
-    "unit",  # a size that suggests another unit
-    "resampled",
-    "idle",  # the command was recorded but did not act
-    "absent",  # an optional signal that is not there or not usable
-)
-
 
 @dataclass(frozen=True)
 class Finding:
@@ -53,7 +30,11 @@ class Finding:
 
     Attributes
     ----------
-    kind : one of `KINDS`.
+    kind : damage (of the file: cut, checksum, metadata that do not fit), skipped (a channel that cannot be used),
+        undecodable, joint, publishers, covariance (data declared as not measured), clock (stamps of another one),
+        missing_stamp, reversed_time, restart (time jumps back to an earlier run), duplicate, gap, jitter,
+        not_a_number, clipping, constant, unit (a size that suggests another one), resampled, idle (the command did
+        not act), absent (an optional signal that is not there or not usable).
     topic : full topic name, empty where the whole recording is meant.
     count : how many samples, messages or places.
     text : the sentence for a person, with the first place where it happens.
@@ -145,11 +126,6 @@ class Bag:
         if self._temporary is not None:
             self._temporary.cleanup()
             self._temporary = None
-
-    @property
-    def files(self) -> list[Path]:
-        """The storage files in their order."""
-        return [file.path for file in self._files]
 
     @property
     def complete(self) -> bool:

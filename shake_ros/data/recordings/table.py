@@ -42,22 +42,14 @@ class Provenance:
 
     Attributes
     ----------
-    path : folder or file.
-    files : storage files read.
     topics : signal → full topic name.
-    counts : signal → messages on that topic.
     start_stamp : header.stamp of the first sample [ns].
     complete : whether the files were closed properly.
-    distribution : ROS distribution or writer named in the metadata, empty where none is.
     """
 
-    path: Path
-    files: tuple[str, ...]
     topics: dict[str, str]
-    counts: dict[str, int]
     start_stamp: int
     complete: bool
-    distribution: str
 
 
 @dataclass(frozen=True)
@@ -296,7 +288,7 @@ def _assemble(bag: Bag, raw: dict[str, Series], acting: Acting) -> TableRecordin
         position=main["joint_states"],
         acceleration=main.get("imu"),
         segments=segments,
-        provenance=_provenance(bag, topics, raw, grid),
+        provenance=Provenance(topics, int(grid.stamps[0]), bag.complete),
         findings=(*bag.findings, *findings),
         **others,
     )
@@ -317,18 +309,6 @@ def _ordered(bag: Bag, raw: dict[str, Series], findings: list[Finding]) -> tuple
     return ordered, grid
 
 
-def _provenance(bag: Bag, topics: dict[str, str], raw: dict[str, Series], grid: Grid) -> Provenance:
-    return Provenance(
-        path=bag.path,
-        files=tuple(file.name for file in bag.files),
-        topics=topics,
-        counts={name: len(series) for name, series in raw.items()},
-        start_stamp=int(grid.stamps[0]),
-        complete=bag.complete,
-        distribution=str(bag.metadata.get("ros_distro") or ""),
-    )
-
-
 def _within(series: Series, position: Series, grid: Grid) -> Series:
     """The samples received while the positions were, so that a second run in the recording does not mix in."""
     if not grid.restarted:
@@ -342,10 +322,7 @@ def _segments(grid: Grid, signals: list[Floats], acts: npt.NDArray[np.bool_]) ->
     """Runs of neighbouring samples in which all signals are finite and the command acts."""
     good = np.logical_and.reduce([acts, *(np.isfinite(signal) for signal in signals)])
     joined = good[1:] & good[:-1] & ~grid.gaps
-    starts = np.flatnonzero(good & ~np.concatenate(([False], joined)))
-    ends = np.flatnonzero(good & ~np.concatenate((joined, [False]))) + 1
-    pieces: Integers = np.stack([starts, ends], axis=1)
-    return tuple(slice(int(a), int(b)) for a, b in pieces if b - a >= SHORTEST_SEGMENT)
+    return tuple(slice(span.start, span.stop + 1) for span in stretches(joined))
 
 
 def _name(path: Path) -> str:
